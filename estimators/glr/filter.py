@@ -57,6 +57,9 @@ class Glr(RecursiveEstimator):
         All parameters with value and standard deviation.
     beliefs : dict of str to float
         Probability that each parameter has jumped within the time that the bank covers.
+    hypotheses : dict of str to (H, 3) array
+        The bank as it stands, by the parameter that jumped: how many samples ago, with which
+        probability, and by how much; the latest first.
     fixed_because : dict of str to str
         Parameters that were not learnt, and why not.
     shape : str
@@ -152,6 +155,19 @@ class Glr(RecursiveEstimator):
         by = self._work.bank["weight"][0].reshape(-1, len(self._work.jumps.which)).sum(axis=0)
         names = self._work.names
         return {names[i]: float(w) for i, w in zip(self._work.jumps.which, by, strict=True)}
+
+    @property
+    def hypotheses(self) -> dict[str, Array]:  # noqa: D102
+        bank, which = self._work.bank[0], self._work.jumps.which
+        held = np.flatnonzero(bank["onset"] >= 0)
+        rows = held[np.argsort(-bank["onset"][held], kind="stable")]
+        weight, size = (bank[key].reshape(-1, len(which))[rows] for key in ("weight", "size"))
+        ago = self._work.now - bank["onset"][rows]
+        names, scale = self._work.names, self._work.design.scale
+        return {
+            names[i]: np.stack([ago, weight[:, j], size[:, j] * scale[i]], axis=1)
+            for j, i in enumerate(which)
+        }
 
     def _all(self) -> tuple[Array, Array]:
         """Return all parameters (p,) and their covariance (p, p)."""

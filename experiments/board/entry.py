@@ -15,15 +15,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from flexaxis.experiments.board.suite import REPORTING, EntryError
 from flexaxis.experiments.scoring.tracks import NUISANCE, track_of
 from flexaxis.experiments.storage.files import dumps, write_json
 from flexaxis.experiments.studies.knobs import setting
 from flexaxis.experiments.studies.sweep import TURNS
-from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.reading import json_value, read_text, read_toml, shown
 from flexaxis.sim.scenario import Scenario
 
+TUNING, REPORTING = range(100), range(1000, 5000)
+"""Seeds that estimators may be tuned on, and those that are kept for reporting."""
 ENTRY, ROWS, CODE = "entry.json", "rows.jsonl", "code"
 MOST_FILES, MOST_BYTES = 200, 32_000_000
 """What an entry may hold: a full one has a few files and some ten million bytes."""
@@ -44,6 +45,19 @@ ASKED: Mapping[str, tuple[re.Pattern[str], str]] = {
     "tuned_on": (_SEEDS, "the seeds that were looked at while tuning, such as 0:100, or none"),
 }
 """What an entry is asked to say of itself, and how it is written."""
+
+
+class EntryError(FlexaxisError):
+    """An entry cannot be made, read or trusted; one line for each problem.
+
+    Attributes
+    ----------
+    problems : tuple of str
+    """
+
+    def __init__(self, *problems: str) -> None:
+        super().__init__("\n".join(problems))
+        self.problems = problems
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import permutation_test, t, ttest_ind
 
-from flexaxis.experiments.board.suite import REPORTING, TUNING, EntryError
+from flexaxis.experiments.board.entry import REPORTING, TUNING, EntryError
 from flexaxis.experiments.scoring.intervals import FLOOR
 from flexaxis.sim.scenario import Scenario
 
@@ -196,13 +196,10 @@ def _means(pair: Pair, score: str) -> Agreement | None:
     test = ttest_ind(drawn - allowed, usual, equal_var=False, alternative="greater")
     # where nothing scatters, 0 or 1 by the sign
     p = float(test.pvalue) if math.isfinite(test.pvalue) else float(gap <= allowed)
-    parts = [each.var(ddof=1) / len(each) for each in (drawn, usual)]
-    sizes = (len(drawn) - 1, len(usual) - 1)  # Welch and Satterthwaite's degrees of freedom
-    below = max(sum(part**2 / n for part, n in zip(parts, sizes, strict=True)), 1e-300)
-    return Agreement(
-        f"{pair.group}: {score}", math.exp(gap), p,
-        spread=math.sqrt(sum(parts)), freedom=max(1.0, sum(parts) ** 2 / below),
-    )  # fmt: skip
+    spread = math.sqrt(sum(each.var(ddof=1) / len(each) for each in (drawn, usual)))
+    freedom = float(np.nan_to_num(test.df, nan=1.0))
+    what = f"{pair.group}: {score}"
+    return Agreement(what, math.exp(gap), p, spread=spread, freedom=max(1.0, freedom))
 
 
 def _by_draw(score: str, runs: Runs) -> Array:

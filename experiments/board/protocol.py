@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.board.suite import EntryError
+from flexaxis.experiments.board.entry import EntryError
 
 Array = NDArray[np.float64]
 Torques = Callable[[Any], Array]

@@ -1,4 +1,4 @@
-"""Who is ahead on a board, track by track: at equal excess error, on common seeds, with ties.
+"""The frozen suite of a board, and who is ahead on it: at equal excess error, with ties.
 
 The reference that an entry is matched to is run by whoever asks; of an entry come its own rows.
 """
@@ -8,18 +8,22 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.board.entry import Entry
-from flexaxis.experiments.board.suite import Board, EntryError
+from flexaxis.experiments.board.entry import Entry, EntryError
+from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.running.bench import Bench, Runs
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
-from flexaxis.experiments.scoring.matching import MATCHED, QUIETER
-from flexaxis.experiments.scoring.ranking import leaders
+from flexaxis.experiments.running.seeds import FIRST
+from flexaxis.experiments.scoring.intervals import FLOOR
+from flexaxis.experiments.scoring.matching import MATCHED
+from flexaxis.experiments.scoring.ranking import overall
 from flexaxis.experiments.scoring.tracks import NUISANCE, TRACKS, UNKNOWN, track_of
+from flexaxis.experiments.storage.files import dumps
 from flexaxis.experiments.studies.sweep import FACTORS, again, reference
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.reading import shown
@@ -27,13 +31,54 @@ from flexaxis.sim.scenario import Scenario
 
 Row = dict[str, Any]
 
-WINDOW = 5.0  # s: the lag of whoever does nothing, for that is the window in which it is taken
+SUITE = "board-v2"
+"""The one suite that entries are made on; to move on to another, change its name here."""
+QUICK_SEEDS = 5
+"""The fewest of which there are intervals; an entry with them is for trying."""
+NOTHING = {"lag": np.log(5.0), "excess": 0.0}
+"""Logarithms of what whoever does nothing has: its lag is the window in which it is taken [s]."""
 MEASURES: Mapping[str, str] = {
     "score": "mean score at equal excess error",
     "lag": "geometric mean lag at equal excess error [s]",
     "excess": "geometric mean excess error, as entered",
 }
 """By what the entries of a track are ranked: where a bound is defined, by the score."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """What every entry is scored on: a name, scenarios and seeds."""
+
+    name: str
+    scenarios: tuple[Scenario, ...]
+    seeds: tuple[int, ...]
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of names, contents and seeds."""
+        content = [[[s.name, s.hash] for s in self.scenarios], list(self.seeds)]
+        return sha256(dumps(content).encode()).hexdigest()
+
+    @property
+    def faults(self) -> tuple[Scenario, ...]:
+        """The scenarios on which knobs are turned, to compare at equal noise."""
+        return tuple(s for s in self.scenarios if track_of(s) != NUISANCE)
+
+    @property
+    def typed(self) -> str:
+        """Its seeds as they are typed."""
+        return f"{self.seeds[0]}:{self.seeds[-1] + 1}"
+
+    def quick(self) -> Board:
+        """Return the same with few seeds, for trying."""
+        return Board(self.name, self.scenarios, self.seeds[:QUICK_SEEDS])
+
+
+def board() -> Board:
+    """Return the frozen one."""
+    found = find_suite(SUITE)
+    scenarios = tuple(find_scenario(name) for name in found.scenarios)
+    return Board(SUITE, scenarios, tuple(range(FIRST, FIRST + found.seeds)))
 
 
 @dataclass(frozen=True)
@@ -189,80 +234,55 @@ def standings(entries: Mapping[str, Own], board: Board) -> dict[str, dict[str, A
         names = [s.name for s in board.scenarios if track_of(s) == track]
         if names:
             measure = {NUISANCE: "excess", UNKNOWN: "lag"}.get(track, "score")
-            places = _places(entries, names, measure, len(board.seeds))
+            places = _places(entries, names, measure)
             found[track] = {
                 "measure": measure, "words": words, "scenarios": names, "places": places
             }  # fmt: skip
     return found
 
 
-def _places(
-    entries: Mapping[str, Own], names: Sequence[str], measure: str, seeds: int
-) -> list[Row]:
+def _places(entries: Mapping[str, Own], names: Sequence[str], measure: str) -> list[Row]:
     """Return the places by a measure; whoever has none at a fault counts as doing nothing there."""
-    rows = {
-        label: {
-            (row["scenario"], row["parameter"]): row
-            for row in (own.as_set if measure == "excess" else own.at_excess)
-            if row["scenario"] in names
-        }
-        for label, own in entries.items()
-    }
-    every = (key for mine in rows.values() for key, r in mine.items() if _counts(r, measure))
-    faults = list(dict.fromkeys(every))
-    absent = np.full(seeds, np.log(WINDOW) if measure == "lag" else 0.0)
-    values: dict[str, list[float]] = {}
-    places = []
-    for label, mine in rows.items():
-        if not mine or not faults or (measure == "excess" and len(mine) < len(names)):
-            continue
-        each = [mine[f]["values"][measure] or absent if f in mine else absent for f in faults]
-        total = np.mean(each, axis=0)
-        values[label] = total.tolist()
-        how = {mine[f]["how"] for f in faults if f in mine} - {MATCHED}
-        places.append(
-            _place(label, list(mine.values()), total, measure)
-            | {
-                "how": MATCHED if not how else how.pop() if len(how) == 1 else "mixed",
-                "of": len(faults),
-            }
-        )
-    most = measure == "score"
-    places.sort(key=lambda place: float(place["value"]) * (-1 if most else 1))
-    ahead = leaders({label: values[label] for label in _able(places, most=most)}, most=most)
-    places = [place | {"leads": place["label"] in ahead} for place in places]
-    empty: Row = {
-        "value": None, "interval": None, "how": "none", "over_bound": None, "faults": 0,
-        "of": len(faults), "false_alarms": None, "leads": False,
-    }  # fmt: skip
-    return [*places, *({"label": label} | empty for label in entries if label not in values)]
+    known = {label: own.as_set if measure == "excess" else own.at_excess
+             for label, own in entries.items()}  # fmt: skip
+    rows = {label: [r for r in every if r["scenario"] in names] for label, every in known.items()}
+    if measure == "excess":  # all of these scenarios, or none
+        rows = {label: mine for label, mine in rows.items() if len(mine) == len(names)}
+    found = overall([_gain(row, measure) | {"estimator": label}
+                     for label, mine in rows.items() for row in mine])  # fmt: skip
+    places = [_place(each, rows[each["estimator"]], measure) for each in found]
+    empty = dict.fromkeys(("value", "interval", "over_bound", "false_alarms"))
+    empty |= {"how": "none", "faults": 0, "of": found[0]["faults"] if found else 0, "leads": False}
+    there = {place["label"] for place in places}
+    return [*places, *({"label": label} | empty for label in entries if label not in there)]
 
 
-def _counts(row: Row, measure: str) -> bool:
-    return measure != "score" or bool(row["bound"])
+def _gain(row: Row, measure: str) -> Row:
+    """Return a row whose score is what is gained over doing nothing, by any measure."""
+    values = row["values"][measure]
+    if measure == "score":
+        return row
+    gained = None if values is None else [NOTHING[measure] - value for value in values]
+    return row | {"bound": True, "values": {"score": gained}}
 
 
-def _able(places: Sequence[Row], *, most: bool) -> list[str]:
-    """Return who can be ranked: at equal noise, or quieter and better than all of these."""
-    sign = -1 if most else 1
-    matched = [place for place in places if place["how"] == MATCHED]
-    best = min((sign * place["value"] for place in matched), default=np.inf)
-    quieter = [p for p in places if p["how"] == QUIETER and sign * p["value"] < best]
-    return [place["label"] for place in [*matched, *quieter]]
+def _place(found: Row, mine: Sequence[Row], measure: str) -> Row:
+    """Return what is said of an entry on a track."""
 
+    def value(score: float) -> float:
+        return score if measure == "score" else float(np.exp(NOTHING[measure] - score))
 
-def _place(label: str, mine: Sequence[Row], total: Any, measure: str) -> Row:
-    """Return what is said of an entry on a track besides who it is compared with."""
-    end = float if measure == "score" else lambda value: float(np.exp(value))
-    within = mean_interval(total)
+    ends = found["score_interval"]
     over = [row["over_bound"] for row in mine if row.get("over_bound")]
-    rates = [row["false_alarms_per_1000_s"] for row in mine]
-    told = [rate for rate in rates if rate is not None]
+    told = [rate for row in mine if (rate := row["false_alarms_per_1000_s"]) is not None]
     return {
-        "label": label,
-        "value": end(total.mean()),
-        "interval": within and [end(value) for value in within],
+        "label": found["estimator"],
+        "value": value(found["score"]),
+        "interval": ends and sorted(map(value, ends)),
+        "how": found["how"],
         "over_bound": float(np.exp(np.mean(np.log(over)))) if over else None,
         "faults": sum(measure == "excess" or row["lag"] is not None for row in mine),
+        "of": found["faults"],
         "false_alarms": float(np.mean(told)) if told else None,
+        "leads": found["leads"],
     }

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.board.entry import Entry
+from flexaxis.experiments.board.entry import Entry, EntryError
 from flexaxis.experiments.board.sandbox import Sandbox, SandboxError
-from flexaxis.experiments.board.suite import EntryError
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.specs import Spec, parse
 from flexaxis.experiments.logs.axis_file import Axis, find_axis

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from flexaxis.estimators.sampling.compiler import cache_folder
+from flexaxis.experiments.board.entry import EntryError
 from flexaxis.experiments.board.protocol import STARTING, Remote, Torques, Wire
-from flexaxis.experiments.board.suite import EntryError
 from flexaxis.sim.errors import FlexaxisError
 
 SYSTEM = ("/usr/bin", "/usr/sbin", "/usr/lib", "/usr/lib32", "/usr/lib64", "/usr/libexec",

@@ -13,8 +13,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.board.entry import CODE, ENTRY, ROWS, About, Entry, read, seal
-from flexaxis.experiments.board.suite import Board, EntryError
+from flexaxis.experiments.board.entry import CODE, ENTRY, ROWS, About, Entry, EntryError, read, seal
+from flexaxis.experiments.board.ranking import Board
 from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.neighbours import code_file, imported_neighbours
 from flexaxis.experiments.building.ready import readable

@@ -14,11 +14,18 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.board.entry import Entry, read
+from flexaxis.experiments.board.entry import Entry, EntryError, read
 from flexaxis.experiments.board.hidden_seeds import Draw, Pair, agreements, sample
-from flexaxis.experiments.board.ranking import Own, Stored, check_rows, own_of, reference_rows
+from flexaxis.experiments.board.ranking import (
+    Board,
+    Own,
+    Stored,
+    board,
+    check_rows,
+    own_of,
+    reference_rows,
+)
 from flexaxis.experiments.board.sandbox import Sandbox
-from flexaxis.experiments.board.suite import Board, EntryError, board
 from flexaxis.experiments.building.consent import require
 from flexaxis.experiments.building.offer import offer_of, torque_of
 from flexaxis.experiments.building.specs import check_fits

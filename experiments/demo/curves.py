@@ -10,18 +10,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from math import isnan
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.demo.history import Entry, History
-from flexaxis.experiments.demo.racer import NAMES, SHOWN
+from flexaxis.experiments.demo.racer import NAMES, SHOWN, Racer
 from flexaxis.experiments.demo.session import SPAN, Curves, DemoSession
-from flexaxis.experiments.demo.tracking import LENGTH
-from flexaxis.experiments.demo.tradeoff import Point
+from flexaxis.experiments.demo.tracking import LENGTH, Point
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel, Role
-from flexaxis.experiments.reporting.styles import NINE, Style
+from flexaxis.experiments.reporting.styles import NINE, Style, style
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.experiments.scoring.windows import WINDOW
 from flexaxis.sim.law_parameters import LAW_UNITS
@@ -31,11 +29,13 @@ from flexaxis.sim.timing import PERIOD
 Array = NDArray[np.float64]
 
 RACERS = ("A", "B")
+OTHERS = "another"
 STYLES: Mapping[str, Style] = {
-    **{who: replace(style, dash="") for who, style in zip(RACERS, NINE, strict=False)},
+    **{name: style(name) for name in (*SHOWN, OTHERS)},
+    **{who: replace(look, dash="") for who, look in zip(RACERS, NINE, strict=False)},
     **{
-        f"{who} {name}": replace(style, marker=marker)
-        for who, style in zip(RACERS, NINE, strict=False)
+        f"{who} {name}": replace(look, marker=marker)
+        for who, look in zip(RACERS, NINE, strict=False)
         for name, marker in zip(NAMES, "s^o", strict=True)
     },
 }
@@ -49,9 +49,7 @@ TOP, ALIEN_TOP = 120.0, 38.0
 """Per cent of a change that is shown; of what nobody estimates, of what it is taken for."""
 P_RANGE = (1e-7, 0.4)
 
-OWN: Mapping[str, Callable[[Any], Chart]] = {}
-"""What an estimator shows of itself, by its name: a function from the estimator, as it stands, to a
-chart, such as the weights of its hypotheses over time. It is drawn below the curves."""
+LIKELY = 0.02  # probability from which on it is drawn when a hypothesis says that it began
 
 
 def unit(name: str) -> str:
@@ -91,7 +89,10 @@ def _estimate(curves: Curves, i: int) -> Panel:
     for racer, who in enumerate(RACERS):
         theta, band = curves.theta[:, racer, i], 2 * np.nan_to_num(curves.deviation[:, racer, i])
         lines.append(Line(who=who, x=curves.time, y=theta, low=theta - band, high=theta + band))
-    shown = limits(curves.truth[:, i], curves.theta[:, :, i])
+    truth = curves.truth[:, i]
+    low, high = (float(truth.min()), float(truth.max())) if len(truth) else (0.0, 0.0)
+    room = max(high - low, 0.1 * high) or 1.0  # a burst may leave, and noise does not fill it
+    shown = low - room, high + room
     return Panel(y=f"{SHOWN[i]} [{unit(SHOWN[i])}]", lines=lines, y_range=shown)
 
 
@@ -105,16 +106,41 @@ def _diagonal(curves: Curves) -> Panel:
     return Panel(y="diag P", lines=lines, y_log=True, y_range=P_RANGE)
 
 
-def limits(truth: Array, theta: Array) -> tuple[float, float]:
-    """Return what a diagram shows of an estimate: the truth, a bias, but not all of a burst."""
-    if not len(truth):
-        return 0.0, 1.0
-    known = theta[np.isfinite(theta)]
-    low, high = np.quantile(known, [0.05, 0.95]) if len(known) else (truth[0], truth[0])
-    bottom, top = 0.9 * truth.min(), 1.16 * truth.max()
-    # Where there is none before, as of dry friction, zero is to be seen as well.
-    bottom -= 0.1 * truth.max() * (truth.min() == 0)
-    return float(np.clip(0.98 * low, bottom / 2, bottom)), float(np.clip(1.02 * high, top, 2 * top))
+def bank(racer: Racer) -> Chart:
+    """Return what a bank of hypotheses has thought since the last change: what jumped, and when."""
+    time = np.arange(1.0, len(racer.thoughts) + 1) * PERIOD
+    shown = {name: np.array([thought.get(name, (0.0, np.nan)) for thought in racer.thoughts])
+             for name in (*SHOWN, OTHERS)}  # fmt: skip
+    shown[OTHERS] = np.array([_others(thought) for thought in racer.thoughts])
+    what, when = [], []
+    for name, rows in ((n, r.reshape(-1, 2)) for n, r in shown.items()):
+        line = Line(who=name, label=name, role="data", x=time, y=100 * rows[:, 0])
+        begun = np.where(rows[:, 0] > LIKELY, time - (rows[:, 1] + 1) * PERIOD, np.nan)
+        what.append(line)
+        when.append(replace(line, y=begun, kind="points" if len(time) < 2 else "line"))
+    found = [(len(time) - ago, words) for ago, words in racer.findings]
+    return Chart(
+        title=f"The bank of {racer.text}: what has jumped",
+        words="",
+        x="time since the change [s]",
+        panels=[
+            Panel(y="probability [%]", lines=what, y_range=(0.0, 103.0)),
+            Panel(y="when [s]", lines=when, y_range=(-0.5, 1.5)),
+        ],
+        marks=[(at * PERIOD, f"found: {words}") for at, words in found if at > 0],
+        windows=[("", PERIOD, WINDOW)],
+        x_log=True,
+    )
+
+
+def _others(thought: Mapping[str, tuple[float, float]]) -> tuple[float, float]:
+    """Return the most likely of what is not shown by name."""
+    return max((t for name, t in thought.items() if name not in SHOWN), default=(0.0, np.nan))
+
+
+OWN: Mapping[str, Callable[[Racer], Chart]] = {"glr": bank}
+"""What an estimator shows of itself, by its name: a function from the racer, as it stands, to a
+chart. It is drawn below the curves."""
 
 
 def left(entry: Entry | None) -> Chart:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -19,7 +19,7 @@ from flexaxis.sim.config import Config, NotNegative, Positive
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.parameters import PARAMETER_NAMES, preset
 from flexaxis.sim.problems import explain
-from flexaxis.sim.reading import read_text, shown, toml_tables
+from flexaxis.sim.reading import read_text, toml_tables
 from flexaxis.sim.timing import PERIOD, sample_index
 
 
@@ -103,8 +103,10 @@ class Act(Config):
 
     @model_validator(mode="after")
     def _goes_together(self) -> Act:
-        for problem in _apart(self.model_dump(exclude_none=True)):
-            raise ValueError(problem)
+        if (self.fault is None) != (self.factor is None):
+            raise ValueError("fault and factor go together, as in fault = 'f_m', factor = 2.0")
+        if self.estimator is not None and self.racer is None:
+            raise ValueError("estimator needs racer = 'A' or 'B': in whose place?")
         return self
 
     def do(self, session: DemoSession) -> None:
@@ -128,16 +130,15 @@ class Act(Config):
             session.choose("AB".index(self.racer), self.estimator)
         self._turn(session)
 
+    def _given(self, *names: str) -> dict[str, Any]:
+        return self.model_dump(include={*names}, exclude_none=True)
+
     def _rub(self, session: DemoSession) -> None:
-        names = ("f_c", "f_s", "v_s")
-        values: dict[str, Any] = {name: getattr(self, name) for name in names}
-        given = {name: value for name, value in values.items() if value is not None}
         now = session.axis.friction
-        session.rub(replace(now, kind=self.friction or now.kind, **given))
+        session.rub(replace(now, kind=self.friction or now.kind, **self._given(*LIMITS)))
 
     def _turn(self, session: DemoSession) -> None:
-        knobs = {"forgetting": self.forgetting, "regularization": self.regularization}
-        turned: dict[str, Any] = {key: value for key, value in knobs.items() if value is not None}
+        turned = self._given("forgetting", "regularization")
         if not turned and not self.drift:
             return
         for number in (0, 1) if self.racer is None else ("AB".index(self.racer),):
@@ -145,14 +146,6 @@ class Act(Config):
             session.tune(
                 number, replace(tuning, **turned, drift={**tuning.drift, **(self.drift or {})})
             )
-
-
-def _apart(act: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what an act has alone, though it means nothing without another key."""
-    if ("fault" in act) != ("factor" in act):
-        yield "fault and factor go together, as in fault = 'f_m', factor = 2.0"
-    if "estimator" in act and "racer" not in act:
-        yield "estimator needs racer = 'A' or 'B': in whose place?"
 
 
 class Lesson(Config):
@@ -185,7 +178,7 @@ class Lesson(Config):
     speed: Annotated[float, Field(gt=0, le=20)] = 2.0
     frames: Annotated[int, Field(ge=1, le=60)] = 8
     estimators: Annotated[tuple[Raceable, Raceable], Field(strict=False)] = DEFAULT_RACERS
-    act: tuple[Act, ...] = ()
+    act: Annotated[tuple[Act, ...], Field(strict=False)] = ()
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -266,23 +259,8 @@ def load_lesson(path: Path | None) -> Lesson:
 def parse_lesson(text: str, *, source: str) -> Lesson:
     """Return a lesson from TOML text; errors as from `load_lesson`."""
     content = toml_tables(text, source=source, refuse=LessonError)
-    given = content.pop("act", [])
-    acts = given if isinstance(given, list) else [given]
-    problems = [f"{key}: {text}" for key, text in _problems(content, Lesson)]
-    for number, act in enumerate(acts):
-        if not isinstance(act, Mapping):
-            problems.append(f"act[{number}]: must be a table, not {shown(act)}")
-            continue
-        problems += [f"act[{number}] {key}: {text}" for key, text in _problems(act, Act)]
-        problems += [f"act[{number}]: {text}" for text in _apart(act)]
-    if problems:
-        raise LessonError("\n".join(f"{source}: {problem}" for problem in problems))
-    return Lesson.model_validate(content | {"act": tuple(Act.model_validate(act) for act in acts)})
-
-
-def _problems(content: Mapping[str, Any], table: type[Config]) -> list[tuple[str, str]]:
     try:
-        table.model_validate(content)
+        return Lesson.model_validate(content)
     except ValidationError as error:
-        return list(explain(error, table))
-    return []
+        problems = (f"{source}: {key}: {words}" for key, words in explain(error, Lesson))
+        raise LessonError("\n".join(problems)) from None

@@ -136,7 +136,7 @@ class Page:
             self._drawn = session.axis.samples
             points = curves.tradeoff(session.points, last.allowed if last else (None, None))
             own = [
-                _drawn(show(racer.estimator), HIGH)
+                _drawn(show(racer), HIGH)
                 for racer in session.racers
                 if (show := curves.OWN.get(racer.name))
             ]

@@ -17,6 +17,7 @@ from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 from flexaxis.experiments.building.specs import Spec, made, parse
 from flexaxis.experiments.demo.live_axis import Samples
 from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.scoring.windows import WINDOW
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import AxisParameters
 from flexaxis.sim.timing import PERIOD, sample_index
@@ -28,6 +29,8 @@ SHOWN = (*NAMES, "f_c")
 """What is shown; the level of dry friction only of estimators that track it."""
 SETTLE = sample_index(2.0, PERIOD)
 """Samples in which a fresh predictor finds the state of the axis: five times its slowest decay."""
+WATCHED = sample_index(WINDOW, PERIOD)
+"""Samples after a change in which a bank of hypotheses is looked into."""
 REPLAY = sample_index(3.0, PERIOD)
 """Samples that an estimator without a P to hand over sees again."""
 
@@ -74,6 +77,9 @@ class Racer:
         Which of the fields of `KnobSettings` it has.
     theta : ndarray (p,)
         Its estimate.
+    thoughts : list of dict of str to (float, float)
+        Of an estimator with a bank of hypotheses, sample by sample since the last change: with
+        which probability a parameter has jumped, and how many samples ago.
 
     Raises
     ------
@@ -95,6 +101,7 @@ class Racer:
         self.tuning = replace(KnobSettings(), **self._knobs)
         self.theta = np.array([getattr(nominal, p) ** float(e) for p, e in map(physical, NAMES)])
         self._seen = 0
+        self.thoughts: list[dict[str, tuple[float, float]]] = []
         self._estimator = self._build()
         known = tuple(self._estimator.names)[: len(NAMES)] == NAMES
         if not known or self._estimator.output != "speed":
@@ -150,10 +157,27 @@ class Racer:
 
     def run(self, samples: Samples) -> Array:
         """Take samples and return the estimates (n, p)."""
-        estimates = run_estimator(self._estimator, samples.torque, samples.speed)
+        torque, speed = samples.torque, samples.speed
+        if hasattr(self._estimator, "hypotheses") and len(self.thoughts) < WATCHED:
+            estimates = np.concatenate(
+                [self._watched(u, y) for u, y in zip(torque, speed, strict=True)]
+            )
+        else:
+            estimates = run_estimator(self._estimator, torque, speed)
         self._seen += len(samples.torque)
         self.theta = np.array(estimates[-1])
         return estimates
+
+    def _watched(self, u: float, y: float) -> Array:
+        """Take one sample, and look into the bank of hypotheses."""
+        found = run_estimator(self._estimator, [u], [y])
+        thought = {}
+        for name, bank in self._estimator.hypotheses.items():  # type: ignore[attr-defined]
+            ago, weight = bank[:, 0], bank[:, 1]
+            likely = float(weight.sum())
+            thought[name] = likely, float(weight @ ago) / likely if likely else np.nan
+        self.thoughts.append(thought)
+        return found
 
     def tune(self, tuning: KnobSettings, recent: Samples) -> None:
         """Turn the knobs, and go on from the same estimate and the same P.

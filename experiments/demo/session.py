@@ -15,10 +15,11 @@ from flexaxis.experiments.building.specs import Spec
 from flexaxis.experiments.demo.history import KEPT, Entry, History, dragged
 from flexaxis.experiments.demo.live_axis import NO_SAMPLES, Friction, LiveAxis, Samples
 from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, SHOWN, KnobSettings, Racer
-from flexaxis.experiments.demo.tracking import Jump, Tracking
-from flexaxis.experiments.demo.tradeoff import Point, Scorer
+from flexaxis.experiments.demo.tracking import LEAST, Jump, Point, Tracking
+from flexaxis.experiments.scoring.case import rms
+from flexaxis.experiments.scoring.windows import QUIET
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.timing import PERIOD
+from flexaxis.sim.timing import PERIOD, sample_index
 
 Array = NDArray[np.float64]
 
@@ -86,7 +87,7 @@ class DemoSession:
         Set its `noise` and `excitation` while it runs.
     racers : list of Racer
         The two.
-    dots : list of Point
+    points : list of Point
         One for each racer and each fault that was scored.
     said : str
         What happened last, in words.
@@ -111,7 +112,8 @@ class DemoSession:
         self.history = History()
         self.said = "no fault: the estimates stay at the truth"
         self._began = tuple(estimators), seed
-        self._scorer = Scorer(NAMES, self.axis.theta(NAMES), len(self.racers))
+        self._nominal = self.axis.theta(NAMES)
+        self._quiet = np.empty((0, len(self.racers), len(NAMES)))
         self._marks: deque[tuple[Array, ...]] = deque(maxlen=round(SPAN / PERIOD / MARK))
         self._recent = NO_SAMPLES
 
@@ -141,15 +143,14 @@ class DemoSession:
         what = f"{parameter} × {factor:g}"
         self._changed(before, what, {"fault": parameter, "factor": factor}, key=what)
         size = np.abs(self.axis.theta(NAMES) - before[: len(NAMES)])
+        quiet, self._quiet = self._quiet, self._quiet[:0]
         if not size.any():  # what is not estimated shows up in what is
-            self._disturbed()
             self.said += ", which nobody estimates: watch what it is taken for"
-            return
-        column = int(np.argmax(size))
-        labels = [racer.label for racer in self.racers]
-        self.points += self._scorer.fault(NAMES[column], float(size[column]), labels)
-        if not self._scorer.open:
+        elif len(quiet) < LEAST:
             self.said += "; no dot, for it was not quiet long enough before"
+        elif (last := self.history.last) and last.tracking:
+            column = int(np.argmax(size))
+            last.tracking.std = 100 * rms(quiet[:, :, column]) / self._nominal[column]
 
     def repair(self) -> None:
         """Put all parameters of the axis back to nominal; dry friction is as it is."""
@@ -157,7 +158,7 @@ class DemoSession:
         self.axis.set_factors({})
         self.factors.clear()
         self._changed(before, "repaired", {"repair": True}, key="repair")
-        self._disturbed()
+        self._quiet = self._quiet[:0]
 
     def rub(self, friction: Friction) -> None:
         """Let another dry friction act from now on."""
@@ -169,7 +170,7 @@ class DemoSession:
         turned = {name: getattr(friction, name) for name in friction.knobs}
         act = {"friction": friction.kind, **turned}
         self._changed(before, f"friction: {friction.in_words()}", act, key="friction")
-        self._disturbed()
+        self._quiet = self._quiet[:0]
 
     def excite(self, mode: str) -> None:
         """Let the reference move, stop and go, or stand."""
@@ -185,7 +186,7 @@ class DemoSession:
         """Turn the knobs of a racer; it goes on from where it is."""
         mine = self.racers[racer]
         mine.tune(tuning, self._recent)
-        self._scorer.forget_quiet()
+        self._quiet = self._quiet[:0]
         if mine.knobs:
             letter, turned = "AB"[racer], {key: getattr(tuning, key) for key in mine.knobs}
             self._noted(f"knobs {letter}", f"{letter}: {mine.label}", {"racer": letter, **turned})
@@ -195,8 +196,7 @@ class DemoSession:
         fresh = Racer(estimator, self.axis.nominal)
         fresh.join(self._recent)
         self.racers[racer] = fresh
-        self._scorer.event()
-        self._scorer.forget_quiet()
+        self._quiet = self._quiet[:0]
         self._close()
         letter = "AB"[racer]
         act = {"racer": letter, "estimator": fresh.text}
@@ -226,6 +226,8 @@ class DemoSession:
         after = self.axis.theta(SHOWN)
         entry.tracking = Tracking(before, after, len(self.racers), self._jump(before, after))
         self.history.add(entry, act)
+        for racer in self.racers:
+            racer.thoughts.clear()
 
     def _jump(self, before: Array, after: Array) -> Jump | None:
         """Return what the bound needs, where exactly one of what is shown has changed."""
@@ -244,26 +246,28 @@ class DemoSession:
     def _entry(self, key: str, what: str) -> Entry:
         return Entry(self.axis.samples, key, what, tuple(racer.text for racer in self.racers))
 
-    def _disturbed(self) -> None:
-        """End what was scored: something has changed that gives no dot."""
-        self.points += self._scorer.event()
-        self._scorer.forget_quiet()
-
     def _close(self) -> None:
+        """End what is followed, because something else changes; it gives points for what it had."""
         if (last := self.history.last) and last.tracking:
-            last.tracking.close()
+            self.points += last.tracking.close()
+            del self.points[:-KEPT]
 
     def _take(self, samples: Samples) -> None:
         # Enough of the past to let a fresh estimator find the state of the axis.
         self._recent = self._recent.then(samples, keep=SETTLE + REPLAY)
         truth = self.axis.theta(NAMES)
         estimates = [racer.shown(racer.run(samples)) for racer in self.racers]
-        errors = np.stack(estimates, axis=1)[..., : len(NAMES)] - truth
-        self.points += self._scorer.take(errors, samples.excited)
-        del self.points[:-KEPT]
-        if (last := self.history.last) and last.tracking and last.tracking.open:
-            last.tracking.take(estimates, samples.torque, samples.excited)
+        last = self.history.last
+        tracking = last.tracking if last else None
+        if tracking is None or not tracking.scored:
+            errors = np.stack(estimates, axis=1)[samples.excited, :, : len(NAMES)] - truth
+            quiet = sample_index(QUIET, PERIOD)
+            self._quiet = np.concatenate([self._quiet, errors])[-quiet:]
+        if last and tracking and tracking.open:
+            tracking.take(estimates, samples.torque, samples.excited)
             self._listen(last, estimates)
+            if not tracking.open:
+                self._close()
 
     def _listen(self, entry: Entry, estimates: Sequence[Array]) -> None:
         """Take down what the racers say of a change."""

@@ -1,4 +1,8 @@
-"""One change of the axis: how the two estimators follow it, and what theory allows."""
+"""One change of the axis: how the two estimators follow it, and what theory allows.
+
+Only samples in which the excitation is on are counted, as in docs/scores.md: in a pause nothing can
+be learnt, so the clock stands.
+"""
 
 from __future__ import annotations
 
@@ -91,6 +95,30 @@ def allowed(jump: Jump, torque: ArrayLike) -> Allowed:
 
 
 LENGTH = sample_index(WINDOW, PERIOD)
+LEAST = sample_index(2.0, PERIOD)
+"""Quiet samples before a fault, and scored ones after it, below which it gives no point."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One fault as one estimator met it: a point of the trade-off.
+
+    Attributes
+    ----------
+    racer : int
+        Which of the racers, from 0.
+    parameter : str
+        The estimated parameter that changed.
+    std : float
+        Root mean square error in the 5 s before the fault [% of nominal].
+    lag : float
+        Integral of the error over the size of the fault, from the fault for 5 s [s].
+    """
+
+    racer: int
+    parameter: str
+    std: float
+    lag: float
 
 
 class Tracking:
@@ -117,12 +145,15 @@ class Tracking:
         D, its change.
     open : bool
         Whether it still takes samples.
+    std : ndarray (racers,) or None
+        How noisy each racer was before it [% of nominal], where it gives a point.
     """
 
     def __init__(self, before: Array, after: Array, racers: int, jump: Jump | None = None) -> None:
         self.before, self.after = before, after
         self.changed, self.size = changed(before, after)
         self.open = True
+        self.std: Array | None = None
         self._jump = jump
         self._error = np.empty((LENGTH, racers))
         self._torque = np.empty(LENGTH)
@@ -168,9 +199,18 @@ class Tracking:
             self._allowed = allowed(self._jump, self._torque[: self._n])
         return self._allowed
 
-    def close(self) -> None:
-        """Take no more: something else has changed."""
-        self.open = False
+    @property
+    def scored(self) -> bool:
+        """Whether it will give points."""
+        return self.open and self.std is not None
+
+    def close(self) -> list[Point]:
+        """Take no more, and return the points that it has given, once."""
+        std, self.std, self.open = self.std, None, False
+        if std is None or self.changed is None or self._n < LEAST:
+            return []
+        pairs = zip(std.tolist(), self.lags, strict=True)
+        return [Point(racer, self.changed, *pair) for racer, pair in enumerate(pairs)]
 
     def _relative(self, theta: Array) -> Array:
         if self.changed is not None:

@@ -8,15 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.offline.adaptation import (
-    drift_for,
-    estimate_covariance,
-    steady_P,
-    tracking_error,
-)
-from flexaxis.experiments.paper.convergence import FORGETTING, drift, pooled_std
+from flexaxis.estimators.offline.adaptation import drift_for, estimate_covariance
 from flexaxis.experiments.paper.data import PAUSE, Data
-from flexaxis.experiments.paper.filters import COARSE, Adaptation, FilterRuns, filtered
+from flexaxis.experiments.paper.experiments import (
+    COARSE,
+    FORGETTING,
+    Adaptation,
+    FilterRuns,
+    drift,
+    filtered,
+    pooled_std,
+    settled_P,
+)
 from flexaxis.experiments.scoring.pools import settles
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.record import Record
@@ -47,16 +50,15 @@ class DriftChoice:
 
     Attributes
     ----------
-    wanted, predicted : ndarray (p,)
-        Time constants asked for, and expected with the correlation of the gradients [s].
+    wanted : ndarray (p,)
+        Time constants asked for [s].
     measured, large : ndarray (p,)
         Time of 63 % of a step of each parameter [s]: of a small step, and of a fault's size.
     predicted_std, measured_std : ndarray (p,)
-        Standard pooled_std without any change [% of nominal].
+        Standard deviation without any change [% of nominal].
     """
 
     wanted: Array
-    predicted: Array
     measured: Array
     large: Array
     predicted_std: Array
@@ -144,35 +146,33 @@ def further_work(data: Data, Q: Array) -> FurtherWork:
 
 def choose_drift(data: Data, Q: Array, wanted: Array, *, coupled: bool = False) -> DriftChoice:
     """Choose Δ for wanted time constants (p,) [s], predict and measure what it does."""
-    period = data.scenario.period
-    chosen = drift_for(wanted, Q, period=period, coupled=coupled)
-    P = steady_P(Q, drift=chosen)
+    chosen = Adaptation(drift=drift_for(wanted, Q, period=data.scenario.period, coupled=coupled))
+    P = settled_P(Q, chosen)
     small, large = (_steps(data, faults, chosen, P) for faults in (data.small, data.faults))
-    seconds = np.arange(round(2 * WINDOW / period)) * period
-    left = np.abs(tracking_error(P, Q, seconds, period=period))
-    nominal = data.parametrization.theta
-    noise = data.scenario.noise.speed**2
-    runs = filtered(data, data.nominal, Adaptation(drift=chosen), P0=P, stride=COARSE)
+    variance = np.diag(estimate_covariance(P, data.scenario.noise.speed**2))
     return DriftChoice(
         wanted=wanted,
-        predicted=np.array([seconds[np.argmax(left[:, i, i] < 0.37)] for i in range(len(wanted))]),
         measured=small,
         large=large,
-        predicted_std=100 * np.sqrt(np.diag(estimate_covariance(P, noise))) / nominal,
-        measured_std=pooled_std(runs, period=period),
+        predicted_std=100 * np.sqrt(variance) / data.parametrization.theta,
+        measured_std=pooled_std(data, filtered(data, data.nominal, chosen, P0=P, stride=COARSE)),
     )
 
 
-def _steps(data: Data, faults: Mapping[str, list[Record]], drift: Array, P0: Array) -> Array:
-    """Return t63 (p,) of a step of each parameter [s]."""
-    runs = _filtered(data, faults, Adaptation(drift=drift), P0)
-    return np.array([t63(data, runs[name], faults[name], name) for name in data.names])
+def _steps(data: Data, faults: Mapping[str, list[Record]], chosen: Adaptation, P0: Array) -> Array:
+    """Return when the median run has 63 % of a step of each parameter behind it (p,) [s]."""
+    found = []
+    for name, runs in _filtered(data, faults, chosen, P0).items():
+        error = relative_error(data, runs, faults[name], name)
+        settled = settles(list(error), 0.37, data.scenario.period)
+        found.append(np.nan if settled is None else settled)
+    return np.array(found)
 
 
 def windup(data: Data, Q: Array, adaptation: Adaptation) -> Windup:
     """Go through a standstill, and through step faults without one."""
     period = data.scenario.period
-    P0 = steady_P(Q, forgetting=adaptation.forgetting, drift=adaptation.drift)
+    P0 = settled_P(Q, adaptation)
     runs = filtered(data, data.pause, adaptation, P0=P0)
     restart = round(PAUSE[1] / period)
     after = np.abs(runs.theta[:, restart : restart + round(WINDOW / period)] - 1)
@@ -190,13 +190,8 @@ def reset(data: Data, Q: Array, fraction: float | None) -> Reset:
     noise = data.scenario.noise.speed**2
     # P is in units of the noise variance
     new = (fraction or 0) ** 2 * np.diag(data.parametrization.theta**2) / noise
-    runs = _filtered(
-        data,
-        data.faults,
-        Adaptation(forgetting=FORGETTING),
-        steady_P(Q, forgetting=FORGETTING),
-        reset=None if fraction is None else (data.onset, new),
-    )
+    usual, at = Adaptation(forgetting=FORGETTING), None if fraction is None else (data.onset, new)
+    runs = _filtered(data, data.faults, usual, settled_P(Q, usual), reset=at)
     return Reset(
         fraction=fraction,
         lag=lags(data, runs),
@@ -238,13 +233,6 @@ def relative_error(data: Data, runs: FilterRuns, records: Sequence[Record], name
     truth = true_theta(data.names, parameters)[:, i] / data.parametrization.theta[i]
     error = runs.theta[:, data.onset :, i] - truth[data.onset :]
     return error / abs(truth[data.onset] - truth[data.onset - 1])
-
-
-def t63(data: Data, runs: FilterRuns, records: Sequence[Record], name: str) -> float:
-    """Return when the median run has 63 % of a fault behind it [s]; NaN for never."""
-    error = relative_error(data, runs, records, name)
-    found = settles(list(error), 0.37, data.scenario.period)
-    return np.nan if found is None else found
 
 
 def cross_talk(data: Data, runs: FilterRuns, name: str) -> float:

@@ -1,52 +1,22 @@
-"""From nothing to the page: simulate, estimate, check the claims, draw, write."""
+"""The paper reproduced: simulate and estimate, decide the claims, draw, and tell it on one page."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import version
 from pathlib import Path
 
-from flexaxis.experiments.paper import (
-    checks_filter,
-    checks_further,
-    checks_model,
-    further_figures,
-    paper_figures,
-)
-from flexaxis.experiments.paper.claims import Claim, Evidence, checks_in
-from flexaxis.experiments.paper.convergence import converge
-from flexaxis.experiments.paper.data import Size, collect
-from flexaxis.experiments.paper.further_work import further_work
-from flexaxis.experiments.paper.offline import identify_offline
-from flexaxis.experiments.paper.paper_page import render
-from flexaxis.experiments.paper.style import RC
-from flexaxis.experiments.reporting.figures import svg
+from flexaxis.experiments.paper.checks import CHECKS
+from flexaxis.experiments.paper.claims import SHARES, Claim, Evidence, Measured, gather
+from flexaxis.experiments.paper.data import Size
+from flexaxis.experiments.paper.further_figures import FIGURES
+from flexaxis.experiments.reporting import figures, page, tables
+from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.storage.files import new_file, write_json, write_text, writing
 
 CLAIMS, PAGE = "claims.json", "index.html"
-
-CHECKS = tuple(c for m in (checks_model, checks_filter, checks_further) for c in checks_in(m))
-"""All checks, in the order of the paper."""
-
-FIGURES = {
-    "fig3": paper_figures.fig3,
-    "fig4": paper_figures.fig4,
-    "fig5": paper_figures.fig5,
-    "fig6": paper_figures.fig6,
-    "fig7": paper_figures.fig7,
-    "fig8": paper_figures.fig8,
-    "fig9": paper_figures.fig9,
-    "figA": further_figures.figA,
-    "figB": further_figures.figB,
-    "figC": further_figures.figC,
-}
-"""All figures, by the name of their files."""
-
-SHARES = {"data": 0.6, "offline": 0.05, "convergence": 0.05, "further": 0.2, "figures": 0.1}
-"""What part of the time a stage takes."""
-
-Advance = Callable[[float], None]
 
 
 def reproduce(
@@ -56,7 +26,7 @@ def reproduce(
     size: Size | None = None,
     jobs: int = 1,
     store: RecordCache | None = None,
-    advance: Advance = lambda fraction: None,
+    advance: Callable[[float], None] = lambda fraction: None,
 ) -> list[Claim]:
     """Check every claim, and write figures, page and claims.json to a folder.
 
@@ -66,14 +36,8 @@ def reproduce(
         Made if it is missing.
     command : str
         The line that runs this again, for the page.
-    size : Size, optional
-        Numbers of runs, and their first seed.
-    jobs : int
-        Processes of the simulations.
-    store : RecordCache, optional
-        Where records are kept.
-    advance : callable, optional
-        Called with the fraction done since the last call.
+    size, jobs, store, advance
+        As for `gather`.
 
     Returns
     -------
@@ -87,35 +51,15 @@ def reproduce(
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
-    e = evidence(size or Size(), jobs=jobs, store=store, advance=advance)
+    e = gather(size or Size(), jobs=jobs, store=store, advance=advance)
     claims = decide(e)
-    drawn = {}
-    for name in FIGURES:
-        drawn[name] = draw(e, name, folder)
-        advance(SHARES["figures"] / len(FIGURES))
+    charts = {name: figure(e) for name, figure in FIGURES.items()}
+    for chart in charts.values():
+        draw(chart, folder)
+        advance(SHARES["figures"] / len(charts))
     write_json(folder / CLAIMS, [claim.as_json() for claim in claims])
-    write_text(folder / PAGE, render(e, claims, drawn, command))
+    write_text(folder / PAGE, render(e, claims, charts, command))
     return claims
-
-
-def evidence(
-    size: Size,
-    *,
-    jobs: int = 1,
-    store: RecordCache | None = None,
-    advance: Advance = lambda fraction: None,
-) -> Evidence:
-    """Simulate and estimate everything that the claims are about; see `reproduce`."""
-    data = collect(
-        size, jobs=jobs, store=store, advance=lambda part: advance(part * SHARES["data"])
-    )
-    offline = identify_offline(data)
-    advance(SHARES["offline"])
-    convergence = converge(data)
-    advance(SHARES["convergence"])
-    further = further_work(data, convergence.Q)
-    advance(SHARES["further"])
-    return Evidence(data=data, convergence=convergence, offline=offline, further=further)
 
 
 def decide(e: Evidence) -> list[Claim]:
@@ -123,14 +67,68 @@ def decide(e: Evidence) -> list[Claim]:
     return [check(e) for check in CHECKS]
 
 
-def draw(e: Evidence, name: str, folder: Path) -> str:
-    """Draw a figure, write it as SVG and PNG, and return the SVG."""
-    import matplotlib
+def draw(chart: Chart, folder: Path) -> None:
+    """Write a figure as SVG and PNG."""
+    figure = figures.figure(chart)
+    write_text(folder / f"{chart.name}.svg", figures.svg(figure))
+    with new_file(folder / f"{chart.name}.png") as part:
+        figure.savefig(part, dpi=200)
 
-    with matplotlib.rc_context(RC):
-        figure = FIGURES[name](e)
-        text = svg(figure)
-        write_text(folder / f"{name}.svg", text)
-        with new_file(folder / f"{name}.png") as part:
-            figure.savefig(part, dpi=200)
-    return text
+
+def render(e: Evidence, claims: Sequence[Claim], charts: Mapping[str, Chart], command: str) -> str:
+    """Return the page that tells the story: equations, figures, claims.
+
+    Parameters
+    ----------
+    e : Evidence
+    claims : sequence of Claim
+    charts : mapping of str to Chart
+        By name.
+    command : str
+        The line that makes the page again.
+    """
+    content = {
+        "claims": claims,
+        "about": lambda *words, but=None: _about(claims, words, but),
+        "figures": {chart.id: chart for chart in page.charted(charts.values())},
+        "seeds": [record.seed for record in e.data.nominal],
+        "runs": {"long": len(e.data.long), "few": len(e.data.pause)},
+        "measured": {claim.id: claim.measured for claim in claims},
+        "nominal": e.data.scenario.nominal.as_dict(),
+        "command": command,
+        "versions": {name: version(name) for name in ("flexaxis", "mujoco", "numpy", "scipy")},
+        "table": claims_table(claims),
+        "written": in_words,
+    }
+    return page.render("paper/templates/paper.html", content)
+
+
+def claims_table(claims: Sequence[Claim]) -> tables.Table:
+    """Return all claims as a table, for the page and for the terminal."""
+    heads = ("holds", "claim", "measured", "to hold", "source")
+    rows = [
+        ("✓" if c.holds else "✗", c.claim, in_words(c.measured), c.expected, c.source)
+        for c in claims
+    ]
+    return tables.texts("All claims", heads, rows)
+
+
+def _about(claims: Sequence[Claim], words: Sequence[str], but: str | None) -> list[Claim]:
+    """Return the claims whose source has one of the words, and not that other."""
+    found = [claim for claim in claims if any(word in claim.source for word in words)]
+    return [claim for claim in found if but is None or but not in claim.source]
+
+
+def in_words(measured: Measured) -> str:
+    """Return what was measured for a table.
+
+    Examples
+    --------
+    >>> in_words({"k_T": 0.6123, "f_m": 3.0})
+    'k_T: 0.612, f_m: 3'
+    >>> in_words(2.4066)
+    '2.41'
+    """
+    if isinstance(measured, Mapping):
+        return ", ".join(f"{name}: {in_words(value)}" for name, value in measured.items())
+    return f"{measured:.0f}" if 1e3 <= abs(measured) < 1e5 else f"{measured:.3g}"

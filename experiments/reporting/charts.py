@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,3 +222,9 @@ class Picks:
     """
 
     found: Mapping[str, str] = field(default_factory=dict)
+
+
+def ends(rows: Sequence[Mapping[str, Any]], key: str, unit: float = 1.0) -> Any:
+    """Return the ends (2, n) of the intervals beside a score; of what has none the score itself."""
+    spans = [row.get(f"{key}_interval") or (row[key], row[key]) for row in rows]
+    return np.array(spans, float).T / unit

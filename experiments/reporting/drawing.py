@@ -14,11 +14,19 @@ import numpy as np
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
-from flexaxis.experiments.reporting import heat, styles
+from flexaxis.experiments.reporting import styles
 from flexaxis.experiments.reporting.charts import Chart, Heat, Line
-from flexaxis.experiments.reporting.paths import UNITS, path, places, runs, units
 from flexaxis.experiments.reporting.scales import Scale, Tick, across, upward
-from flexaxis.experiments.reporting.typeset import in_svg, symbols
+from flexaxis.experiments.reporting.shapes import (
+    UNITS,
+    heat_legend,
+    maps,
+    path,
+    places,
+    runs,
+    units,
+)
+from flexaxis.experiments.reporting.tables import in_svg, symbols
 
 Array = NDArray[np.float64]
 
@@ -44,7 +52,7 @@ def drawn(chart: Chart | Heat, place: str, *, high: int | None = None) -> Markup
     if isinstance(chart, Heat):
         whos = [cells.who for cells in chart.panels if cells.who]
         buttons = [_button(who, swatch(who), who) for who in whos] if len(whos) > 1 else []
-        legend, views = heat.legend(chart) + "".join(buttons), "".join(heat.maps(chart))
+        legend, views = heat_legend(chart) + "".join(buttons), "".join(maps(chart))
     else:
         legend, views = _legend(chart), "".join(_view(chart, n, x, high) for n, x in across(chart))
     unit = chart.unit if isinstance(chart, Heat) else ""
@@ -88,7 +96,7 @@ def _legend(chart: Chart) -> str:
 def _button(who: str, piece: str, said: str) -> str:
     return (
         f'<button type="button" class="who" aria-pressed="true" data-toggle="{escape(who)}">{piece}'
-        f"<span>{escape(said)}</span></button>"
+        f"<span>{symbols(said)}</span></button>"
     )
 
 
@@ -268,7 +276,7 @@ def _markers(line: Line, x: Scale, y: Scale, role: str) -> str:
     a, b = x.share(line.x), y.share(line.y)
     there = np.isfinite(a) & np.isfinite(b)
     if line.kind not in {"points", "both"}:
-        if not line.who or there.sum() < 2 or line.kind == "steps":
+        if not line.who or there.sum() < 2 or line.kind == "steps" or line.role == "bound":
             return ""
         at = (np.arange(SPARSE) + styles.phase(line.who)) / SPARSE
         at = at[(at >= a[there].min()) & (at <= a[there].max())]

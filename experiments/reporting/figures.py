@@ -16,8 +16,9 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
 from flexaxis.experiments.reporting import styles
 from flexaxis.experiments.reporting.charts import Array, Chart, Line
+from flexaxis.experiments.reporting.run.over_time import around
 from flexaxis.experiments.reporting.scales import across, upward
-from flexaxis.experiments.reporting.typeset import SYMBOL
+from flexaxis.experiments.reporting.tables import SYMBOL
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 
@@ -49,15 +50,16 @@ def symbol(name: str) -> str:
 
 
 def mark(ax: Axes, scenario: Scenario) -> None:
-    """Mark burn-in, pauses of the excitation and faults."""
-    ax.axvspan(0, scenario.burn_in, color="0.5", alpha=0.12, lw=0)
-    still = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1]))
-    for begin, end in zip(still[::2], still[1::2], strict=True):
-        ax.axvspan(
-            begin * scenario.period, end * scenario.period, color="#E69F00", alpha=0.12, lw=0
-        )
-    for event in scenario.events():
-        ax.axvline(event.index * scenario.period, color="0.3", lw=0.8)
+    """Mark burn-in, pauses of the excitation and faults, as charts over time do."""
+    _mark(ax, **around(scenario))
+
+
+def _mark(ax: Axes, spans: Any, marks: Any, windows: Any = ()) -> None:
+    del windows
+    for begin, end, _ in spans:
+        ax.axvspan(begin, end, color="0.5", alpha=0.12, lw=0)
+    for at, _ in marks:
+        ax.axvline(at, color="0.3", lw=0.8)
 
 
 def figure(chart: Chart) -> Figure:
@@ -91,10 +93,7 @@ def draw(chart: Chart, ax: Axes, *, panel: int = 0) -> Axes:
     shown = chart.panels[panel]
     for line in shown.lines:
         _draw_line(ax, line)
-    for begin, end, _ in chart.spans:
-        ax.axvspan(begin, end, color="0.5", alpha=0.12, lw=0)
-    for at, _ in chart.marks:
-        ax.axvline(at, color="0.3", lw=0.8)
+    _mark(ax, chart.spans, chart.marks)
     x, y = across(chart)[0][1], upward(shown, across(chart)[0][1])
     ax.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear")
     for axis, scale, limits in ((ax.xaxis, x, ax.set_xlim), (ax.yaxis, y, ax.set_ylim)):

@@ -21,8 +21,7 @@ from markupsafe import Markup, escape
 from flexaxis.experiments.reporting import styles
 from flexaxis.experiments.reporting.charts import Chart, ChartError, Heat, Pick, Picks
 from flexaxis.experiments.reporting.drawing import drawn, swatch
-from flexaxis.experiments.reporting.tables import TERMS, number, pair, settled
-from flexaxis.experiments.reporting.typeset import symbols
+from flexaxis.experiments.reporting.tables import TERMS, number, pair, settled, symbols
 
 if TYPE_CHECKING:
     from jinja2 import Environment

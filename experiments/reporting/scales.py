@@ -68,7 +68,8 @@ def _decades(low: float, high: float) -> Iterator[Tick]:
         for digit in digits:
             value = float(f"{digit}e{power}")
             if low * 0.999 <= value <= high * 1.001:
-                yield value, f"{value:.4g}".replace("e-0", "e−").replace("e+0", "e")
+                text = f"{value:.4g}" if value >= 1e-3 else f"{value:.0e}"
+                yield value, text.replace("e-0", "e−").replace("e+0", "e")
 
 
 def _dates(scale: Scale) -> list[Tick]:

@@ -56,9 +56,12 @@ NINE = (
     Style(8, "#898A8A", "#B0A9A2", "6 4", "<"),  # grey
 )
 
-# Whom most figures show; they look the same on every page. The reference is blue and unbroken.
+# What most figures show; it looks the same on every page. The reference is blue and unbroken.
 LEADING = ("rpem-forgetting", "rpem-drift", "ekf", "imm", "cusum-reset", RECOMMENDED, "frozen")
-_PLACES = dict(zip(LEADING, (0, 1, 2, 3, 4, 5, 8), strict=True))
+_PLACES = dict(zip(LEADING, (0, 1, 2, 3, 4, 5, 8), strict=True)) | {
+    "base": 0, "candidate": 1, "A": 0, "B": 1, "k_T": 0, "1/J_a": 1, "f_m": 2, "f_c": 3,
+    "another": 8,
+}  # fmt: skip
 
 _SHAPES = {
     "o": "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0z",
@@ -108,10 +111,7 @@ def style(estimator: str) -> Style:
     if base in REGISTRY:
         others = [name for name in sorted(REGISTRY, key=_rank) if name not in LEADING]
         return [*(n for n in NINE if n.place not in _PLACES.values()), *_more()][others.index(base)]
-    return _ROLES.get(estimator) or _more()[sum(estimator.encode()) % (len(NINE) * (len(NINE) - 1))]
-
-
-_ROLES = {"base": NINE[0], "candidate": NINE[1], "A": NINE[0], "B": NINE[1]}
+    return _more()[sum(estimator.encode()) % (len(NINE) * (len(NINE) - 1))]
 
 
 def css_class(who: str) -> str:

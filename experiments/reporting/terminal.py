@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from flexaxis.estimators import RECOMMENDED
+from flexaxis.experiments.reporting.tables import Table as Page
 from flexaxis.experiments.reporting.tables import number, pair, settled
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
@@ -75,6 +76,17 @@ def show(table: Table) -> None:
 def _width() -> int:
     console = Console()
     return console.width if console.is_terminal else WIDE
+
+
+def show_table(table: Page, *, caption: str) -> None:
+    """Print a table of words as pages have it, as wide as the terminal."""
+    found = Table(box=None, padding=(0, 1, 0, 0), caption=caption)
+    for place, column in enumerate(table.columns):
+        found.add_column(escape(column.heading), ratio=int(place > 0) or None, no_wrap=place == 0)
+    for row in table.rows:
+        style = "bold red" if row.cells[0].text == "✗" else None
+        found.add_row(*(named(cell.text) for cell in row.cells), style=style)
+    Console().print(found)
 
 
 def show_run(summary: Mapping[str, Any]) -> None:

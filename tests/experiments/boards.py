@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.board.entry import About
+from flexaxis.experiments.board.ranking import Board
 from flexaxis.experiments.board.submission import submit
-from flexaxis.experiments.board.suite import Board
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import default_cache, records
 from flexaxis.experiments.running.engine import Means

@@ -11,12 +11,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments.board.collection import Taken, collect, in_order, newest
-from flexaxis.experiments.board.entry import ENTRY, ROWS, about_from, checked, read, seal
-from flexaxis.experiments.board.ranking import Own, check_rows, own_of, reference_rows, standings
-from flexaxis.experiments.board.site import Shown, command, write_site
+from flexaxis.experiments.board.entry import (
+    ENTRY,
+    ROWS,
+    EntryError,
+    about_from,
+    checked,
+    read,
+    seal,
+)
+from flexaxis.experiments.board.ranking import (
+    Own,
+    board,
+    check_rows,
+    own_of,
+    reference_rows,
+    standings,
+)
+from flexaxis.experiments.board.site import (
+    Shown,
+    Taken,
+    collect,
+    command,
+    in_order,
+    newest,
+    write_site,
+)
 from flexaxis.experiments.board.submission import bring
-from flexaxis.experiments.board.suite import EntryError, board
 from flexaxis.experiments.board.verification import Ask, of_form, verify_entry
 from flexaxis.experiments.building.consent import CodeRefused
 from flexaxis.experiments.catalogue.find import find_scenario

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.board import hidden_seeds
+from flexaxis.experiments.board.entry import EntryError
 from flexaxis.experiments.board.hidden_seeds import (
     LEAST_RATIO,
     LEVEL,
@@ -17,7 +18,7 @@ from flexaxis.experiments.board.hidden_seeds import (
     agreements,
     sample,
 )  # fmt: skip
-from flexaxis.experiments.board.suite import EntryError, board
+from flexaxis.experiments.board.ranking import board
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.tracks import TRACKS, track_of
 

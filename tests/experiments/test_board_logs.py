@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments.board.entry import Entry
+from flexaxis.experiments.board.entry import Entry, EntryError
 from flexaxis.experiments.board.real_logs import START, log_scores, with_values
-from flexaxis.experiments.board.suite import EntryError
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.sim.record import Record
 

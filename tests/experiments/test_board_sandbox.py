@@ -17,9 +17,9 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.board import protocol, sandbox
+from flexaxis.experiments.board.entry import EntryError
 from flexaxis.experiments.board.protocol import Wire, plain
 from flexaxis.experiments.board.sandbox import Sandbox, SandboxError, usage
-from flexaxis.experiments.board.suite import EntryError
 from flexaxis.experiments.board.verification import rerun
 from flexaxis.experiments.building.offer import offer_of
 from flexaxis.experiments.catalogue.find import find_scenario

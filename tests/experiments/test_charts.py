@@ -17,8 +17,8 @@ from flexaxis.experiments.reporting.charts import (
     Picks,
 )
 from flexaxis.experiments.reporting.drawing import drawn
-from flexaxis.experiments.reporting.paths import SLACK, UNITS
 from flexaxis.experiments.reporting.scales import Scale
+from flexaxis.experiments.reporting.shapes import SLACK, UNITS
 from flexaxis.experiments.reporting.styles import css_class
 from tests.experiments.page_data import charts_of, lines, page_data
 

@@ -14,6 +14,7 @@ from flexaxis.experiments.demo import curves
 from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.experiments.reporting.drawing import drawn
 from flexaxis.experiments.reporting.figures import draw
+from flexaxis.sim.timing import PERIOD
 from tests.experiments.page_data import charts_of
 
 
@@ -118,12 +119,28 @@ def test_curves_show_what_the_session_has_and_a_recording_the_same():
     assert [line.who for line in points] == ["", "A f_m", "B f_m"]
 
 
-def test_an_estimator_can_show_itself(monkeypatch):
-    """The place where a picture of its own hooks in."""
-    session = DemoSession(estimators=["frozen", "ekf"])
-    shown = []
-    monkeypatch.setattr(curves, "OWN", {"ekf": shown.append})
-    for racer in session.racers:
-        if own := curves.OWN.get(racer.name):
-            own(racer.estimator)
-    assert [each.names for each in shown] == [("k_T", "1/J_a", "f_m")]
+def test_the_bank_of_hypotheses_is_seen_at_work():
+    """In every sample after a change: what has jumped, and when; found, and empty again."""
+    session = DemoSession(estimators=["frozen", "glr"])
+    session.advance(2000)
+    session.inject("f_m", 1.5)
+    session.advance(400)
+    assert not session.racers[0].thoughts and len(session.racers[1].thoughts) == 400
+    chart = curves.OWN["glr"](session.racers[1])
+    what, when = ({line.who: line.y for line in panel.lines} for panel in chart.panels)
+    (at, words), *_ = chart.marks
+    before = round(at / PERIOD) - 2
+    assert words.startswith("found: f_m × 1.5") and 0 < at < 1
+    assert what["f_m"][before] > 50 > sum(what[name][before] for name in what if name != "f_m")
+    assert abs(when["f_m"][before]) < 0.1  # when it began, after the change
+    assert what["f_m"][before + 20] < 1  # what is found has been taken: the bank begins anew
+    session.repair()
+    assert not session.racers[1].thoughts
+
+
+def test_looking_into_the_bank_changes_nothing():
+    watched, plain = (DemoSession(estimators=["frozen", "glr"], seed=3) for _ in range(2))
+    plain.racers[1].thoughts = [{}] * 10**6
+    for session in (watched, plain):
+        session.advance(600)
+    np.testing.assert_array_equal(watched.racers[1].theta, plain.racers[1].theta)

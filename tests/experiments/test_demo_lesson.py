@@ -83,25 +83,25 @@ def test_all_problems_are_said_at_once():
     assert len(lines) == 5 and all(line.startswith("mine.toml: ") for line in lines)
     assert "Did you mean 'title'" in str(problem.value)
     assert "Did you mean 'fault'" in str(problem.value)
-    assert "fault and factor go together" in lines[-1]
+    assert "fault and factor go together" in str(problem.value)
 
 
 @pytest.mark.parametrize(
     ("act", "problem"),
     [
-        ('fault = "f_n"\nfactor = 2.0', "act[0] fault: unknown parameter 'f_n'"),
-        ('fault = "r"\nfactor = 2.0', "act[0] fault: unknown parameter 'r'"),
-        ('fault = "f_m"\nfactor = 3.0', "act[0] factor: must be less than or equal to 2"),
-        ("f_c = 3.0", "act[0] f_c: must be less than or equal to 0.4"),
-        ('friction = "coulomb"', "act[0] friction: unknown friction"),
-        ('excitation = "of"', "act[0] excitation: unknown excitation"),
-        ("forgetting = 1.5", "act[0] forgetting: must be less than or equal to 1"),
-        ("drift = {f_n = 1e-7}", "act[0] drift: unknown parameter"),
-        ("drift = {f_m = 0.0}", "act[0] drift.f_m: must be greater than 0"),
-        ('racer = "A"\nestimator = "ekg"', "act[0] estimator: unknown estimator 'ekg'"),
-        ('racer = "A"\nestimator = "ekf[a=1]"', "act[0] estimator: ekf has no option 'a'"),
-        ('racer = "A"\nestimator = "rpem-drift[scale=\'x\']"', "act[0] estimator: "),
-        ('racer = "A"\nestimator = "ekf[output=\'position\']"', "act[0] estimator: "),
+        ('fault = "f_n"\nfactor = 2.0', "act[0].fault: unknown parameter 'f_n'"),
+        ('fault = "r"\nfactor = 2.0', "act[0].fault: unknown parameter 'r'"),
+        ('fault = "f_m"\nfactor = 3.0', "act[0].factor: must be less than or equal to 2"),
+        ("f_c = 3.0", "act[0].f_c: must be less than or equal to 0.4"),
+        ('friction = "coulomb"', "act[0].friction: unknown friction"),
+        ('excitation = "of"', "act[0].excitation: unknown excitation"),
+        ("forgetting = 1.5", "act[0].forgetting: must be less than or equal to 1"),
+        ("drift = {f_n = 1e-7}", "act[0].drift: unknown parameter"),
+        ("drift = {f_m = 0.0}", "act[0].drift.f_m: must be greater than 0"),
+        ('racer = "A"\nestimator = "ekg"', "act[0].estimator: unknown estimator 'ekg'"),
+        ('racer = "A"\nestimator = "ekf[a=1]"', "act[0].estimator: ekf has no option 'a'"),
+        ('racer = "A"\nestimator = "rpem-drift[scale=\'x\']"', "act[0].estimator: "),
+        ('racer = "A"\nestimator = "ekf[output=\'position\']"', "act[0].estimator: "),
     ],
 )
 def test_what_the_axis_would_refuse_is_said_when_the_lesson_is_read(act, problem):
@@ -110,7 +110,7 @@ def test_what_the_axis_would_refuse_is_said_when_the_lesson_is_read(act, problem
         parse_lesson(wrong, source="mine.toml")
     first, second = str(found.value).splitlines()
     assert first.startswith(f"mine.toml: {problem}")
-    assert second.startswith("mine.toml: act[1] at: ")
+    assert second.startswith("mine.toml: act[1].at: ")
 
 
 def test_an_act_that_is_no_table_is_one_line():

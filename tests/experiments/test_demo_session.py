@@ -11,7 +11,7 @@ from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.demo.live_axis import SPELL, LiveAxis
 from flexaxis.experiments.demo.racer import NAMES, Racer
 from flexaxis.experiments.demo.session import MARK, SPAN, DemoSession
-from flexaxis.experiments.demo.tradeoff import Scorer
+from flexaxis.experiments.demo.tracking import Tracking
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.timing import PERIOD, rate
@@ -131,18 +131,20 @@ def test_a_fault_gives_a_dot_with_the_scores_in_words():
 
 
 def test_scores_of_a_known_error():
-    """Errors made by hand: std and lag have a closed form; a pause is not counted."""
-    scorer = Scorer(("a", "b"), np.array([1.0, 2.0]), racers=1)
-    sine = 0.02 * np.sqrt(2) * np.sin(2 * np.pi * np.arange(1000) / 100)
-    quiet = np.stack([np.zeros(1000), sine], axis=1)[:, None]
+    """Errors made by hand: the lag has a closed form; a pause is not counted."""
+    before, after = np.array([1.0, 2.0, 3.0, 0.0]), np.array([1.0, 2.5, 3.0, 0.0])
+    followed = Tracking(before, after, racers=1)
+    followed.std = np.array([1.0])
     moving, still = np.ones(1000, bool), np.zeros(1000, bool)
-    assert scorer.take(quiet, moving) == []
-    assert scorer.fault("b", 0.5, ["mine"]) == []
-    assert scorer.take(np.full((1000, 1, 2), 9.0), still) == []
-    decay = 0.5 * np.exp(-np.arange(1000) * PERIOD)  # a time constant of 1 s
-    (dot,) = scorer.take(np.stack([decay, decay], axis=1)[:, None], moving)
-    assert dot.std == pytest.approx(1.0)  # 0.02 of a nominal 2, in per cent
-    assert dot.lag == pytest.approx(1 - np.exp(-5), rel=0.01)
+    followed.take([np.full((1000, 4), 9.0)], np.zeros(1000), still)
+    # a time constant of 1 s
+    decay = after - np.exp(-np.arange(1000) * PERIOD)[:, None] * (after - before)
+    followed.take([decay], np.zeros(1000), moving)
+    assert not followed.open
+    (point,) = followed.close()
+    assert (point.parameter, point.std) == ("1/J_a", 1.0)
+    assert point.lag == pytest.approx(1 - np.exp(-5), rel=0.01)
+    assert followed.close() == []  # once
 
 
 def test_no_dot_where_it_was_not_quiet_or_nobody_estimates():

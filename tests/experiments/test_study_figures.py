@@ -9,7 +9,7 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.study import charts
 from flexaxis.experiments.reporting.study import rows as study_rows
-from flexaxis.experiments.reporting.study.findings import Alarms, alarms, confusion
+from flexaxis.experiments.reporting.study.rows import Alarms, alarms, confusion
 from flexaxis.experiments.scoring.detection import isolation
 
 

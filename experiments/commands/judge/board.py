@@ -43,10 +43,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Collect, rank, write."""
-    from flexaxis.experiments.board.collection import collect, read_verdicts
+    from flexaxis.experiments.board.entry import EntryError
+    from flexaxis.experiments.board.ranking import board
     from flexaxis.experiments.board.real_logs import log_scores
-    from flexaxis.experiments.board.site import PAGE, Shown, write_site
-    from flexaxis.experiments.board.suite import EntryError, board
+    from flexaxis.experiments.board.site import PAGE, Shown, collect, read_verdicts, write_site
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
 
@@ -74,7 +74,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    from flexaxis.experiments.board.suite import EntryError
+    from flexaxis.experiments.board.entry import EntryError
 
     for folder in (args.verdicts, args.logs):
         if folder is not None and not folder.is_dir():

@@ -64,8 +64,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the suite and write the entry."""
+    from flexaxis.experiments.board.ranking import board
     from flexaxis.experiments.board.submission import cases, submit
-    from flexaxis.experiments.board.suite import board
 
     about = _about(args)
     if args.about:

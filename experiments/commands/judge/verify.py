@@ -62,9 +62,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Look at the files, run the code, and say what is found."""
-    from flexaxis.experiments.board.entry import ENTRY
+    from flexaxis.experiments.board.entry import ENTRY, EntryError
     from flexaxis.experiments.board.hidden_seeds import Draw
-    from flexaxis.experiments.board.suite import EntryError
     from flexaxis.experiments.board.verification import Ask, of_form, verify_entry
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means

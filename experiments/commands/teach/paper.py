@@ -1,6 +1,6 @@
 """Reproduce the paper: every figure, every claim checked on MuJoCo data, and a page with the story.
 
-The folder gets index.html, claims.json, and fig3 to fig9 and figA to figC as .svg and .png. Exit
+The folder gets index.html, claims.json, and fig3 to fig9 and figA to figE as .svg and .png. Exit
 status 1 if a claim does not hold.
 
 example:
@@ -30,10 +30,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Reproduce, check, and say what failed."""
-    from rich.console import Console
-
-    from flexaxis.experiments.paper.paper_page import claims_table
-    from flexaxis.experiments.paper.reproduce import PAGE, reproduce
+    from flexaxis.experiments.paper.reproduce import PAGE, claims_table, reproduce
+    from flexaxis.experiments.reporting.terminal import show_table
     from flexaxis.experiments.running.cache import default_cache
 
     try:
@@ -53,6 +51,7 @@ def main(args: argparse.Namespace) -> int:
     status = int(not all(claim.holds for claim in claims))
     if args.json:
         return answer(args, {"claims": [claim.as_json() for claim in claims], "page": page}, status)
-    Console().print(claims_table(claims))
+    held = sum(claim.holds for claim in claims)
+    show_table(claims_table(claims), caption=f"{held} of {len(claims)} claims hold")
     print(page)
     return status

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.reporting.charts import Chart, Heat, Line, Panel
 from flexaxis.experiments.reporting.page import charted, render
+from flexaxis.experiments.reporting.shapes import extremes
 from flexaxis.experiments.reporting.tables import Table
-from flexaxis.experiments.reporting.thinning import extremes
 from flexaxis.experiments.storage.files import write_text
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from flexaxis.experiments.logs.identification.validate import MATCHED
 from flexaxis.experiments.logs.pages.page import LogPage, capital, compared, gaps, thinned
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
+from flexaxis.experiments.reporting.shapes import extremes
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
-from flexaxis.experiments.reporting.thinning import extremes
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 const SVG_NS = "http://www.w3.org/2000/svg";
 // A letter with an index, as f_m or θ_1, that is no part of a longer word.
-const SYMBOL = pattern("(?<![\\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9]{1,3})(?![\\w-])");
+const SYMBOL = pattern("(?<![\\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9θ]{1,3})(?![\\w-])");
 
 /** A pattern; in a browser too old to know it, one that is nowhere: the page goes on and says so. */
 function pattern(text) {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -60,7 +60,7 @@ def trajectories(
     Parameters
     ----------
     curves : sequence of Curve
-        Those of the scenario; the first nine set what is shown of the axes.
+        Those of the scenario.
     scenario : Scenario
     name : str
         Of its place in the page.
@@ -73,10 +73,9 @@ def trajectories(
     names = dict.fromkeys(n for curve in curves for n in curve.names)
     for parameter in sorted(names, key=lambda name: physical(name)[0] not in changed):
         mine = [c for c in curves if parameter in c.names]
-        shown = limits([_part(c, parameter) for c in mine[:9]], truth(scenario, parameter)[1])
         lines = [_line(c, parameter, band=c.estimator in banded) for c in mine]
-        truth_ = truth_line(scenario, parameter)
-        panels.append(Panel(y=f"{parameter} / nominal", lines=[truth_, *lines], y_range=shown))
+        lines.insert(0, truth_line(scenario, parameter))
+        panels.append(Panel(y=f"{parameter} / nominal", lines=lines))
     return Chart(
         name=name,
         title=f"Estimates over time on {scenario.name}",
@@ -126,30 +125,15 @@ def _first(scenario: Scenario) -> list[Any]:
     return list(events if len(events) <= 20 else {e.parameter: e for e in events[::-1]}.values())
 
 
-def truth(scenario: Scenario, parameter: str) -> tuple[Array, Array]:
-    """Return time and value over nominal where the truth changes, and its ends."""
+def truth_line(scenario: Scenario, parameter: str) -> Line:
+    """Return the true value of a parameter over nominal, as steps where it changes."""
     values = theta_over_time(scenario, [parameter])[:, 0] / nominal_theta(scenario, [parameter])[0]
     change = np.flatnonzero(np.diff(values)) + 1
     if len(change) > RAMP:
         change = np.arange(CURVE_STEP, len(values), CURVE_STEP)
     kept = np.unique(np.r_[0, change, len(values) - 1])
-    return scenario.times[kept], values[kept]
-
-
-def truth_line(scenario: Scenario, parameter: str) -> Line:
-    """Return the true value of a parameter over nominal, as steps."""
-    x, y = truth(scenario, parameter)
+    x, y = scenario.times[kept], values[kept]
     return Line(x=x, y=y, kind="steps", role="truth", label="truth")
-
-
-def _part(curve: Curve, parameter: str) -> tuple[Array, Array, Array, Array]:
-    """Return time, low, median and high (M,) of a parameter: about the fault every sample."""
-    i = curve.names.index(parameter)
-    sides = [(curve.time, curve.low[:, i], curve.median[:, i], curve.high[:, i])]
-    if curve.near is not None:
-        near = curve.near
-        sides.append((near.time, near.low[:, i], near.median[:, i], near.high[:, i]))
-    return spliced(*sides)
 
 
 def spliced(whole: Sequence[Array], near: Sequence[Array] | None = None) -> Any:
@@ -163,28 +147,9 @@ def spliced(whole: Sequence[Array], near: Sequence[Array] | None = None) -> Any:
 
 
 def _line(curve: Curve, parameter: str, *, band: bool) -> Line:
-    time, low, median, high = _part(curve, parameter)
+    """Return a parameter over time: about the fault in every sample."""
+    i = curve.names.index(parameter)
+    parts = [(c.time, c.low[:, i], c.median[:, i], c.high[:, i]) for c in (curve, curve.near) if c]
+    time, low, median, high = spliced(*parts)
     found = Line(who=curve.estimator, x=time, y=median)
     return replace(found, low=low, high=high) if band else found
-
-
-def limits(parts: Iterable[Sequence[Array]], truths: Array) -> tuple[float, float]:
-    """Return what to show: the truth and what lies near it, at most twice its range away.
-
-    Parameters
-    ----------
-    parts : iterable of sequence of ndarray
-        Time and curves of each estimator.
-    truths : ndarray
-        True values over nominal.
-    """
-    drawn = np.concatenate([side for part in parts for side in part[1:]] or [np.empty(0)])
-    drawn = drawn[np.isfinite(drawn)]
-    low, high = min(1.0, truths.min()), max(1.0, truths.max())
-    # Most of what is drawn, but a burst or a run at its bound may not set the scale.
-    room = max(high - low, 0.04)
-    if drawn.size:
-        low = max(min(low, float(np.percentile(drawn, 0.5))), low - 2 * room)
-        high = min(max(high, float(np.percentile(drawn, 99.5))), high + 2 * room)
-    margin = 0.08 * (high - low) + 0.005
-    return low - margin, high + margin

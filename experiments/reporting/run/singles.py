@@ -10,7 +10,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.catalogue.names import tomls
@@ -231,13 +230,12 @@ def chart(trace: Trace, scenario: Scenario) -> Chart:
         part: Any = whole, trace.curve[:, i].astype(float)
         near = trace.detail.near[:, i].astype(float)
         part = over_time.spliced(part, (times[near_fault(scenario)], near))
-        truth = over_time.truth_line(scenario, parameter)
-        shown = over_time.limits([part], truth.y)
         line = Line(who=trace.estimator, x=part[0], y=part[1])
-        panels.append(Panel(y=f"{parameter} / nominal", lines=[truth, line], y_range=shown))
-    residual = trace.detail.residual
-    if residual is not None:
-        panels.append(_residual(trace.estimator, whole, residual.astype(float)))
+        lines = [over_time.truth_line(scenario, parameter), line]
+        panels.append(Panel(y=f"{parameter} / nominal", lines=lines))
+    if (residual := trace.detail.residual) is not None:
+        line = Line(who=trace.estimator, x=whole, y=residual.astype(float))
+        panels.append(Panel(y=f"residual, rms of {CURVE_STEP} [rad/s]", lines=[line]))
     around = over_time.around(scenario)
     findings = trace.detail.findings[:MARKS]
     around["marks"] += [(each["time"], f"found: {_named(each)}") for each in findings]
@@ -248,14 +246,6 @@ def chart(trace: Trace, scenario: Scenario) -> Chart:
         panels=panels,
         **around,
     )
-
-
-def _residual(who: str, time: NDArray[Any], values: NDArray[Any]) -> Panel:
-    known = values[np.isfinite(values)]
-    top = 1.1 * float(np.percentile(known, 99.5)) or 1.0
-    line = Line(who=who, x=time, y=values)
-    label = f"residual, rms of {CURVE_STEP} [rad/s]"
-    return Panel(y=label, lines=[line], y_range=(0.0, top))
 
 
 def scatter(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.reporting.charts import Array, Chart, Line, Panel
+from flexaxis.experiments.reporting.charts import Chart, Kind, Line, Panel, ends
 from flexaxis.experiments.scoring import ranking
 from flexaxis.experiments.scoring.ecdf import Ecdf, ecdf
 from flexaxis.experiments.scoring.tracks import TRACKS, track_of
@@ -94,27 +93,16 @@ def _knob(points: Sequence[Row], estimator: str, unit: float) -> Line | None:
     return _of_points(estimator, sorted(mine, key=lambda p: p["std"]), unit, kind="both")
 
 
-def _of_points(who: str, mine: Sequence[Row], unit: float, *, kind: Any, **more: Any) -> Line:
-    def ends(key: str) -> tuple[Array, Array]:
-        sides = [p.get(f"{key}_interval") or (p[key], p[key]) for p in mine]
-        return tuple(np.array([[math.nan if e is None else e for e in s] for s in sides]).T)
-
-    x_low, x_high = ends("std")
-    low, high = ends("lag")
+def _of_points(who: str, mine: Sequence[Row], unit: float, *, kind: Kind) -> Line:
     x, y = np.array([[p["std"] / unit, p["lag"]] for p in mine]).T
-    sides: dict[str, Any] = {
-        "x_low": x_low / unit,
-        "x_high": x_high / unit,
-        "low": low,
-        "high": high,
-    }
-    return Line(who=who, x=x, y=y, kind=kind, **sides, **more)
+    (x_low, x_high), (low, high) = ends(mine, "std", unit), ends(mine, "lag")
+    return Line(who=who, x=x, y=y, kind=kind, x_low=x_low, x_high=x_high, low=low, high=high)
 
 
 def _bounds(points: Sequence[Row], lines: Sequence[Line]) -> list[Line]:
     """Return the bounds as horizontal lines over what is drawn."""
-    ends = np.array([[line.x.min(), line.x.max()] for line in lines] or [[0.1, 10.0]])
-    x = np.array([ends[:, 0].min(), ends[:, 1].max()])
+    x = np.array([min((line.x.min() for line in lines), default=0.1),
+                  max((line.x.max() for line in lines), default=10.0)])  # fmt: skip
     found = []
     for key, label in BOUNDS:
         bound = next((p[key] for p in points if p.get(key)), None)

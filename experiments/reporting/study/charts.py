@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel
-from flexaxis.experiments.reporting.study.findings import MISSED, SEVERAL, UNMODELLED, Alarms
+from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel, ends
+from flexaxis.experiments.reporting.study.rows import MISSED, SEVERAL, UNMODELLED, Alarms
 from flexaxis.experiments.results.finds import Finds
 
 Row = Mapping[str, Any]
@@ -76,15 +76,9 @@ def _lines(rows: Sequence[Row], axis: str, measure: str) -> list[Line]:
     for who in dict.fromkeys(row["who"] for row in rows):
         mine = sorted((row for row in rows if row["who"] == who), key=lambda row: row[axis])
         x, y = (np.array([row[key] for row in mine], float) for key in (axis, measure))
-        low, high = _ends(mine, y, f"{measure}_interval")
+        low, high = ends(mine, measure)
         found.append(Line(who=who, kind="both", x=x, y=y, low=low, high=high))
     return found
-
-
-def _ends(rows: Sequence[Row], y: Array, column: str) -> Array:
-    """Return the ends of the intervals (2, n); of what has none the value itself."""
-    spans = [row.get(column) or (v, v) for v, row in zip(y, rows, strict=True)]
-    return np.array([[np.nan if v is None else v for v in span] for span in spans], float).T
 
 
 def _from_nothing(lines: Sequence[Line]) -> tuple[float, float] | None:
@@ -139,7 +133,7 @@ def detection(found: Sequence[Alarms], *, words: str) -> Chart:
     Parameters
     ----------
     found : sequence of Alarms
-        From `flexaxis.experiments.reporting.study.findings.alarms`: a point a setting, a line a
+        From `flexaxis.experiments.reporting.study.rows.alarms`: a point a setting, a line a
         method.
     words : str
     """
@@ -188,7 +182,7 @@ def isolation(counts: Mapping[str, Counter[tuple[str, str]]], *, words: str) -> 
     Parameters
     ----------
     counts : mapping of str to Counter
-        From `flexaxis.experiments.reporting.study.findings.confusion`.
+        From `flexaxis.experiments.reporting.study.rows.confusion`.
     words : str
     """
     pairs = [pair for counter in counts.values() for pair in counter]
@@ -272,10 +266,3 @@ def _tick(value: Any) -> str | float:
     """Return a number as it is, and whatever else as text."""
     number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) if number else str(value)
-
-
-def short(value: Any) -> str:
-    """Return the value of an axis for a table."""
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if isinstance(value, int | float) else str(value)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,9 @@ from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Chart, Heat
 from flexaxis.experiments.reporting.study import charts
 from flexaxis.experiments.reporting.study import rows as study_rows
-from flexaxis.experiments.reporting.study.axis_words import axis_words
-from flexaxis.experiments.reporting.study.findings import alarms, confusion
-from flexaxis.experiments.reporting.study.tables import scores_tables
-from flexaxis.experiments.reporting.study.words import finding
+from flexaxis.experiments.reporting.study.rows import alarms, confusion, scores_tables
+from flexaxis.experiments.reporting.study.words import axis_words
+from flexaxis.experiments.reporting.tables import number, pair
 from flexaxis.experiments.reporting.terminal import failures_in_words
 from flexaxis.experiments.results.finds import PER_HOUR, Finds, finds
 from flexaxis.experiments.results.groups import Bins
@@ -28,6 +27,7 @@ from flexaxis.experiments.storage.names import REPORT
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each
 MAPS = 3  # heat maps
+TOLD = 3  # estimators in the sentence
 DRAWN = ("lag", "lag_bound", "std", "bias")
 
 DEGRADATION = (
@@ -137,6 +137,53 @@ def what_was_found(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
         yield charts.detection(found, words=DETECTION + WHISKERS)
     if counts := confusion(results):
         yield charts.isolation(counts, words=ISOLATION)
+
+
+def finding(results: Results) -> str:
+    """Return the sentence: pooled over all points, as the estimators are set."""
+    rows = study_rows.rows_of(results, [], {}, ("lag", "std", "bias", "diverged"))
+    lags = [row for row in rows if row["changed"] and row["lag"] is not None]
+    if lags:
+        names = dict.fromkeys(row["parameter"] for row in lags)
+        text = ". ".join(_soonest([r for r in lags if r["parameter"] == n], n) for n in names)
+    elif rows:
+        text = _surest(rows)
+    else:
+        return "No case could be run."
+    lost = max((row["diverged"] for row in rows), default=0)
+    more = f" Of the runs of one estimator up to {lost} were lost." if lost else ""
+    return f"{text}.{more}"
+
+
+def _soonest(rows: Sequence[Mapping[str, Any]], name: str) -> str:
+    """Return who follows a change of a parameter soonest, in words."""
+    ordered = sorted(rows, key=lambda row: row["lag"])
+    told = [
+        f"{row['who']} {number(row['lag'], 2)} s ({pair(row['lag_interval'])})"
+        if row["lag_interval"]
+        else f"{row['who']} {number(row['lag'], 2)} s"
+        for row in ordered[:TOLD]
+    ]
+    rest = f" and {len(ordered) - TOLD} more" if len(ordered) > TOLD else ""
+    return (
+        f"Lag after a change of {name} over all points, as set and not at equal noise: "
+        f"{', '.join(told)}{rest}"
+    )
+
+
+def _surest(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the error of each where nothing changes, the least first, in words."""
+    errors = {
+        (row["who"], row["parameter"]): (row["std"] ** 2 + (row["bias"] or 0.0) ** 2) ** 0.5
+        for row in rows
+        if row["std"] is not None
+    }
+    names = dict.fromkeys(name for _, name in errors)
+    parts = []
+    for name in names:
+        least, who = min((error, who) for (who, other), error in errors.items() if other == name)
+        parts.append(f"{name} {number(least, 2)} % by {who}")
+    return f"Least error over all points, root mean square: {', '.join(parts)}"
 
 
 def _averaged(results: Results, axes: Sequence[str]) -> str:

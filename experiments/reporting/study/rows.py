@@ -1,16 +1,26 @@
-"""Whom the charts of a study tell apart: estimators, with the options that are swept of them."""
+"""What charts and tables of a study are of: whom they tell apart, pooled rows, what was found."""
 
 from __future__ import annotations
 
+import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from flexaxis.experiments.reporting.study.charts import short
+import numpy as np
+
+from flexaxis.experiments.reporting.run.measures import over_bound, t10
+from flexaxis.experiments.reporting.study.words import axis_words
+from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, pair, scored
 from flexaxis.experiments.results.groups import Bins
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.study import applies, is_option
+from flexaxis.experiments.scoring.intervals import mean_interval
+from flexaxis.experiments.scoring.pools import Columns, values
 
 FEW = 9  # that a chart tells apart: as many as there are colours
+MISSED, UNMODELLED, SEVERAL = "missed", "unmodelled", "several"
 
 
 def rows_of(
@@ -45,11 +55,11 @@ def who(row: Mapping[str, Any], options: Iterable[str]) -> str:
 def told_apart(results: Results, axes: Sequence[str] = ()) -> list[str]:
     """Return the swept options that are told apart beside some axes: all, or too many and none."""
     options = [key for key in options_of(results) if key not in axes]
-    values, count = results.values(), 0
+    seen, count = results.values(), 0
     for method in results.study["estimators"]:
         settings = 1
         for key in options:
-            settings *= max(1, len(values[key])) if applies(key, method) else 1
+            settings *= max(1, len(seen[key])) if applies(key, method) else 1
         count += settings
     return options if count <= FEW else []
 
@@ -57,11 +67,173 @@ def told_apart(results: Results, axes: Sequence[str] = ()) -> list[str]:
 def pooled_over(results: Results, axes: Sequence[str] = ()) -> list[str]:
     """Return the axes that are averaged over: those that are neither drawn nor told apart."""
     apart = told_apart(results, axes)
-    values = results.values()
-    return [k for k in results.axes if k not in axes and k not in apart and len(values[k]) > 1]
+    seen = results.values()
+    return [k for k in results.axes if k not in axes and k not in apart and len(seen[k]) > 1]
 
 
 def options_of(results: Results) -> list[str]:
     """Return the axes that are options of estimators."""
     estimators = tuple(results.study["estimators"])
     return [axis for axis in results.axes if is_option(axis, estimators)]
+
+
+def short(value: Any) -> str:
+    """Return the value of an axis for a table."""
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if isinstance(value, int | float) else str(value)
+
+
+@dataclass(frozen=True)
+class Alarms:
+    """The alarms of an estimator at one setting, over all its cases.
+
+    Attributes
+    ----------
+    method, estimator : str
+    delay : float or None
+        From a fault to the first finding, mean over the cases that found one [s].
+    delay_interval : list of float or None
+        Its 95 % interval.
+    missed : float
+        Share of the faults without a finding.
+    false_per_hour : float
+        Findings outside the windows of all faults, in an hour of simulated time.
+    """
+
+    method: str
+    estimator: str
+    delay: float | None
+    delay_interval: list[float] | None
+    missed: float
+    false_per_hour: float
+
+
+def alarms(results: Results) -> list[Alarms]:
+    """Return the alarms of each estimator that reports findings."""
+    groups = results.grouped(["method", "estimator"], cases=True)
+    each = ((key, groups.columns(i)) for i, key in enumerate(groups.keys))
+    return [
+        _alarms(columns, **key) for key, columns in each if values(columns, "detection.alarms").size
+    ]
+
+
+def _alarms(columns: Columns, *, method: str, estimator: str) -> Alarms:
+    delays = values(columns, "detection.delay")
+    missed, faults, false, seconds = (
+        float(np.nansum(columns[name]))
+        for name in ("detection.missed", "detection.faults", "detection.false_alarms", "seconds")
+    )
+    return Alarms(
+        method,
+        estimator,
+        delay=float(delays.mean()) if delays.size else None,
+        delay_interval=mean_interval(delays),
+        missed=missed / max(1.0, faults),
+        false_per_hour=3600 * false / seconds,
+    )
+
+
+def confusion(results: Results) -> dict[str, Counter[tuple[str, str]]]:
+    """Count for each method what each fault was taken for, by (fault, named)."""
+    found: dict[str, Counter[tuple[str, str]]] = {}
+    groups = results.grouped(["method", "isolation"], cases=True)
+    for i, key in enumerate(groups.keys):
+        span = groups.span(i)
+        for entry in json.loads(key["isolation"] or "[]"):
+            counter = found.setdefault(key["method"], Counter())
+            counter[entry["fault"], _named(entry["named"])] += span.stop - span.start
+    return found
+
+
+def _named(names: Sequence[str] | None) -> str:
+    if names is None:
+        return MISSED
+    return names[0] if len(names) == 1 else SEVERAL if names else UNMODELLED
+
+
+LINES = 300  # of both tables
+POOLED = ("lag", "lag_bound", "t10", "std", "bias", "score", "diverged", "never_settled",
+         "detection")  # fmt: skip
+SCORES = (
+    Column("lag [s]", term="lag"),
+    Column("× bound", term="× bound"),
+    Column("t10 [s]", term="t10"),
+    Column("std [%]", term="std"),
+    Column("bias [%]", term="bias"),
+    Column("score", term="score"),
+    Column("diverged", term="diverged"),
+    Column("failed", more=True),
+    Column("runs", more=True),
+    Column("bound [s]", term="bound", more=True),
+    Column("never settled", more=True),
+    Column("false alarms per hour", term="false alarms", more=True),
+)
+
+
+NEED_A_CHANGE = ("lag [s]", "× bound", "t10 [s]", "score", "bound [s]", "never settled")
+WORDS = (
+    "All rows, one a parameter of each case: the .jsonl files beside this page; flexaxis export "
+    "writes them as a table."
+)
+
+
+def scores_tables(results: Results, bins: Bins) -> list[Table]:
+    """Return the table of what changed and that of what did not; an empty one is left out.
+
+    What has more lines than `LINES` is cut, and says so.
+    """
+    options = options_of(results)
+    points = [axis for axis in results.axes if axis not in options]
+    groups = results.grouped(["base", *points, "method", *options], bins=bins)
+    several = len(results.study["scenarios"]) > 1
+    axes = [*options, *points]
+    first = [
+        Column("estimator", kind="text"),
+        *([Column("scenario", term="scenario", kind="text")] if several else []),
+        *(Column(axis_words(axis, results.study)) for axis in axes),
+        Column("parameter", kind="text"),
+    ]
+    rows = groups.first(LINES).pooled(POOLED)
+    left = len(groups) - LINES
+    words = (f"{left} more lines are left out. " if left > 0 else "") + WORDS
+    still = [column.heading not in NEED_A_CHANGE for column in SCORES]
+    found = []
+    for heading, changed, kept in (
+        ("What changed", True, [True] * len(SCORES)),
+        ("Parameters that did not change", False, still),
+    ):
+        mine = [row for row in rows if row["changed"] == changed]
+        columns = [*first, *(c for c, there in zip(SCORES, kept, strict=True) if there)]
+        lines = [_line(row, axes, options, kept, several=several) for row in mine]
+        if lines:
+            found.append(Table(heading, columns, lines, words))
+    return found
+
+
+def _line(
+    row: Mapping[str, Any],
+    axes: Sequence[str],
+    options: Sequence[str],
+    kept: Sequence[bool],
+    *,
+    several: bool,
+) -> Row:
+    cells = [
+        Cell(str(row["method"])),
+        *([Cell(str(row["base"]))] if several else []),
+        *(Cell(short(row[axis]), "" if row[axis] is None else row[axis]) for axis in axes),
+        Cell(row["parameter"]),
+        *(cell for cell, there in zip(_scores(row), kept, strict=True) if there),
+    ]
+    group = str(row["base"]) if several else ""
+    return Row(cells, who=who(row, options), group=group)
+
+
+def _scores(row: Mapping[str, Any]) -> list[Cell]:
+    """Return the cells of `SCORES`."""
+    names = ("std", "bias", "score", "diverged", "failed", "runs", "lag_bound", "never_settled")
+    lag = scored(row["lag"], within=pair(row["lag_interval"]))
+    alarms = pair(row["false_alarms_per_hour_interval"])
+    false = scored(row["false_alarms_per_hour"], within=alarms)
+    return [lag, over_bound(row), t10(row), *(scored(row[name]) for name in names), false]
