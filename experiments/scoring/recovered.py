@@ -9,7 +9,10 @@ from flexaxis.experiments.scoring.case import Track, finite
 COSTS = 0.2
 """By which part the fault has to raise the tracking error for the score to be defined."""
 
-PARTS = ("without_fault", "frozen", "told", "estimated")
+PARTS: Mapping[str, str] = {
+    "without_fault": "rad", "frozen": "rad", "told": "rad", "estimated": "rad", "limited": ""
+}  # fmt: skip
+"""What a row holds of the loops, with units."""
 
 
 def recovered_of(track: Track, i: int) -> float | None:

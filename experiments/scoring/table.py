@@ -257,10 +257,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "recovered",
             recovered.recovered_of,
-            "What a controller that follows the estimates (`controller.adapt`) recovers of what "
-            "the fault costs it, in the rms tracking error of the 5 s after it: 0 for feed-forward "
-            "that stays nominal, 100 for the same loop without the fault. Defined where the fault "
-            "costs 20 % or more.",
+            "What a controller that follows the estimates recovers of what the fault costs it in "
+            "rms tracking error over the same window: 0 for feed-forward that stays nominal, 100 "
+            "for the same loop without the fault. Defined where the fault costs 20 % or more.",
             unit="%",
             better="more",
             pool=pools.mean,
@@ -268,19 +267,15 @@ SCORES: Mapping[str, Score] = {
             short="recov",
         ),
         Score(
-            "recovered_told",
-            recovered.recovered_told_of,
-            "The same of a controller that is told the truth.",
-            unit="%",
-            pool=pools.mean,
+            "recovered_told", recovered.recovered_told_of,
+            "The same of a controller that is told the truth.", unit="%", pool=pools.mean,
         ),
         Score(
             "tracking",
             lambda track, _: track.tracking,
-            "The rms tracking errors that it is made of: without the fault, frozen, told and as "
-            "estimated; and the samples in which limits acted on what was fed forward.",
-            pool=pools.parts((*recovered.PARTS, "limited"), np.mean),
-            parts=dict.fromkeys(recovered.PARTS, "rad") | {"limited": ""},
+            "The errors that it is made of; samples in which limits acted on what was fed forward.",
+            pool=pools.parts(recovered.PARTS, np.mean),
+            parts=recovered.PARTS,
         ),
     )
 }  # fmt: skip
