@@ -1,6 +1,6 @@
 """Write the tables of docs/drives.md and docs/control.md, and the figure of the first.
 
-`python docs/drives.py` with names of tables, such as `axes` or `worth`, or `figure`, makes these only.
+`python docs/drives.py axes`, or another name of a table, or `figure`, makes that only.
 `found` is of results/drives, `worth` and `order` are of results/control, which are run if they are
 not there: SEEDS seeds from 1000 on, half an hour each.
 """

@@ -81,6 +81,8 @@ def tracked(
     runs: Sequence[Scenario],
     seed: int,
     followers: Sequence[Follower | None],
+    *,
+    samples: int | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
     """Run scenarios on the reference and the noise of one seed of another, each with a follower.
 
@@ -93,6 +95,8 @@ def tracked(
     seed : int
     followers : sequence of Follower or None
         What learns in each run.
+    samples : int, optional
+        Of which the error is wanted, N; by default all.
 
     Returns
     -------
@@ -108,7 +112,7 @@ def tracked(
     """
     seeds, grid = [seed] * len(runs), scenario.grid
     one = runs[0].excitation.reference(grid, _stream(scenario, seed, "excitation"))
-    reference = np.column_stack([one] * len(runs))
+    reference = np.column_stack([one[:samples]] * len(runs))
     white = partial(_white, scenario, seeds, 0)
     try:
         truth = closed_loop(runs, reference, white, followers=followers)

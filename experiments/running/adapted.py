@@ -50,7 +50,7 @@ def tracking(scenario: Scenario, seed: int, spec: Spec) -> Mapping[str, float] |
     mapping of str to float, or None
         The root mean square tracking error [rad] ``without_fault``, with the fault ``frozen`` (the
         feed-forward stays nominal), ``told`` the truth and as ``estimated``; and ``limited``, the
-        samples in which limits acted on what was estimated. None where nothing is fed forward, or
+        samples until then in which limits acted on what was estimated. None where nothing is fed forward, or
         nothing fails.
 
     Raises
@@ -79,7 +79,7 @@ def _others(known: Known, seed: int) -> Mapping[str, float]:
 def _rms(
     scenario: Scenario, runs: Sequence[Scenario], seed: int, followers: Sequence[Follower | None]
 ) -> tuple[list[float], Sequence[int]]:
-    error, limited = tracked(scenario, runs, seed, followers)
     first = windows(runs[0], runs[0].identify)[0]
+    error, limited = tracked(scenario, runs, seed, followers, samples=first.stop)
     scored = error[first.start : first.stop]
     return np.sqrt(np.mean(scored**2, axis=0)).tolist(), limited.tolist()
