@@ -50,8 +50,8 @@ def tracking(scenario: Scenario, seed: int, spec: Spec) -> Mapping[str, float] |
     mapping of str to float, or None
         The root mean square tracking error [rad] ``without_fault``, with the fault ``frozen`` (the
         feed-forward stays nominal), ``told`` the truth and as ``estimated``; and ``limited``, the
-        samples until then in which limits acted on what was estimated. None where nothing is fed forward, or
-        nothing fails.
+        samples until then in which limits acted on what was estimated. None where nothing is fed
+        forward, or nothing fails.
 
     Raises
     ------
