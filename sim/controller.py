@@ -8,8 +8,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import model_validator
 
 from flexaxis.sim.config import Config, NotNegative, Positive
+from flexaxis.sim.feed_forward import AdaptConfig
 
 
 class ControllerConfig(Config):
@@ -31,6 +33,8 @@ class ControllerConfig(Config):
     log : {"mean", "sample"}, optional
         What is logged of the torque of an inner loop: its mean from each sample to the next
         (default), or its value at the sample.
+    adapt : AdaptConfig, optional
+        What is fed forward besides, and follows an estimator where there is one.
     """
 
     Kp: NotNegative = 4.0
@@ -39,6 +43,13 @@ class ControllerConfig(Config):
     tau: NotNegative = 0.0005
     rate: Literal[1000] | None = None
     log: Literal["mean", "sample"] | None = None
+    adapt: AdaptConfig | None = None
+
+    @model_validator(mode="after")
+    def _one_rate(self) -> ControllerConfig:
+        if self.adapt and self.rate:
+            raise ValueError("adapt feeds forward once a sample: leave `rate` out, or `adapt`")
+        return self
 
     @property
     def exact(self) -> bool:
@@ -51,7 +62,9 @@ class ControllerConfig(Config):
         return np.asarray(np.mean(commands, axis=0)) if inner else commands[0]
 
     def in_words(self) -> str:
-        """Return at what rate the loop runs, if not at that of the samples."""
+        """Return at what rate the loop runs, if not at that of the samples, and what it adds."""
+        if self.adapt:
+            return "loop with feed-forward"
         if self.rate is None:
             return ""
         return f"loop at {self.rate} Hz, torque logged as its {self.log or 'mean'}"

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.controller import Controller
+from flexaxis.sim.feed_forward import FeedForward, Follower
 from flexaxis.sim.nonlinear import substeps
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.plant import QUIET, Plant
@@ -24,11 +26,15 @@ _REPORT_EVERY = 200  # samples between two calls of progress
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened: torque (N, R) as logged, speed (N, R) and the angles (N, R, 3)."""
+    """What really happened: torque (N, R) as logged, speed (N, R) and the angles (N, R, 3).
+
+    And in how many samples (R,) limits acted on what was learnt and fed forward.
+    """
 
     torque: Array
     speed: Array
     angles: Array
+    limited: NDArray[np.int64]
 
 
 def closed_loop(
@@ -38,6 +44,7 @@ def closed_loop(
     *,
     threads: int = 1,
     progress: Progress | None = None,
+    followers: Sequence[Follower | None] = (),
 ) -> Truth:
     """Simulate the loop.
 
@@ -53,6 +60,8 @@ def closed_loop(
         Threads that share the runs.
     progress : callable, optional
         Called now and then with the fraction done.
+    followers : sequence of Follower or None
+        What learns in each run, where the controller feeds forward; by default nothing does.
 
     Raises
     ------
@@ -60,15 +69,16 @@ def closed_loop(
         If the engine warns or a state is not finite.
     """
     with QUIET:
-        return _run(scenarios, reference, white, threads, progress)
+        return _run(scenarios, reference, white, threads, progress, followers)
 
 
-def _run(
+def _run(  # noqa: PLR0917
     scenarios: Sequence[Scenario],
     reference: Array,
     white: White,
     threads: int,
     progress: Progress | None,
+    followers: Sequence[Follower | None],
 ) -> Truth:
     samples, runs = reference.shape
     scenario, changes = scenarios[0], Changes(scenarios)
@@ -76,6 +86,10 @@ def _run(
     sensors = scenario.sensors.values() if scenario.feedback == "measured" else ()
     read = reading(sensors, "angle", white, period=scenario.period)
     disturbance = scenario.noise.on_torque(white)
+    feed, measured = _feed_forward(scenario, reference, followers), None
+    if feed and any(followers):
+        measured = [reading(scenario.sensors.values(), signal, white, period=scenario.period)
+                    for signal in ("angle", "speed")]  # fmt: skip
     torque, speed = np.empty((2, samples, runs))
     angles = np.empty((samples, runs, 3))
     for k in range(samples):
@@ -84,10 +98,25 @@ def _run(
         (seen,) = read(angles[k : k + 1, :, 0])
         if disturbance is not None:
             drive.disturbance = disturbance[k]
+        if feed:
+            drive.feed = partial(feed.command, k)
         torque[k] = drive.advance(reference[k], reference[min(k + 1, samples - 1)], seen)
+        if feed and measured:
+            of_angle, of_speed = measured
+            (angle,), (fast,) = of_angle(angles[k : k + 1, :, 0]), of_speed(speed[k : k + 1])
+            feed.learn(k, torque[k], angle, fast)
         if progress and ((k + 1) % _REPORT_EVERY == 0 or k + 1 == samples):
             progress((k + 1) / samples)
-    return Truth(torque, speed, angles)
+    return Truth(torque, speed, angles, feed.limited if feed else np.zeros(runs, int))
+
+
+def _feed_forward(
+    scenario: Scenario, reference: Array, followers: Sequence[Follower | None]
+) -> FeedForward | None:
+    adapt = scenario.controller.adapt
+    if adapt is None:
+        return None
+    return FeedForward(adapt, scenario.initial, reference, scenario.period, followers)
 
 
 class Changes:
@@ -124,6 +153,8 @@ class _Drive:
     ----------
     disturbance : ndarray (R,) or None
         What acts in this sample beside the commands [N m]; they are logged without.
+    feed : callable or None
+        Returns the command (R,) of what the controller asks for (R,) in this sample [N m].
     """
 
     def __init__(self, scenario: Scenario, runs: int, threads: int) -> None:
@@ -137,6 +168,7 @@ class _Drive:
         self._controller = Controller(config, runs, period=between)
         self._on_the_way = deque(np.zeros((delay, runs)))
         self.disturbance: Array | None = None
+        self.feed: Callable[[Array], Array] | None = None
         nonlinear = list(scenario.nonlinear.values())
         self.plant = Plant(
             [scenario.nominal] * runs,
@@ -154,7 +186,8 @@ class _Drive:
                 part = tick / self._ticks
                 seen = self.plant.angle_m.copy() if tick else angle
                 goal = wanted + part * (wanted_next - wanted) if tick else wanted
-                commands.append(self._controller.torque(goal, seen))
+                asked = self._controller.torque(goal, seen)
+                commands.append(self.feed(asked) if self.feed else asked)
             self._on_the_way.append(commands[-1])
             acting = self._on_the_way.popleft()
             self.plant.step(acting if self.disturbance is None else acting + self.disturbance)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.errors import ScenarioError, SimulationError
+from flexaxis.sim.feed_forward import Follower
 from flexaxis.sim.loop import Progress, Truth, closed_loop
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
@@ -73,6 +74,51 @@ def simulate(
     angle = reading(sensors, "angle", white, period=grid.period)(truth.angles[:, :, 0])
     speed = reading(sensors, "speed", white, period=grid.period)(truth.speed)
     return _records(scenario, runs, seeds, truth, angle, speed)
+
+
+def tracked(
+    scenario: Scenario,
+    runs: Sequence[Scenario],
+    seed: int,
+    followers: Sequence[Follower | None],
+    *,
+    samples: int | None = None,
+) -> tuple[Array, NDArray[np.int64]]:
+    """Run scenarios on the reference and the noise of one seed of another, each with a follower.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Whose random numbers they have, and whose reference.
+    runs : sequence of Scenario
+        One a run, which differ in their faults alone.
+    seed : int
+    followers : sequence of Follower or None
+        What learns in each run.
+    samples : int, optional
+        Of which the error is wanted, N; by default all.
+
+    Returns
+    -------
+    error : ndarray (N, R)
+        Reference less true motor angle [rad].
+    limited : ndarray (R,)
+        Samples in which limits acted on what was fed forward.
+
+    Raises
+    ------
+    SimulationError
+        As from `simulate`.
+    """
+    seeds, grid = [seed] * len(runs), scenario.grid
+    one = runs[0].excitation.reference(grid, _stream(scenario, seed, "excitation"))
+    reference = np.column_stack([one[:samples]] * len(runs))
+    white = partial(_white, scenario, seeds, 0)
+    try:
+        truth = closed_loop(runs, reference, white, followers=followers)
+    except SimulationError as error:
+        raise _named(error, scenario, seeds) from None
+    return reference - truth.angles[:, :, 0], truth.limited
 
 
 def _checked(seeds: Sequence[int]) -> list[int]:

@@ -57,6 +57,7 @@ SECTIONS = (
         (
             "docs/scenarios.md",
             "docs/drives.md",
+            "docs/control.md",
             "docs/studies.md",
             "docs/notebooks/researcher.ipynb",
         ),

@@ -125,4 +125,4 @@ def _neighbours(path: str) -> str:
     place = known.index(path)
     near = [p for p in (place - 1, place + 1) if 0 <= p < len(known)]
     links = [f"[Lab {p + 1}]({Path(known[p]).stem}.md)" for p in near]
-    return f"All labs, and answers: [Seven labs](index.md). Beside this one: {', '.join(links)}."
+    return f"All labs, and answers: [Eight labs](index.md). Beside this one: {', '.join(links)}."

@@ -16,6 +16,7 @@ GROUPS = {
     "mismatch": "an axis that the linear model does not describe",
     "nuisance": "changes that are no faults",
     "drives": "drives that exist, with friction and faults of their own",
+    "control": "estimates drive the controller",
     "ground": "where estimators have failed that do well on all the others",
 }
 """The groups of the catalogue, in the order in which it is read."""

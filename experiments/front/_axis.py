@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from flexaxis._given import seed_of
+from flexaxis._given import seed_of, spec_of
 from flexaxis._records import changed
+from flexaxis.estimators.protocol import numbers_of
+from flexaxis.experiments.building.specs import build
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.loop import Changes
 from flexaxis.sim.nonlinear import substeps
@@ -44,21 +47,32 @@ class Axis:
     scenario : Scenario
     seed : int
         Of the noise.
+    estimator : str or callable, optional
+        What learns on the way.
 
     Attributes
     ----------
     scenario : Scenario
     sample : Sample
         The latest; at first the axis is at rest.
+    estimates : dict of str to float
+        What the estimator says after the latest `step`; nothing before the first.
     """
 
-    def __init__(self, scenario: Scenario, *, seed: int = 0) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        seed: int = 0,
+        estimator: str | Callable[..., Any] | None = None,
+    ) -> None:
         if scenario.delay.torque_ticks:
             raise FlexaxisError(
                 f"{scenario.name} delays the torque, which an axis stepped by hand does not: hold "
                 "your own torque back, and leave `delay` out of the scenario"
             )
         self._seed = seed_of(seed)
+        self._spec = None if estimator is None else spec_of(estimator)
         self.scenario = scenario.drawn(self._seed)
         self.reset()
 
@@ -80,6 +94,8 @@ class Axis:
         disturbance = scenario.noise.on_torque(self._white)
         self._disturbance = None if disturbance is None else disturbance[:, 0]
         self._before: float | None = None
+        self.estimates: dict[str, float] = {}
+        self._estimator = None if self._spec is None else build(self._spec, scenario)
         return self._measure()
 
     def _white(self, purpose: str) -> Any:
@@ -100,6 +116,8 @@ class Axis:
     def step(self, torque: float) -> Sample:
         """Hold a torque [N m] for one period and return the sample at its end.
 
+        An estimator takes the torque with the sample at the beginning of the period.
+
         Raises
         ------
         FlexaxisError
@@ -113,6 +131,10 @@ class Axis:
                 f"{self.scenario.name} is over after {self.scenario.duration:g} s: start again "
                 "with reset(), or make a longer axis with duration=…"
             )
+        if self._estimator is not None:
+            y = getattr(self.sample, self._estimator.output)
+            theta = numbers_of(self._estimator.step(held, y), self._estimator.step)
+            self.estimates = dict(zip(self._estimator.names, theta.tolist(), strict=True))
         more = 0.0 if self._disturbance is None else self._disturbance[self._k]
         self._plant.step(np.array([held + more]))
         self._k += 1
@@ -141,7 +163,13 @@ def _number(torque: Any) -> float:
     return float(given)
 
 
-def make_axis(scenario: str | Scenario = "fm_step-v1", *, seed: int = 0, **changes: Any) -> Axis:
+def make_axis(
+    scenario: str | Scenario = "fm_step-v1",
+    *,
+    seed: int = 0,
+    estimator: str | Callable[..., Any] | None = None,
+    **changes: Any,
+) -> Axis:
     """Return an axis to be stepped: ``sample = axis.step(torque)``.
 
     Parameters
@@ -150,6 +178,9 @@ def make_axis(scenario: str | Scenario = "fm_step-v1", *, seed: int = 0, **chang
         Its plant, faults and sensors; not its controller, for that is yours.
     seed : int
         Of the noise.
+    estimator : str or callable, optional
+        As for `estimate`: it learns on the way, and ``axis.estimates`` is what your controller may
+        make use of.
     **changes
         As for `simulate`.
 
@@ -174,4 +205,4 @@ def make_axis(scenario: str | Scenario = "fm_step-v1", *, seed: int = 0, **chang
     >>> round(sample.time, 3)
     1.995
     """
-    return Axis(changed(scenario, changes), seed=seed)
+    return Axis(changed(scenario, changes), seed=seed, estimator=estimator)

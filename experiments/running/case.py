@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.guest import hosted, is_guest, note
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.building.specs import Spec, piped
+from flexaxis.experiments.running.adapted import tracking
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
 from flexaxis.experiments.scoring.theta import known_names
@@ -99,6 +101,8 @@ def run_case(
         ran = _ran(mine, record, spec)
     theta, seconds, names, *rest = ran
     track = track_of(mine, record, names, theta, *rest)
+    if scenario.controller.adapt:
+        track = replace(track, tracking=tracking(scenario, record.seed or 0, spec))
     identity = identity_of(scenario, spec.text, record.seed)
     cost = {
         "us_per_sample": 1e6 * seconds / len(theta),

@@ -6,7 +6,7 @@ the size D = |θ_after − θ_before| of the fault. docs/scores.md has the defin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -57,6 +57,8 @@ class Track:
         Each with ``alarm`` (sample) and ``parameters`` (names).
     failed : bool
         Whether the estimator raised something, or its process died: then it has no estimates.
+    tracking : mapping, optional
+        What the estimates are worth to the controller, as `running.adapted.tracking` has it.
     memo : dict
         What several scores are made of, computed once.
     """
@@ -70,6 +72,7 @@ class Track:
     innovations: Array | None = None
     findings: Sequence[Any] | None = None
     failed: bool = False
+    tracking: Mapping[str, float] | None = None
     memo: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @cached_property

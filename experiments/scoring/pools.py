@@ -10,7 +10,7 @@ claimed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -133,7 +133,7 @@ def deviation(bias: str, lost: str) -> Pool:
     return pooled
 
 
-def parts(names: Sequence[str], statistic: Callable[[Array], float]) -> Pool:
+def parts(names: Iterable[str], statistic: Callable[[Array], float]) -> Pool:
     """Return the pool of a score that is a table: a statistic of each part that is defined."""
 
     def pooled(columns: Columns, name: str) -> Pooled:

@@ -9,7 +9,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from flexaxis.experiments.scoring import case, detection, excess, innovations, limits, pools, theory
+import numpy as np
+
+from flexaxis.experiments.scoring import (
+    case,
+    detection,
+    excess,
+    innovations,
+    limits,
+    pools,
+    recovered,
+    theory,
+)
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.score import Kind, Score
 
@@ -242,6 +253,29 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "isolation", detection.isolation_of, "What each fault was taken for.", kind="text"
+        ),
+        Score(
+            "recovered",
+            recovered.recovered_of,
+            "What a controller that follows the estimates recovers of what the fault costs it in "
+            "rms tracking error over the same window: 0 for feed-forward that stays nominal, 100 "
+            "for the same loop without the fault. Defined where the fault costs 20 % or more.",
+            unit="%",
+            better="more",
+            pool=pools.mean,
+            heading="recovered",
+            short="recov",
+        ),
+        Score(
+            "recovered_told", recovered.recovered_told_of,
+            "The same of a controller that is told the truth.", unit="%", pool=pools.mean,
+        ),
+        Score(
+            "tracking",
+            lambda track, _: track.tracking,
+            "The errors that it is made of; samples in which limits acted on what was fed forward.",
+            pool=pools.parts(recovered.PARTS, np.mean),
+            parts=recovered.PARTS,
         ),
     )
 }  # fmt: skip

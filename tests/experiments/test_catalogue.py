@@ -26,7 +26,7 @@ from flexaxis.sim.parameters import PARAMETER_NAMES
 
 HOME = Path(find.__file__).parent
 FROZEN = tomllib.loads((HOME / "hashes.toml").read_text(encoding="utf-8"))
-APART = ("drives",)  # groups with a suite of their own
+APART = ("control", "drives")  # groups with a suite of their own
 CATALOGUE = [find_scenario(name) for name in sorted(FROZEN)]
 
 
@@ -198,7 +198,7 @@ def test_the_pause():
 
 
 def test_suites():
-    names = "board-v1 board-v2 drives faults gate mismatch nuisance smoke standard"
+    names = "board-v1 board-v2 control drives faults gate mismatch nuisance smoke standard"
     assert suite_names() == names.split()
     standard = find_suite("standard")
     drawn = {name for name in FROZEN if name.endswith("-v2")}

@@ -285,3 +285,17 @@ def test_the_examples_of_the_documentation_run():
                 exec(compile(code, name, "exec"), held)
     assert {"glr", "rpem-forgetting"} == set(held["frame"]["estimator"])
     assert held["sample"].time == pytest.approx(11.995)
+
+
+def test_an_axis_stepped_by_hand_learns_on_the_way():
+    """With the torque of a record it says what the estimator says of the record."""
+    short = {"duration": 2.0, "fault[0].at": 1.0}
+    record = fx.simulate("fm_step-v1", seed=2, **short)
+    theta = fx.estimate(record, "rpem-forgetting").theta
+    axis = fx.make_axis("fm_step-v1", seed=2, estimator="rpem-forgetting", **short)
+    assert axis.estimates == {}
+    for k, torque in enumerate(record.torque[:-1].tolist()):
+        axis.step(torque)
+        np.testing.assert_allclose(list(axis.estimates.values()), theta[k], rtol=1e-12)
+    axis.reset()
+    assert axis.estimates == {} and fx.make_axis(**short).estimates == {}

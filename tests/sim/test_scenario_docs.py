@@ -34,11 +34,11 @@ def leaves(table: type[BaseModel], prefix: str = ""):
             t for t in get_args(field.annotation) if isinstance(t, type) and t is not type(None)
         ]
         if isinstance(field.default, BaseModel) and name != "excitation":
-            yield from leaves(type(field.default), f"{name}.")
+            yield from leaves(type(field.default), f"{prefix}{name}.")
         elif name in ("told", "nuisance"):
             continue  # keys of any name, and the tables of a fault
         elif field.default is None and optional and issubclass(optional[0], BaseModel):
-            yield from leaves(optional[0], f"{name}.")
+            yield from leaves(optional[0], f"{prefix}{name}.")
         elif name not in ("excitation", "fault", "parameters", "kind"):
             yield prefix + name, field
 
@@ -61,6 +61,7 @@ def test_every_key_is_explained_with_its_default(rows, key, field):
         assert default == str(list(field.default)).replace("'", '"')
     else:
         shown = f'"{field.default}"' if isinstance(field.default, str) else str(field.default)
+        shown = shown.lower() if isinstance(field.default, bool) else shown
         assert default == shown
 
 

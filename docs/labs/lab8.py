@@ -1,0 +1,58 @@
+"""Lab 8, what is it worth? A lag in seconds, and what it costs the controller that waits."""
+
+# %% Data
+# The controller of these scenarios feeds forward what is known of the axis: friction f_m v and the
+# torque J a that the wanted motion takes, and it divides by k_T. Then f_m grows by half, or the
+# inertia of the arm doubles.
+import matplotlib.pyplot as plt
+import numpy as np
+
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.bench import Bench
+
+seed, short = 1000, {"duration": 11.0, "fault[0].at": 5.4, "burn_in": 2.0}
+scenarios = {
+    "f_m": find_scenario("control_fm_moves-v1").override(short),
+    "J_a": find_scenario("control_ja_moves-v1").override(short),
+}
+memory = (0.98, 0.99, 0.995, 0.998)
+names = [f"rpem-forgetting[forgetting={x}]" for x in memory]
+
+# %% Without an estimator
+# Question 1: the controller has an integral part. Why does it not make good for the friction that
+# is missing in the feed-forward?
+rows = {}
+for p, scenario in scenarios.items():
+    found = Bench([scenario]).runs([scenario], names, [seed])
+    rows[p] = {name: run for (_, name), (run,) in found.items()}
+    first = rows[p][names[0]][0]
+    errors = {key: 1000 * value for key, value in first["tracking"].items()}
+    print(p, *(f"{key} {errors[key]:.2f}" for key in ("without_fault", "frozen", "told")), "mrad")
+
+# %% With one
+# Question 2: is the estimator with the least lag worth most? What else counts?
+# Question 3: with a lag of 4 s, of 5 s that are counted, most of what J_a costs is recovered. How
+# can that be? What else than J_a has the estimator changed?
+lags, worths = {}, {}
+for p, column in (("f_m", 2), ("J_a", 1)):
+    lags[p] = np.array([rows[p][name][column]["lag"] for name in names])
+    worths[p] = np.array([rows[p][name][column]["recovered"] for name in names])
+    for x, lag, worth in zip(memory, lags[p], worths[p], strict=True):
+        print(f"{p}, λ = {x}: lag {lag:.2f} s, {worth:.0f} % recovered")
+
+# %% Look
+figure, axis = plt.subplots(layout="constrained")
+for p in scenarios:
+    axis.plot(lags[p], worths[p], "o-", label=p)
+axis.axhline(100, color="k", ls="--", lw=1)
+axis.set(xlabel="lag [s]", ylabel="recovered [%]")
+axis.legend()
+
+# %% Check
+# Who is told the truth recovers nearly all, and the slowest estimator less than the others.
+told = rows["f_m"][names[0]][0]["recovered_told"]
+least = min(worths[p][:-1].min() - worths[p][-1] for p in scenarios)
+print(f"check: told recovers {told:.0f} %, the slowest {least:.0f} % less than others")
+assert told > 90
+assert least > 0
+plt.show()

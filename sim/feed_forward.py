@@ -1,0 +1,162 @@
+"""What is known of the axis put to use by its controller: feed-forward, as estimated or nominal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from flexaxis.sim.config import Config, Positive
+
+Array = NDArray[np.float64]
+
+USED = ("k_T", "J_m", "J_g", "J_a", "f_m", "f_c", "r")
+"""Parameters that the controller makes use of."""
+
+
+class Follower(Protocol):
+    """What learns in the loop: an estimator, as `flexaxis.estimators.protocol` has it.
+
+    Attributes
+    ----------
+    names : sequence of str
+        What is estimated, such as ``("k_T", "1/J_a", "f_m")``.
+    output : str
+        What it reads: ``"speed"`` or ``"increment"``.
+    """
+
+    @property
+    def names(self) -> Sequence[str]: ...  # noqa: D102
+
+    @property
+    def output(self) -> str: ...  # noqa: D102
+
+    def step(self, u: float, y: float) -> Any:
+        """Take u[k] and y[k], return θ[k], of which the next command is the first to make use."""
+
+
+class AdaptConfig(Config):
+    """What the controller feeds forward; the table ``[controller.adapt]`` of a scenario.
+
+    Attributes
+    ----------
+    friction, inertia, torque : bool
+        Whether the friction of the wanted motion is fed forward, and the torque that its
+        acceleration takes, and whether commands are divided by the torque constant.
+    smooth : float
+        Speed v₀ below which the sign of the wanted speed becomes smooth [rad/s].
+    limit : float
+        Estimates are used within nominal/limit … limit × nominal; what the nominal axis lacks is
+        not fed forward.
+    gain : float
+        The same of the torque constant, by which the loop's gain is multiplied as well: less than
+        its gain margin.
+    """
+
+    friction: bool = True
+    inertia: bool = True
+    torque: bool = True
+    smooth: Positive = 0.1
+    limit: Annotated[float, Field(gt=1, le=10)] = 3.0
+    gain: Annotated[float, Field(gt=1, le=10)] = 1.5
+
+    def command(self, feedback: Array, motion: tuple[Array, Array], of: Mapping[str, Any]) -> Array:
+        r"""Return the command (R,) [N m] of feedback (R,) and what is fed forward.
+
+        .. math::
+
+            u = (k_{T0} u_{fb} + J a + f_m v + f_c \tanh(v/v_0)) / k_T, \quad
+            J = J_m + r^2 (J_g + J_a)
+
+        Parameters
+        ----------
+        feedback : ndarray (R,)
+            What the controller asks of an axis with the nominal torque constant k_T0.
+        motion : (ndarray (R,), ndarray (R,))
+            Wanted speed v [rad/s] and acceleration a [rad/s²].
+        of : mapping of str to float or ndarray (R,)
+            The parameters `USED`, and ``"k_T0"``.
+        """
+        speed, acceleration = motion
+        torque = of["k_T0"] * feedback
+        if self.inertia:
+            torque = torque + (of["J_m"] + of["r"] ** 2 * (of["J_g"] + of["J_a"])) * acceleration
+        if self.friction:
+            torque = torque + of["f_m"] * speed + of["f_c"] * np.tanh(speed / self.smooth)
+        return np.asarray(torque / of["k_T" if self.torque else "k_T0"])
+
+
+class FeedForward:
+    """The feed-forward of a batch of runs, each with what it learns of its own axis.
+
+    Parameters
+    ----------
+    config : AdaptConfig
+    nominal : mapping of str to float
+        Parameters of the axis before any fault; a run without a follower keeps to them.
+    reference : ndarray (N, R)
+        Wanted motor angle [rad].
+    period : float
+        Sampling period T [s].
+    followers : sequence of Follower or None
+        One a run.
+
+    Attributes
+    ----------
+    limited : ndarray (R,)
+        Samples in which an estimate was beyond the limits, or no number.
+    """
+
+    def __init__(
+        self,
+        config: AdaptConfig,
+        nominal: Mapping[str, float],
+        reference: Array,
+        period: float,
+        followers: Sequence[Follower | None],
+    ) -> None:
+        self._config, self._followers, self._period = config, followers, period
+        runs = reference.shape[1]
+        known = {name: nominal.get(name, 0.0) for name in USED}
+        self._known = {name for name, value in known.items() if value}  # no limits about nothing
+        self._values = {name: np.full(runs, value) for name, value in known.items()}
+        most = {name: config.gain if name == "k_T" else config.limit for name in known}
+        self._box = {name: (v / most[name], v * most[name]) for name, v in known.items()}
+        self._k_T0 = known["k_T"]
+        path = np.vstack([reference[:1], reference, reference[-1:]])
+        self._speed = np.diff(path, axis=0) / period  # before each sample; after it, one later
+        self._angle = np.zeros(runs)
+        self.limited = np.zeros(runs, int)
+
+    def command(self, k: int, feedback: Array) -> Array:
+        """Return the command (R,) [N m] in sample k, from what is known by then."""
+        before, after = self._speed[k], self._speed[k + 1]
+        motion = after, (after - before) / self._period
+        return self._config.command(feedback, motion, self._values | {"k_T0": self._k_T0})
+
+    def learn(self, k: int, torque: Array, angle: Array, speed: Array) -> None:
+        """Give each follower what was commanded and measured (R,) in sample k."""
+        increment = (angle - self._angle) / self._period if k else np.zeros_like(angle)
+        self._angle = angle.copy()
+        for run, follower in enumerate(self._followers):
+            if follower is not None:
+                y = (speed if follower.output == "speed" else increment)[run]
+                theta = follower.step(float(torque[run]), float(y))
+                self._use(run, dict(zip(follower.names, theta, strict=True)))
+
+    def _use(self, run: int, theta: Mapping[str, float]) -> None:
+        """Take estimates for what they are within the limits."""
+        beyond = False
+        for name, estimate in theta.items():
+            parameter = name.removeprefix("1/")
+            if parameter not in self._known:
+                continue
+            with np.errstate(divide="ignore"):
+                value = np.float64(estimate) ** (-1 if name != parameter else 1)
+            if np.isfinite(value):
+                self._values[parameter][run] = np.clip(value, *self._box[parameter])
+            beyond |= bool(self._values[parameter][run] != value)
+        self.limited[run] += beyond

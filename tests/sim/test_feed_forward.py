@@ -1,0 +1,145 @@
+"""A controller that follows estimates: what it commands, from when on, and within what limits."""
+
+import numpy as np
+import pytest
+
+from flexaxis.sim.controller import Controller
+from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.loop import closed_loop
+from flexaxis.sim.parameters import preset
+from flexaxis.sim.scenario import parse_scenario
+from flexaxis.sim.simulate import simulate, tracked
+
+N1 = preset("n1")
+TEXT = """name = "x"
+duration = 1.5
+friction.coulomb = 0.05
+excitation.kind = "moves"
+controller.adapt = { smooth = 0.2 }
+fault = [{ kind = "step", parameter = "f_m", at = 0.5, factor = 1.5 }]
+"""
+SCENARIO = parse_scenario(TEXT)
+NAMES = ("k_T", "1/J_a", "f_m", "f_c")
+NOMINAL = np.array([1.0, 1 / 0.8, 0.05, 0.05])
+
+
+class Follower:
+    """Returns a path of estimates that is known beforehand, and remembers what it was given."""
+
+    def __init__(self, path, output="speed"):
+        self.names, self.output, self.path, self.given = NAMES, output, path, []
+
+    def step(self, u, y):
+        self.given.append((u, y))
+        return self.path[len(self.given) - 1]
+
+
+def path():
+    """Estimates that are others in every sample."""
+    k = np.arange(SCENARIO.samples)[:, None]
+    return NOMINAL * (1 + 0.3 * np.sin(0.05 * k * np.array([1, 2, 3, 4]) + 1))
+
+
+def reference():
+    rng = np.random.default_rng(3)
+    return SCENARIO.excitation.reference(SCENARIO.grid, rng)
+
+
+def loop(follower):
+    noise = np.random.default_rng(1).standard_normal((SCENARIO.samples, 1))
+    return closed_loop([SCENARIO], reference()[:, None], lambda _: noise, followers=[follower])
+
+
+def commands(truth, estimates, *, sign=1.0, gain=1.0, late=0):
+    """What the formula asks for, written out by hand, of the motion that there was."""
+    r, controller = reference(), Controller(SCENARIO.controller, 1, period=0.005)
+    known = np.vstack([NOMINAL] * (1 + late) + [estimates])  # before the first estimate: nominal
+    found = []
+    for k in range(SCENARIO.samples - 1):
+        k_T, inverse, f_m, f_c = known[k]
+        v = (r[k + 1] - r[k]) / 0.005
+        a = (r[k + 1] - 2 * r[k] + r[k - 1]) / 0.005**2 if k else v / 0.005
+        J = N1.J_m + N1.r**2 * (N1.J_g + 1 / inverse)
+        more = J * a + f_m * v + f_c * np.tanh(v / 0.2)
+        asked = controller.torque(r[k : k + 1], truth.angles[k, :, 0])
+        found.append((asked + sign * gain * more) / k_T)
+    return np.array(found)
+
+
+def test_commands_are_made_of_the_estimates_that_are_known_by_then():
+    truth = loop(Follower(path()))
+    np.testing.assert_allclose(truth.torque[:-1], commands(truth, path()), rtol=0, atol=1e-12)
+    assert not truth.limited.any()
+
+
+@pytest.mark.parametrize("slip", [{"sign": -1.0}, {"gain": 0.0}, {"late": 1}], ids=str)
+def test_slips_would_be_seen(slip):
+    truth = loop(Follower(path()))
+    assert np.abs(truth.torque[:-1] - commands(truth, path(), **slip)).max() > 1e-3
+
+
+def test_a_follower_is_given_what_the_log_has():
+    noise = 0.1 * np.random.default_rng(1).standard_normal((SCENARIO.samples, 1))
+    for output in ("speed", "increment"):
+        follower = Follower(path(), output)
+        truth = loop(follower)
+        u, y = np.array(follower.given).T
+        angle = truth.angles[:, 0, 0]
+        increment = np.concatenate([[0.0], np.diff(angle) / 0.005])
+        assert np.array_equal(u, truth.torque[:, 0])
+        wanted = truth.speed[:, 0] + noise[:, 0] if output == "speed" else increment
+        np.testing.assert_allclose(y, wanted, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 0.0, 1e9])
+def test_who_diverges_does_not_break_the_plant(value):
+    """Limits hold what is fed forward, and are counted in every sample in which they do."""
+    lost = np.full((SCENARIO.samples, 4), value)
+    truth = loop(Follower(lost))
+    most = np.array([1.5, 3, 3, 3])  # of the torque constant less, for it is a gain of the loop
+    inside = np.clip(lost, NOMINAL / most, NOMINAL * most)
+    held = inside if np.isfinite(value) else np.vstack([NOMINAL] * len(lost))
+    held[:, 1] = {0.0: 1, np.inf: 3, -1.0: 3}.get(value, held[0, 1] / NOMINAL[1]) * NOMINAL[1]
+    np.testing.assert_allclose(truth.torque[:-1], commands(truth, held), rtol=0, atol=1e-12)
+    assert truth.limited[0] == SCENARIO.samples and np.abs(truth.speed).max() < 100
+
+
+def test_without_a_follower_it_stays_nominal():
+    nominal = np.vstack([NOMINAL] * SCENARIO.samples)
+    assert np.array_equal(loop(None).torque, loop(Follower(nominal)).torque)
+    (record,) = simulate(SCENARIO, [4])
+    error, limited = tracked(SCENARIO, [SCENARIO], 4, [None])
+    assert error.shape == (SCENARIO.samples, 1) and not limited.any()
+    both, _ = tracked(SCENARIO, [SCENARIO, SCENARIO], 4, [None, Follower(nominal)])
+    assert np.array_equal(both, np.hstack([error, error]))  # whatever runs beside it
+    assert np.array_equal(np.diff(error[:, 0] + record.true_angle_m), np.diff(_path(record)))
+
+
+def _path(record):
+    from flexaxis.sim.streams import stream
+
+    return SCENARIO.excitation.reference(
+        SCENARIO.grid, stream(SCENARIO.key, record.seed, "excitation")
+    )
+
+
+def test_parts_can_be_left_out():
+    motion = np.array([2.0]), np.array([3.0])
+    of = SCENARIO.initial | {"k_T": 0.5, "k_T0": 1.0, "f_m": 0.1, "f_c": 0.0}
+    config = SCENARIO.controller.adapt
+    J = N1.J_m + N1.r**2 * (N1.J_g + N1.J_a)
+    whole = config.command(np.array([1.0]), motion, of)
+    assert whole == pytest.approx((1 + 0.2 + 3 * J) / 0.5)
+    for key, left in {"friction": (1 + 3 * J) / 0.5, "inertia": 2.4, "torque": 1.2 + 3 * J}.items():
+        without = config.model_copy(update={key: False})
+        assert without.command(np.array([1.0]), motion, of) == pytest.approx(left), key
+
+
+def test_an_inner_loop_is_refused():
+    with pytest.raises(ScenarioError, match=r"controller.*adapt feeds forward once a sample"):
+        parse_scenario(TEXT + "controller.rate = 1000\n")
+
+
+def test_old_scenarios_know_nothing_of_it():
+    plain = parse_scenario('name = "x"\nduration = 1.0\n')
+    assert "adapt" not in plain.resolved()["controller"]
