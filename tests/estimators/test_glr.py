@@ -71,7 +71,7 @@ def test_onsets_stand_once_each_and_ever_more_sparsely():
     made = of_one_mass()
     u = np.random.default_rng(2).normal(size=700)
     made.run(u, one_mass_speed(u, np.full(700, 0.1)))
-    bank, timing = made._work.bank[0], made._timing
+    bank, timing = made._work.bank[0], made._work.timing
     ages, width = [], []
     for row, onset in enumerate(bank["onset"]):
         spacing = timing.base << (row // PER_LEVEL)
