@@ -250,18 +250,20 @@ class Glr(RecursiveEstimator):
         elif work.busy or not bank["asks"]:
             return
         elif not bank["awake"]:
-            self._take_up_shape()
-            self.fixed_because = self._parts[2].begin()
+            if not self._take_up_shape():  # else that is enough for one sample
+                self.fixed_because = self._parts[2].begin()
         elif 0 <= bank["due"] <= work.now:
             self._comparison.review()
         else:
             self._comparison.begin()
 
-    def _take_up_shape(self) -> None:
-        """Go on with a filter that has the shape of friction that the first seconds show."""
-        work, rich = self._work, self._rich
-        variance = float(rich.design.scale[-3]) ** 2 if rich else 1.0
-        if rich and (shape := best_shape(work.bank[0], work.tuning[0], variance)):
+    def _take_up_shape(self) -> bool:
+        """Go on with a filter that has the shape that the first seconds show; whether it does."""
+        work, rich, shape = self._work, self._rich, None
+        if rich and work.bank["searching"][0]:
+            variance = float(rich.design.scale[-3]) ** 2
+            shape = best_shape(work.bank[0], work.tuning[0], variance)
+        if rich and shape:
             richer = rich.begin()
             taken_up(work, richer, shape)
             self._kit = rich
@@ -269,6 +271,7 @@ class Glr(RecursiveEstimator):
             self.shape = IN_WORDS[shape.which]
         for name in ("searching", "D", "J", "d"):
             self._work.bank[name] = 0
+        return shape is not None
 
     def _begin_anew(self) -> None:
         """Wait for the state after a sensor that did not follow; begin anew if all is lost."""

@@ -63,10 +63,11 @@ class FirstSeconds:
         known = seen(np.diag(work.states["P"][0])[: work.p], P0)
         fixable = [work.names.index(n) for n in self._fixable if n in work.names[self._tracked :]]
         told = [i for i in fixable if not known[i]]
-        held = np.flatnonzero(np.diag(work.states["P"][0])[: work.p] == 0).tolist()
+        held = np.flatnonzero(np.diag(work.begin["P"][0])[: work.p] == 0).tolist()
         self._fixed = [*told, *held]
-        for i in told:
+        for i in self._fixed:
             work.states["P"][0, :, i] = work.states["P"][0, i, :] = 0.0
+        for i in told:
             work.states["theta"][0, i] = self._told[i]
         if told:
             work.tuning = work.tuning.copy()
