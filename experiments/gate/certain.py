@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.gate.decide import BETTER, SAME, UNDECIDED, WORSE
 from flexaxis.experiments.gate.gate import Question, at_equal_noise, compare
 from flexaxis.experiments.gate.pairs import Table
 from flexaxis.experiments.gate.stored import compare_rows
 from flexaxis.experiments.running.bench import Bench, Runs
-from flexaxis.experiments.scoring.ranking import REFERENCE
 from flexaxis.sim.scenario import Scenario
 
 FAILED = 0.85  # share of the candidate's cases that fail

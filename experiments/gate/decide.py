@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import comb
 
-from flexaxis.experiments.scoring import statistics
+from flexaxis.experiments.comparison import statistics
 from flexaxis.experiments.scoring.table import SCORES
 
 Array = NDArray[np.float64]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.experiments.comparison import statistics
 from flexaxis.experiments.gate.decide import (
     ALPHA,
     BETTER,
@@ -18,7 +19,6 @@ from flexaxis.experiments.gate.decide import (
     UNDECIDED,
     WORSE,
 )
-from flexaxis.experiments.scoring import statistics
 
 MANY = 2
 """From so many runs newly lost on, of which the base lost none, a comparison is not passed …"""

@@ -15,6 +15,7 @@ from zlib import crc32
 
 import numpy as np
 
+from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.gate.certain import equal_noise, stored
 from flexaxis.experiments.gate.draws import Pool, judged
 from flexaxis.experiments.gate.gate import look_counts, rows_of
@@ -23,7 +24,6 @@ from flexaxis.experiments.gate.trials import NONE, SURE, Promise, Trial, trials
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.scoring.intervals import share_interval
-from flexaxis.experiments.scoring.ranking import REFERENCE
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 

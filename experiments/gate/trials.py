@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.comparison import statistics
 from flexaxis.experiments.gate.decide import ALPHA, BETTER, SHARES, UNSEEN, Family
 from flexaxis.experiments.gate.draws import Drawn, Judged, Pool, draw
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.selftable import NOTHING
-from flexaxis.experiments.scoring import statistics
 
 NULL_LOST = (0.0, 0.05, 0.10)
 """Shares of runs that both sides lose by chance."""

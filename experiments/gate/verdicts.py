@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.comparison import statistics
 from flexaxis.experiments.gate import decide, lost
 from flexaxis.experiments.gate.decide import (
     ALPHA,
@@ -23,7 +24,6 @@ from flexaxis.experiments.gate.decide import (
 )
 from flexaxis.experiments.gate.margins import METRICS
 from flexaxis.experiments.gate.pairs import LOST, Paired, Pairs, Runs
-from flexaxis.experiments.scoring import statistics
 
 VERDICTS = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME)
 

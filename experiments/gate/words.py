@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.gate.decide import BETTER, SAME, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.margins import METRICS
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.verdicts import VERDICTS, Verdict
-from flexaxis.experiments.scoring.ranking import REFERENCE
 from flexaxis.experiments.studies.tuning import EXCESS
 
 LOST_WORDS = {"diverged": "diverge", "never_settled": "never settle"}

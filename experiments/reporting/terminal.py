@@ -12,10 +12,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from flexaxis.estimators import RECOMMENDED
+from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.reporting.tables import Table as Page
 from flexaxis.experiments.reporting.tables import number, pair, settled
 from flexaxis.experiments.scoring import pools
-from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.scoring.score import Score
 from flexaxis.experiments.scoring.table import SCORES
 from flexaxis.experiments.streams import visible

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pools
+from flexaxis.experiments.scoring.bounds import RMSE_AT
 from flexaxis.experiments.scoring.case import Track, finite, relative_error
 from flexaxis.experiments.scoring.curves import CURVE_STEP, Detail, detail_of, later, shifted
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import by_seed, mean_interval
-from flexaxis.experiments.scoring.limits import RMSE_AT
 from flexaxis.experiments.scoring.table import SCORES, rows
 from flexaxis.experiments.scoring.table import columns as kinds
 from flexaxis.sim.scenario import Scenario

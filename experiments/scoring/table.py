@@ -12,19 +12,18 @@ from typing import Any
 import numpy as np
 
 from flexaxis.experiments.scoring import (
+    bounds,
     case,
+    consistency,
     detection,
     excess,
-    innovations,
-    limits,
     pools,
     recovered,
-    theory,
 )
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.score import Kind, Score
 
-AFTER = tuple(map(str, limits.RMSE_AT))  # samples after onset
+AFTER = tuple(map(str, bounds.RMSE_AT))  # samples after onset
 
 SCORES: Mapping[str, Score] = {
     score.name: score
@@ -162,14 +161,14 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "lag_null",
-            lambda track, i: theory.limits_of(track, i).lag_null,
+            lambda track, i: bounds.limits_of(track, i).lag_null,
             "Lag of an estimator that never moves.",
             unit="s",
             pool=pools.mean,
         ),
         Score(
             "lag_bound",
-            lambda track, i: theory.limits_of(track, i).lag_bound,
+            lambda track, i: bounds.limits_of(track, i).lag_bound,
             "Lag that noise allows to whoever is told time and state of the jump and takes all "
             "estimated parameters, and dry friction, for unknown after it (Cramér–Rao).",
             unit="s",
@@ -177,21 +176,21 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "lag_bound_single",
-            lambda track, i: theory.limits_of(track, i).lag_bound_single,
+            lambda track, i: bounds.limits_of(track, i).lag_bound_single,
             "The same for whoever is told besides which parameter it is, and knows the others.",
             unit="s",
             pool=pools.mean,
         ),
         Score(
             "bound",
-            lambda track, i: theory.limits_of(track, i).bound,
+            lambda track, i: bounds.limits_of(track, i).bound,
             "Standard deviation on the bound with all unknown over D, by samples after onset.",
             pool=pools.parts(AFTER, pools.rms),
             parts=dict.fromkeys(AFTER, ""),
         ),
         Score(
             "score",
-            theory.score_of,
+            bounds.score_of,
             "0 for doing nothing, 100 for the lag of the bound with all unknown, on a logarithmic "
             "scale; for steps on an axis that a model describes.",
             unit="",
@@ -202,7 +201,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "nees",
-            theory.nees_of,
+            consistency.nees_of,
             "Squared error before the fault in units of the claimed covariance; the number of "
             "estimated parameters for an honest claim.",
             unit="",
@@ -211,7 +210,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "nis",
-            innovations.nis_of,
+            consistency.nis_of,
             "Squared innovation before the fault in units of the variance claimed for it: 1 for an "
             "honest claim.",
             unit="",
@@ -220,7 +219,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "whiteness",
-            innovations.whiteness_of,
+            consistency.whiteness_of,
             "Colour of the innovations in the same time, the statistic of Ljung and Box over its "
             "degrees of freedom: 1 on average for white ones, more the more the next is known from "
             "those before.",

@@ -13,6 +13,7 @@ import numpy as np
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
+from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.reporting.run.page import render
 from flexaxis.experiments.results.pooled import Pooled, save
 from flexaxis.experiments.results.results import Results
@@ -25,7 +26,6 @@ from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.scoring.case import failed_track, relative_error
 from flexaxis.experiments.scoring.curves import Curve, curve_of
 from flexaxis.experiments.scoring.pooling import POOLED, of_trajectories
-from flexaxis.experiments.scoring.ranking import overall
 from flexaxis.experiments.storage.files import write_text
 from flexaxis.experiments.storage.names import REPORT, SUMMARY, SWEEP
 from flexaxis.experiments.storage.traces import Traces

@@ -172,7 +172,7 @@ def test_looking_again_does_not_raise_the_false_alarms():
 
 
 def gate_p(values):
-    from flexaxis.experiments.scoring.statistics import paired
+    from flexaxis.experiments.comparison.statistics import paired
 
     return paired(np.ones(len(values)), np.exp(values)).p
 
