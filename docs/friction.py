@@ -23,8 +23,12 @@ from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.bounds import noise_variance
-from flexaxis.experiments.scoring.described import model_theta, true_model, with_structure
-from flexaxis.experiments.scoring.true_path import jump_gradient
+from flexaxis.experiments.scoring.true_model import (
+    jump_gradient,
+    model_theta,
+    true_model,
+    with_structure,
+)
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate

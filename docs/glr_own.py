@@ -18,7 +18,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.specs import made, parse
 from flexaxis.experiments.scoring.bounds import cramer_rao, lag_bound
-from flexaxis.experiments.scoring.true_path import jump_gradient
+from flexaxis.experiments.scoring.true_model import jump_gradient
 from flexaxis.sim.controller import Controller, ControllerConfig
 from flexaxis.sim.excitation import Multisine
 

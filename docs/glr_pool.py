@@ -11,7 +11,7 @@ from glr_runs import AGES, Row
 from scipy.stats import beta, chi2
 
 from flexaxis.experiments.scoring.intervals import log_interval, mean_interval
-from flexaxis.experiments.scoring.pools import scatter
+from flexaxis.experiments.scoring.pooling import scatter
 
 KEPT = Path(__file__).parent / "data" / "glr.csv"
 

@@ -13,8 +13,8 @@ from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import track_of
 from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.consistency import nees
 from flexaxis.experiments.scoring.table import rows as scores
-from flexaxis.experiments.scoring.theory import nees
 from flexaxis.experiments.scoring.theta import physical
 
 AGES = (0.1, 0.5, 2.0)  # s after a fault at which claims are looked at

@@ -20,9 +20,9 @@ from flexaxis.estimators.tuned import tunings
 from flexaxis.experiments.catalogue.card import GROUPS
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.catalogue.names import DRAWN
-from flexaxis.experiments.gate.selftable import markdown as self_test_table
+from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, CONTROLS
+from flexaxis.experiments.gate.selftest import markdown as self_test_table
 from flexaxis.experiments.reporting.tables import number
-from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST, CONTROLS
 from flexaxis.experiments.scoring.table import SCORES
 
 ROOT = Path(__file__).parents[1]

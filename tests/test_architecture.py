@@ -71,6 +71,7 @@ def test_the_check_sees_a_wrong_arrow(tmp_path):
 WAY = (
     ("scoring",),
     ("storage",),
+    ("comparison",),
     ("catalogue",),
     ("building",),
     ("running",),

@@ -10,8 +10,7 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.methods.glr import glr
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring.described import model_theta, true_model
-from flexaxis.experiments.scoring.true_path import jump_gradient
+from flexaxis.experiments.scoring.true_model import jump_gradient, model_theta, true_model
 from flexaxis.sim.simulate import simulate
 
 T, sigma, onset, seeds = 0.005, 0.1, 2000, range(1000, 1003)

@@ -23,11 +23,11 @@ from flexaxis.experiments.board.ranking import (
 )
 from flexaxis.experiments.board.real_logs import LogScore
 from flexaxis.experiments.board.verification import Ask, of_form
+from flexaxis.experiments.comparison.matching import NOISIER, QUIETER
+from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel, ends
 from flexaxis.experiments.reporting.page import charted, render
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.scoring.matching import NOISIER, QUIETER
-from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.storage.files import json_table, make_folder, write_json, write_text
 
 VERIFIED = "verified"

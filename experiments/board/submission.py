@@ -19,9 +19,9 @@ from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.neighbours import code_file, imported_neighbours
 from flexaxis.experiments.building.ready import readable
 from flexaxis.experiments.building.specs import PIPE, piped
+from flexaxis.experiments.comparison.ranking import CONTROLS
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.scoring.ranking import CONTROLS
 from flexaxis.experiments.storage.files import dumps, make_folder, write_text, writing
 from flexaxis.experiments.studies.knobs import knob_of
 from flexaxis.experiments.studies.sweep import FACTORS, reference, settings, sweep

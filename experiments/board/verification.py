@@ -34,7 +34,7 @@ from flexaxis.experiments.running.case import identity_of, track_of
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.verify import differences
 from flexaxis.experiments.scoring import tracks
-from flexaxis.experiments.scoring.pooling import scored
+from flexaxis.experiments.scoring.summary import scored
 from flexaxis.experiments.storage.files import dumps
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario

@@ -28,7 +28,7 @@ _USUAL = Scenario(name="usual", duration=20.0)
 
 def reference_card(scenario: Scenario) -> dict[str, str]:
     """Return what to know of a scenario before reading its results, by heading."""
-    from flexaxis.experiments.scoring.limits import bounded  # and all that bounds take
+    from flexaxis.experiments.scoring.bounds import bounded  # and all that bounds take
 
     names = ", ".join(bounded(scenario, scenario.identify))
     return {

@@ -79,7 +79,6 @@ def gate(
         Processes.
     """
     from flexaxis.experiments.catalogue.find import select
-    from flexaxis.experiments.gate.comparison_report import markdown
     from flexaxis.experiments.gate.gate import (
         Question,
         compare,
@@ -87,6 +86,7 @@ def gate(
         readable_by_both,
     )
     from flexaxis.experiments.gate.margins import MARGINS
+    from flexaxis.experiments.gate.report import markdown
     from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means

@@ -15,8 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.experiments.demo.racer import NAMES, SHOWN
 from flexaxis.experiments.scoring.bounds import cramer_rao, lag_bound
 from flexaxis.experiments.scoring.case import lag
-from flexaxis.experiments.scoring.described import model_theta, sizes, tracked, true_model
-from flexaxis.experiments.scoring.true_path import jump_gradient
+from flexaxis.experiments.scoring.true_model import (
+    jump_gradient,
+    model_theta,
+    sizes,
+    tracked,
+    true_model,
+)
 from flexaxis.experiments.scoring.windows import WINDOW
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.timing import PERIOD, sample_index

@@ -13,10 +13,9 @@ from flexaxis._given import Scenarios, scenarios_of, seeds_of, texts_of
 from flexaxis._table import html_table, text_table
 from flexaxis._working import working
 from flexaxis.experiments.gate import gate
-from flexaxis.experiments.gate.comparison_rows import COLUMNS, cells, ordered
 from flexaxis.experiments.gate.equal_noise import work
 from flexaxis.experiments.gate.margins import parse_margins
-from flexaxis.experiments.gate.words import headline, knobs, meaning
+from flexaxis.experiments.gate.wording import COLUMNS, cells, headline, knobs, meaning, ordered
 from flexaxis.experiments.running.bench import Bench
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from flexaxis._running import estimate
 from flexaxis._table import Table
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running.case import case_id, track_of
-from flexaxis.experiments.scoring.pooling import scored
+from flexaxis.experiments.scoring.summary import scored
 from flexaxis.experiments.scoring.table import SCORES
 from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.sim.errors import RecordError

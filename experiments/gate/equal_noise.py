@@ -3,7 +3,8 @@
 The knobs are turned on seeds for tuning, until both are as noisy as the reference. On the seeds of
 the comparison that leaves them equal but for chance, so the candidate runs at neighbouring turns
 of its knob as well, and its scores are read off where it is exactly as noisy as the base there
-(`flexaxis.experiments.scoring.matching`); the jackknife over seeds holds what is uncertain of it.
+(`flexaxis.experiments.comparison.matching`); the jackknife over seeds holds what is uncertain
+of it.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.specs import written_options
+from flexaxis.experiments.comparison.matching import MATCHED, Match, Noise, Setting, match, plain
 from flexaxis.experiments.gate.pairs import Paired, Pairs
 from flexaxis.experiments.running.bench import Bench, Runs
 from flexaxis.experiments.running.work import Row
 from flexaxis.experiments.scoring.excess import information
-from flexaxis.experiments.scoring.matching import MATCHED, Match, Noise, Setting, match, plain
-from flexaxis.experiments.scoring.pooling import biases_of
+from flexaxis.experiments.scoring.summary import biases_of
 from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.tuning import (

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring import statistics
+from flexaxis.experiments.comparison import statistics
+from flexaxis.experiments.comparison.matching import SPREADS
 from flexaxis.experiments.scoring import table as scores
-from flexaxis.experiments.scoring.matching import SPREADS
 from flexaxis.sim.errors import FlexaxisError
 
 LOST = ("diverged", "never_settled")

@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from flexaxis.experiments.comparison.matching import SPREADS
 from flexaxis.experiments.gate.decide import ALPHA
 from flexaxis.experiments.gate.gate import Comparison, of_pairs
 from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.scoring.matching import SPREADS
 from flexaxis.experiments.storage.files import OutputError, json_table
 from flexaxis.experiments.storage.names import SUMMARY
 from flexaxis.experiments.storage.schema import row_files

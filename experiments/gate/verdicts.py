@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.gate import decide, lost
+from flexaxis.experiments.comparison import statistics
+from flexaxis.experiments.gate import decide
 from flexaxis.experiments.gate.decide import (
     ALPHA,
     BETTER,
@@ -23,7 +24,6 @@ from flexaxis.experiments.gate.decide import (
 )
 from flexaxis.experiments.gate.margins import METRICS
 from flexaxis.experiments.gate.pairs import LOST, Paired, Pairs, Runs
-from flexaxis.experiments.scoring import statistics
 
 VERDICTS = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME)
 
@@ -137,7 +137,7 @@ def newly_lost(verdicts: Sequence[Verdict]) -> int:
 def alarming(verdicts: Sequence[Verdict]) -> bool:
     """Return whether somebody should look at the runs newly lost, one way or the other."""
     counts = [(v.newly or 0, v.regained or 0, v.base or 0) for v in verdicts if v.metric in LOST]
-    return bool(lost.alarming(*zip(*counts, strict=True))) if counts else False
+    return bool(decide.alarming(*zip(*counts, strict=True))) if counts else False
 
 
 def overall(verdicts: Sequence[Verdict]) -> str:
@@ -169,9 +169,9 @@ def _judge_lost(runs: Sequence[Runs], way: str, alpha: float) -> Verdict:
     seeds = np.concatenate([r.seeds for r in runs])
     new, back = sides[1] & ~sides[0], sides[0] & ~sides[1]
     newly, regained, total = int(new.sum()), int(back.sum()), len(seeds)
-    word = str(lost.judge_lost(newly, regained, way, alpha=alpha)[()])
-    level = lost.levels(way, alpha)[int(newly < regained)]
-    runs_needed = lost.runs_needed(newly, regained, total, level) if word == UNDECIDED else None
+    word = str(decide.judge_lost(newly, regained, way, alpha=alpha)[()])
+    level = decide.levels(way, alpha)[int(newly < regained)]
+    runs_needed = decide.runs_needed(newly, regained, total, level) if word == UNDECIDED else None
     # Where it happens: a run newly lost, else a lost one, else any.
     worst = int(np.argmax(2 * new + (sides[0] | sides[1])))
     return Verdict(

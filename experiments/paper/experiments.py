@@ -15,7 +15,7 @@ from flexaxis.estimators.offline.arx import Arx, fit_arx
 from flexaxis.estimators.offline.frequency import frequency_response, information, line_spectrum
 from flexaxis.estimators.offline.identification import Identified, output_error
 from flexaxis.experiments.paper.data import Data, signals
-from flexaxis.experiments.scoring.pools import settles, spread_at_a_time
+from flexaxis.experiments.scoring.pooling import settles, spread_at_a_time
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from flexaxis.experiments.paper.experiments import (
     pooled_std,
     settled_P,
 )
-from flexaxis.experiments.scoring.pools import settles
+from flexaxis.experiments.scoring.pooling import settles
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.record import Record
 

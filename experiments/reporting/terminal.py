@@ -12,10 +12,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from flexaxis.estimators import RECOMMENDED
+from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.reporting.tables import Table as Page
 from flexaxis.experiments.reporting.tables import number, pair, settled
-from flexaxis.experiments.scoring import pools
-from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
+from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.score import Score
 from flexaxis.experiments.scoring.table import SCORES
 from flexaxis.experiments.streams import visible
@@ -187,10 +187,10 @@ def _cell(score: Score, row: Mapping[str, Any]) -> str:
     value = row.get(score.name)
     if score.name == "lag":
         return _with_half_width(value, row["lag_interval"])
-    if score.pool is pools.median:
+    if score.pool is pooling.median:
         return settled(value, row["changed"])
     if score.kind == "truth":  # a count, of runs in which there was something to settle
-        return "–" if score.pool is pools.count_kept and not row["changed"] else str(value)
+        return "–" if score.pool is pooling.count_kept and not row["changed"] else str(value)
     if score.better == "more":
         return "–" if value is None else f"{value:.0f}"
     return number(value, 2)

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring import pooling
+from flexaxis.experiments.scoring import summary
 from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.experiments.storage.schema import CASE
@@ -85,11 +85,11 @@ class Groups:
             parts = (
                 self._excess()
                 if name == "excess"
-                else (pooling.pool_columns(each, [name]) for each in every)
+                else (summary.pool_columns(each, [name]) for each in every)
             )
             found = [row | part for row, part in zip(found, parts, strict=True)]
         return [
-            row | pooling.cost(each) | _alarms(each, row)
+            row | summary.cost(each) | _alarms(each, row)
             for row, each in zip(found, every, strict=True)
         ]
 
@@ -114,7 +114,7 @@ class Groups:
             asked = {name: g for name, g in by_name.items() if name in of.identify} or by_name
             first = self.span(next(iter(asked.values())))
             if all(np.array_equal(cases[self.span(g)], cases[first]) for g in asked.values()):
-                shared = pooling.excess({n: self.columns(g) for n, g in asked.items()}, of)
+                shared = summary.excess({n: self.columns(g) for n, g in asked.items()}, of)
                 for group in groups:
                     found[group] = shared
         return found
@@ -134,10 +134,10 @@ class _Columns(Mapping[str, Array]):
         return self._results.numbers(name, self._rows)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(pooling.NUMBERS)
+        return iter(summary.NUMBERS)
 
     def __len__(self) -> int:
-        return len(pooling.NUMBERS)
+        return len(summary.NUMBERS)
 
 
 def _alarms(columns: Mapping[str, Array], pooled: Mapping[str, Any]) -> dict[str, Any]:

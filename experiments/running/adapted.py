@@ -10,8 +10,7 @@ import numpy as np
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.building.specs import Spec
-from flexaxis.experiments.scoring.known import Known
-from flexaxis.experiments.scoring.windows import windows
+from flexaxis.experiments.scoring.windows import Known, windows
 from flexaxis.sim.feed_forward import USED, Follower
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import tracked

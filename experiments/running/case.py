@@ -19,7 +19,7 @@ from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.building.specs import Spec, piped
 from flexaxis.experiments.running.adapted import tracking
 from flexaxis.experiments.scoring.case import Track
-from flexaxis.experiments.scoring.pooling import Case, scored
+from flexaxis.experiments.scoring.summary import Case, scored
 from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.experiments.scoring.windows import claimed_at
 from flexaxis.sim.onsets import first_onset

@@ -24,7 +24,7 @@ from flexaxis.experiments.running.case import identity_of, run_case, warm
 from flexaxis.experiments.running.interrupts import asked
 from flexaxis.experiments.running.study import Entry, Unit, Variant
 from flexaxis.experiments.scoring.case import failed_track
-from flexaxis.experiments.scoring.pooling import Case
+from flexaxis.experiments.scoring.summary import Case
 from flexaxis.experiments.scoring.table import rows as score_rows
 from flexaxis.experiments.scoring.table import undefined
 from flexaxis.experiments.storage.errors import NotRun

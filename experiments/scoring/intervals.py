@@ -195,7 +195,7 @@ def spread_interval(
     seeds: ArrayLike | None = None,
     points: ArrayLike | None = None,
 ) -> Interval | None:
-    """Return the interval of the standard deviation over time and runs, as `pools.spread` has it.
+    """Return the interval of the standard deviation over time and runs, as `pooling.spread` has it.
 
     The variance is that within the runs, that of their means about those of their points, and that
     of these. The first has the interval of the mean of lognormal values (Cox's), the second that

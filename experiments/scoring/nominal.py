@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.known import Known
 from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.experiments.scoring.windows import Known
 from flexaxis.sim.excitation import Standstill
 from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario

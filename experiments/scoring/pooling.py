@@ -1,256 +1,267 @@
-"""Pool the scores of all seeds into one row per scenario, estimator and parameter."""
+"""How the rows of many seeds become one number, with its interval; a function a kind of score.
+
+Each takes columns, all of one parameter of one estimator on one scenario, and the name of a score;
+each returns what goes into the pooled row. A column is an array with a number for each run, in the
+order of the seeds: NaN is what is not defined, 1 and 0 are true and false. ``seed`` and ``point``
+are among them, for seeds are the unit of chance (`flexaxis.experiments.scoring.intervals`). Lost
+runs count in all but the consistency of the claim: of an estimate that is not there nothing was
+claimed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.experiments.scoring import pools
-from flexaxis.experiments.scoring.case import Track, finite, relative_error
-from flexaxis.experiments.scoring.curves import CURVE_STEP, Detail, detail_of, later, shifted
-from flexaxis.experiments.scoring.excess import information
-from flexaxis.experiments.scoring.intervals import by_seed, mean_interval
-from flexaxis.experiments.scoring.limits import RMSE_AT
-from flexaxis.experiments.scoring.table import SCORES, rows
-from flexaxis.experiments.scoring.table import columns as kinds
-from flexaxis.sim.scenario import Scenario
+from flexaxis.experiments.scoring.case import finite, settling
+from flexaxis.experiments.scoring.intervals import (
+    FLOOR,
+    by_seed,
+    mean_interval,
+    median_interval,
+    rate_interval,
+    spread_interval,
+    t_interval,
+)
 
 Array = NDArray[np.float64]
-
-IDENTITY = ("scenario", "hash", "estimator", "parameter", "changed")
-POOLED = tuple(score.name for score in SCORES.values() if score.pool is not None)
-NUMBERS = (
-    "changed",
-    *(name for name, kind in kinds().items() if kind != "text"),
-    "cost.us_per_sample",
-)
-"""Columns that pools may ask for."""
+Columns = Mapping[str, Array]
+Pooled = dict[str, Any]
+Pool = Callable[[Columns, str], Pooled]
 
 
-@dataclass(frozen=True)
-class Case:
-    """What is kept of one estimator on one record.
-
-    Attributes
-    ----------
-    scenario, estimator : str
-    seed : int
-    names : tuple of str
-        Estimated parameters.
-    rows : list of dict
-        Scores, one row for each parameter, as they are kept.
-    curve : ndarray (M, p)
-        Every tenth estimate over its nominal value.
-    relative : dict of str to ndarray (n,)
-        θ̃/D in the first scored window of each changed parameter.
-    detail : Detail or None
-        What else there is to draw of it.
-    theta : ndarray (N, p) or None
-        All estimates, where they were asked for.
-    """
-
-    scenario: str
-    estimator: str
-    seed: int
-    names: tuple[str, ...]
-    rows: list[dict[str, Any]]
-    curve: NDArray[np.float32]
-    relative: dict[str, NDArray[np.float32]]
-    detail: Detail | None = None
-    theta: NDArray[np.float64] | None = None
+def values(columns: Columns, name: str) -> Array:
+    """Return the values of a score where it is defined."""
+    x = columns[name]
+    return x[~np.isnan(x)]
 
 
-def scored(
-    track: Track,
-    *,
-    estimator: str,
-    seed: int,
-    identity: Mapping[str, Any],
-    cost: Mapping[str, Any],
-    whole: bool = False,
-    written: Scenario | None = None,
-) -> Case:
-    """Return the case of a track: its rows, and what its figures are made of.
+def by(statistic: Callable[[Array], float]) -> Pool:
+    """Return the pool that takes a statistic of the defined values, such as ``by(np.max)``."""
 
-    Parameters
-    ----------
-    track : Track
-    estimator : str
-        As typed.
-    seed : int
-    identity, cost : mapping
-        What stands in each row before and after the scores.
-    whole : bool
-        Whether to keep all estimates.
-    written : Scenario, optional
-        Before its onset was drawn: the figures of all runs are drawn about the one onset there.
-    """
-    late = later(track.scenario, written or track.scenario)
-    with np.errstate(over="ignore", invalid="ignore"):  # a lost run may hold anything
-        relative = relative_error(track)
-        return Case(
-            scenario=track.scenario.name,
-            estimator=estimator,
-            seed=seed,
-            names=track.names,
-            rows=[dict(identity) | row | {"cost": dict(cost)} for row in rows(track)],
-            curve=(shifted(track.theta, late)[::CURVE_STEP] / track.nominal).astype(np.float32),
-            relative={name: error.astype(np.float32) for name, error in relative.items()},
-            detail=detail_of(track, late),
-            theta=track.theta if whole else None,
-        )
+    def pooled(columns: Columns, name: str) -> Pooled:
+        x = values(columns, name)
+        return {name: finite(float(statistic(x))) if x.size else None}
+
+    return pooled
 
 
-def case_of(own: Sequence[dict[str, Any]], trace: Any = None) -> Case:
-    """Return a case from its rows, without trajectories unless there is a trace."""
-    first = own[0]
-    return Case(
-        scenario=first["scenario"],
-        estimator=first["estimator"],
-        seed=first["seed"],
-        names=tuple(row["parameter"] for row in own),
-        rows=list(own),
-        curve=np.empty((0, 0), np.float32) if trace is None else trace.curve,
-        relative={} if trace is None else dict(trace.relative),
-    )
+def _drawn(columns: Columns, where: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return seeds and points of some runs."""
+    return columns["seed"][where], columns["point"][where]
 
 
-def pool_group(group: Sequence[Case], scenario: Scenario) -> list[dict[str, Any]]:
-    """Return the pooled rows of one estimator on one scenario, one for each parameter.
-
-    Returns
-    -------
-    list of dict
-        The scores as `flexaxis.experiments.scoring.table.SCORES` pools them, `seeds` their number;
-        `t63` and `t90` are those of the median run; `rmse` maps samples after onset to the root
-        mean square of θ̃/D, `efficiency` the same over the bound; `cost` is the median.
-    """
-    group = sorted(group, key=lambda case: case.seed)  # whatever the order in which they came
-    by_name = {name: columns_of([case.rows[i] for case in group])
-               for i, name in enumerate(group[0].names)}  # fmt: skip
-    shared = excess(by_name, scenario)
-    found = []
-    for i, (name, columns) in enumerate(by_name.items()):
-        identity = {key: group[0].rows[i][key] for key in IDENTITY}
-        scores = pool_columns(columns) | shared | cost(columns)
-        errors = [case.relative[name] for case in group if name in case.relative]
-        curve = of_trajectories(errors, scores["bound"], period=scenario.period)
-        found.append(identity | {"seeds": len(group), "runs": len(group)} | scores | curve)
-    return found
+def _by_seed(columns: Columns, name: str, of: Callable[[Array], Array]) -> Array:
+    """Return what each seed says of the mean of a function of the defined values."""
+    return by_seed(of(values(columns, name)), *_drawn(columns, ~np.isnan(columns[name])))
 
 
-def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
-    """Return the numbers of rows as columns: tables inside them as dotted names, NaN for null.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        As they are kept, all of one parameter.
-    """
-    points = [f"{row.get('hash')} {row.get('estimator')}" for row in rows]
-    found: dict[str, Array] = {
-        "seed": np.array([row.get("seed", place) for place, row in enumerate(rows)], float),
-        "point": np.unique(points, return_inverse=True)[1].astype(float),
-    }
-    for name in NUMBERS:
-        score, _, part = name.partition(".")
-        given = [row.get(score) for row in rows]
-        found[name] = np.array([v and v.get(part) for v in given] if part else given, float)
-    return found
-
-
-def pool_columns(columns: pools.Columns, names: Iterable[str] | None = None) -> dict[str, Any]:
-    """Return the pooled scores of the rows of one parameter.
-
-    The excess error is not among them, which takes all parameters of a case: see `excess`.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray (n,)
-        As `flexaxis.experiments.scoring.pools` takes them; only those that are needed are asked
-        for.
-    names : iterable of str, optional
-        Scores to pool, all by default.
-    """
-    found: dict[str, Any] = {}
-    with np.errstate(over="ignore", invalid="ignore"):
-        for name in POOLED if names is None else names:
-            pool = SCORES[name].pool
-            if pool is not None and name != "excess":
-                found |= pool(columns, name)
-    return found
-
-
-def cost(columns: pools.Columns) -> dict[str, Any]:
-    """Return the median of what a sample takes."""
-    us = pools.by(np.median)(columns, "cost.us_per_sample")["cost.us_per_sample"]
-    return {"cost": {"us_per_sample": us}}
-
-
-def excess(by_name: Mapping[str, pools.Columns], scenario: Scenario) -> dict[str, Any]:
-    """Return the pooled excess error with its interval, the same for all parameters.
-
-    Parameters
-    ----------
-    by_name : mapping of str to columns
-        Of each estimated parameter, over the same runs on one scenario.
-    scenario : Scenario
-        The biases that count are those of its `identify`; whoever does not estimate one of these
-        has none in it.
-    """
-    first = next(iter(by_name.values()))
-    each, lost = first["excess"], first["lost_before"] > 0
-    M = information(scenario)
-    if M is None or np.isnan(each).any():
-        return {"excess": None, "excess_interval": None}
-    none = np.zeros(len(each))
-    biases = np.column_stack(
-        [np.nan_to_num(by_name[n]["bias"]) if n in by_name else none for n in scenario.identify]
-    )
-    values = None if lost.any() else pools.excess_values(each, biases, M)
-    within = values is not None and mean_interval(by_seed(values, first["seed"], first["point"]))
+def geometric(columns: Columns, name: str) -> Pooled:
+    """Pool by the geometric mean: what a ratio of two estimators is a ratio of."""
+    x = values(columns, name)
+    if not x.size:
+        return {name: None, f"{name}_interval": None}
+    logs = _by_seed(columns, name, lambda x: np.log(np.maximum(x, FLOOR)))
+    within = t_interval(logs)
     return {
-        "excess": finite(max(0.0, pools.excess(each, lost, biases, M))),
-        "excess_interval": [max(0.0, end) for end in within] if within else None,
+        name: finite(float(np.exp(np.log(np.maximum(x, FLOOR)).mean()))),
+        f"{name}_interval": within and [float(np.exp(end)) for end in within],
     }
 
 
-def biases_of(runs: Sequence[Sequence[Mapping[str, Any]]], scenario: Scenario) -> Array:
-    """Return the biases (n, p) of runs in the scenario's `identify` [% of nominal].
-
-    Parameters
-    ----------
-    runs : sequence of sequence of mapping
-        The rows of each run, one for each parameter.
-    scenario : Scenario
-    """
-    by_name = [{row["parameter"]: row["bias"] or 0.0 for row in rows} for rows in runs]
-    return np.array([[found.get(name, 0.0) for name in scenario.identify] for found in by_name])
+def mean(columns: Columns, name: str) -> Pooled:
+    """Pool by the mean."""
+    within = mean_interval(_by_seed(columns, name, np.asarray))
+    return by(np.mean)(columns, name) | {f"{name}_interval": within}
 
 
-def of_trajectories(
-    relative: Sequence[NDArray[np.float32]], bound: Mapping[str, float] | None, *, period: float
-) -> dict[str, Any]:
-    """Return what is pooled of whole trajectories: `t63`, `t90`, `rmse`, `efficiency`.
-
-    Parameters
-    ----------
-    relative : sequence of ndarray
-        θ̃/D of the runs.
-    bound : mapping of str to float, optional
-        The pooled bound, by samples after onset.
-    period : float
-        Sampling period [s].
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        errors = pools.rmse(relative, RMSE_AT)
+def root_mean_square(columns: Columns, name: str) -> Pooled:
+    """Pool by the root of the mean square."""
+    x = values(columns, name)
+    within = mean_interval(_by_seed(columns, name, np.square))
     return {
-        "t63": pools.settles(relative, 0.37, period),
-        "t90": pools.settles(relative, 0.10, period),
-        "rmse": errors,
-        "efficiency": pools.efficiency(errors, bound),
+        name: finite(np.sqrt(np.mean(x**2))) if x.size else None,
+        f"{name}_interval": within and [float(np.sqrt(max(0.0, end))) for end in within],
     }
+
+
+def median(columns: Columns, name: str) -> Pooled:
+    """Pool by the median; a run without the score counts as never, if it could have had it."""
+    could = (columns["changed"] > 0) & ~np.isnan(columns["never_settled"])
+    if not could.any():
+        return {name: None, f"{name}_interval": None}
+    x = np.where(np.isnan(columns[name]), np.inf, columns[name])
+    with np.errstate(invalid="ignore"):  # the mean of a number and never is never
+        middle = finite(float(np.median(x)))
+    return {name: middle, f"{name}_interval": median_interval(x, columns["seed"], columns["point"])}
+
+
+def count(columns: Columns, name: str) -> Pooled:
+    """Count the runs in which it is so."""
+    return {name: int(np.sum(columns[name] > 0))}
+
+
+def count_kept(columns: Columns, name: str) -> Pooled:
+    """Count the runs in which it is so, lost ones aside: they are counted already."""
+    return {name: int(np.sum((columns[name] > 0) & ~(columns["diverged"] > 0)))}
+
+
+def deviation(bias: str, lost: str) -> Pool:
+    """Return the pool of a standard deviation.
+
+    Parameters
+    ----------
+    bias : str
+        Score of the mean over the same samples.
+    lost : str
+        Score that says whether the run was lost by then.
+    """
+
+    def pooled(columns: Columns, name: str) -> Pooled:
+        here = ~np.isnan(columns[name])
+        std, mean, gone = columns[name][here], columns[bias][here], columns[lost][here] > 0
+        return {
+            name: finite(scatter(std, mean, gone)) if here.any() else None,
+            f"{name}_interval": None
+            if gone.any()
+            else spread_interval(std, mean, *_drawn(columns, here)),
+        }
+
+    return pooled
+
+
+def parts(names: Iterable[str], statistic: Callable[[Array], float]) -> Pool:
+    """Return the pool of a score that is a table: a statistic of each part that is defined."""
+
+    def pooled(columns: Columns, name: str) -> Pooled:
+        each = {part: values(columns, f"{name}.{part}") for part in names}
+        found = {part: finite(float(statistic(x))) for part, x in each.items() if x.size}
+        return {name: found or None}
+
+    return pooled
+
+
+def found(names: Sequence[str]) -> Pool:
+    """Return the pool of what findings are worth: the mean of each part, missed of all faults.
+
+    A run that failed had the faults of the others, and missed them. ``calm`` is all the time in
+    which an alarm is a false one, and ``false_alarms_interval`` how many it allows in 1000 s.
+    """
+
+    def pooled(columns: Columns, name: str) -> Pooled:
+        part = {key: values(columns, f"{name}.{key}") for key in names}
+        if not part["alarms"].size:
+            return {name: None}
+        means = {key: finite(float(x.mean())) if x.size else None for key, x in part.items()}
+        failed = float(np.sum(columns["failed"] > 0)) * float(part["faults"].mean())
+        faults, missed = part["faults"].sum() + failed, part["missed"].sum() + failed
+        more = {"missed": float(missed / faults) if faults else 0.0}
+        return {name: means | more | _false_alarms(columns, name)}
+
+    return pooled
+
+
+def _false_alarms(columns: Columns, name: str) -> Pooled:
+    """Return the exposure of the runs [s], and the interval of their rate of false alarms."""
+    calm = columns[f"{name}.calm"]
+    here = ~np.isnan(calm)
+    if not here.any():  # rows that were made before it was kept
+        return {"calm": None, "false_alarms_interval": None}
+    total, counts = float(calm[here].sum()), columns[f"{name}.false_alarms"][here]
+    within = rate_interval(counts, total / 1000, columns["seed"][here])
+    return {"calm": total, "false_alarms_interval": within}
+
+
+def spread(std: ArrayLike, bias: ArrayLike) -> float:
+    """Return the standard deviation over time and seeds about the common mean.
+
+    √(mean std² − (mean bias)²). What is slower than the window belongs to it: taking off the mean
+    of each run would make a slow estimator look quiet.
+
+    Parameters
+    ----------
+    std, bias : (n,) array_like
+        Root mean square about zero, and mean, of each run.
+    """
+    square = np.mean(np.square(np.asarray(std, float)))
+    constant = np.mean(np.asarray(bias, float)) ** 2
+    if np.isclose(square, constant, rtol=1e-12, atol=0.0):  # a difference of rounding errors
+        return 0.0
+    return float(np.sqrt(np.maximum(0.0, square - constant)))
+
+
+def scatter(std: Array, bias: Array, lost: NDArray[np.bool_]) -> float:
+    """Return the same where some runs are lost: of the others as `spread`, of these about zero.
+
+    Lost runs sit at one edge, and about their own mean would have no variance at all.
+    """
+    whole = ~lost
+    square = spread(std[whole], bias[whole]) ** 2 * whole.sum() if whole.any() else 0.0
+    return float(np.sqrt((square + np.sum(std[lost] ** 2)) / len(std)))
+
+
+def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Array) -> float:
+    """Return the mean excess error, without that of the common bias of the runs not lost.
+
+    Parameters
+    ----------
+    each : ndarray (n,)
+        Of each run.
+    lost : ndarray (n,) of bool
+        Whether a run was lost by then; lost runs count as they are.
+    biases : ndarray (n, p)
+        [% of nominal].
+    information : ndarray (p, p)
+        As from `flexaxis.experiments.scoring.excess.information`.
+    """
+    whole = ~lost
+    common = biases[whole].mean(axis=0) if whole.any() else np.zeros(biases.shape[1])
+    return float(each.mean() - whole.mean() * (common @ information @ common))
+
+
+def excess_values(each: Array, biases: Array, information: Array) -> Array:
+    """Return what each of n runs says of the excess error: the jackknife's values (n,).
+
+    As `flexaxis.experiments.scoring.intervals.pseudo_values` of `excess` where no run was lost,
+    in one pass instead of n.
+    """
+    n = len(each)
+    whole = excess(each, np.zeros(n, bool), biases, information)
+    if n < 2:
+        return np.full(n, whole)
+    common = (biases.sum(axis=0) - biases) / (n - 1)
+    without = (each.sum() - each) / (n - 1) - np.einsum("ni,ij,nj->n", common, information, common)
+    return n * whole - (n - 1) * without
+
+
+def spread_at_a_time(theta: ArrayLike) -> Array:
+    """Return the standard deviation (…) of runs (S, M, …) at one time, pooled over the M times."""
+    return np.sqrt(np.var(np.asarray(theta), axis=0, ddof=1).mean(axis=0))
+
+
+def settles(relative: Sequence[NDArray[np.float32]], level: float, period: float) -> float | None:
+    """Return when the median run comes inside ±level of θ̃/D and stays [s], or None."""
+    if not len(relative):
+        return None
+    return settling(np.median(np.stack(relative).astype(float), axis=0), level, period)
+
+
+def rmse(relative: Sequence[NDArray[np.float32]], at: Sequence[int]) -> dict[str, float]:
+    """Return the root mean square of θ̃/D over the runs, n samples after onset, by n."""
+    if not len(relative):
+        return {}
+    runs = np.stack(relative).astype(float)
+    return {str(n): float(np.sqrt(np.mean(runs[:, n] ** 2))) for n in at if n < runs.shape[1]}
+
+
+def efficiency(errors: Mapping[str, float], bound: Mapping[str, float] | None) -> dict[str, float]:
+    """Return rmse over the pooled bound with all unknown, n samples after onset; 1 is on it."""
+    return {n: error / bound[n] for n, error in errors.items() if bound and n in bound}
+
+
+def rms(x: Array) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(x**2)))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from flexaxis.experiments.scoring import pools
+from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.case import Track
 
 Kind = Literal["text", "number", "integer", "truth"]
@@ -30,8 +30,8 @@ class Score:
         Which way is better; None for what is neither.
     pool : callable, optional
         ``pool(columns, name)``, what stands in the pooled row, as those of
-        `flexaxis.experiments.scoring.pools`: ``pools.mean``, ``pools.by(np.max)``. None for what is
-        of one run only.
+        `flexaxis.experiments.scoring.pooling`: ``pooling.mean``, ``pooling.by(np.max)``. None
+        for what is of one run only.
     heading : str
         Of its column in the report; one without has none.
     short : str
@@ -55,7 +55,7 @@ class Score:
     words: str
     unit: str | None = None
     better: Literal["less", "more"] | None = None
-    pool: pools.Pool | None = None
+    pool: pooling.Pool | None = None
     heading: str = ""
     short: str = ""
     kind: Kind = "number"

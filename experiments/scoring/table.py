@@ -12,19 +12,18 @@ from typing import Any
 import numpy as np
 
 from flexaxis.experiments.scoring import (
+    bounds,
     case,
+    consistency,
     detection,
     excess,
-    innovations,
-    limits,
-    pools,
+    pooling,
     recovered,
-    theory,
 )
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.score import Kind, Score
 
-AFTER = tuple(map(str, limits.RMSE_AT))  # samples after onset
+AFTER = tuple(map(str, bounds.RMSE_AT))  # samples after onset
 
 SCORES: Mapping[str, Score] = {
     score.name: score
@@ -37,7 +36,7 @@ SCORES: Mapping[str, Score] = {
             "returns. Geometric mean over the runs.",
             unit="s",
             better="less",
-            pool=pools.geometric,
+            pool=pooling.geometric,
             heading="lag",
             short="lag",
             margin=0.02,
@@ -50,7 +49,7 @@ SCORES: Mapping[str, Score] = {
             "Median over the runs; never settled and lost runs count as never.",
             unit="s",
             better="less",
-            pool=pools.median,
+            pool=pooling.median,
             heading="t10",
             short="t10",
             zero=0.01,
@@ -62,7 +61,7 @@ SCORES: Mapping[str, Score] = {
             "without a fault), over time and runs about their common mean.",
             unit="%",
             better="less",
-            pool=pools.deviation("bias", "lost_before"),
+            pool=pooling.deviation("bias", "lost_before"),
             heading="std",
             short="std",
             margin=0.02,
@@ -73,7 +72,7 @@ SCORES: Mapping[str, Score] = {
             case.bias_of,
             "Mean of the error in the same time, over all runs.",
             unit="%",
-            pool=pools.mean,
+            pool=pooling.mean,
             heading="bias",
             margin=0.2,
             guard=True,
@@ -85,7 +84,7 @@ SCORES: Mapping[str, Score] = {
             "is quiet before a fault only because it is frozen is not quiet here.",
             unit="%",
             better="less",
-            pool=pools.deviation("bias_after", "lost_after"),
+            pool=pooling.deviation("bias_after", "lost_after"),
             heading="std after",
             zero=1e-3,
         ),
@@ -94,7 +93,7 @@ SCORES: Mapping[str, Score] = {
             case.bias_after_of,
             "Mean of the error in the same time.",
             unit="%",
-            pool=pools.mean,
+            pool=pooling.mean,
         ),
         Score(
             "cross_talk",
@@ -102,7 +101,7 @@ SCORES: Mapping[str, Score] = {
             "Root mean square error that the fault causes in a parameter that did not change.",
             unit="%",
             better="less",
-            pool=pools.root_mean_square,
+            pool=pooling.root_mean_square,
             heading="cross-talk",
             zero=1e-3,
         ),
@@ -113,7 +112,7 @@ SCORES: Mapping[str, Score] = {
             "fault, θ̃ᵀQθ̃/σ²: one number for all of them, whatever their units.",
             unit="",
             better="less",
-            pool=pools.mean,
+            pool=pooling.mean,
             heading="excess error",
             zero=1e-4,
         ),
@@ -123,7 +122,7 @@ SCORES: Mapping[str, Score] = {
             "Lost runs: not finite, or at or beyond .1 … 10 × nominal for more than 1 s. From "
             "there on they are scored as if they sat at the farther edge of that box.",
             better="less",
-            pool=pools.count,
+            pool=pooling.count,
             heading="diverged",
             short="lost",
             kind="truth",
@@ -133,7 +132,7 @@ SCORES: Mapping[str, Score] = {
             lambda track, _: track.failed,
             "Lost runs in which the estimator raised something or its process died; they are "
             "lost from the first sample on.",
-            pool=pools.count,
+            pool=pooling.count,
             heading="failed",
             kind="truth",
         ),
@@ -155,77 +154,77 @@ SCORES: Mapping[str, Score] = {
             case.never_settled_of,
             "Runs outside ±10 % of the fault at the end of the window, lost ones aside.",
             better="less",
-            pool=pools.count_kept,
+            pool=pooling.count_kept,
             heading="never settled",
             short="open",
             kind="truth",
         ),
         Score(
             "lag_null",
-            lambda track, i: theory.limits_of(track, i).lag_null,
+            lambda track, i: bounds.limits_of(track, i).lag_null,
             "Lag of an estimator that never moves.",
             unit="s",
-            pool=pools.mean,
+            pool=pooling.mean,
         ),
         Score(
             "lag_bound",
-            lambda track, i: theory.limits_of(track, i).lag_bound,
+            lambda track, i: bounds.limits_of(track, i).lag_bound,
             "Lag that noise allows to whoever is told time and state of the jump and takes all "
             "estimated parameters, and dry friction, for unknown after it (Cramér–Rao).",
             unit="s",
-            pool=pools.mean,
+            pool=pooling.mean,
         ),
         Score(
             "lag_bound_single",
-            lambda track, i: theory.limits_of(track, i).lag_bound_single,
+            lambda track, i: bounds.limits_of(track, i).lag_bound_single,
             "The same for whoever is told besides which parameter it is, and knows the others.",
             unit="s",
-            pool=pools.mean,
+            pool=pooling.mean,
         ),
         Score(
             "bound",
-            lambda track, i: theory.limits_of(track, i).bound,
+            lambda track, i: bounds.limits_of(track, i).bound,
             "Standard deviation on the bound with all unknown over D, by samples after onset.",
-            pool=pools.parts(AFTER, pools.rms),
+            pool=pooling.parts(AFTER, pooling.rms),
             parts=dict.fromkeys(AFTER, ""),
         ),
         Score(
             "score",
-            theory.score_of,
+            bounds.score_of,
             "0 for doing nothing, 100 for the lag of the bound with all unknown, on a logarithmic "
             "scale; for steps on an axis that a model describes.",
             unit="",
             better="more",
-            pool=pools.mean,
+            pool=pooling.mean,
             heading="score",
             short="score",
         ),
         Score(
             "nees",
-            theory.nees_of,
+            consistency.nees_of,
             "Squared error before the fault in units of the claimed covariance; the number of "
             "estimated parameters for an honest claim.",
             unit="",
-            pool=pools.mean,
+            pool=pooling.mean,
             heading="NEES",
         ),
         Score(
             "nis",
-            innovations.nis_of,
+            consistency.nis_of,
             "Squared innovation before the fault in units of the variance claimed for it: 1 for an "
             "honest claim.",
             unit="",
-            pool=pools.mean,
+            pool=pooling.mean,
             heading="NIS",
         ),
         Score(
             "whiteness",
-            innovations.whiteness_of,
+            consistency.whiteness_of,
             "Colour of the innovations in the same time, the statistic of Ljung and Box over its "
             "degrees of freedom: 1 on average for white ones, more the more the next is known from "
             "those before.",
             unit="",
-            pool=pools.mean,
+            pool=pooling.mean,
             heading="whiteness",
         ),
         Score(
@@ -233,7 +232,7 @@ SCORES: Mapping[str, Score] = {
             detection.detection_of,
             "Changes that the estimator says it found: alarms and false ones a run, false ones in "
             "1000 s, delay, share of the faults missed, share of the found ones named rightly.",
-            pool=pools.found(detection.ALARMS),
+            pool=pooling.found(detection.ALARMS),
             parts=dict.fromkeys(detection.ALARMS, "")
             | {"delay": "s", "false_alarms_per_1000_s": "1/(1000 s)", "calm": "s"},
         ),
@@ -262,19 +261,19 @@ SCORES: Mapping[str, Score] = {
             "for the same loop without the fault. Defined where the fault costs 20 % or more.",
             unit="%",
             better="more",
-            pool=pools.mean,
+            pool=pooling.mean,
             heading="recovered",
             short="recov",
         ),
         Score(
             "recovered_told", recovered.recovered_told_of,
-            "The same of a controller that is told the truth.", unit="%", pool=pools.mean,
+            "The same of a controller that is told the truth.", unit="%", pool=pooling.mean,
         ),
         Score(
             "tracking",
             lambda track, _: track.tracking,
             "The errors that it is made of; samples in which limits acted on what was fed forward.",
-            pool=pools.parts(recovered.PARTS, np.mean),
+            pool=pooling.parts(recovered.PARTS, np.mean),
             parts=recovered.PARTS,
         ),
     )

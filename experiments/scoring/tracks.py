@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from flexaxis.experiments.scoring.described import known_structure
+from flexaxis.experiments.scoring.true_model import known_structure
 from flexaxis.sim.scenario import Scenario
 
 NOMINAL, KNOWN = "nominal", "known structure"

@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.known import Known
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.events import Event
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.timing import sample_index
+
+
+@dataclass(frozen=True)
+class Known:
+    """A scenario, told apart by a digest of what matters of it to whoever remembers."""
+
+    digest: str
+    scenario: Scenario = field(compare=False)
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Known:
+        """Return a scenario, told apart by its content."""
+        return cls(scenario.hash, scenario)
+
 
 WINDOW = 5.0  # s scored after a fault, unless another event comes first
 QUIET = 5.0  # s of excitation before the first onset in which std and bias are taken

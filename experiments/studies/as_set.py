@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.comparison.matching import Setting, plain
 from flexaxis.experiments.results.groups import Groups
-from flexaxis.experiments.scoring.matching import Setting, plain
-from flexaxis.experiments.scoring.pools import count, deviation, geometric
+from flexaxis.experiments.scoring.pooling import count, deviation, geometric
 from flexaxis.experiments.studies.sweep import listed
 
 

@@ -13,7 +13,9 @@ import numpy as np
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
+from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.reporting.run.page import render
+from flexaxis.experiments.reporting.study.page import write_report
 from flexaxis.experiments.results.pooled import Pooled, save
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.bench import Bench
@@ -24,10 +26,10 @@ from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.scoring.case import failed_track, relative_error
 from flexaxis.experiments.scoring.curves import Curve, curve_of
-from flexaxis.experiments.scoring.pooling import POOLED, of_trajectories
-from flexaxis.experiments.scoring.ranking import overall
+from flexaxis.experiments.scoring.summary import POOLED, of_trajectories
 from flexaxis.experiments.storage.files import write_text
-from flexaxis.experiments.storage.names import REPORT, SUMMARY, SWEEP
+from flexaxis.experiments.storage.names import CURVES, REPORT, STUDY, SUMMARY, SWEEP
+from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.traces import Traces
 from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
@@ -245,3 +247,32 @@ def describe(text: str) -> str:
     """Return what an estimator is, in a line: of the registry, or the user's own."""
     name = text.partition("[")[0].strip()
     return REGISTRY[name].summary if name in REGISTRY else "an estimator of your own"
+
+
+def report(folder: Path, means: Means | None = None) -> Path:
+    """Write report.html into a folder with rows, of a study or of a run, and return its path.
+
+    A study without axes is a run, and gets the summary and the report of one.
+
+    Parameters
+    ----------
+    folder : Path
+    means : Means, optional
+        With what a run is swept over its knobs, as far as that is not done.
+
+    Raises
+    ------
+    StudyError
+        If the folder is of neither.
+    OutputError
+        If it cannot be written.
+    """
+    if read_study(folder)["axes"]:
+        return write_report(Results.load(folder))
+    finish(folder, means)
+    return folder / REPORT
+
+
+def inputs(folder: Path) -> list[Path]:
+    """Return the files in a folder that a report or an export is made of."""
+    return [*(folder / name for name in (STUDY, SUMMARY, CURVES)), *row_files(folder)]

@@ -15,10 +15,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running.bench import Bench, Runs
-from flexaxis.experiments.scoring.excess import information
-from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
-from flexaxis.experiments.scoring.matching import (
+from flexaxis.experiments.comparison.matching import (
     NOISIER,
     QUIETER,
     Match,
@@ -26,9 +23,12 @@ from flexaxis.experiments.scoring.matching import (
     Setting,
     match,
 )
-from flexaxis.experiments.scoring.pooling import biases_of, case_of, columns_of, pool_group
-from flexaxis.experiments.scoring.pools import mean
-from flexaxis.experiments.scoring.ranking import REFERENCE, mark
+from flexaxis.experiments.comparison.ranking import REFERENCE, mark
+from flexaxis.experiments.running.bench import Bench, Runs
+from flexaxis.experiments.scoring.excess import information
+from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
+from flexaxis.experiments.scoring.pooling import mean
+from flexaxis.experiments.scoring.summary import biases_of, case_of, columns_of, pool_group
 from flexaxis.experiments.scoring.windows import windows
 from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.experiments.studies.knobs import with_knob

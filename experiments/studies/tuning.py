@@ -13,9 +13,9 @@ from flexaxis.estimators.knob import Knob
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import piped
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.scoring.pooling import case_of, pool_group
-from flexaxis.experiments.scoring.ranking import REFERENCE
+from flexaxis.experiments.scoring.summary import case_of, pool_group
 from flexaxis.experiments.studies.knobs import knob_of, numbers_of, setting
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean

@@ -8,10 +8,9 @@ from scipy.integrate import solve_ivp
 
 from flexaxis.estimators.sampling.prepared import travel
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
-from flexaxis.experiments.scoring import described, limits, true_path
+from flexaxis.experiments.scoring import bounds, true_model
 from flexaxis.experiments.scoring.bounds import cramer_rao, jump_bound, lag_bound
-from flexaxis.experiments.scoring.described import known_structure
-from flexaxis.experiments.scoring.true_path import jump_gradient, state_at
+from flexaxis.experiments.scoring.true_model import jump_gradient, known_structure, state_at
 from flexaxis.sim.simulate import simulate
 
 T, ONSET, SIGMA = 0.005, 2000, 0.1
@@ -87,21 +86,21 @@ def test_every_step_along_a_path_with_dry_friction_is_solved_for(monkeypatch):
         _, offset, _, _, local, gain, _, _, _, mean, _, scale = prepared.laws.work
         left.append(max(abs(mean[:, 0] - offset - gain @ local[:, 0]) / scale))
 
-    monkeypatch.setattr(true_path, "_travelled", true_path._travelled.function)
-    monkeypatch.setattr(true_path, "travel", watched)
+    monkeypatch.setattr(true_model, "_travelled", true_model._travelled.function)
+    monkeypatch.setattr(true_model, "travel", watched)
     scenario, record = drawn("coulomb_fm_step-v1")
     state_at(scenario, scenario.true_parameters(), record.torque, ONSET)
     assert len(left) == ONSET and max(left) < 1e-9
 
 
-@pytest.mark.parametrize(("finer", "worst"), [(true_path.FINER, 0.03), (20, 0.005)])
+@pytest.mark.parametrize(("finer", "worst"), [(true_model.FINER, 0.03), (20, 0.005)])
 def test_the_gradient_after_a_jump_against_differences_of_an_adaptive_method(
     finer, worst, lugre, monkeypatch
 ):
     """Steps in which the torque of friction is held leave something where the motor reverses."""
-    monkeypatch.setattr(true_path, "FINER", finer)
+    monkeypatch.setattr(true_model, "FINER", finer)
     scenario, truth, u, x, expected = lugre
-    model = described.true_model(scenario, truth[ONSET]).parametrize(TRACKED)
+    model = true_model.true_model(scenario, truth[ONSET]).parametrize(TRACKED)
     psi = jump_gradient(model, model.theta, u[ONSET : ONSET + 200], x, period=T)
     assert not psi[0].any()
     scale = np.sqrt(np.mean(expected**2, axis=0))
@@ -110,7 +109,7 @@ def test_the_gradient_after_a_jump_against_differences_of_an_adaptive_method(
 
 def test_the_bound_with_friction_is_that_of_its_own_equations(lugre):
     scenario, truth, u, _, expected = lugre
-    theta = described.model_theta(scenario, TRACKED, truth[ONSET])
+    theta = true_model.model_theta(scenario, TRACKED, truth[ONSET])
     wanted = np.sqrt(np.diagonal(cramer_rao(expected, SIGMA**2, theta), axis1=1, axis2=2))
     found = jump_bound(scenario, TRACKED, ONSET, ONSET + 200, u).unknown
     np.testing.assert_allclose(found, wanted, rtol=0.03)
@@ -151,10 +150,10 @@ def test_cogging_acts_as_in_the_plant():
 
 def test_who_knows_less_is_slower():
     scenario, record = drawn("coulomb_fm_step-v1")
-    f_m = limits.limits(scenario, scenario.identify, record.torque)[2]
+    f_m = bounds.limits(scenario, scenario.identify, record.torque)[2]
     linear = jump_bound(scenario, scenario.identify, ONSET, ONSET + 1000, record.torque)
     three = lag_bound(linear.unknown[:, 2], 0.025, period=T)
-    structure = limits.lag_bound_with_structure(scenario, "f_m", record.torque)
+    structure = bounds.lag_bound_with_structure(scenario, "f_m", record.torque)
     assert f_m.lag_bound_single < three < f_m.lag_bound < structure < f_m.lag_null
     # an independent program has .045, .075, .109, .170 for this axis as a mean of other seeds,
     # between which it varies by 15 %
@@ -164,8 +163,8 @@ def test_who_knows_less_is_slower():
 
 def test_a_fault_of_dry_friction_itself_has_a_bound():
     scenario, record = drawn("coulomb_fc_step-v1")
-    *others, f_c = limits.limits(scenario, scenario.identify, record.torque)
-    assert others == [limits.Limits()] * 3
+    *others, f_c = bounds.limits(scenario, scenario.identify, record.torque)
+    assert others == [bounds.Limits()] * 3
     assert 0.03 < f_c.lag_bound_single < f_c.lag_bound < 0.4
     assert f_c.lag_null == pytest.approx(5.0)
 
@@ -173,21 +172,21 @@ def test_a_fault_of_dry_friction_itself_has_a_bound():
 def test_what_estimators_are_told_wrong_does_not_move_the_bound():
     scenario, record = drawn("told_kg_fm_step-v1")
     plain = scenario.override({"told": None})
-    mine, other = (limits.limits(s, s.identify, record.torque) for s in (scenario, plain))
+    mine, other = (bounds.limits(s, s.identify, record.torque) for s in (scenario, plain))
     assert mine == other and mine[2].lag_bound
 
 
 def test_stiffer_bristles_than_those_for_coulomb_friction_change_little(monkeypatch):
     scenario, record = drawn("coulomb_fm_step-v1")
     lags = []
-    for stiffness in (described.STIFF, 10 * described.STIFF):
-        monkeypatch.setitem(described.COULOMB, "sigma_0", stiffness)
-        lags.append(limits.limits(scenario, scenario.identify, record.torque)[2].lag_bound)
+    for stiffness in (true_model.STIFF, 10 * true_model.STIFF):
+        monkeypatch.setitem(true_model.COULOMB, "sigma_0", stiffness)
+        lags.append(bounds.limits(scenario, scenario.identify, record.torque)[2].lag_bound)
     assert lags[0] == pytest.approx(lags[1], rel=0.03)
 
 
 def test_which_scenarios_a_model_describes():
-    described_ = {name: described.describes(find_scenario(name)) for name in scenario_names()}
+    described_ = {name: true_model.describes(find_scenario(name)) for name in scenario_names()}
     for name in ("coulomb_fm_step-v1", "real_lugre_fm_step-v1", "told_kg_fm_step-v1", "fm_step-v1"):
         assert described_[name]
     for name in scenario_names():
@@ -198,15 +197,15 @@ def test_which_scenarios_a_model_describes():
                  "torque_noise_fm_step-v1"):  # fmt: skip
         assert not described_[name], name
     both = find_scenario("lugre_fm_step-v1").override({"friction": {"coulomb": 0.1}})
-    assert not described.describes(both)
+    assert not true_model.describes(both)
 
 
 def test_the_phase_of_cogging_is_unknown_with_its_size():
     scenario, record = drawn("real_coulomb_fm_step-v1")
-    names = described.with_structure(scenario, described.tracked(scenario, scenario.identify))
+    names = true_model.with_structure(scenario, true_model.tracked(scenario, scenario.identify))
     assert {"f_c", "c_sin", "c_cos", "kappa", "gap", "J_m"} <= set(names)
-    theta = described.model_theta(scenario, names, scenario.true_parameters()[ONSET])
-    size = described.sizes(scenario, names, theta)[names.index("c_cos")]
+    theta = true_model.model_theta(scenario, names, scenario.true_parameters()[ONSET])
+    size = true_model.sizes(scenario, names, theta)[names.index("c_cos")]
     assert size == pytest.approx(0.05) and theta[names.index("c_cos")] == 0
     bound = jump_bound(scenario, names, ONSET, ONSET + 200, record.torque).unknown
     assert np.isfinite(bound).all() and (bound > 0).all()

@@ -12,7 +12,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.results import export, source
 from flexaxis.experiments.results import results as columns
 from flexaxis.experiments.results.cube import cube_of
-from flexaxis.experiments.scoring import pools
+from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import pseudo_values
 from flexaxis.experiments.storage.columns import COLUMNS, UNITS
@@ -237,9 +237,9 @@ def test_the_jackknife_of_the_excess_error_is_that_of_leaving_out_one_by_one():
     root = rng.normal(size=(3, 3))
     none = np.zeros(9, bool)
     slow = pseudo_values(
-        lambda i: pools.excess(each[i], none[i], biases[i], root @ root.T), len(each)
+        lambda i: pooling.excess(each[i], none[i], biases[i], root @ root.T), len(each)
     )
-    np.testing.assert_allclose(pools.excess_values(each, biases, root @ root.T), slow, rtol=1e-12)
+    np.testing.assert_allclose(pooling.excess_values(each, biases, root @ root.T), slow, rtol=1e-12)
 
 
 def test_the_excess_error_is_pooled_over_the_runs_on_one_scenario(stored, tmp_path):
@@ -272,7 +272,7 @@ def test_a_pool_of_ones_own_is_one_line(stored, tmp_path):
     groups = stored(tmp_path, some_rows(), AXES).grouped(["method"])
     std = [line["std"] for line in stored(tmp_path, some_rows(), AXES).rows
            if (line["method"], line["parameter"]) == ("frozen", "f_m")]  # fmt: skip
-    pool = pools.by(np.max)
+    pool = pooling.by(np.max)
     key = {"method": "frozen", "parameter": "f_m", "changed": True}
     assert pool(groups.columns(groups.keys.index(key)), "std") == {"std": max(std)}
 

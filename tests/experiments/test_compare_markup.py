@@ -7,9 +7,9 @@ from html import unescape
 import pytest
 from markdown_it import MarkdownIt
 
-from flexaxis.experiments.gate.comparison_report import markdown
-from flexaxis.experiments.gate.comparison_rows import COLUMNS
+from flexaxis.experiments.gate.report import markdown
 from flexaxis.experiments.gate.stored import compare_runs
+from flexaxis.experiments.gate.wording import COLUMNS
 from flexaxis.experiments.storage.names import SUMMARY
 
 NAMES = [

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from flexaxis.experiments.gate.comparison_rows import cells, ordered
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.margins import parse_margins
 from flexaxis.experiments.gate.pairs import pair, table
 from flexaxis.experiments.gate.verdicts import judge
-from flexaxis.experiments.gate.words import headline
+from flexaxis.experiments.gate.wording import cells, headline, ordered
 
 SEEDS = range(1000, 1032)
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.gate import certain, lost, selftest
 from flexaxis.experiments.gate import decide as rules
+from flexaxis.experiments.gate import selftest
+from flexaxis.experiments.gate import trials as certain
 from flexaxis.experiments.gate.decide import Family, decide
-from flexaxis.experiments.gate.draws import Drawn, Pool, draw, judged
 from flexaxis.experiments.gate.margins import MARGINS
 from flexaxis.experiments.gate.pairs import LOST
-from flexaxis.experiments.gate.selftable import columns, markdown
-from flexaxis.experiments.gate.selftest import LOOKS, Rate
+from flexaxis.experiments.gate.resampling import Drawn, Pool, draw, judged
+from flexaxis.experiments.gate.selftest import LOOKS, Rate, columns, markdown
 from flexaxis.experiments.gate.trials import NONE, Promise, trials
 
 GATE = Path(__file__).parents[2] / "docs" / "gate.md"
@@ -123,7 +123,7 @@ def test_a_gate_that_goes_by_the_point_estimate_is_seen(monkeypatch):
         found.words[worse] = "worse"
         return found
 
-    monkeypatch.setattr("flexaxis.experiments.gate.draws.decide.decide", old)
+    monkeypatch.setattr("flexaxis.experiments.gate.resampling.decide.decide", old)
     quiet = rates(made=noise(0.01))
     assert any("1.5 % larger" in rate.what and not rate.kept for rate in quiet)
 
@@ -159,7 +159,7 @@ def no_word(*words, of=None, to="undecided"):
         mine = np.isin(found, words) & (True if of is None else family.metrics == of)
         return np.where(mine, to, found)
 
-    return instead(said, "flexaxis.experiments.gate.draws.decide.decide")
+    return instead(said, "flexaxis.experiments.gate.resampling.decide.decide")
 
 
 def in_threes(found, family):
@@ -168,7 +168,9 @@ def in_threes(found, family):
 
 
 def of_losses(name, new):
-    return lambda monkeypatch: monkeypatch.setattr(f"flexaxis.experiments.gate.draws.{name}", new)
+    return lambda monkeypatch: monkeypatch.setattr(
+        f"flexaxis.experiments.gate.resampling.{name}", new
+    )
 
 
 def quietly(newly, regained, way, *, alpha):
@@ -176,17 +178,17 @@ def quietly(newly, regained, way, *, alpha):
 
 
 def never_worse(newly, regained, way, *, alpha):
-    found = lost.judge_lost(newly, regained, way, alpha=alpha)
+    found = rules.judge_lost(newly, regained, way, alpha=alpha)
     return np.where(found == "worse", "undecided", found)
 
 
 def only_diverged(newly, regained, way, *, alpha):
-    found = lost.judge_lost(newly, regained, way, alpha=alpha)
+    found = rules.judge_lost(newly, regained, way, alpha=alpha)
     return found if way == "diverged" else np.full(found.shape, "not more")
 
 
 def never_better(newly, regained, way, *, alpha):
-    found = lost.judge_lost(newly, regained, way, alpha=alpha)
+    found = rules.judge_lost(newly, regained, way, alpha=alpha)
     return np.where(found == "better", "not more", found)
 
 
@@ -200,7 +202,7 @@ PLANTED = {
     "never better": no_word("better"),
     "std is never worse": no_word("worse", of="std"),
     "worse only with three scores or more": instead(
-        in_threes, "flexaxis.experiments.gate.draws.decide.decide"),
+        in_threes, "flexaxis.experiments.gate.resampling.decide.decide"),
     "lag is never worse": no_word("worse", of="lag"),
     "a bias is never worse": no_word("worse", of="bias"),
     "worse is slight": no_word("worse", to="slight"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flexaxis.experiments.scoring.statistics import (
+from flexaxis.experiments.comparison.statistics import (
     LogRatios,
     half_width,
     holm_levels,

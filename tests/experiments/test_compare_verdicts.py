@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments.gate.comparison_report import markdown, write
-from flexaxis.experiments.gate.comparison_rows import cells, row_command, worst
 from flexaxis.experiments.gate.gate import Comparison, Question, compare
 from flexaxis.experiments.gate.margins import MARGINS, parse_margins
 from flexaxis.experiments.gate.pairs import pair, table
+from flexaxis.experiments.gate.report import markdown, write
 from flexaxis.experiments.gate.verdicts import by_metric, judge
-from flexaxis.experiments.gate.words import headline, meaning
+from flexaxis.experiments.gate.wording import cells, headline, meaning, row_command, worst
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.sim.errors import FlexaxisError
 
@@ -172,7 +171,7 @@ def test_looking_again_does_not_raise_the_false_alarms():
 
 
 def gate_p(values):
-    from flexaxis.experiments.scoring.statistics import paired
+    from flexaxis.experiments.comparison.statistics import paired
 
     return paired(np.ones(len(values)), np.exp(values)).p
 

@@ -9,7 +9,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.scoring.pools import excess
+from flexaxis.experiments.scoring.pooling import excess
 from flexaxis.experiments.scoring.table import rows
 from flexaxis.experiments.scoring.theta import true_theta
 

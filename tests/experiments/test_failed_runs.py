@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from flexaxis.experiments.comparison.ranking import leaders
 from flexaxis.experiments.reporting.terminal import score_table
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.scoring.pooling import columns_of, pool_columns
-from flexaxis.experiments.scoring.ranking import leaders
+from flexaxis.experiments.scoring.summary import columns_of, pool_columns
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 
 COWARD = """

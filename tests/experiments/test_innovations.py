@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.scoring.innovations import nis, whiteness
+from flexaxis.experiments.scoring.consistency import nis, whiteness
 
 LAGS = 20
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flexaxis.experiments.scoring import pools
+from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.intervals import (
     by_seed,
     log_interval,
@@ -136,8 +136,8 @@ def swept(n, points, alike, apart, rng):
     return level, alike * shared + math.sqrt(1 - alike**2) * own
 
 
-SWEPT = {"lag": pools.geometric, "bias": pools.mean, "cross_talk": pools.root_mean_square,
-         "std": pools.deviation("bias", "lost")}  # fmt: skip
+SWEPT = {"lag": pooling.geometric, "bias": pooling.mean, "cross_talk": pooling.root_mean_square,
+         "std": pooling.deviation("bias", "lost")}  # fmt: skip
 
 
 @pytest.mark.parametrize("n", [8, 16])

@@ -12,8 +12,8 @@ from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import pieces, run_case
+from flexaxis.experiments.scoring.bounds import limits
 from flexaxis.experiments.scoring.curves import later, shifted
-from flexaxis.experiments.scoring.limits import limits
 from flexaxis.experiments.scoring.windows import claimed_at, quiet, windows
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.record import load_record

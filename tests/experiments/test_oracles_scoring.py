@@ -7,8 +7,8 @@ from scipy.stats import halfnorm
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring import bounds
-from flexaxis.experiments.scoring.limits import limits
-from flexaxis.experiments.scoring.pooling import columns_of, of_trajectories, pool_columns
+from flexaxis.experiments.scoring.bounds import limits
+from flexaxis.experiments.scoring.summary import columns_of, of_trajectories, pool_columns
 from flexaxis.experiments.scoring.table import undefined
 from flexaxis.experiments.scoring.windows import windows
 from flexaxis.sim.parameters import preset

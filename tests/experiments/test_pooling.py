@@ -10,8 +10,8 @@ from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.scoring.case import Track
-from flexaxis.experiments.scoring.pooling import Case, pool_group
-from flexaxis.experiments.scoring.pools import rmse, settles, spread, spread_at_a_time
+from flexaxis.experiments.scoring.pooling import rmse, settles, spread, spread_at_a_time
+from flexaxis.experiments.scoring.summary import Case, pool_group
 from flexaxis.experiments.scoring.table import SCORES, rows, undefined
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.simulate import simulate
@@ -308,7 +308,7 @@ def complaints(scores):
         if score.unit not in (None, "", "s", "%"):
             yield f'{here}: `unit` is {score.unit!r}; tables know "", s and %'
         if (score.heading or score.short) and score.pool is None:
-            yield f"{here}: a heading over nothing: give a `pool` (see pools.py), or no heading"
+            yield f"{here}: a heading over nothing: give a `pool` (see pooling.py), or no heading"
         for kind in ("heading", "short"):
             same = [other.name for other in scores if getattr(other, kind) == getattr(score, kind)]
             if getattr(score, kind) and len(same) > 1:

@@ -5,9 +5,8 @@ import pytest
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.reporting.figures import colour, marker
-from flexaxis.experiments.scoring.mismatch import matrix, misled, mismatch_in_words, mismatched
-from flexaxis.experiments.scoring.ranking import (
+from flexaxis.experiments.comparison.mismatch import matrix, misled, mismatch_in_words, mismatched
+from flexaxis.experiments.comparison.ranking import (
     answers,
     difference,
     in_words,
@@ -16,6 +15,7 @@ from flexaxis.experiments.scoring.ranking import (
     overall,
     worse,
 )
+from flexaxis.experiments.reporting.figures import colour, marker
 
 RECORD = np.random.default_rng(0).standard_normal(16)
 """What the record does to every estimator alike."""

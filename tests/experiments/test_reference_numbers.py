@@ -9,7 +9,7 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.scoring.pooling import case_of, pool_group
+from flexaxis.experiments.scoring.summary import case_of, pool_group
 
 SEEDS = range(1000, 1060)
 STD = (0.121, 0.048, 0.307)  # % of nominal: k_T, 1/J_a, f_m

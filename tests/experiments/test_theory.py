@@ -7,14 +7,20 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.scoring import bounds, consistency
 from flexaxis.experiments.scoring import detection as findings
-from flexaxis.experiments.scoring import theory
-from flexaxis.experiments.scoring.bounds import jump_bound
+from flexaxis.experiments.scoring.bounds import (
+    Limits,
+    bounded,
+    jump_bound,
+    limits,
+    record_limits,
+    score,
+)
 from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.consistency import nees
 from flexaxis.experiments.scoring.detection import detection
-from flexaxis.experiments.scoring.limits import Limits, bounded, limits, record_limits, score
 from flexaxis.experiments.scoring.table import rows
-from flexaxis.experiments.scoring.theory import nees
 from flexaxis.experiments.scoring.theta import started_nominal, true_theta
 from flexaxis.sim.simulate import simulate
 
@@ -144,7 +150,7 @@ def test_what_all_parameters_share_is_made_once_and_is_its_own(torque, monkeypat
     shared = ("record_limits", "nees", "detection", "isolation")
 
     def where(name):
-        return findings if name in {"detection", "isolation"} else theory
+        return {"record_limits": bounds, "nees": consistency}.get(name, findings)
 
     single = [np.zeros(3), np.eye(3)], *[[scenario, NAMES, given["findings"]]] * 2
     alone = [

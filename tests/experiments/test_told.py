@@ -17,7 +17,7 @@ from flexaxis.experiments.running.estimate import estimate
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.nominal import design_torque
-from flexaxis.experiments.scoring.pooling import pool_group
+from flexaxis.experiments.scoring.summary import pool_group
 from flexaxis.experiments.scoring.table import rows
 from flexaxis.experiments.scoring.theta import started_nominal, started_theta, theta_over_time
 from flexaxis.sim.parameters import PARAMETER_NAMES

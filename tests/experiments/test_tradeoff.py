@@ -7,12 +7,12 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.comparison.matching import Setting, match
+from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.reporting.figures import figure
 from flexaxis.experiments.reporting.run.speed import tradeoff
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.intervals import mean_interval
-from flexaxis.experiments.scoring.matching import Setting, match
-from flexaxis.experiments.scoring.ranking import overall
 from flexaxis.experiments.studies.knobs import with_knob
 from flexaxis.experiments.studies.sweep import settings, sweep, texts
 

@@ -117,7 +117,6 @@ def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
 
 def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
-    from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.equal_noise import work
     from flexaxis.experiments.gate.gate import (
         SUITE,
@@ -127,6 +126,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
         default_seeds,
         readable_by_both,
     )
+    from flexaxis.experiments.gate.report import write
     from flexaxis.experiments.running.bench import Bench
 
     names = args.names or [SUITE]
@@ -168,7 +168,7 @@ def _output(args: argparse.Namespace) -> Path:
 
 
 def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from flexaxis.experiments.gate.comparison_report import write
+    from flexaxis.experiments.gate.report import write
     from flexaxis.experiments.gate.stored import compare_runs
 
     base, candidate = map(Path, args.names)
@@ -182,9 +182,8 @@ def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
 
 
 def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict[str, str]) -> int:
-    from flexaxis.experiments.gate.comparison_report import terminal_table
-    from flexaxis.experiments.gate.comparison_rows import row_command, worst
-    from flexaxis.experiments.gate.words import headline, knobs, meaning
+    from flexaxis.experiments.gate.report import terminal_table
+    from flexaxis.experiments.gate.wording import headline, knobs, meaning, row_command, worst
     from flexaxis.experiments.reporting.terminal import show
 
     status = found.status(strict=args.strict)
@@ -202,7 +201,7 @@ def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict
 
 def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import select
-    from flexaxis.experiments.gate import selftable, selftest
+    from flexaxis.experiments.gate import selftest
     from flexaxis.experiments.gate.gate import SUITE
     from flexaxis.experiments.reporting.terminal import show
 
@@ -226,6 +225,6 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     told = [rate.as_dict() for rate in found]
     if args.json:
         return answer(args, {"rates": told, "broken": len(broken)}, int(bool(broken)))
-    show(selftable.terminal(told))
+    show(selftest.terminal(told))
     print(f"\n{len(broken)} of {len(found)} rates break their promise" if broken else "\nkept")
     return int(bool(broken))

@@ -40,11 +40,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Sweep, match and draw."""
     from flexaxis.experiments.catalogue.find import select
+    from flexaxis.experiments.comparison.ranking import overall
     from flexaxis.experiments.reporting.figures import figure, svg
     from flexaxis.experiments.reporting.run.speed import tradeoff
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
     from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.scoring.ranking import overall
     from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 
     scenarios, *_ = select(args.names)

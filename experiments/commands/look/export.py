@@ -32,7 +32,7 @@ def main(args: argparse.Namespace) -> int:
     """Export and print the path."""
     from flexaxis.experiments.results import export
     from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.studies.report import inputs
+    from flexaxis.experiments.studies.benchmark import inputs
 
     forms = {
         "parquet": export.export_parquet,

@@ -35,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
     from flexaxis.experiments.running.folder import read_study
-    from flexaxis.experiments.studies.report import inputs
+    from flexaxis.experiments.studies.benchmark import inputs
 
     path = args.output or args.folder / REPORT
     spare(inputs(args.folder), path)

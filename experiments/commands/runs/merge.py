@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Merge and report; what is missing is said, and is a finding."""
     from flexaxis.experiments.running.merge import merge
-    from flexaxis.experiments.studies.report import report
+    from flexaxis.experiments.studies.benchmark import report
 
     spare(args.folders, args.output)
     merged = merge(args.folders, args.output)

@@ -96,8 +96,8 @@ def _say(work: Any, text: str) -> None:
 def wanted(args: argparse.Namespace, names: Sequence[str]) -> Any:
     """Return what is to be run: the benchmark of some names, with `estimator` and `seeds`."""
     from flexaxis.experiments.catalogue.find import select
+    from flexaxis.experiments.comparison.ranking import REFERENCE
     from flexaxis.experiments.running.study import Study
-    from flexaxis.experiments.scoring.ranking import REFERENCE
     from flexaxis.experiments.studies.benchmark import Benchmark
 
     chosen = select(names)

@@ -147,7 +147,7 @@ def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, i
 def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int:
     from flexaxis.experiments.results.results import Results
     from flexaxis.experiments.running.folder import done
-    from flexaxis.experiments.studies.report import report
+    from flexaxis.experiments.studies.benchmark import report
 
     total = plan.work().cases
     counted = total - plan.work(done(folder, plan)).cases

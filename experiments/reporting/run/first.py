@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from flexaxis.experiments.scoring import ranking
+from flexaxis.experiments.comparison import ranking
+from flexaxis.experiments.comparison.matching import MATCHED
 from flexaxis.experiments.scoring.intervals import LEAST
-from flexaxis.experiments.scoring.matching import MATCHED
 
 Row = Mapping[str, Any]
 

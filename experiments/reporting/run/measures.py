@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexaxis.experiments.reporting.tables import TERMS, Cell, pair, scored, settled
-from flexaxis.experiments.scoring import pools
+from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.score import Score
 from flexaxis.experiments.scoring.table import SCORES, label
 
@@ -54,7 +54,7 @@ def _of(score: Score) -> Callable[[Pooled], Cell]:
             value, ends = 0.0, None
         if ends is not None and ends[0] is not None and ends[0] == ends[1]:
             ends = None  # of an estimator that never moves
-        if score.pool is pools.median:
+        if score.pool is pooling.median:
             text = settled(value, row["changed"])
             return Cell(text, "" if value is None else value, pair(ends) if value else "")
         return scored(value, within=pair(ends))

@@ -262,7 +262,7 @@ def scatter(
     order : sequence of str
         Estimators, the best first.
     wrong : set of (str, str, str)
-        As from `flexaxis.experiments.scoring.mismatch.misled`: these are not drawn.
+        As from `flexaxis.experiments.comparison.mismatch.misled`: these are not drawn.
     """
     lines = []
     for estimator in order:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.comparison import ranking
+from flexaxis.experiments.comparison.ecdf import Ecdf, ecdf
 from flexaxis.experiments.reporting.charts import Chart, Kind, Line, Panel, ends
-from flexaxis.experiments.scoring import ranking
-from flexaxis.experiments.scoring.ecdf import Ecdf, ecdf
 from flexaxis.experiments.scoring.tracks import TRACKS, track_of
 from flexaxis.sim.scenario import Scenario
 
@@ -120,7 +120,7 @@ def as_set(rows: Sequence[Row], order: Sequence[str], wrong: Wrong = frozenset()
         Pooled rows; those without a lag are left out.
     order : sequence of str
     wrong : set of (str, str, str)
-        As from `flexaxis.experiments.scoring.mismatch.misled`: these are not drawn.
+        As from `flexaxis.experiments.comparison.mismatch.misled`: these are not drawn.
     """
     mine = [
         r
@@ -163,13 +163,13 @@ def shares(
     Parameters
     ----------
     rows : iterable of mapping
-        Of single runs, as `flexaxis.experiments.scoring.ecdf.ecdf` takes them.
+        Of single runs, as `flexaxis.experiments.comparison.ecdf.ecdf` takes them.
     scenarios : mapping of str to Scenario
     order : sequence of str
         Estimators, the best first.
     wrong : set of (str, str, str)
-        As from `flexaxis.experiments.scoring.mismatch.misled`: who is in it is in no chart of that
-        track, for it would rank whom the text does not.
+        As from `flexaxis.experiments.comparison.mismatch.misled`: who is in it is in no chart of
+        that track, for it would rank whom the text does not.
     """
     track = {name: track_of(scenario) for name, scenario in scenarios.items()}
     mine: dict[str, list[Row]] = {name: [] for name in TRACKS}

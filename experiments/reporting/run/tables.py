@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from flexaxis.estimators import RECOMMENDED
+from flexaxis.experiments.comparison import ranking
 from flexaxis.experiments.reporting.run.measures import Pooled, measures, over_bound, t10
 from flexaxis.experiments.reporting.run.speed import Wrong, key
 from flexaxis.experiments.reporting.tables import (
@@ -18,7 +19,6 @@ from flexaxis.experiments.reporting.tables import (
     pair,
     scored,
 )
-from flexaxis.experiments.scoring import ranking
 
 FIRST = ("lag", "over_bound", "t10", "std", "bias", "score", "diverged", "false_alarms")
 """What is seen without asking where something changes, in this order."""
@@ -39,7 +39,7 @@ def scores(rows: Sequence[Pooled], wrong: Wrong = frozenset()) -> list[Table]:
     rows : sequence of mapping
         Pooled rows of one scenario.
     wrong : set of (str, str, str)
-        As from `flexaxis.experiments.scoring.mismatch.misled`: their lags stand in brackets.
+        As from `flexaxis.experiments.comparison.mismatch.misled`: their lags stand in brackets.
     """
     changed = [row for row in rows if row["changed"]]
     rest = [row for row in rows if not row["changed"]]
@@ -189,9 +189,9 @@ def matrix(
         The track of each scenario.
     estimators : sequence of str
     found : mapping
-        As from `flexaxis.experiments.scoring.mismatch.matrix`.
+        As from `flexaxis.experiments.comparison.mismatch.matrix`.
     wrong : set of (str, str, str)
-        As from `flexaxis.experiments.scoring.mismatch.misled`.
+        As from `flexaxis.experiments.comparison.mismatch.misled`.
     """
     columns = [Column("scenario", kind="text")]
     columns += [Column(who, name=f"{who} lag [s]", who=who) for who in estimators]

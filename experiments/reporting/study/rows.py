@@ -17,7 +17,7 @@ from flexaxis.experiments.results.groups import Bins
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.study import applies, is_option
 from flexaxis.experiments.scoring.intervals import mean_interval
-from flexaxis.experiments.scoring.pools import Columns, values
+from flexaxis.experiments.scoring.pooling import Columns, values
 
 FEW = 9  # that a chart tells apart: as many as there are colours
 MISSED, UNMODELLED, SEVERAL = "missed", "unmodelled", "several"

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.comparison.ranking import CONTROLS, REFERENCE, leaders
 from flexaxis.experiments.scoring.intervals import rate_interval
-from flexaxis.experiments.scoring.ranking import CONTROLS, REFERENCE, leaders
 from flexaxis.experiments.scoring.theta import known_names, nominal_theta, theta_over_time
 from flexaxis.sim.scenario import Scenario
 

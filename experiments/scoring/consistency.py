@@ -1,11 +1,14 @@
-"""Whether an estimator knows its own predictions: size and colour of its innovations."""
+"""Consistency: whether an estimator knows its own errors, of its estimates and its predictions."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring.case import Track, finite
+from flexaxis.experiments.scoring.windows import claimed_at
 
 Array = NDArray[np.float64]
 
@@ -78,6 +81,28 @@ def normalised(innovations: Array) -> Array:
     return np.where(good, epsilon / np.sqrt(np.where(good, variance, 1.0)), np.nan)
 
 
+def nees(error: Array, covariance: Any) -> float | None:
+    """Return θ̃ᵀ Σ⁻¹ θ̃, which for an honest Σ is χ² with p degrees of freedom on average p.
+
+    Parameters
+    ----------
+    error : ndarray (p,)
+        θ̃.
+    covariance : array_like (p, p) or None
+        Σ, as claimed.
+    """
+    if covariance is None:
+        return None
+    scale = np.sqrt(np.abs(np.diag(np.asarray(covariance, float))))
+    if not (np.isfinite(error).all() and np.all(scale > 0)):
+        return None
+    try:
+        scaled = error / scale
+        return finite(float(scaled @ np.linalg.solve(covariance / np.outer(scale, scale), scaled)))
+    except np.linalg.LinAlgError:
+        return None
+
+
 # What follows are the scores themselves, the same for all parameters of a case.
 
 
@@ -107,3 +132,10 @@ def _spread(innovations: Array, quiet: NDArray[np.intp]) -> Array:
     found = np.full((quiet[-1] + 1 - quiet[0], 2), np.nan)
     found[quiet - quiet[0]] = innovations[quiet]
     return found
+
+
+def nees_of(track: Track, i: int) -> float | None:
+    """Return θ̃ᵀ Σ⁻¹ θ̃ where it is asked what is claimed, before the first fault."""
+    del i
+    last = claimed_at(track.scenario)
+    return track.once("nees", lambda: nees(track.theta[last] - track.truth[last], track.claimed))

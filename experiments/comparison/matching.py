@@ -16,9 +16,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring import pools
+from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.intervals import FLOOR, pseudo_values
-from flexaxis.experiments.scoring.pools import scatter
+from flexaxis.experiments.scoring.pooling import scatter
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -70,7 +70,7 @@ class Setting:
         each, lost = self.array("excess"), self.array("lost_before") > 0
         if self.information is None:
             return float(each[index].mean())
-        return pools.excess(each[index], lost[index], self.biases[index], self.information)
+        return pooling.excess(each[index], lost[index], self.biases[index], self.information)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.comparison.matching import MATCHED, NOISIER, QUIETER
+from flexaxis.experiments.comparison.statistics import LogRatios, holm_levels, sign_p
 from flexaxis.experiments.scoring.intervals import LEAST, mean_interval
-from flexaxis.experiments.scoring.matching import MATCHED, NOISIER, QUIETER
-from flexaxis.experiments.scoring.statistics import LogRatios, holm_levels, sign_p
 
 Row = Mapping[str, Any]
 Array = NDArray[np.float64]

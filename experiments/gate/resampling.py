@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.gate import decide
-from flexaxis.experiments.gate.decide import BETTER, UNDECIDED, WORSE, Family
-from flexaxis.experiments.gate.lost import alarming, judge_lost
+from flexaxis.experiments.gate.decide import BETTER, UNDECIDED, WORSE, Family, alarming, judge_lost
 from flexaxis.experiments.gate.pairs import LOST, Paired
 
 Array = NDArray[np.float64]

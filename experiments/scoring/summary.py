@@ -1,0 +1,256 @@
+"""Pool the scores of all seeds into one row per scenario, estimator and parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.scoring import pooling
+from flexaxis.experiments.scoring.bounds import RMSE_AT
+from flexaxis.experiments.scoring.case import Track, finite, relative_error
+from flexaxis.experiments.scoring.curves import CURVE_STEP, Detail, detail_of, later, shifted
+from flexaxis.experiments.scoring.excess import information
+from flexaxis.experiments.scoring.intervals import by_seed, mean_interval
+from flexaxis.experiments.scoring.table import SCORES, rows
+from flexaxis.experiments.scoring.table import columns as kinds
+from flexaxis.sim.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+IDENTITY = ("scenario", "hash", "estimator", "parameter", "changed")
+POOLED = tuple(score.name for score in SCORES.values() if score.pool is not None)
+NUMBERS = (
+    "changed",
+    *(name for name, kind in kinds().items() if kind != "text"),
+    "cost.us_per_sample",
+)
+"""Columns that pools may ask for."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is kept of one estimator on one record.
+
+    Attributes
+    ----------
+    scenario, estimator : str
+    seed : int
+    names : tuple of str
+        Estimated parameters.
+    rows : list of dict
+        Scores, one row for each parameter, as they are kept.
+    curve : ndarray (M, p)
+        Every tenth estimate over its nominal value.
+    relative : dict of str to ndarray (n,)
+        θ̃/D in the first scored window of each changed parameter.
+    detail : Detail or None
+        What else there is to draw of it.
+    theta : ndarray (N, p) or None
+        All estimates, where they were asked for.
+    """
+
+    scenario: str
+    estimator: str
+    seed: int
+    names: tuple[str, ...]
+    rows: list[dict[str, Any]]
+    curve: NDArray[np.float32]
+    relative: dict[str, NDArray[np.float32]]
+    detail: Detail | None = None
+    theta: NDArray[np.float64] | None = None
+
+
+def scored(
+    track: Track,
+    *,
+    estimator: str,
+    seed: int,
+    identity: Mapping[str, Any],
+    cost: Mapping[str, Any],
+    whole: bool = False,
+    written: Scenario | None = None,
+) -> Case:
+    """Return the case of a track: its rows, and what its figures are made of.
+
+    Parameters
+    ----------
+    track : Track
+    estimator : str
+        As typed.
+    seed : int
+    identity, cost : mapping
+        What stands in each row before and after the scores.
+    whole : bool
+        Whether to keep all estimates.
+    written : Scenario, optional
+        Before its onset was drawn: the figures of all runs are drawn about the one onset there.
+    """
+    late = later(track.scenario, written or track.scenario)
+    with np.errstate(over="ignore", invalid="ignore"):  # a lost run may hold anything
+        relative = relative_error(track)
+        return Case(
+            scenario=track.scenario.name,
+            estimator=estimator,
+            seed=seed,
+            names=track.names,
+            rows=[dict(identity) | row | {"cost": dict(cost)} for row in rows(track)],
+            curve=(shifted(track.theta, late)[::CURVE_STEP] / track.nominal).astype(np.float32),
+            relative={name: error.astype(np.float32) for name, error in relative.items()},
+            detail=detail_of(track, late),
+            theta=track.theta if whole else None,
+        )
+
+
+def case_of(own: Sequence[dict[str, Any]], trace: Any = None) -> Case:
+    """Return a case from its rows, without trajectories unless there is a trace."""
+    first = own[0]
+    return Case(
+        scenario=first["scenario"],
+        estimator=first["estimator"],
+        seed=first["seed"],
+        names=tuple(row["parameter"] for row in own),
+        rows=list(own),
+        curve=np.empty((0, 0), np.float32) if trace is None else trace.curve,
+        relative={} if trace is None else dict(trace.relative),
+    )
+
+
+def pool_group(group: Sequence[Case], scenario: Scenario) -> list[dict[str, Any]]:
+    """Return the pooled rows of one estimator on one scenario, one for each parameter.
+
+    Returns
+    -------
+    list of dict
+        The scores as `flexaxis.experiments.scoring.table.SCORES` pools them, `seeds` their number;
+        `t63` and `t90` are those of the median run; `rmse` maps samples after onset to the root
+        mean square of θ̃/D, `efficiency` the same over the bound; `cost` is the median.
+    """
+    group = sorted(group, key=lambda case: case.seed)  # whatever the order in which they came
+    by_name = {name: columns_of([case.rows[i] for case in group])
+               for i, name in enumerate(group[0].names)}  # fmt: skip
+    shared = excess(by_name, scenario)
+    found = []
+    for i, (name, columns) in enumerate(by_name.items()):
+        identity = {key: group[0].rows[i][key] for key in IDENTITY}
+        scores = pool_columns(columns) | shared | cost(columns)
+        errors = [case.relative[name] for case in group if name in case.relative]
+        curve = of_trajectories(errors, scores["bound"], period=scenario.period)
+        found.append(identity | {"seeds": len(group), "runs": len(group)} | scores | curve)
+    return found
+
+
+def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
+    """Return the numbers of rows as columns: tables inside them as dotted names, NaN for null.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        As they are kept, all of one parameter.
+    """
+    points = [f"{row.get('hash')} {row.get('estimator')}" for row in rows]
+    found: dict[str, Array] = {
+        "seed": np.array([row.get("seed", place) for place, row in enumerate(rows)], float),
+        "point": np.unique(points, return_inverse=True)[1].astype(float),
+    }
+    for name in NUMBERS:
+        score, _, part = name.partition(".")
+        given = [row.get(score) for row in rows]
+        found[name] = np.array([v and v.get(part) for v in given] if part else given, float)
+    return found
+
+
+def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -> dict[str, Any]:
+    """Return the pooled scores of the rows of one parameter.
+
+    The excess error is not among them, which takes all parameters of a case: see `excess`.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray (n,)
+        As `flexaxis.experiments.scoring.pooling` takes them; only those that are needed are asked
+        for.
+    names : iterable of str, optional
+        Scores to pool, all by default.
+    """
+    found: dict[str, Any] = {}
+    with np.errstate(over="ignore", invalid="ignore"):
+        for name in POOLED if names is None else names:
+            pool = SCORES[name].pool
+            if pool is not None and name != "excess":
+                found |= pool(columns, name)
+    return found
+
+
+def cost(columns: pooling.Columns) -> dict[str, Any]:
+    """Return the median of what a sample takes."""
+    us = pooling.by(np.median)(columns, "cost.us_per_sample")["cost.us_per_sample"]
+    return {"cost": {"us_per_sample": us}}
+
+
+def excess(by_name: Mapping[str, pooling.Columns], scenario: Scenario) -> dict[str, Any]:
+    """Return the pooled excess error with its interval, the same for all parameters.
+
+    Parameters
+    ----------
+    by_name : mapping of str to columns
+        Of each estimated parameter, over the same runs on one scenario.
+    scenario : Scenario
+        The biases that count are those of its `identify`; whoever does not estimate one of these
+        has none in it.
+    """
+    first = next(iter(by_name.values()))
+    each, lost = first["excess"], first["lost_before"] > 0
+    M = information(scenario)
+    if M is None or np.isnan(each).any():
+        return {"excess": None, "excess_interval": None}
+    none = np.zeros(len(each))
+    biases = np.column_stack(
+        [np.nan_to_num(by_name[n]["bias"]) if n in by_name else none for n in scenario.identify]
+    )
+    values = None if lost.any() else pooling.excess_values(each, biases, M)
+    within = values is not None and mean_interval(by_seed(values, first["seed"], first["point"]))
+    return {
+        "excess": finite(max(0.0, pooling.excess(each, lost, biases, M))),
+        "excess_interval": [max(0.0, end) for end in within] if within else None,
+    }
+
+
+def biases_of(runs: Sequence[Sequence[Mapping[str, Any]]], scenario: Scenario) -> Array:
+    """Return the biases (n, p) of runs in the scenario's `identify` [% of nominal].
+
+    Parameters
+    ----------
+    runs : sequence of sequence of mapping
+        The rows of each run, one for each parameter.
+    scenario : Scenario
+    """
+    by_name = [{row["parameter"]: row["bias"] or 0.0 for row in rows} for rows in runs]
+    return np.array([[found.get(name, 0.0) for name in scenario.identify] for found in by_name])
+
+
+def of_trajectories(
+    relative: Sequence[NDArray[np.float32]], bound: Mapping[str, float] | None, *, period: float
+) -> dict[str, Any]:
+    """Return what is pooled of whole trajectories: `t63`, `t90`, `rmse`, `efficiency`.
+
+    Parameters
+    ----------
+    relative : sequence of ndarray
+        θ̃/D of the runs.
+    bound : mapping of str to float, optional
+        The pooled bound, by samples after onset.
+    period : float
+        Sampling period [s].
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = pooling.rmse(relative, RMSE_AT)
+    return {
+        "t63": pooling.settles(relative, 0.37, period),
+        "t90": pooling.settles(relative, 0.10, period),
+        "rmse": errors,
+        "efficiency": pooling.efficiency(errors, bound),
+    }
