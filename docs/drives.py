@@ -228,7 +228,7 @@ def _recovered(row: Mapping[str, Any] | None) -> str:
 
 def order() -> str:
     """Return whether the ranking by lag is that by what is recovered."""
-    rows = []
+    rows, found = [], []
     for name in find_suite("control").scenarios:
         each = {who: changed("control", name, who) for who in WHO["control"]}
         known = {w: (r["lag"], r["recovered"]) for w, r in each.items()
@@ -240,13 +240,16 @@ def order() -> str:
         by_worth = sorted(known, key=lambda w: -known[w][1])
         agree = spearmanr(lags, -worths).statistic
         rows.append([f"`{name}`", ", ".join(by_lag), ", ".join(by_worth), f"{agree:+.2f}"])
+        found.append(agree)
+    rows.append(["mean", "", "", f"{np.mean(found):+.2f}"])
     heads = ["scenario", "the least lag first", "the most recovered first", "rank correlation"]
     return table(heads, rows) + said("control")
 
 
 def said(suite: str) -> str:
     """Return what a table is of."""
-    return f"\n`flexaxis run {suite}`, seeds 1000 to {999 + SEEDS}, `python docs/drives.py`.\n"
+    seeds = next(iter(results(suite).values()))["seeds"]
+    return f"\n`flexaxis run {suite}`, seeds 1000 to {999 + seeds}, `python docs/drives.py`.\n"
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
