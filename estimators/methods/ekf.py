@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import Nominal, model_of, random_walk
-from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.joint import (
@@ -132,15 +131,9 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
 
 
 def extended(
-    nominal: Nominal,
-    period: float,
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     walk: float | None = None,
-    noise: float | None = None,
     spread: float = 0.2,
 ) -> CompiledFilter:
     """
@@ -148,20 +141,13 @@ def extended(
 
     Parameters
     ----------
-    P0, torque
-        Taken as by every entry, and left: P(0) is that of ``spread``.
     walk : float
         Standard deviation of the random walk of every θ after a second, relative to θ(0).
-    noise : float, optional
-        Standard deviation of the output, in its unit; else it is learnt from the innovations.
     spread : float
         Standard deviation of θ(0), relative to it.
     """
-    model = model_of(nominal)
-    prior, drift = random_walk("ekf", WALK, model, identify, period, walk=walk, spread=spread)
-    return joint_ekf(
-        model, identify=identify, P0=prior, drift=drift, noise=noise, period=period, output=output
-    )
+    prior, drift = problem.random_walk("ekf", WALK, walk=walk, spread=spread)
+    return joint_ekf(problem.model, **problem.asked, P0=prior, drift=drift)
 
 
 ENTRIES = (

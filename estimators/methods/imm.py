@@ -8,9 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.start import Nominal, model_of, random_walk
-from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero, finite_vector, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.joint import (
@@ -27,7 +26,6 @@ from flexaxis.estimators.recursion.modes import listen, mix, weigh
 from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern, split
-from flexaxis.estimators.tuned import tuned
 
 Array = NDArray[np.float64]
 
@@ -188,15 +186,9 @@ def look_together(tuning, states, y, valid):
 
 
 def imm(
-    nominal: Nominal,
-    period: float,
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     walk: float | None = None,
-    noise: float | None = None,
     spread: float = 0.2,
     jump: float | None = None,
     rate: float | None = None,
@@ -207,36 +199,31 @@ def imm(
 
     Parameters
     ----------
-    P0, torque, walk, noise, spread
+    walk, spread
         As for `flexaxis.estimators.methods.ekf.extended`; walk is that of the quiet mode.
     jump : float
         Standard deviation of a jump of θ_i, relative to θ(0).
     rate, hold : float
         How often a jump comes [1/s], and how long it lasts on average [s].
     """
-    model = model_of(nominal)
-    above_zero("period", period, "the sampling period in seconds")
-    position = tuned("imm", model, period, identify)
+    position = problem.tuned("imm")
     usual = {"walk": WALK, "rate": RATE, "jump": JUMP} if position is None else along(position)
     walk, rate, jump = (
         usual[name] if given is None else given
         for name, given in (("walk", walk), ("rate", rate), ("jump", jump))
     )
-    prior, drift = random_walk("imm", WALK, model, identify, period, walk=walk, spread=spread)
+    prior, drift = problem.random_walk("imm", WALK, walk=walk, spread=spread)
     above_zero("rate", rate, "how often a jump comes, in 1/s")
     above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
     above_zero("hold", hold, "how long a jump lasts, in seconds")
     return joint_imm(
-        model,
-        identify=identify,
+        problem.model,
+        **problem.asked,
         P0=prior,
         drift=drift,
-        jump=period / hold * (jump * model.parametrize(identify).theta) ** 2,
+        jump=problem.period / hold * (jump * problem.theta) ** 2,
         rate=rate,
         hold=hold,
-        noise=noise,
-        period=period,
-        output=output,
     )
 
 

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
-from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.recursion.measurement import MEMORY
@@ -158,13 +157,8 @@ literal_rpem = LiteralRpem
 
 
 def literal_forgetting(
-    nominal: Nominal,
-    period: float,
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
     regularization: float = 0.0,
 ) -> LiteralRpem:
@@ -178,17 +172,14 @@ def literal_forgetting(
     regularization : float
         μ of eq. (11).
     """
-    model = model_of(nominal)
-    weight = factor("literal-rpem", forgetting, model, period, identify)
-    P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
+    weight = problem.factor("literal-rpem", forgetting)
+    P = problem.forgetting_P(weight)
     return LiteralRpem(
-        model,
-        identify=identify,
+        problem.model,
+        **problem.asked,
         P0=P,
-        period=period,
         forgetting=weight,
         regularization=regularization,
-        output=output,
     )
 
 
@@ -200,5 +191,6 @@ ENTRIES = (
         knob="1-forgetting",
         default=0.995,
         rank=6,
+        told_noise=False,
     ),
 )

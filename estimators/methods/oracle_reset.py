@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.methods.paper import rpem_corrected
 from flexaxis.estimators.methods.rpem import Rpem
-from flexaxis.estimators.methods.start import Nominal, factor, model_of
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.recursion.measurement import LINEAR
@@ -78,17 +77,11 @@ class OracleReset(RecursiveEstimator):
 
 
 def oracle_reset(
-    nominal: Nominal,
-    period: float,
+    problem: Problem,
     *,
     onsets: Sequence[int] = (),
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
     spread: float = SPREAD,
-    noise: float | None = None,
 ) -> OracleReset:
     """
     Make the control that is told the samples at which a true parameter changes, and the noise.
@@ -101,19 +94,9 @@ def oracle_reset(
         λ of a sample.
     spread : float
         Standard deviation of a change, relative to θ.
-    noise : float, optional
-        Standard deviation of y, in its unit.
     """
-    rpem = rpem_corrected(
-        nominal,
-        period,
-        identify=identify,
-        output=output,
-        P0=P0,
-        torque=torque,
-        forgetting=factor("oracle-reset", forgetting, model_of(nominal), period, identify),
-        noise=noise,
-    )
+    weight = problem.factor("oracle-reset", forgetting)
+    rpem = rpem_corrected(problem, forgetting=weight)
     return OracleReset(rpem, onsets=onsets, spread=spread)
 
 

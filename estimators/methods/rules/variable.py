@@ -7,17 +7,14 @@ Signal Processing Letters 15 (2008) 597–600. σ_e² and σ_q², means of ε² 
 of 0.3 s; σ_v², of the noise, one of 2 s; exact means before they have seen as much.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal, forgetting_design
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
+from flexaxis.estimators.recursion.measurement import CALM, ROBUST
 from flexaxis.estimators.sampling.compiler import inlined
 
 SHORT, LONG = 0.3, 2.0  # s, memories of the residual and of the noise: 60 and 400 samples at 5 ms
@@ -52,16 +49,10 @@ def variable_factor(tuning, state):
 
 
 def variable_forgetting(
-    nominal: Nominal,
-    period: float,
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
     level: float = 2.0,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CALM,
 ) -> CompiledFilter:
@@ -74,20 +65,10 @@ def variable_forgetting(
         Largest λ of a sample.
     level : float
         How far the residual must exceed the noise, in standard deviations, to forget more.
-    noise, robust, ceiling
+    robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
-    design = forgetting_design(
-        "variable-forgetting",
-        nominal,
-        period,
-        identify=identify,
-        output=output,
-        P0=P0,
-        torque=torque,
-        forgetting=forgetting,
-        noise=noise,
-    )
+    design = problem.forgetting_design("variable-forgetting", forgetting)
     above_zero("level", level, "a ratio of standard deviations")
     return forgetful_filter(
         design,
@@ -96,9 +77,9 @@ def variable_forgetting(
         ceiling=ceiling,
         tuning={
             "level": level,
-            "short": max(SHORT / period, 2.0),
-            "long": max(LONG / period, 2.0),
-            "least": max(1 - period / FASTEST, 0.5),
+            "short": max(SHORT / problem.period, 2.0),
+            "long": max(LONG / problem.period, 2.0),
+            "least": max(1 - problem.period / FASTEST, 0.5),
         },
         state={"sums": np.zeros(4)},
     )

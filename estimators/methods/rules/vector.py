@@ -5,18 +5,16 @@ S. Sælid and B. Foss, *Adaptive controllers with a vector variable forgetting f
 Conference on Decision and Control (1983) 1488–1494.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal, forgetting_design
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import finite_vector
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
+from flexaxis.estimators.recursion.measurement import CALM, ROBUST
 from flexaxis.estimators.sampling.compiler import inlined
 
 TIE = 1e-6  # relative; of parameters of which P(0) knows equally little none is the one
@@ -32,16 +30,10 @@ def forget_each(tuning, state, valid):
 
 
 def vector_forgetting(
-    nominal: Nominal,
-    period: float,
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
     rates: ArrayLike | None = None,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CALM,
 ) -> CompiledFilter:
@@ -55,25 +47,15 @@ def vector_forgetting(
     rates : (p,) array_like, optional
         1−λ_i over 1−λ: by default 1, and 1/2 for the parameter of
         which P(0) knows least, if that is one.
-    noise, robust, ceiling
+    robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
-    design = forgetting_design(
-        "vector-forgetting",
-        nominal,
-        period,
-        identify=identify,
-        output=output,
-        P0=P0,
-        torque=torque,
-        forgetting=forgetting,
-        noise=noise,
-    )
+    design = problem.forgetting_design("vector-forgetting", forgetting)
     if rates is None:  # in relative parameters, so that units do not choose
         share = np.diag(design.P0) / np.diag(design.P0).max()
         least = share >= 1 - TIE
         rates = np.where(least, 0.5 if least.sum() == 1 else 1.0, 1.0)
-    factors = 1 - (1 - design.forgetting) * finite_vector("rates", rates, len(identify))
+    factors = 1 - (1 - design.forgetting) * finite_vector("rates", rates, len(problem.identify))
     if not np.all((factors > 0) & (factors <= 1)):
         raise EstimatorError(
             f"rates are {rates!r}; give one for each parameter, with 1 − (1−λ) rate in (0, 1]"
