@@ -101,7 +101,7 @@ def joint_ekf(
     pattern = with_state(split(design.model)[0])
     tuning, start = ekf_records(design, pattern, state_covariance(design, x0_covariance))
     return CompiledFilter(
-        ekf_loop(pattern), tuning, start, design, partial(_read, len(design.theta0))
+        _ekf_loop(pattern), tuning, start, design, partial(_read, len(design.theta0))
     )
 
 
@@ -110,7 +110,7 @@ def _read(p: int, state: Record) -> tuple[Array, Array]:
 
 
 @remembered
-def ekf_loop(pattern: Pattern) -> Compiled:
+def _ekf_loop(pattern: Pattern) -> Compiled:
     """Return the compiled loop for models of this pattern."""
     return sample_loop(pattern, _take, "an extended Kalman filter")
 
@@ -130,7 +130,7 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     return False
 
 
-def extended(
+def _extended(
     problem: Problem,
     *,
     walk: float | None = None,
@@ -154,7 +154,7 @@ ENTRIES = (
     Entry(
         "ekf",
         "joint extended Kalman filter for state and parameters",
-        extended,
+        _extended,
         knob="walk",
         default=WALK,
         rank=7,

@@ -37,7 +37,7 @@ WALK = 0.01  # 1/√s, of θ/θ(0): the memory is then about a second where σ i
 CEILING = 10 * CALM  # of R̂ P, relative to θ(0)²: a deviation of 10 %, twice that of the start
 
 
-def rpem_friction(
+def _rpem_friction(
     problem: Problem,
     *,
     forgetting: float | None = None,
@@ -77,7 +77,7 @@ def rpem_friction(
     )
 
 
-def rpem_friction_drift(
+def _rpem_friction_drift(
     problem: Problem,
     *,
     walk: float = WALK,
@@ -90,7 +90,7 @@ def rpem_friction_drift(
     Parameters
     ----------
     P0, torque, noise, robust, ceiling
-        As for `rpem_friction`.
+        As for `_rpem_friction`.
     walk : float
         Standard deviation of the random walk of what is tracked after a second, relative to θ(0).
     """
@@ -151,7 +151,7 @@ ENTRIES = (
     Entry(
         "rpem-friction",
         "the paper's method with a forgetting factor, on a model with dry friction and play",
-        rpem_friction,
+        _rpem_friction,
         knob="1-forgetting",
         default=0.995,
         rank=5.2,
@@ -160,7 +160,7 @@ ENTRIES = (
     Entry(
         "rpem-friction-drift",
         "the paper's method with covariance modification, on a model with dry friction and play",
-        rpem_friction_drift,
+        _rpem_friction_drift,
         knob="walk",
         default=WALK,
         rank=5.4,

@@ -73,7 +73,7 @@ class Frozen(RecursiveEstimator):
         trace[:] = np.nan
 
 
-def frozen(
+def _frozen(
     problem: Problem,
 ) -> Frozen:
     """Make the estimator that never moves."""
@@ -81,5 +81,5 @@ def frozen(
 
 
 ENTRIES = (
-    Entry("frozen", "never moves: what doing nothing scores", frozen, rank=99, told_noise=False),
+    Entry("frozen", "never moves: what doing nothing scores", _frozen, rank=99, told_noise=False),
 )

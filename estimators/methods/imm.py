@@ -123,7 +123,7 @@ def joint_imm(
     start = np.repeat(start, 1 + p)
     start["probability"][0] = start["predicted"][0] = 1.0
     return CompiledFilter(
-        imm_loop(pattern), tuning, start, design, partial(_read, p), restarts=True
+        _imm_loop(pattern), tuning, start, design, partial(_read, p), restarts=True
     )
 
 
@@ -141,7 +141,7 @@ def _read(p: int, state: Record) -> tuple[Array, Array]:
 
 
 @remembered
-def imm_loop(pattern: Pattern) -> Compiled:
+def _imm_loop(pattern: Pattern) -> Compiled:
     """
     Return the compiled loop for models of this pattern.
 
@@ -155,7 +155,7 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Do with a sample what `flexaxis.estimators.recursion.loop.sample_loop` asks for."""
     p = estimates.shape[1]
     n = len(states[0]["gain"]) - p
-    used = look_together(tunings[0], states, y[k], valid[k])
+    used = _look_together(tunings[0], states, y[k], valid[k])
     noise = states[0]["noise"]
     for j in range(len(states)):
         listen(states[j], used, noise)
@@ -173,7 +173,7 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
 
 
 @inlined
-def look_together(tuning, states, y, valid):
+def _look_together(tuning, states, y, valid):
     """Judge the sample by the mixture's prediction and its variance, in the first record."""
     mean, spread = 0.0, 0.0
     for j in range(len(states)):
@@ -185,7 +185,7 @@ def look_together(tuning, states, y, valid):
     return judge(tuning, states[0], y, valid, mean, spread)
 
 
-def imm(
+def _imm(
     problem: Problem,
     *,
     walk: float | None = None,
@@ -200,14 +200,14 @@ def imm(
     Parameters
     ----------
     walk, spread
-        As for `flexaxis.estimators.methods.ekf.extended`; walk is that of the quiet mode.
+        As for `flexaxis.estimators.methods.ekf._extended`; walk is that of the quiet mode.
     jump : float
         Standard deviation of a jump of θ_i, relative to θ(0).
     rate, hold : float
         How often a jump comes [1/s], and how long it lasts on average [s].
     """
     position = problem.tuned("imm")
-    usual = {"walk": WALK, "rate": RATE, "jump": JUMP} if position is None else along(position)
+    usual = {"walk": WALK, "rate": RATE, "jump": JUMP} if position is None else _along(position)
     walk, rate, jump = (
         usual[name] if given is None else given
         for name, given in (("walk", walk), ("rate", rate), ("jump", jump))
@@ -227,7 +227,7 @@ def imm(
     )
 
 
-def along(position: float) -> dict[str, float]:
+def _along(position: float) -> dict[str, float]:
     """Return the options on the way from quiet to quick, 1 at the usual walk.
 
     Jumps that are expected often are what makes it noisy: at one in 1000 s no walk is slow enough
@@ -240,8 +240,8 @@ ENTRIES = (
     Entry(
         "imm",
         "interacting multiple models: joint Kalman filters, a quiet one and one for each jump",
-        imm,
-        knob=along,
+        _imm,
+        knob=_along,
         rank=9,
     ),
 )

@@ -39,7 +39,7 @@ def regularize(P: Array, regularization: ArrayLike) -> Array:
     return P @ np.linalg.inv(np.eye(len(P)) + weights[:, None] * P)
 
 
-def symmetrize(P: Array) -> Array:
+def _symmetrize(P: Array) -> Array:
     """Drop the antisymmetric part of P: rounding leaves some, and (9) lets it grow as λ⁻ᵏ."""
     return (P + P.T) / 2
 
@@ -127,8 +127,8 @@ class LiteralRpem(RecursiveEstimator):
             self._measure()
         d = self._design
         self._theta = np.clip(self._theta, d.lower, d.upper)
-        self.P = symmetrize(time_update(self.P, d.forgetting, d.drift))
-        self.P = symmetrize(regularize(self.P, d.regularization))
+        self.P = _symmetrize(time_update(self.P, d.forgetting, d.drift))
+        self.P = _symmetrize(regularize(self.P, d.regularization))
         self._propagate(u)
         return predicted, self.epsilon, np.nan if y is None else claimed
 
@@ -143,7 +143,7 @@ class LiteralRpem(RecursiveEstimator):
 
     def _measure(self) -> None:
         self._noise.add(float(self.epsilon**2 / (1 + self.psi @ self.P @ self.psi)))
-        self.P = symmetrize(measurement_update(self.P, self.psi))
+        self.P = _symmetrize(measurement_update(self.P, self.psi))
         self._theta = self._theta + self.P @ self.psi * self.epsilon  # (5)
 
     def _propagate(self, u: float) -> None:
@@ -156,7 +156,7 @@ class LiteralRpem(RecursiveEstimator):
 literal_rpem = LiteralRpem
 
 
-def literal_forgetting(
+def _literal_forgetting(
     problem: Problem,
     *,
     forgetting: float | None = None,
@@ -187,7 +187,7 @@ ENTRIES = (
     Entry(
         "literal-rpem",
         "rpem-forgetting with a matrix exponential in every sample: slow, the oracle",
-        literal_forgetting,
+        _literal_forgetting,
         knob="1-forgetting",
         default=0.995,
         rank=6,

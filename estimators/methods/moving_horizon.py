@@ -163,7 +163,7 @@ def _read(state: Window) -> tuple[Array, Array]:
     return state.xi[: len(state.claimed)], state.claimed
 
 
-def horizon(
+def _horizon(
     problem: Problem,
     *,
     forgetting: float | None = None,
@@ -213,7 +213,7 @@ ENTRIES = (
     Entry(
         "moving-horizon",
         "nonlinear least squares over a moving window, with an arrival cost",
-        horizon,
+        _horizon,
         knob="1-forgetting",
         default=0.995,
         rank=10,

@@ -76,7 +76,7 @@ class OracleReset(RecursiveEstimator):
         self._count += len(u)
 
 
-def oracle_reset(
+def _oracle_reset(
     problem: Problem,
     *,
     onsets: Sequence[int] = (),
@@ -104,7 +104,7 @@ ENTRIES = (
     Entry(
         "oracle-reset",
         "a control that is told when a fault happens, and begins anew there",
-        oracle_reset,
+        _oracle_reset,
         knob="1-forgetting",
         default=0.995,
         rank=98,

@@ -11,7 +11,7 @@ from flexaxis.estimators.recursion.design import above_zero, at_least_zero, cova
 from flexaxis.estimators.recursion.measurement import CALM, ROBUST
 
 
-def rpem_forgetting(
+def _rpem_forgetting(
     problem: Problem,
     *,
     forgetting: float | None = None,
@@ -76,7 +76,7 @@ def rpem_corrected(
     )
 
 
-def rpem_drift(
+def _rpem_drift(
     problem: Problem,
     *,
     scale: float = 1.0,
@@ -122,7 +122,7 @@ ENTRIES = (
     Entry(
         "rpem-forgetting",
         "the paper's method with a forgetting factor, eq. (13)",
-        rpem_forgetting,
+        _rpem_forgetting,
         knob="1-forgetting",
         default=0.995,
         rank=1,
@@ -130,7 +130,7 @@ ENTRIES = (
     Entry(
         "rpem-drift",
         "the paper's method with covariance modification, eq. (14), (32)",
-        rpem_drift,
+        _rpem_drift,
         knob="scale",
         default=1.0,
         rank=2,
@@ -138,7 +138,7 @@ ENTRIES = (
     Entry(
         "rpem-forgetting-mu",
         "rpem-forgetting, regularised against standstill, eq. (12)",
-        partial(rpem_forgetting, regularization=REGULARIZATION),
+        partial(_rpem_forgetting, regularization=REGULARIZATION),
         knob="1-forgetting",
         default=0.995,
         rank=3,
@@ -146,7 +146,7 @@ ENTRIES = (
     Entry(
         "rpem-drift-mu",
         "rpem-drift, regularised against standstill, eq. (12)",
-        partial(rpem_drift, regularization=REGULARIZATION),
+        partial(_rpem_drift, regularization=REGULARIZATION),
         knob="scale",
         default=1.0,
         rank=4,

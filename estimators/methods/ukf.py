@@ -160,7 +160,7 @@ def _read(p: int, state: Record) -> tuple[Array, Array]:
     return state["xi"][0, :p], S.T @ S
 
 
-def unscented(
+def _unscented(
     problem: Problem,
     *,
     walk: float | None = None,
@@ -172,7 +172,7 @@ def unscented(
     Parameters
     ----------
     walk, spread
-        As for `flexaxis.estimators.methods.ekf.extended`.
+        As for `flexaxis.estimators.methods.ekf._extended`.
     """
     prior, drift = problem.random_walk("ukf", WALK, walk=walk, spread=spread)
     return joint_ukf(problem.model, **problem.asked, P0=prior, drift=drift)
@@ -182,7 +182,7 @@ ENTRIES = (
     Entry(
         "ukf",
         "joint unscented Kalman filter for state and parameters, in square-root form",
-        unscented,
+        _unscented,
         knob="walk",
         default=WALK,
         rank=8,

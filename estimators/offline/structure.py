@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Guess:
+class _Guess:
     """
     What is thought of a parameter of a law before it is seen, in units of its size.
 
@@ -45,35 +45,35 @@ class Guess:
 # Published and simulated axes lie within a deviation or two: an industrial robot's axis has
 # f_c .14, f_s .8 of the rms torque, and friction changes at .07 to .2 of the rms speed (Wernholt
 # and Gunnarsson 2006). Levels stay above 0, as bristles without strength have no stiffness.
-GUESSES: Mapping[str, Mapping[str, Guess]] = {
+GUESSES: Mapping[str, Mapping[str, _Guess]] = {
     "bristle": {
-        "coulomb": Guess(0.05, 0.15, 1e-5, 3.0),  # of the torque
-        "breakaway": Guess(0.02, 0.15, 0.0, 5.0),  # of the torque
-        "stribeck": Guess(0.15, 0.1, 0.02, 1.0),  # of the speed
-        "stiffness": Guess(6.0, 6.0, 0.5, 1e3),  # of the torque over the angle
-        "damping": Guess(0.5, 1.0, 0.0, 10.0),  # of the torque over the speed
-        "softness": Guess(0.02, 0.04, 1e-3, 1.0),  # of the speed
+        "coulomb": _Guess(0.05, 0.15, 1e-5, 3.0),  # of the torque
+        "breakaway": _Guess(0.02, 0.15, 0.0, 5.0),  # of the torque
+        "stribeck": _Guess(0.15, 0.1, 0.02, 1.0),  # of the speed
+        "stiffness": _Guess(6.0, 6.0, 0.5, 1e3),  # of the torque over the angle
+        "damping": _Guess(0.5, 1.0, 0.0, 10.0),  # of the torque over the speed
+        "softness": _Guess(0.02, 0.04, 1e-3, 1.0),  # of the speed
     },
     "static": {
-        "coulomb": Guess(0.05, 0.15, 0.0, 3.0),  # of the torque
-        "breakaway": Guess(0.02, 0.15, 0.0, 5.0),  # of the torque
-        "alpha": Guess(10.0, 5.0, 1.0, 50.0),  # over the speed
-        "beta": Guess(20.0, 10.0, 1.0, 100.0),  # over the speed
+        "coulomb": _Guess(0.05, 0.15, 0.0, 3.0),  # of the torque
+        "breakaway": _Guess(0.02, 0.15, 0.0, 5.0),  # of the torque
+        "alpha": _Guess(10.0, 5.0, 1.0, 50.0),  # over the speed
+        "beta": _Guess(20.0, 10.0, 1.0, 100.0),  # over the speed
     },
     "spring": {
-        "cubic": Guess(0.0, 0.03, -0.03, 1.0),  # over the squared twist
-        "gap": Guess(0.02, 0.05, 0.0, 2.0),  # of the twist
+        "cubic": _Guess(0.0, 0.03, -0.03, 1.0),  # over the squared twist
+        "gap": _Guess(0.02, 0.05, 0.0, 2.0),  # of the twist
     },
     "sinusoid": {
-        "sine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
-        "cosine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
+        "sine": _Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
+        "cosine": _Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
     },
     "shape": {
-        "sine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
-        "cosine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
-        "waves": Guess(10.0, 0.5, 0.1, 1e3),  # a turn; the nearest whole number is known
+        "sine": _Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
+        "cosine": _Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
+        "waves": _Guess(10.0, 0.5, 0.1, 1e3),  # a turn; the nearest whole number is known
     },
-    "clip": {"limit": Guess(5.0, 1.0, 0.1, 100.0)},  # of the torque
+    "clip": {"limit": _Guess(5.0, 1.0, 0.1, 100.0)},  # of the torque
 }
 """By kind of law and role, in units of `Sizes`."""
 
@@ -235,7 +235,7 @@ def prior(
     spread : float
         Deviation of the tracked parameters of the linear model, relative to θ(0).
     """
-    guesses: dict[str, Guess] = {}
+    guesses: dict[str, _Guess] = {}
     if any(name in model.law_parameters for name in names):
         for law, sizes in _sized(model, torque, period, motion):
             for role, name in law.parameters.items():
@@ -267,7 +267,7 @@ def _relative(model: Model, name: str, spread: float) -> float:
     return DAMPING if physical in model.nonnegative else FIRM
 
 
-def _of_law(guess: Guess, start: float, told: bool) -> tuple[float, float, float, float, float]:
+def _of_law(guess: _Guess, start: float, told: bool) -> tuple[float, float, float, float, float]:
     deviation = guess.deviation
     if told and start:
         deviation = min(deviation, TOLD * abs(start))
@@ -275,7 +275,7 @@ def _of_law(guess: Guess, start: float, told: bool) -> tuple[float, float, float
     return start, deviation, lower, upper, guess.deviation
 
 
-def _guess(role: str, law: Law, sizes: Sizes) -> Guess:
+def _guess(role: str, law: Law, sizes: Sizes) -> _Guess:
     """Return what is thought of a parameter of a law, in its unit."""
     unit = {
         "coulomb": sizes.force,
@@ -298,4 +298,4 @@ def _guess(role: str, law: Law, sizes: Sizes) -> Guess:
             f"nothing is known of the parameter {law.parameters[role]!r} of a law {law.kind!r} "
             "beforehand; it cannot be learnt, so give it as a nominal value"
         )
-    return Guess(*(unit * x for x in (guess.start, guess.deviation, guess.lower, guess.upper)))
+    return _Guess(*(unit * x for x in (guess.start, guess.deviation, guess.lower, guess.upper)))

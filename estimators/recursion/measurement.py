@@ -133,25 +133,25 @@ def measure(tuning, state, y, valid):
     state["expected"] = state["X"][-1, 0]
     state["epsilon"] = state["variance"] = np.nan
     if valid:
-        state["scale"] = 1.0 + form(state["P"], psi, gain)
-        valid = not (tuning["watched"] > 0.0 and sticks(tuning, state, y))
+        state["scale"] = 1.0 + _form(state["P"], psi, gain)
+        valid = not (tuning["watched"] > 0.0 and _sticks(tuning, state, y))
     else:
         state["reading"] = np.nan
     if valid:
         state["epsilon"] = y - state["expected"]
         weight = 1.0 / state["scale"]
-        spread = 1.0 + form(state["claim"], psi, state["spread"])
+        spread = 1.0 + _form(state["claim"], psi, state["spread"])
         state["quiet"] = state["noise"]
         judged = state["samples"] >= KNOWN or tuning["known"] > 0.0
         if judged or state["samples"] > 0.0:
             state["variance"] = state["noise"] * spread
-        surprise = limited(tuning, state, judged)
+        surprise = _limited(tuning, state, judged)
         state["surprise"] = surprise
         for i in range(p):
             theta[i] += gain[i] * (surprise * weight)
         subtract(state["P"], gain, weight)
-        carry(state["claim"], gain, weight, state["spread"], spread)
-        excited = learn(tuning, state, surprise**2 / spread)
+        _carry(state["claim"], gain, weight, state["spread"], spread)
+        excited = _learn(tuning, state, surprise**2 / spread)
         if excited and tuning["heeds"] < HEEDS_NOTHING:
             explains(tuning, state, y, state["epsilon"])
     for i in range(p):
@@ -163,7 +163,7 @@ def measure(tuning, state, y, valid):
 
 
 @inlined
-def limited(tuning, state, judged):
+def _limited(tuning, state, judged):
     """Return the residual, or as much of it as a single sample may have."""
     surprise = state["epsilon"]
     if tuning["clip"] > 0.0 and (judged or state["samples"] > 0.0):
@@ -179,7 +179,7 @@ def limited(tuning, state, judged):
 
 
 @inlined
-def sticks(tuning, state, y):
+def _sticks(tuning, state, y):
     """Return whether y is that of a sensor that is stuck; the first samples are believed."""
     known = state["samples"] >= KNOWN or tuning["known"] > 0.0
     noise = state["noise"] if known else state["earlier"]
@@ -191,7 +191,7 @@ def sticks(tuning, state, y):
 
 
 @inlined
-def form(P, psi, gain):
+def _form(P, psi, gain):
     """Write P ψ, and return ψᵀ P ψ."""
     total = 0.0
     for i in range(len(psi)):
@@ -205,7 +205,7 @@ def form(P, psi, gain):
 
 
 @inlined
-def learn(tuning, state, square):
+def _learn(tuning, state, square):
     """
     Take a squared residual into R̂, exact over the first samples, then with a memory.
 
@@ -226,7 +226,7 @@ def learn(tuning, state, square):
 
 
 @inlined
-def carry(claim, gain, weight, spread, scale):
+def _carry(claim, gain, weight, spread, scale):
     """Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ, with K = Pψ/(1+ψᵀPψ), Σψ and 1 + ψᵀΣψ given."""
     for i in range(len(gain)):
         a = gain[i] * weight

@@ -21,7 +21,7 @@ FIRST, NEXT = 1.0, 0.5  # s before the first alarm, in which R̂ is learnt, and 
 
 
 @inlined
-def reset_on_alarm(tuning, state, valid):
+def _reset_on_alarm(tuning, state, valid):
     """P ← P/λ, eq. (9); where the sum exceeds the level, P becomes large."""
     sums, P = state["sums"], state["P"]
     for i in range(len(P)):
@@ -43,7 +43,7 @@ def reset_on_alarm(tuning, state, valid):
                 state["claim"][i, j] = P[i, j]
 
 
-def cusum_reset(
+def _cusum_reset(
     problem: Problem,
     *,
     forgetting: float | None = None,
@@ -70,7 +70,7 @@ def cusum_reset(
     above_zero("level", level, "an alarm threshold in nats")
     return forgetful_filter(
         design,
-        reset_on_alarm,
+        _reset_on_alarm,
         robust=robust,
         ceiling=ceiling,
         correct=True,  # P is large after an alarm: the state has to follow
@@ -88,7 +88,7 @@ ENTRIES = (
     Entry(
         "cusum-reset",
         "rpem-forgetting whose P is reset when a CUSUM on the residual raises an alarm",
-        cusum_reset,
+        _cusum_reset,
         knob="1-forgetting",
         default=0.995,
         rank=24,

@@ -20,7 +20,7 @@ from flexaxis.estimators.sampling.compiler import inlined
 
 
 @inlined
-def forget_excited(tuning, state, valid):
+def _forget_excited(tuning, state, valid):
     """Do the time update; a gap renews nothing, and so forgets nothing."""
     P, along, v, L = state["P"], state["along"], state["gain"], state["work"]
     p = len(P)
@@ -49,7 +49,7 @@ def forget_excited(tuning, state, valid):
             P[i, j] += (1.0 / tuning["forgetting"] - 1.0) * along[i] * along[j] / size
 
 
-def directional_forgetting(
+def _directional_forgetting(
     problem: Problem,
     *,
     forgetting: float | None = None,
@@ -69,7 +69,7 @@ def directional_forgetting(
     design = problem.forgetting_design("directional-forgetting", forgetting)
     return forgetful_filter(
         design,
-        forget_excited,
+        _forget_excited,
         robust=robust,
         ceiling=ceiling,
         tuning={"unit": np.diag(design.P0)},
@@ -81,7 +81,7 @@ ENTRIES = (
     Entry(
         "directional-forgetting",
         "forgets along the gradient only (SIFt)",
-        directional_forgetting,
+        _directional_forgetting,
         knob="1-forgetting",
         default=0.995,
         rank=21,

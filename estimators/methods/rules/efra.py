@@ -17,7 +17,7 @@ from flexaxis.estimators.sampling.compiler import inlined
 
 
 @inlined
-def forget_and_reset(tuning, state, valid):
+def _forget_and_reset(tuning, state, valid):
     """Do the time update."""
     P, work, S = state["P"], state["work"], tuning["reset_P"]
     nu = 1.0 / tuning["forgetting"] - 1.0
@@ -35,7 +35,7 @@ def forget_and_reset(tuning, state, valid):
             P[j, i] = P[i, j]
 
 
-def efra(
+def _efra(
     problem: Problem,
     *,
     forgetting: float | None = None,
@@ -55,7 +55,7 @@ def efra(
     design = problem.forgetting_design("efra", forgetting)
     return forgetful_filter(
         design,
-        forget_and_reset,
+        _forget_and_reset,
         robust=robust,
         ceiling=ceiling,
         tuning={"reset_P": 10 * np.diag(design.P0)},
@@ -67,7 +67,7 @@ ENTRIES = (
     Entry(
         "efra",
         "exponential forgetting and resetting, P bounded on both sides",
-        efra,
+        _efra,
         knob="1-forgetting",
         default=0.995,
         rank=22,

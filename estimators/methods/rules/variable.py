@@ -22,10 +22,10 @@ FASTEST = 0.05  # s, least time constant of forgetting; λ = 0.9 at 5 ms
 
 
 @inlined
-def forget_by_residual(tuning, state, valid):
+def _forget_by_residual(tuning, state, valid):
     """Do the time update; a gap has no residual, and forgets nothing."""
     if valid:
-        factor = variable_factor(tuning, state)
+        factor = _variable_factor(tuning, state)
         P = state["P"]
         for i in range(len(P)):
             for j in range(len(P)):
@@ -33,7 +33,7 @@ def forget_by_residual(tuning, state, valid):
 
 
 @inlined
-def variable_factor(tuning, state):
+def _variable_factor(tuning, state):
     """Return λ."""
     sums, square = state["sums"], state["surprise"] ** 2
     sums[3] += 1.0
@@ -48,7 +48,7 @@ def variable_factor(tuning, state):
     return max(min(q * v / (e - v), highest), tuning["least"])
 
 
-def variable_forgetting(
+def _variable_forgetting(
     problem: Problem,
     *,
     forgetting: float | None = None,
@@ -72,7 +72,7 @@ def variable_forgetting(
     above_zero("level", level, "a ratio of standard deviations")
     return forgetful_filter(
         design,
-        forget_by_residual,
+        _forget_by_residual,
         robust=robust,
         ceiling=ceiling,
         tuning={
@@ -89,7 +89,7 @@ ENTRIES = (
     Entry(
         "variable-forgetting",
         "forgets while the residual is large",
-        variable_forgetting,
+        _variable_forgetting,
         knob="1-forgetting",
         default=0.995,
         rank=23,

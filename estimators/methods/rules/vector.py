@@ -21,7 +21,7 @@ TIE = 1e-6  # relative; of parameters of which P(0) knows equally little none is
 
 
 @inlined
-def forget_each(tuning, state, valid):
+def _forget_each(tuning, state, valid):
     """Do the time update."""
     P, rates = state["P"], tuning["rates"]
     for i in range(len(P)):
@@ -29,7 +29,7 @@ def forget_each(tuning, state, valid):
             P[i, j] /= np.sqrt(rates[i] * rates[j])
 
 
-def vector_forgetting(
+def _vector_forgetting(
     problem: Problem,
     *,
     forgetting: float | None = None,
@@ -61,7 +61,7 @@ def vector_forgetting(
             f"rates are {rates!r}; give one for each parameter, with 1 − (1−λ) rate in (0, 1]"
         )
     return forgetful_filter(
-        design, forget_each, robust=robust, ceiling=ceiling, tuning={"rates": factors}
+        design, _forget_each, robust=robust, ceiling=ceiling, tuning={"rates": factors}
     )
 
 
@@ -69,7 +69,7 @@ ENTRIES = (
     Entry(
         "vector-forgetting",
         "a forgetting factor for each parameter",
-        vector_forgetting,
+        _vector_forgetting,
         knob="1-forgetting",
         default=0.995,
         rank=20,
