@@ -13,6 +13,7 @@ import numpy as np
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.methods.rpem import Rpem
+from flexaxis.estimators.models.laws import LAWS
 from flexaxis.estimators.models.meaning import dry_friction
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import predict
@@ -28,7 +29,6 @@ from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero, forgetting_factor
 from flexaxis.estimators.recursion.measurement import CALM, ROBUST
 
-FRICTION = ("bristle", "static")  # kinds of law that a speed drives
 NOISE = 0.04  # of the rms speed, σ that P(0) reckons with where none is told: with less than what
 # an axis is off its model before that is learnt, the first steps are too long
 SPREAD = 0.05  # standard deviation of θ(0), relative to it: a new axis is about as it was designed
@@ -134,7 +134,7 @@ def _variance(model: Model, problem: Problem) -> float:
         return problem.noise**2
     if torque is None:
         stored = measured(model, None, period)  # refuses an axis that is not the nominal one
-        speed = max((sizes.drive for law, sizes in stored if law.kind in FRICTION), default=0.0)
+        speed = max((sizes.drive for law, sizes in stored if LAWS[law.kind].rubs), default=0.0)
     else:
         linear = replace(model, laws=())
         one = linear.parametrize(linear.parameters[:1])
