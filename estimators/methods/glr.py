@@ -17,6 +17,8 @@ from flexaxis.estimators.models.meaning import fixable as fixable_of
 from flexaxis.estimators.models.meaning import structure
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.roles import (
+    AS_ABSENT,
+    AS_TOLD,
     is_left,
     known_better,
     learnt_of,
@@ -30,7 +32,6 @@ from flexaxis.estimators.offline.structure import TRACKED, prior, told_of, with_
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero, at_least_zero, make_design
 from flexaxis.estimators.recursion.joint import state_covariance
-from flexaxis.estimators.recursion.seen import AS_ABSENT, AS_TOLD
 
 WALK = 7e-4  # 1/√s, of θ over its scale: 1 % in a quarter of an hour
 FRICTION = 4.5  # times as far that friction walks, which warms: 2.4 % in a minute

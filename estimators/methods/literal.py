@@ -6,6 +6,7 @@ Slow and written for reading; the compiled filter is checked against it.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +17,6 @@ from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.recursion.measurement import MEMORY
-from flexaxis.estimators.recursion.noise import NoiseVariance
 from flexaxis.estimators.recursion.trace import Trace, trace
 from flexaxis.estimators.sampling.extended import discretize, extended_system
 
@@ -42,6 +42,34 @@ def regularize(P: Array, regularization: ArrayLike) -> Array:
 def _symmetrize(P: Array) -> Array:
     """Drop the antisymmetric part of P: rounding leaves some, and (9) lets it grow as λ⁻ᵏ."""
     return (P + P.T) / 2
+
+
+@dataclass
+class _NoiseVariance:
+    """
+    The noise variance that turns P into a claimed covariance: mean of ε²/(1+ψᵀPψ), with a memory.
+
+    Attributes
+    ----------
+    memory : float
+        In samples.
+    given : float
+        The variance, if it is known; else 0.
+    """
+
+    memory: float
+    given: float = 0.0
+    value: float = 1.0  # the paper's unit, until something is measured
+    count: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.value = self.given or self.value
+
+    def add(self, sample: float) -> None:
+        """Take one squared residual, divided by what the uncertainty of θ̂ adds to it."""
+        self.count = min(self.count + 1, self.memory)
+        if not self.given:
+            self.value += (sample - self.value) / self.count
 
 
 class LiteralRpem(RecursiveEstimator):
@@ -98,7 +126,7 @@ class LiteralRpem(RecursiveEstimator):
         self.P = self._design.P0.copy()
         self.psi = np.zeros(p)
         self.epsilon = np.nan
-        self._noise = NoiseVariance(MEMORY / self._design.period, self._design.noise**2)
+        self._noise = _NoiseVariance(MEMORY / self._design.period, self._design.noise**2)
         self._X = np.zeros((p + 1, n))  # z_1 … z_p and x, a row each
         self._X[-1] = self._design.x0
         self._system = extended_system(self._design.model, self._theta)
