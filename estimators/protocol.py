@@ -70,7 +70,7 @@ def run_estimator(
     run = getattr(estimator, "run", None)
     if run is not None:
         missing = () if present.all() else (present,)  # a user's run may know no gaps
-        return _numbers_of(run(u, y, *missing), run)
+        return numbers_of(run(u, y, *missing), run)
     names = tuple(estimator.names)
     estimates, k = np.empty((len(u), len(names))), 0
     try:
@@ -105,7 +105,7 @@ def theta_of(given: ArrayLike, names: Sequence[str], estimator: Estimator) -> ND
         If it has another number of values; one would otherwise stand for all of them. Or if they
         are texts or truths, which only look like numbers.
     """
-    theta = _numbers_of(given, estimator.step)
+    theta = numbers_of(given, estimator.step)
     if given is not None and theta.size == len(names):
         return theta.reshape(-1)
     several = "nothing" if given is None else f"{theta.size} number{'s'[: theta.size != 1]}"
@@ -113,7 +113,7 @@ def theta_of(given: ArrayLike, names: Sequence[str], estimator: Estimator) -> ND
     raise StepError(told + _place(estimator.step))
 
 
-def _numbers_of(given: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
+def numbers_of(given: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
     """
     Return what a call returned as floats, NaN where an array is masked.
 
