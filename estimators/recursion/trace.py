@@ -61,7 +61,7 @@ def trace(
 
     Parameters
     ----------
-    estimator : Traceable
+    estimator : a filter with epsilon, psi, P and covariance
         Left in the state after the last sample, as by ``run``.
     u, y : (N,) array_like
     valid : (N,) array_like of bool, optional
