@@ -3,15 +3,17 @@
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.estimators.knob import Declared, Knob, make_knob, options_of
+from flexaxis.estimators.problem import Nominal, make_problem
 from flexaxis.estimators.tuned import Tuning, at_equal_noise
 
 if TYPE_CHECKING:
     from flexaxis.estimators.protocol import Estimator
 
-GIVEN = ("identify", "output", "P0", "torque", "onsets")  # by who builds it, and no options
+GIVEN = ("identify", "output", "P0", "torque", "bounds", "onsets")  # by who builds it: no options
 
 
 @dataclass(frozen=True)
@@ -24,12 +26,8 @@ class Entry:
     name : str
     summary : str
         One line for lists and reports.
-    factory : callable
-        ``factory(nominal, period, *, identify, output, P0=None, torque=None, <options>)``. θ(0) is
-        read from ``nominal``, a mapping of physical parameters to values for the paper's axis, or
-        another model with its own. ``P0`` is P(0) of the methods that have one: as given, else by
-        the paper's recipe on ``torque``, the (N,) torque of a nominal run; the others take and
-        leave it.
+    make : callable
+        ``make(problem, *, <its own options>)``, of a `flexaxis.estimators.problem.Problem`.
     knob : str, path or None
         What trades tracking speed against variance, as for `flexaxis.estimators.knob.make_knob`.
     default : float or None
@@ -40,15 +38,45 @@ class Entry:
     laws : bool
         Whether it can be asked to identify parameters of friction and other laws; who cannot is
         asked for the others.
+    told_noise : bool
+        Whether it makes use of the noise of y where that is told.
     """
 
     name: str
     summary: str
-    factory: Callable[..., "Estimator"]
+    make: Callable[..., "Estimator"]
     knob: Declared | None = None
     default: float | None = None
     rank: float = 100.0
     laws: bool = False
+    told_noise: bool = True
+
+    @cached_property
+    def factory(self) -> Callable[..., "Estimator"]:
+        """
+        The door for who builds it from plain values.
+
+        ``factory(nominal, period, *, identify, output, P0, torque, noise, bounds, <options>)``.
+        θ(0) is read from ``nominal``, a mapping of physical parameters to values for the paper's
+        axis, or another model with its own. ``P0`` is P(0) of the methods that have one: as given,
+        else by the paper's recipe on ``torque``, the (N,) torque of a nominal run; the others take
+        and leave it.
+        """
+        mine = [*inspect.signature(self.make).parameters.values()][1:]
+        every = inspect.signature(make_problem).parameters
+        asked = {n: p for n, p in every.items() if n != "noise" or self.told_noise}
+
+        def factory(nominal: Nominal, period: float, **given: Any) -> "Estimator":
+            if unknown := given.keys() - asked.keys() - {p.name for p in mine}:
+                raise TypeError(f"{self.name} has no option {min(unknown)!r}")
+            problem = make_problem(
+                nominal, period, **{k: v for k, v in given.items() if k in asked}
+            )
+            return self.make(problem, **{k: v for k, v in given.items() if k not in asked})
+
+        signature = inspect.Signature([*asked.values(), *mine])
+        factory.__signature__ = signature  # type: ignore[attr-defined]
+        return factory
 
     @property
     def options(self) -> Mapping[str, Any]:

@@ -7,8 +7,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.methods.glr import glr
 from flexaxis.estimators.offline.priors import known_P
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.true_model import jump_gradient, model_theta, true_model
 from flexaxis.sim.simulate import simulate
@@ -42,7 +42,7 @@ print(f"f_m of a linear estimator: {100 * seen:+.0f} %, expected {100 * expected
 both = {p: [] for p in records}
 hits = 0
 for p, record in [(p, record) for p, several in records.items() for record in several]:
-    knowing = glr(nominal, T)
+    knowing = REGISTRY["glr"].factory(nominal, T)
     both[p].append(knowing.run(record.torque, record.speed)[:, 2:])
     found = [f"{' and '.join(f.parameters)} at {T * f.onset:.2f} s" for f in knowing.findings]
     hits += [f.parameters for f in knowing.findings] == [(p,)]

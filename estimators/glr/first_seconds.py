@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.glr.workspace import Workspace
-from flexaxis.estimators.recursion.seen import seen
+from flexaxis.estimators.offline.roles import seen
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.glr.workspace import Workspace
-from flexaxis.estimators.models.laws import ROLES
+from flexaxis.estimators.models.laws import LAWS
 from flexaxis.estimators.recursion.records import Record
 
 Array = NDArray[np.float64]
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 ALARM = 20.0  # nats by which a shape explains more than it costs: three times those of a jump, as
 # it stays for good, and as friction that is still being learnt makes columns wrong
 LINE, WAVES, SIDES = 0, 1, 2  # which shape the law is told to be
-WHICH = ROLES["shape"].index("which")
+WHICH = list(LAWS["shape"].roles).index("which")
 IN_WORDS = {
     LINE: "a torque over the angle of the motor, such as cogging",
     WAVES: "dry friction that depends on the angle of the motor",

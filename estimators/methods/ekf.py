@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import Nominal, model_of, random_walk
-from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.joint import (
@@ -102,7 +101,7 @@ def joint_ekf(
     pattern = with_state(split(design.model)[0])
     tuning, start = ekf_records(design, pattern, state_covariance(design, x0_covariance))
     return CompiledFilter(
-        ekf_loop(pattern), tuning, start, design, partial(_read, len(design.theta0))
+        _ekf_loop(pattern), tuning, start, design, partial(_read, len(design.theta0))
     )
 
 
@@ -111,7 +110,7 @@ def _read(p: int, state: Record) -> tuple[Array, Array]:
 
 
 @remembered
-def ekf_loop(pattern: Pattern) -> Compiled:
+def _ekf_loop(pattern: Pattern) -> Compiled:
     """Return the compiled loop for models of this pattern."""
     return sample_loop(pattern, _take, "an extended Kalman filter")
 
@@ -131,16 +130,10 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     return False
 
 
-def extended(
-    nominal: Nominal,
-    period: float,
+def _extended(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     walk: float | None = None,
-    noise: float | None = None,
     spread: float = 0.2,
 ) -> CompiledFilter:
     """
@@ -148,27 +141,20 @@ def extended(
 
     Parameters
     ----------
-    P0, torque
-        Taken as by every entry, and left: P(0) is that of ``spread``.
     walk : float
         Standard deviation of the random walk of every θ after a second, relative to θ(0).
-    noise : float, optional
-        Standard deviation of the output, in its unit; else it is learnt from the innovations.
     spread : float
         Standard deviation of θ(0), relative to it.
     """
-    model = model_of(nominal)
-    prior, drift = random_walk("ekf", WALK, model, identify, period, walk=walk, spread=spread)
-    return joint_ekf(
-        model, identify=identify, P0=prior, drift=drift, noise=noise, period=period, output=output
-    )
+    prior, drift = problem.random_walk("ekf", WALK, walk=walk, spread=spread)
+    return joint_ekf(problem.model, **problem.asked, P0=prior, drift=drift)
 
 
 ENTRIES = (
     Entry(
         "ekf",
         "joint extended Kalman filter for state and parameters",
-        extended,
+        _extended,
         knob="walk",
         default=WALK,
         rank=7,

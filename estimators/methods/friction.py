@@ -5,17 +5,15 @@ Cogging is not among what it learns: the angle that drives it is a sum of speeds
 corrects in a predictor by output error, and its sensitivities grow without end.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.methods.rpem import Rpem
-from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.models.laws import LAWS
 from flexaxis.estimators.models.meaning import dry_friction
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import predict
@@ -27,9 +25,10 @@ from flexaxis.estimators.offline.structure import (
     told_of,
     with_laws,
 )
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero, forgetting_factor
+from flexaxis.estimators.recursion.measurement import CALM, ROBUST
 
-FRICTION = ("bristle", "static")  # kinds of law that a speed drives
 NOISE = 0.04  # of the rms speed, σ that P(0) reckons with where none is told: with less than what
 # an axis is off its model before that is learnt, the first steps are too long
 SPREAD = 0.05  # standard deviation of θ(0), relative to it: a new axis is about as it was designed
@@ -38,16 +37,10 @@ WALK = 0.01  # 1/√s, of θ/θ(0): the memory is then about a second where σ i
 CEILING = 10 * CALM  # of R̂ P, relative to θ(0)²: a deviation of 10 %, twice that of the start
 
 
-def rpem_friction(
-    nominal: Nominal,
-    period: float,
+def _rpem_friction(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CEILING,
 ) -> Rpem:
@@ -65,39 +58,29 @@ def rpem_friction(
         Of a run in which the axis moves [N m], for the sizes of friction and play.
     forgetting : float, optional
         λ of a sample, for what is tracked.
-    noise, robust, ceiling
+    robust, ceiling
         As for `Rpem`.
     """
-    model, tracked, learn, known = _known(nominal, period, identify, torque)
+    model, tracked, learn, known = _known(problem)
     return Rpem(
         model,
-        identify=tracked,
+        **problem.asked | {"identify": tracked, "bounds": known.bounds},
         learn=learn,
         theta0=known.start,
-        P0=known.P0 / _variance(model, torque, period, noise),
-        bounds=known.bounds,
+        P0=known.P0 / _variance(model, problem),
         scale=known.scale,
         settle=SETTLE,
-        period=period,
-        forgetting=forgetting_factor(forgetting, period),
-        output=output,
-        noise=noise,
+        forgetting=forgetting_factor(forgetting, problem.period),
         state_correction=True,
         robust=robust,
         ceiling=ceiling,
     )
 
 
-def rpem_friction_drift(
-    nominal: Nominal,
-    period: float,
+def _rpem_friction_drift(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     walk: float = WALK,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CEILING,
 ) -> Rpem:
@@ -107,55 +90,51 @@ def rpem_friction_drift(
     Parameters
     ----------
     P0, torque, noise, robust, ceiling
-        As for `rpem_friction`.
+        As for `_rpem_friction`.
     walk : float
         Standard deviation of the random walk of what is tracked after a second, relative to θ(0).
     """
     above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
-    model, tracked, learn, known = _known(nominal, period, identify, torque)
-    variance = _variance(model, torque, period, noise)
+    model, tracked, learn, known = _known(problem)
+    variance = _variance(model, problem)
     return Rpem(
         model,
-        identify=tracked,
+        **problem.asked | {"identify": tracked, "bounds": known.bounds},
         learn=learn,
         theta0=known.start,
         P0=known.P0 / variance,
-        bounds=known.bounds,
         scale=known.scale,
         settle=SETTLE,
-        period=period,
-        drift=period * (walk * known.scale[: len(tracked)]) ** 2 / variance,
-        output=output,
-        noise=noise,
+        drift=problem.period * (walk * known.scale[: len(tracked)]) ** 2 / variance,
         state_correction=True,
         robust=robust,
         ceiling=ceiling,
     )
 
 
-def _known(
-    nominal: Nominal, period: float, identify: Sequence[str], torque: ArrayLike | None
-) -> tuple[Model, tuple[str, ...], tuple[str, ...], Prior]:
+def _known(problem: Problem) -> tuple[Model, tuple[str, ...], tuple[str, ...], Prior]:
     """Return the model, what is tracked and what is learnt of it, and what is known of both."""
-    above_zero("period", period, "the sampling period in seconds")
+    nominal = problem.nominal
+    moved: dict[str, Any] = {"torque": problem.torque, "period": problem.period}
     if not isinstance(nominal, Model):
         nominal = {name: value for name, value in nominal.items() if name != "poles"}
-    model = with_laws(nominal, torque=torque, period=period)
-    dry = [name for name in dry_friction(model) if name not in identify]
-    tracked = (*identify, *dry)
+    model = with_laws(nominal, **moved)
+    dry = [name for name in dry_friction(model) if name not in problem.identify]
+    tracked = (*problem.identify, *dry)
     learn = structure_names(model, tracked)
     told = told_of(nominal)
-    known = prior(model, (*tracked, *learn), torque=torque, period=period, told=told, spread=SPREAD)
+    known = prior(model, (*tracked, *learn), **moved, told=told, spread=SPREAD)
     return model, tracked, learn, known
 
 
-def _variance(model: Model, torque: ArrayLike | None, period: float, noise: float | None) -> float:
+def _variance(model: Model, problem: Problem) -> float:
     """Return σ² that P(0) reckons with."""
-    if noise is not None:
-        return above_zero("noise", noise, "the standard deviation of y") ** 2
+    torque, period = problem.torque, problem.period
+    if problem.noise is not None:
+        return problem.noise**2
     if torque is None:
         stored = measured(model, None, period)  # refuses an axis that is not the nominal one
-        speed = max((sizes.drive for law, sizes in stored if law.kind in FRICTION), default=0.0)
+        speed = max((sizes.drive for law, sizes in stored if LAWS[law.kind].rubs), default=0.0)
     else:
         linear = replace(model, laws=())
         one = linear.parametrize(linear.parameters[:1])
@@ -172,7 +151,7 @@ ENTRIES = (
     Entry(
         "rpem-friction",
         "the paper's method with a forgetting factor, on a model with dry friction and play",
-        rpem_friction,
+        _rpem_friction,
         knob="1-forgetting",
         default=0.995,
         rank=5.2,
@@ -181,7 +160,7 @@ ENTRIES = (
     Entry(
         "rpem-friction-drift",
         "the paper's method with covariance modification, on a model with dry friction and play",
-        rpem_friction_drift,
+        _rpem_friction_drift,
         knob="walk",
         default=WALK,
         rank=5.4,

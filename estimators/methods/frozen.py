@@ -7,10 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.methods.start import Nominal, model_of
-from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import OUTPUTS, above_zero, finite_vector
+from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.recursion.design import OUTPUTS, finite_vector
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 
 Array = NDArray[np.float64]
@@ -74,18 +73,13 @@ class Frozen(RecursiveEstimator):
         trace[:] = np.nan
 
 
-def frozen(
-    nominal: Nominal,
-    period: float,
-    *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
+def _frozen(
+    problem: Problem,
 ) -> Frozen:
-    """Make the estimator that never moves; only ``nominal``, ``identify`` and ``output`` matter."""
-    above_zero("period", period, "the sampling period in seconds")
-    return Frozen(model_of(nominal), identify=identify, output=output)
+    """Make the estimator that never moves."""
+    return Frozen(problem.model, identify=problem.identify, output=problem.output)
 
 
-ENTRIES = (Entry("frozen", "never moves: what doing nothing scores", frozen, rank=99),)
+ENTRIES = (
+    Entry("frozen", "never moves: what doing nothing scores", _frozen, rank=99, told_noise=False),
+)

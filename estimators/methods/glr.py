@@ -12,12 +12,13 @@ from flexaxis.estimators.glr.filter import Glr
 from flexaxis.estimators.glr.pace import lengths
 from flexaxis.estimators.glr.records import Dictionary, Jumps
 from flexaxis.estimators.glr.shapes import fastest_wave
-from flexaxis.estimators.methods.start import Nominal
-from flexaxis.estimators.models.axes import PAPER, with_shape
+from flexaxis.estimators.models.axes import with_shape
 from flexaxis.estimators.models.meaning import fixable as fixable_of
 from flexaxis.estimators.models.meaning import structure
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.roles import (
+    AS_ABSENT,
+    AS_TOLD,
     is_left,
     known_better,
     learnt_of,
@@ -28,9 +29,9 @@ from flexaxis.estimators.offline.roles import (
 )
 from flexaxis.estimators.offline.sizes import measured, state_sizes
 from flexaxis.estimators.offline.structure import TRACKED, prior, told_of, with_laws
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero, at_least_zero, make_design
 from flexaxis.estimators.recursion.joint import state_covariance
-from flexaxis.estimators.recursion.seen import AS_ABSENT, AS_TOLD
 
 WALK = 7e-4  # 1/√s, of θ over its scale: 1 % in a quarter of an hour
 FRICTION = 4.5  # times as far that friction walks, which warms: 2.4 % in a minute
@@ -44,13 +45,8 @@ SOFT = 0.02  # of the rms speed, by which dry friction changes its sign if nothi
 
 
 def glr(
-    nominal: Nominal,
-    period: float,
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     learn: Sequence[str] | str = "auto",
     track: Sequence[str] = TRACKED,
     suspects: Sequence[str] | str = "auto",
@@ -58,7 +54,6 @@ def glr(
     walk: float = WALK,
     jump: float = JUMP,
     rate: float = RATE,
-    noise: float | None = None,
     spread: float = SPREAD,
     budget: int = BUDGET,
     commissioning: float | None = None,
@@ -70,13 +65,11 @@ def glr(
 
     Parameters
     ----------
-    nominal : mapping of str to float, or Model
-        Nominal values, with a data sheet's ``poles``, ``torque_limit`` and ``noise`` where it says
-        so; or a model with laws of its own. What `Glr.commissioned` gives may be among them.
-    P0
-        Taken as by every entry, and left: P(0) is that of what is thought of each parameter.
-    torque : (N,) array_like, optional
-        Torque of a nominal run, from which the sizes of friction and play are taken.
+    problem : Problem
+        Of an axis with a data sheet's ``poles``, ``torque_limit`` and ``noise`` where it says so;
+        or a model with laws of its own. What `Glr.commissioned` gives may be among its values. Its
+        torque gives the sizes of friction and play; its P(0) is left, for that of what is thought
+        of each parameter.
     learn : "auto", "none" or sequence of str
         What is learnt once. Of all that the model has, "auto" learns what the first seconds show;
         the rest is fixed as told, and `Glr.fixed_because` says so.
@@ -95,8 +88,6 @@ def glr(
         Standard deviation of a jump, over the scale.
     rate : float
         How often a jump comes [1/s].
-    noise : float, optional
-        Standard deviation of the output, in its unit; else that of the data sheet, or learnt.
     spread : float
         Standard deviation of what is tracked at the start, relative to it.
     budget : int
@@ -109,18 +100,16 @@ def glr(
     EstimatorError
         If an option cannot be used.
     """
+    nominal, period, noise = problem.nominal, problem.period, problem.noise
     _check(period=period, walk=walk, jump=jump, rate=rate, spread=spread, budget=budget)
-    model = with_laws(nominal, torque=torque, period=period)
+    model = with_laws(nominal, torque=problem.torque, period=period)
     told = told_of(nominal)
     if noise is None and not isinstance(nominal, Model):
         noise = nominal.get("noise")
     made = partial(
         _made,
+        problem=problem,
         told=told,
-        period=period,
-        identify=identify,
-        output=output,
-        torque=torque,
         learn=learn,
         track=track,
         suspects=suspects,
@@ -143,11 +132,8 @@ def _made(
     model: Model,
     richer: Glr | None = None,
     *,
+    problem: Problem,
     told: Sequence[str],
-    period: float,
-    identify: Sequence[str],
-    output: str,
-    torque: ArrayLike | None,
     learn: Sequence[str] | str,
     track: Sequence[str],
     suspects: Sequence[str] | str,
@@ -161,6 +147,7 @@ def _made(
     commissioning: float | None,
 ) -> Glr:
     """Return the filter for a model, and what it goes on with where it finds a shape."""
+    identify, period, torque = problem.identify, problem.period, problem.torque
     inverses = (f"1/{p}" for p in model.parameters if p not in model.law_parameters)
     may = (*model.parameters, *inverses)
     track = names_of("track", track, (*may, *TRACKED))
@@ -178,7 +165,7 @@ def _made(
         P0=thought.P0,
         period=period,
         bounds=thought.bounds,
-        output=output,
+        output=problem.output,
         noise=noise,
         scale=thought.scale,
     )

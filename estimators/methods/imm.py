@@ -8,9 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.start import Nominal, model_of, random_walk
-from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero, finite_vector, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.joint import (
@@ -27,7 +26,6 @@ from flexaxis.estimators.recursion.modes import listen, mix, weigh
 from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern, split
-from flexaxis.estimators.tuned import tuned
 
 Array = NDArray[np.float64]
 
@@ -125,7 +123,7 @@ def joint_imm(
     start = np.repeat(start, 1 + p)
     start["probability"][0] = start["predicted"][0] = 1.0
     return CompiledFilter(
-        imm_loop(pattern), tuning, start, design, partial(_read, p), restarts=True
+        _imm_loop(pattern), tuning, start, design, partial(_read, p), restarts=True
     )
 
 
@@ -143,7 +141,7 @@ def _read(p: int, state: Record) -> tuple[Array, Array]:
 
 
 @remembered
-def imm_loop(pattern: Pattern) -> Compiled:
+def _imm_loop(pattern: Pattern) -> Compiled:
     """
     Return the compiled loop for models of this pattern.
 
@@ -157,7 +155,7 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Do with a sample what `flexaxis.estimators.recursion.loop.sample_loop` asks for."""
     p = estimates.shape[1]
     n = len(states[0]["gain"]) - p
-    used = look_together(tunings[0], states, y[k], valid[k])
+    used = _look_together(tunings[0], states, y[k], valid[k])
     noise = states[0]["noise"]
     for j in range(len(states)):
         listen(states[j], used, noise)
@@ -175,7 +173,7 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
 
 
 @inlined
-def look_together(tuning, states, y, valid):
+def _look_together(tuning, states, y, valid):
     """Judge the sample by the mixture's prediction and its variance, in the first record."""
     mean, spread = 0.0, 0.0
     for j in range(len(states)):
@@ -187,16 +185,10 @@ def look_together(tuning, states, y, valid):
     return judge(tuning, states[0], y, valid, mean, spread)
 
 
-def imm(
-    nominal: Nominal,
-    period: float,
+def _imm(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     walk: float | None = None,
-    noise: float | None = None,
     spread: float = 0.2,
     jump: float | None = None,
     rate: float | None = None,
@@ -207,40 +199,35 @@ def imm(
 
     Parameters
     ----------
-    P0, torque, walk, noise, spread
-        As for `flexaxis.estimators.methods.ekf.extended`; walk is that of the quiet mode.
+    walk, spread
+        As for `flexaxis.estimators.methods.ekf._extended`; walk is that of the quiet mode.
     jump : float
         Standard deviation of a jump of θ_i, relative to θ(0).
     rate, hold : float
         How often a jump comes [1/s], and how long it lasts on average [s].
     """
-    model = model_of(nominal)
-    above_zero("period", period, "the sampling period in seconds")
-    position = tuned("imm", model, period, identify)
-    usual = {"walk": WALK, "rate": RATE, "jump": JUMP} if position is None else along(position)
+    position = problem.tuned("imm")
+    usual = {"walk": WALK, "rate": RATE, "jump": JUMP} if position is None else _along(position)
     walk, rate, jump = (
         usual[name] if given is None else given
         for name, given in (("walk", walk), ("rate", rate), ("jump", jump))
     )
-    prior, drift = random_walk("imm", WALK, model, identify, period, walk=walk, spread=spread)
+    prior, drift = problem.random_walk("imm", WALK, walk=walk, spread=spread)
     above_zero("rate", rate, "how often a jump comes, in 1/s")
     above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
     above_zero("hold", hold, "how long a jump lasts, in seconds")
     return joint_imm(
-        model,
-        identify=identify,
+        problem.model,
+        **problem.asked,
         P0=prior,
         drift=drift,
-        jump=period / hold * (jump * model.parametrize(identify).theta) ** 2,
+        jump=problem.period / hold * (jump * problem.theta) ** 2,
         rate=rate,
         hold=hold,
-        noise=noise,
-        period=period,
-        output=output,
     )
 
 
-def along(position: float) -> dict[str, float]:
+def _along(position: float) -> dict[str, float]:
     """Return the options on the way from quiet to quick, 1 at the usual walk.
 
     Jumps that are expected often are what makes it noisy: at one in 1000 s no walk is slow enough
@@ -253,8 +240,8 @@ ENTRIES = (
     Entry(
         "imm",
         "interacting multiple models: joint Kalman filters, a quiet one and one for each jump",
-        imm,
-        knob=along,
+        _imm,
+        knob=_along,
         rank=9,
     ),
 )

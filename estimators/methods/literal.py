@@ -6,18 +6,17 @@ Slow and written for reading; the compiled filter is checked against it.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
-from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.recursion.measurement import MEMORY
-from flexaxis.estimators.recursion.noise import NoiseVariance
 from flexaxis.estimators.recursion.trace import Trace, trace
 from flexaxis.estimators.sampling.extended import discretize, extended_system
 
@@ -40,9 +39,37 @@ def regularize(P: Array, regularization: ArrayLike) -> Array:
     return P @ np.linalg.inv(np.eye(len(P)) + weights[:, None] * P)
 
 
-def symmetrize(P: Array) -> Array:
+def _symmetrize(P: Array) -> Array:
     """Drop the antisymmetric part of P: rounding leaves some, and (9) lets it grow as λ⁻ᵏ."""
     return (P + P.T) / 2
+
+
+@dataclass
+class _NoiseVariance:
+    """
+    The noise variance that turns P into a claimed covariance: mean of ε²/(1+ψᵀPψ), with a memory.
+
+    Attributes
+    ----------
+    memory : float
+        In samples.
+    given : float
+        The variance, if it is known; else 0.
+    """
+
+    memory: float
+    given: float = 0.0
+    value: float = 1.0  # the paper's unit, until something is measured
+    count: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.value = self.given or self.value
+
+    def add(self, sample: float) -> None:
+        """Take one squared residual, divided by what the uncertainty of θ̂ adds to it."""
+        self.count = min(self.count + 1, self.memory)
+        if not self.given:
+            self.value += (sample - self.value) / self.count
 
 
 class LiteralRpem(RecursiveEstimator):
@@ -99,7 +126,7 @@ class LiteralRpem(RecursiveEstimator):
         self.P = self._design.P0.copy()
         self.psi = np.zeros(p)
         self.epsilon = np.nan
-        self._noise = NoiseVariance(MEMORY / self._design.period, self._design.noise**2)
+        self._noise = _NoiseVariance(MEMORY / self._design.period, self._design.noise**2)
         self._X = np.zeros((p + 1, n))  # z_1 … z_p and x, a row each
         self._X[-1] = self._design.x0
         self._system = extended_system(self._design.model, self._theta)
@@ -128,8 +155,8 @@ class LiteralRpem(RecursiveEstimator):
             self._measure()
         d = self._design
         self._theta = np.clip(self._theta, d.lower, d.upper)
-        self.P = symmetrize(time_update(self.P, d.forgetting, d.drift))
-        self.P = symmetrize(regularize(self.P, d.regularization))
+        self.P = _symmetrize(time_update(self.P, d.forgetting, d.drift))
+        self.P = _symmetrize(regularize(self.P, d.regularization))
         self._propagate(u)
         return predicted, self.epsilon, np.nan if y is None else claimed
 
@@ -144,7 +171,7 @@ class LiteralRpem(RecursiveEstimator):
 
     def _measure(self) -> None:
         self._noise.add(float(self.epsilon**2 / (1 + self.psi @ self.P @ self.psi)))
-        self.P = symmetrize(measurement_update(self.P, self.psi))
+        self.P = _symmetrize(measurement_update(self.P, self.psi))
         self._theta = self._theta + self.P @ self.psi * self.epsilon  # (5)
 
     def _propagate(self, u: float) -> None:
@@ -157,14 +184,9 @@ class LiteralRpem(RecursiveEstimator):
 literal_rpem = LiteralRpem
 
 
-def literal_forgetting(
-    nominal: Nominal,
-    period: float,
+def _literal_forgetting(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
     regularization: float = 0.0,
 ) -> LiteralRpem:
@@ -178,17 +200,14 @@ def literal_forgetting(
     regularization : float
         μ of eq. (11).
     """
-    model = model_of(nominal)
-    weight = factor("literal-rpem", forgetting, model, period, identify)
-    P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
+    weight = problem.factor("literal-rpem", forgetting)
+    P = problem.forgetting_P(weight)
     return LiteralRpem(
-        model,
-        identify=identify,
+        problem.model,
+        **problem.asked,
         P0=P,
-        period=period,
         forgetting=weight,
         regularization=regularization,
-        output=output,
     )
 
 
@@ -196,9 +215,10 @@ ENTRIES = (
     Entry(
         "literal-rpem",
         "rpem-forgetting with a matrix exponential in every sample: slow, the oracle",
-        literal_forgetting,
+        _literal_forgetting,
         knob="1-forgetting",
         default=0.995,
         rank=6,
+        told_noise=False,
     ),
 )

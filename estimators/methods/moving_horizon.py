@@ -7,9 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
-from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import Design, above_zero, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.horizon import Series, Setting, Window
@@ -164,16 +163,10 @@ def _read(state: Window) -> tuple[Array, Array]:
     return state.xi[: len(state.claimed)], state.claimed
 
 
-def horizon(
-    nominal: Nominal,
-    period: float,
+def _horizon(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
-    noise: float | None = None,
     window: float = 1.0,
     every: float = 0.05,
 ) -> CompiledFilter:
@@ -184,29 +177,24 @@ def horizon(
     ----------
     forgetting : float
         λ, of what lies before the window.
-    noise : float, optional
-        Standard deviation of the output, in its unit, for the claim; else that of the residual.
     window, every : float
         Length of a window, and from one to the next, of which it is a multiple [s].
     """
-    model = model_of(nominal)
-    above_zero("period", period, "the sampling period in seconds")
-    forgetting = factor("moving-horizon", forgetting, model, period, identify)
-    samples = round(above_zero("every", every, "the time between windows, in seconds") / period)
+    forgetting = problem.factor("moving-horizon", forgetting)
+    samples = round(
+        above_zero("every", every, "the time between windows, in seconds") / problem.period
+    )
     if samples < 1:
-        raise EstimatorError(f"every is {every}, less than a sample of {period} s; give more")
+        raise EstimatorError(
+            f"every is {every}, less than a sample of {problem.period} s; give more"
+        )
     return moving_horizon(
-        model,
-        identify=identify,
-        P0=forgetting_P(
-            P0, torque, model, identify, period=period, forgetting=forgetting, output=output
-        ),
-        period=period,
+        problem.model,
+        **problem.asked,
+        P0=problem.forgetting_P(forgetting),
         forgetting=forgetting,
         window=samples * _multiple(window, every),
         every=samples,
-        noise=noise,
-        output=output,
     )
 
 
@@ -225,7 +213,7 @@ ENTRIES = (
     Entry(
         "moving-horizon",
         "nonlinear least squares over a moving window, with an arrival cost",
-        horizon,
+        _horizon,
         knob="1-forgetting",
         default=0.995,
         rank=10,

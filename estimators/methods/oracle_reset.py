@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.methods.paper import rpem_corrected
 from flexaxis.estimators.methods.rpem import Rpem
-from flexaxis.estimators.methods.start import Nominal, factor, model_of
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.recursion.measurement import LINEAR
@@ -77,18 +76,12 @@ class OracleReset(RecursiveEstimator):
         self._count += len(u)
 
 
-def oracle_reset(
-    nominal: Nominal,
-    period: float,
+def _oracle_reset(
+    problem: Problem,
     *,
     onsets: Sequence[int] = (),
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
     spread: float = SPREAD,
-    noise: float | None = None,
 ) -> OracleReset:
     """
     Make the control that is told the samples at which a true parameter changes, and the noise.
@@ -101,19 +94,9 @@ def oracle_reset(
         λ of a sample.
     spread : float
         Standard deviation of a change, relative to θ.
-    noise : float, optional
-        Standard deviation of y, in its unit.
     """
-    rpem = rpem_corrected(
-        nominal,
-        period,
-        identify=identify,
-        output=output,
-        P0=P0,
-        torque=torque,
-        forgetting=factor("oracle-reset", forgetting, model_of(nominal), period, identify),
-        noise=noise,
-    )
+    weight = problem.factor("oracle-reset", forgetting)
+    rpem = rpem_corrected(problem, forgetting=weight)
     return OracleReset(rpem, onsets=onsets, spread=spread)
 
 
@@ -121,7 +104,7 @@ ENTRIES = (
     Entry(
         "oracle-reset",
         "a control that is told when a fault happens, and begins anew there",
-        oracle_reset,
+        _oracle_reset,
         knob="1-forgetting",
         default=0.995,
         rank=98,

@@ -1,37 +1,21 @@
 """The paper's method as it is registered: with forgetting, with drift, regularised, corrected."""
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.methods.rpem import Rpem
-from flexaxis.estimators.methods.start import (
-    CALM,
-    ROBUST,
-    Nominal,
-    factor,
-    forgetting_P,
-    initial_P,
-    model_of,
-)
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero, at_least_zero, covariance_matrix
+from flexaxis.estimators.recursion.measurement import CALM, ROBUST
 
 
-def rpem_forgetting(
-    nominal: Nominal,
-    period: float,
+def _rpem_forgetting(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
     regularization: float = 0.0,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CALM,
 ) -> Rpem:
@@ -44,38 +28,28 @@ def rpem_forgetting(
         λ of a sample.
     regularization : float
         m of μ_i = m (1−λ)/P(0)_ii, which keeps P_ii below P(0)_ii/m: free of units.
-    noise, robust, ceiling
+    robust, ceiling
         As for `Rpem`.
     """
-    model = model_of(nominal)
-    weight = factor("rpem-forgetting", forgetting, model, period, identify)
-    P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
+    weight = problem.factor("rpem-forgetting", forgetting)
+    P = problem.forgetting_P(weight)
     share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
-    diagonal = np.diag(covariance_matrix("P0", P, len(identify)))
+    diagonal = np.diag(covariance_matrix("P0", P, len(problem.identify)))
     return Rpem(
-        model,
-        identify=identify,
+        problem.model,
+        **problem.asked,
         P0=P,
-        period=period,
         forgetting=weight,
         regularization=share * (1 - weight) / diagonal,
-        output=output,
-        noise=noise,
         robust=robust,
         ceiling=ceiling,
     )
 
 
 def rpem_corrected(
-    nominal: Nominal,
-    period: float,
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CALM,
 ) -> Rpem:
@@ -86,37 +60,27 @@ def rpem_corrected(
     ----------
     forgetting : float, optional
         λ of a sample.
-    noise, robust, ceiling
+    robust, ceiling
         As for `Rpem`.
     """
-    model = model_of(nominal)
-    weight = factor("rpem-corrected", forgetting, model, period, identify)
-    P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
+    weight = problem.factor("rpem-corrected", forgetting)
+    P = problem.forgetting_P(weight)
     return Rpem(
-        model,
-        identify=identify,
+        problem.model,
+        **problem.asked,
         P0=P,
-        period=period,
         forgetting=weight,
-        output=output,
-        noise=noise,
         state_correction=True,
         robust=robust,
         ceiling=ceiling,
     )
 
 
-def rpem_drift(
-    nominal: Nominal,
-    period: float,
+def _rpem_drift(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     scale: float = 1.0,
     regularization: float = 0.0,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = 10 * CALM,
 ) -> Rpem:
@@ -129,31 +93,24 @@ def rpem_drift(
         Factor on Δ.
     regularization : float
         m of μ_i = m Δ_ii/P(0)_ii², which keeps P_ii below P(0)_ii/√m: free of units.
-    noise, robust, ceiling
+    robust, ceiling
         As for `Rpem`.
     """
     from flexaxis.estimators.offline import priors
 
-    model = model_of(nominal)
-    above_zero("period", period, "the sampling period in seconds")
     above_zero("scale", scale, "the factor on Δ")
     share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
-    drift = scale * priors.default_drift(model, identify, period, torque=torque, output=output)
-    recipe = partial(
-        priors.nominal_P, model, identify=identify, period=period, drift=drift, output=output
-    )
-    known = priors.stored_P(model, identify, period, forgetting=None, scale=scale)
-    P = initial_P(P0, torque, recipe, known)
-    diagonal = np.diag(covariance_matrix("P0", P, len(identify)))
+    axis = problem.model, problem.identify, problem.period
+    drift = scale * priors.default_drift(*axis, torque=problem.torque, output=problem.output)
+    known = priors.stored_P(*axis, forgetting=None, scale=scale)
+    P = problem.initial_P(known, drift=drift)
+    diagonal = np.diag(covariance_matrix("P0", P, len(problem.identify)))
     return Rpem(
-        model,
-        identify=identify,
+        problem.model,
+        **problem.asked,
         P0=P,
-        period=period,
         drift=drift,
         regularization=share * drift / diagonal**2,
-        output=output,
-        noise=noise,
         robust=robust,
         ceiling=ceiling,
     )
@@ -165,7 +122,7 @@ ENTRIES = (
     Entry(
         "rpem-forgetting",
         "the paper's method with a forgetting factor, eq. (13)",
-        rpem_forgetting,
+        _rpem_forgetting,
         knob="1-forgetting",
         default=0.995,
         rank=1,
@@ -173,7 +130,7 @@ ENTRIES = (
     Entry(
         "rpem-drift",
         "the paper's method with covariance modification, eq. (14), (32)",
-        rpem_drift,
+        _rpem_drift,
         knob="scale",
         default=1.0,
         rank=2,
@@ -181,7 +138,7 @@ ENTRIES = (
     Entry(
         "rpem-forgetting-mu",
         "rpem-forgetting, regularised against standstill, eq. (12)",
-        partial(rpem_forgetting, regularization=REGULARIZATION),
+        partial(_rpem_forgetting, regularization=REGULARIZATION),
         knob="1-forgetting",
         default=0.995,
         rank=3,
@@ -189,7 +146,7 @@ ENTRIES = (
     Entry(
         "rpem-drift-mu",
         "rpem-drift, regularised against standstill, eq. (12)",
-        partial(rpem_drift, regularization=REGULARIZATION),
+        partial(_rpem_drift, regularization=REGULARIZATION),
         knob="scale",
         default=1.0,
         rank=4,

@@ -177,7 +177,7 @@ class Rpem(CompiledFilter):
             waits = later[0]["known_before"][0] > 0.0
             start["P"][0, waits] = start["P"][0, :, waits] = 0.0
             start["claim"] = start["P"]
-        super().__init__(rpem_loop(pattern), tuning, start, design, read_claim, restarts=True)
+        super().__init__(_rpem_loop(pattern), tuning, start, design, read_claim, restarts=True)
 
     @property
     def P(self) -> Array:  # noqa: D102
@@ -230,7 +230,7 @@ class Rpem(CompiledFilter):
 
 
 def _settling(design: Design, settle: float) -> tuple[Record, Record]:
-    """Return tuning and state for `begin_to_learn`."""
+    """Return tuning and state for `_begin_to_learn`."""
     seconds = at_least_zero("settle", settle, "seconds before anything is learnt once")
     known = np.diag(design.P0).copy()
     known[: design.tracked] = 0.0
@@ -239,7 +239,7 @@ def _settling(design: Design, settle: float) -> tuple[Record, Record]:
 
 
 @inlined
-def begin_to_learn(tuning, state):
+def _begin_to_learn(tuning, state):
     """Let P know what was known of what is learnt once, as soon as the rest has settled."""
     state["taken"] += 1
     if state["taken"] == tuning["settled"]:
@@ -249,19 +249,19 @@ def begin_to_learn(tuning, state):
 
 
 @remembered
-def rpem_loop(pattern: Pattern) -> Compiled:
+def _rpem_loop(pattern: Pattern) -> Compiled:
     """Return the compiled loop of the method for models of this pattern."""
-    return sample_loop(pattern, adapt, "prediction error")
+    return sample_loop(pattern, _adapt, "prediction error")
 
 
 @inlined
-def adapt(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
+def _adapt(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Take one sample, as `flexaxis.estimators.recursion.loop` wants it."""
     tuning, state = tunings[0], states[0]
     measure(tuning, state, y[k], valid[k])
     if tuning["correct"] > 0.0:
         correct_state(state)
     predict(tuning, state)
-    begin_to_learn(tuning, state)
+    _begin_to_learn(tuning, state)
     publish(state, k, estimates, trace)
     return state["anew"] > tuning["heeds"]

@@ -8,9 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.start import Nominal, model_of, random_walk
-from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.joint import state_covariance
@@ -161,16 +160,10 @@ def _read(p: int, state: Record) -> tuple[Array, Array]:
     return state["xi"][0, :p], S.T @ S
 
 
-def unscented(
-    nominal: Nominal,
-    period: float,
+def _unscented(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     walk: float | None = None,
-    noise: float | None = None,
     spread: float = 0.2,
 ) -> CompiledFilter:
     """
@@ -178,21 +171,18 @@ def unscented(
 
     Parameters
     ----------
-    P0, torque, walk, noise, spread
-        As for `flexaxis.estimators.methods.ekf.extended`.
+    walk, spread
+        As for `flexaxis.estimators.methods.ekf._extended`.
     """
-    model = model_of(nominal)
-    prior, drift = random_walk("ukf", WALK, model, identify, period, walk=walk, spread=spread)
-    return joint_ukf(
-        model, identify=identify, P0=prior, drift=drift, noise=noise, period=period, output=output
-    )
+    prior, drift = problem.random_walk("ukf", WALK, walk=walk, spread=spread)
+    return joint_ukf(problem.model, **problem.asked, P0=prior, drift=drift)
 
 
 ENTRIES = (
     Entry(
         "ukf",
         "joint unscented Kalman filter for state and parameters, in square-root form",
-        unscented,
+        _unscented,
         knob="walk",
         default=WALK,
         rank=8,

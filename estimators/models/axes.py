@@ -217,7 +217,7 @@ class Traits:
 
 
 @dataclass(frozen=True)
-class Shipped:
+class _Shipped:
     """
     A shipped model.
 
@@ -259,17 +259,17 @@ N1 = {
 }  # fmt: skip
 """The nominal axis of the benchmark, an industrial robot's first one in size."""
 
-MODELS: Mapping[str, Shipped] = {
-    "one_mass": Shipped(
+MODELS: Mapping[str, _Shipped] = {
+    "one_mass": _Shipped(
         one_mass, rough={"k_T": 1.0, "J_m": 1e-3, "f_m": 1e-3}, guess=_one_mass_guess
     ),
-    "two_mass": Shipped(
+    "two_mass": _Shipped(
         two_mass,
         rough={
             "k_T": 1.0, "J_m": 1e-3, "J_l": 1e-3, "k": 100.0, "d": 1e-2, "f_m": 1e-2, "f_l": 1e-2,
         },
         guess=_two_mass_guess,
     ),
-    "three_mass": Shipped(three_mass, rough=N1, known={"n1": N1}),
+    "three_mass": _Shipped(three_mass, rough=N1, known={"n1": N1}),
 }  # fmt: skip
 """The shipped models, by name."""

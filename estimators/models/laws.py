@@ -37,25 +37,117 @@ from numpy.typing import NDArray
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.formula import multiply_out
 
-ROLES: Mapping[str, tuple[str, ...]] = {
-    "bristle": ("coulomb", "breakaway", "stribeck", "stiffness", "damping", "softness"),
-    "static": ("coulomb", "breakaway", "alpha", "beta"),
-    "spring": ("cubic", "gap"),
-    "sinusoid": ("sine", "cosine", "poles"),
-    "clip": ("limit",),
-    "shape": ("sine", "cosine", "waves", "softness", "which"),
+
+class Role(NamedTuple):
+    """
+    What a parameter of a law is.
+
+    Attributes
+    ----------
+    size : str
+        What its size is made of, see `flexaxis.estimators.offline.structure`; empty for a value
+        that nobody can guess.
+    guess : (4,) tuple of float
+        Where an estimate of it starts, the standard deviation of that, and the box, in that size.
+    signed : bool
+        Whether it may be below 0.
+    needed : bool
+        Whether it must be above 0.
+    told : bool
+        Whether it is told by a data sheet or not there at all.
+    fixable : bool
+        Whether it is fixed where the first seconds do not show it.
+    """
+
+    size: str = ""
+    guess: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    signed: bool = False
+    needed: bool = False
+    told: bool = False
+    fixable: bool = False
+
+
+class Kind(NamedTuple):
+    """
+    A kind of law.
+
+    Attributes
+    ----------
+    roles : mapping of str to Role
+        Its parameters, in the order in which compiled code takes them.
+    remembers : bool
+        Whether it has a state of its own.
+    rubs : bool
+        Whether it is friction: a speed drives it.
+    nominal : (drive, force, rate), optional
+        Its sizes on the nominal axis and its reference, as of `flexaxis.estimators.offline.sizes`.
+    """
+
+    roles: Mapping[str, Role]
+    remembers: bool = False
+    rubs: bool = False
+    nominal: tuple[float, float, float] | None = None
+
+
+# Published and simulated axes lie within a deviation or two: an industrial robot's axis has
+# f_c .14, f_s .8 of the rms torque, and friction changes at .07 to .2 of the rms speed (Wernholt
+# and Gunnarsson 2006). Levels stay above 0, as bristles without strength have no stiffness.
+LAWS: Mapping[str, Kind] = {
+    "bristle": Kind(
+        {
+            "coulomb": Role("force", (0.05, 0.15, 1e-5, 3.0)),
+            "breakaway": Role("force", (0.02, 0.15, 0.0, 5.0)),
+            "stribeck": Role("drive", (0.15, 0.1, 0.02, 1.0)),
+            "stiffness": Role("force*rate/drive", (6.0, 6.0, 0.5, 1e3), needed=True),
+            "damping": Role("force/drive", (0.5, 1.0, 0.0, 10.0)),
+            "softness": Role("drive", (0.02, 0.04, 1e-3, 1.0)),
+        },
+        remembers=True,
+        rubs=True,
+        nominal=(5.0, 0.85, 176.0),
+    ),
+    "static": Kind(
+        {
+            "coulomb": Role("force", (0.05, 0.15, 0.0, 3.0)),
+            "breakaway": Role("force", (0.02, 0.15, 0.0, 5.0)),
+            "alpha": Role("1/drive", (10.0, 5.0, 1.0, 50.0)),
+            "beta": Role("1/drive", (20.0, 10.0, 1.0, 100.0)),
+        },
+        rubs=True,
+    ),
+    "spring": Kind(
+        {
+            "cubic": Role("1/drive^2", (0.0, 0.03, -0.03, 1.0), signed=True, fixable=True),
+            "gap": Role("drive", (0.02, 0.05, 0.0, 2.0), fixable=True),
+        },
+        nominal=(7.5e-4, 9.4e-4, 146.0),
+    ),
+    "sinusoid": Kind(
+        {
+            "sine": Role("force", (0.0, 0.1, -1.0, 1.0), signed=True),
+            "cosine": Role("force", (0.0, 0.1, -1.0, 1.0), signed=True),
+            "poles": Role(needed=True, told=True),
+        },
+        nominal=(0.0424, 0.85, 118.0),
+    ),
+    "clip": Kind(
+        {"limit": Role("drive", (5.0, 1.0, 0.1, 100.0), needed=True, told=True)},
+        nominal=(0.85, 0.85, 0.0),
+    ),
+    "shape": Kind(
+        {
+            "sine": Role("force", (0.0, 0.1, -1.0, 1.0), signed=True),
+            "cosine": Role("force", (0.0, 0.1, -1.0, 1.0), signed=True),
+            "waves": Role("1", (10.0, 0.5, 0.1, 1e3)),  # the nearest whole number is known
+            "softness": Role(needed=True),
+            "which": Role(),
+        },
+        nominal=(5.0, 0.85, 176.0),
+    ),
 }
-"""What the parameters of each kind of law are, in the order in which compiled code takes them."""
-KINDS = tuple(ROLES)
-REMEMBERS = ("bristle",)  # kinds with a state of their own
-NEEDED = {  # roles that must be above 0
-    "bristle": ("stiffness",),
-    "sinusoid": ("poles",),
-    "clip": ("limit",),
-    "shape": ("softness",),
-}
-SIGNED = ("cubic", "sine", "cosine")  # roles that may be below it
-MOST_ROLES = max(map(len, ROLES.values()))
+"""All kinds of law; their torques are in `flexaxis.estimators.sampling.forces`."""
+KINDS = tuple(LAWS)
+MOST_ROLES = max(len(kind.roles) for kind in LAWS.values())
 INPUT = "input"
 
 
@@ -94,21 +186,21 @@ class Law:
     parameters: Mapping[str, str | float]
 
     def __post_init__(self) -> None:
-        if self.kind not in ROLES:
+        if self.kind not in LAWS:
             raise EstimatorError(f"unknown law {self.kind!r}: {did_you_mean(self.kind, KINDS)}")
-        for role in self.parameters:
-            if role not in ROLES[self.kind]:
+        for name in self.parameters:
+            if name not in self.roles:
                 raise EstimatorError(
-                    f"law {self.kind!r} has no parameter {role!r}: "
-                    + did_you_mean(role, ROLES[self.kind])
+                    f"law {self.kind!r} has no parameter {name!r}: "
+                    + did_you_mean(name, self.roles)
                 )
-        for role in ROLES[self.kind]:
-            given, needed = self.parameters.get(role, 0.0), role in NEEDED.get(self.kind, ())
-            if isinstance(given, str) or role in SIGNED:
+        for name, role in self.roles.items():
+            given = self.parameters.get(name, 0.0)
+            if isinstance(given, str) or role.signed:
                 continue
-            if not given >= 0 or (needed and not given > 0):
-                least = "above 0" if needed else "0 or above it"
-                raise EstimatorError(f"law {self.kind!r} takes a {role} {least}, not {given!r}")
+            if not given >= 0 or (role.needed and not given > 0):
+                least = "above 0" if role.needed else "0 or above it"
+                raise EstimatorError(f"law {self.kind!r} takes a {name} {least}, not {given!r}")
         for formula in self.acts.values():
             multiply_out(formula)
         if not self.drive or not self.acts:
@@ -118,6 +210,11 @@ class Law:
             )
 
     @property
+    def roles(self) -> Mapping[str, Role]:
+        """What its parameters are."""
+        return LAWS[self.kind].roles
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of its parameters in the model."""
         return tuple(name for name in self.parameters.values() if isinstance(name, str))
@@ -125,8 +222,11 @@ class Law:
     @property
     def positive(self) -> tuple[str, ...]:
         """Names of those that must be above 0."""
-        needed = (self.parameters.get(role) for role in NEEDED.get(self.kind, ()))
-        return tuple(name for name in needed if isinstance(name, str))
+        return tuple(
+            name
+            for role, name in self.parameters.items()
+            if isinstance(name, str) and self.roles[role].needed
+        )
 
     @property
     def nonnegative(self) -> tuple[str, ...]:
@@ -134,13 +234,13 @@ class Law:
         return tuple(
             name
             for role, name in self.parameters.items()
-            if isinstance(name, str) and role not in SIGNED
+            if isinstance(name, str) and not self.roles[role].signed
         )
 
     @property
     def remembers(self) -> bool:
         """Whether it has a state of its own."""
-        return self.kind in REMEMBERS
+        return LAWS[self.kind].remembers
 
 
 class Acting(NamedTuple):
@@ -199,7 +299,7 @@ def acting(
         for state, factor in law.drive.items():
             drive[i, -1 if state == INPUT else list(states).index(state)] = factor
         for role, parameter in law.parameters.items():
-            r = ROLES[law.kind].index(role)
+            r = list(law.roles).index(role)
             if isinstance(parameter, str) and parameter in identify:
                 value[i, r], index[i, r] = 1.0, list(identify).index(parameter)
             else:

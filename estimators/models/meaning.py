@@ -8,11 +8,9 @@ alone; springs and dampers couple states and are divided by an inertia.
 from collections.abc import Iterator, Mapping, Sequence
 
 from flexaxis.estimators.models.formula import multiply_out
-from flexaxis.estimators.models.laws import Law
+from flexaxis.estimators.models.laws import LAWS, Law
 from flexaxis.estimators.models.model import Model
 
-DATA_SHEET = ("poles", "limit")
-"""Roles that are told or not there at all."""
 LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
 """The structure of the three-mass axis, in the order of estimates; that of others follows it."""
 
@@ -34,8 +32,8 @@ def fixable(model: Model) -> tuple[str, ...]:
 
     Friction is tracked, and cogging shows at any speed.
     """
-    springs = [law for law in model.laws if law.kind == "spring"]
-    return (*structure(model), *named(springs, ("cubic", "gap")))
+    roles = [name for kind in LAWS.values() for name, role in kind.roles.items() if role.fixable]
+    return (*structure(model), *named(model.laws, roles))
 
 
 def structure(model: Model) -> tuple[str, ...]:

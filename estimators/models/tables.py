@@ -6,7 +6,7 @@ from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.axes import MODELS
-from flexaxis.estimators.models.laws import ROLES, Law
+from flexaxis.estimators.models.laws import LAWS, Law
 from flexaxis.estimators.models.model import Model
 
 _KEYS = ("name", "states", "A", "B", "C", "nominal")
@@ -97,7 +97,8 @@ def _law(table: Mapping[str, Any], key: str) -> Law:
     if not all(map(_is_number, drive.values())) or not all(
         _is_number(value) or isinstance(value, str) for value in parameters.values()
     ):
-        roles = ", ".join(ROLES.get(str(table.get("kind")), ("unknown",)))
+        kind = LAWS.get(str(table.get("kind")))
+        roles = ", ".join(kind.roles if kind else ("unknown",))
         raise EstimatorError(
             f"{key}: drive takes numbers, and parameters names or numbers; the roles of "
             f"{table.get('kind')!r} are {roles}"

@@ -43,8 +43,8 @@ class Colour:
     def bridged(self, x: Array, ok: Flags) -> Array:
         """Return signals (…, N) with lines over what is missing, so that the high-pass rests.
 
-        The inverse has an end, and `settled` leaves out what it has seen; a high-pass has none, and
-        would ring for what a simulation is off where nothing was measured.
+        The inverse has an end, and `_settled` leaves out what it has seen; a high-pass has none,
+        and would ring for what a simulation is off where nothing was measured.
         """
         if self.highpass is None or ok.all() or not ok.any():
             return x
@@ -59,7 +59,7 @@ class Colour:
         After a gap it needs `BRIDGED` times as long as the gap was, as a line is missing little of
         a short one, and `skip` samples at most.
         """
-        good = settled(ok, len(self.inverse))
+        good = _settled(ok, len(self.inverse))
         if self.highpass is None:
             return good
         good[: self.skip] = False
@@ -77,7 +77,7 @@ def colourless(highpass: float | None, period: float) -> Colour:
     return Colour(np.ones(1), sections, round(1 / (highpass * period)))
 
 
-def settled(ok: Flags, length: int) -> Flags:
+def _settled(ok: Flags, length: int) -> Flags:
     """Return where a filter of some length has seen usable samples only."""
     return np.convolve(~ok, np.ones(length))[: len(ok)] < 0.5
 

@@ -17,7 +17,7 @@ COULOMB, BREAKAWAY, STIFFNESS, DAMPING, SOFTNESS = 0, 1, 3, 4, 5  # roles of bri
 STIFF = 1.0  # radians a sample: bristles that swing faster are Coulomb's friction
 
 
-class Dry(NamedTuple):
+class _Dry(NamedTuple):
     """
     An axis with Coulomb friction at fixed parameters, as `follow` takes it.
 
@@ -89,7 +89,7 @@ def is_dry(model: Parametrization, period: float) -> bool:
     return bool(alone and np.sqrt(value[STIFFNESS] * abs(force[speed])) * period >= STIFF)
 
 
-def dry(model: Parametrization, theta: Array, period: float) -> Dry:
+def dry(model: Parametrization, theta: Array, period: float) -> _Dry:
     """Return an axis that `is_dry` at some parameters, sampled with a period [s]."""
     n, generator, laws = model.n, model.blocks(theta), model.laws
     assert laws is not None
@@ -103,7 +103,7 @@ def dry(model: Parametrization, theta: Array, period: float) -> Dry:
     which, factor = int(laws.parameter[0, COULOMB]), float(laws.value[0, COULOMB])
     options = parts, order, period / parts
     sense = -float(np.sign(generator[0, speed, n - 1]))
-    return Dry(
+    return _Dry(
         row,
         column,
         slides,

@@ -96,13 +96,13 @@ def nominal_P(
         output=output,
     )
     # in relative parameters, as the design is
-    psi = gradient_along(design.model, design.theta0, u, design.period)
+    psi = _gradient_along(design.model, design.theta0, u, design.period)
     P = np.diag(_steady(psi, design))
     mean = _mean_diagonal(psi, P, design.forgetting, design.drift, design.regularization)
     return mean * design.scale**2
 
 
-def gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: float) -> Array:
+def _gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: float) -> Array:
     """Return `gradient`, made once for the same axis and torque; errors as from that."""
     asked = model, theta, as_torque(u), period
     return _remembered(_Asked(pickle.dumps(asked), asked))
@@ -190,7 +190,7 @@ def default_drift(
     alike = moves_as(model, AXIS)
     if torque is not None:
         chosen = increment(model, period) if output == "increment" else model
-        Q = _energy(gradient_along(chosen.parametrize(identify), theta, torque, period))
+        Q = _energy(_gradient_along(chosen.parametrize(identify), theta, torque, period))
         seconds = [FOLLOWS.get(n, FOLLOWS_MEAN) if alike else FOLLOWS_MEAN for n in identify]
         return (period / np.array(seconds)) ** 2 / Q
     paper = np.array([DRIFT.get(name, np.nan) for name in identify])

@@ -46,16 +46,16 @@ def follow(dry, X, torque, slopes, offset, begin, first):  # noqa: PLR0917
         X[-1, offset] = slopes[-1, k]
         X[:, size - 1] = 0.0
         X[0, size - 1] = torque[k]
-        push(dry, X, way)
+        _push(dry, X, way)
         if way == 0.0:
-            take(dry.sticking, X, moved)
-            met = breaks(dry, X) or breaks_late(dry, moved, torque[k])
+            _take(dry.sticking, X, moved)
+            met = _breaks(dry, X) or _breaks_late(dry, moved, torque[k])
         else:
-            take(dry.sliding, X, moved)
-            met = turns(dry, X, moved, torque[k], way)
+            _take(dry.sliding, X, moved)
+            met = _turns(dry, X, moved, torque[k], way)
         if met:
             for _ in range(dry.parts):
-                way = part(dry, X, way, series, term, rest)
+                way = _part(dry, X, way, series, term, rest)
             read(dry.output, X)
         else:
             X[:] = moved
@@ -65,7 +65,7 @@ def follow(dry, X, torque, slopes, offset, begin, first):  # noqa: PLR0917
 
 
 @inlined
-def push(dry, X, way):
+def _push(dry, X, way):
     """Write the torque of friction and its derivatives into a state."""
     for a in range(len(X)):
         X[a, dry.torque] = 0.0
@@ -75,7 +75,7 @@ def push(dry, X, way):
 
 
 @inlined
-def take(D, X, moved):
+def _take(D, X, moved):
     """Write what a sample makes of a state and its derivatives."""
     size = X.shape[1]
     for i in range(size):
@@ -90,7 +90,7 @@ def take(D, X, moved):
 
 
 @inlined
-def pulled(dry, x):
+def _pulled(dry, x):
     """Return the derivative of the speed without friction."""
     total = 0.0
     for j in range(len(x)):
@@ -100,23 +100,23 @@ def pulled(dry, x):
 
 
 @inlined
-def breaks(dry, X):
+def _breaks(dry, X):
     """Return whether more pulls than friction can hold."""
-    return abs(pulled(dry, X[0])) > abs(dry.pull[dry.torque]) * dry.level
+    return abs(_pulled(dry, X[0])) > abs(dry.pull[dry.torque]) * dry.level
 
 
 @inlined
-def breaks_late(dry, moved, u):
+def _breaks_late(dry, moved, u):
     """Return whether it does at the end of a sample, where the output is in the place of u."""
     y = moved[0, -1]
     moved[0, -1] = u
-    broken = breaks(dry, moved)
+    broken = _breaks(dry, moved)
     moved[0, -1] = y
     return broken
 
 
 @inlined
-def turns(dry, X, moved, u, way):
+def _turns(dry, X, moved, u, way):
     """Return whether the speed may reach zero in a sample: at its end, or in between."""
     v, h = dry.speed, dry.h * dry.parts
     if way * moved[0, v] <= 0.0:
@@ -124,36 +124,36 @@ def turns(dry, X, moved, u, way):
     y = moved[0, -1]
     moved[0, -1] = u
     friction = dry.pull[dry.torque] * X[0, dry.torque]
-    first, last = way * (pulled(dry, X[0]) + friction), way * (pulled(dry, moved[0]) + friction)
+    first, last = way * (_pulled(dry, X[0]) + friction), way * (_pulled(dry, moved[0]) + friction)
     moved[0, -1] = y
     dips = first < 0.0 < last
     return dips and min(way * X[0, v] + first * h, way * moved[0, v] - last * h) < 0.0
 
 
 @compiled
-def part(dry, X, way, series, term, rest):  # noqa: PLR0917
+def _part(dry, X, way, series, term, rest):  # noqa: PLR0917
     """Take a state over a part of a sample with what happens in it; return which way it slides."""
     left, v = dry.h, dry.speed
     for _ in range(MOST_EVENTS):
-        if way == 0.0 and breaks(dry, X):
-            way = np.sign(pulled(dry, X[0]))
-        push(dry, X, way)
+        if way == 0.0 and _breaks(dry, X):
+            way = np.sign(_pulled(dry, X[0]))
+        _push(dry, X, way)
         entries = dry.sticks if way == 0.0 else dry.slides
-        expand(dry, entries, X, left, series)
-        share = first_event(dry, series, way)
+        _expand(dry, entries, X, left, series)
+        share = _first_event(dry, series, way)
         advance(dry.row, dry.column, entries, X, share * left, dry.order, term, rest)
         left *= 1.0 - share
         if share == 1.0:
             break
-        way = np.sign(pulled(dry, X[0])) if way == 0.0 else reverse(dry, X, way)
+        way = np.sign(_pulled(dry, X[0])) if way == 0.0 else _reverse(dry, X, way)
         X[0, v] = 0.0
     return way
 
 
 @inlined
-def reverse(dry, X, way):
+def _reverse(dry, X, way):
     """Take derivatives over the instant at which the speed is zero; return which way it goes on."""
-    v, pull = dry.speed, pulled(dry, X[0])
+    v, pull = dry.speed, _pulled(dry, X[0])
     friction = abs(dry.pull[dry.torque]) * dry.level
     before = pull - way * friction
     after, further = 0.0, 0.0
@@ -167,7 +167,7 @@ def reverse(dry, X, way):
 
 
 @inlined
-def expand(dry, entries, X, time, series):
+def _expand(dry, entries, X, time, series):
     """Write the Taylor series (order+1, n+1) of a state over a time, which is taken for one."""
     size = X.shape[1]
     for i in range(size):
@@ -180,11 +180,11 @@ def expand(dry, entries, X, time, series):
 
 
 @inlined
-def event(dry, series, way, s):
+def _event(dry, series, way, s):
     """Return what is positive until something happens: way·v, or what friction still holds."""
     total, power = 0.0, 1.0
     for k in range(len(series)):
-        total += power * (series[k, dry.speed] if way != 0.0 else pulled(dry, series[k]))
+        total += power * (series[k, dry.speed] if way != 0.0 else _pulled(dry, series[k]))
         power *= s
     if way != 0.0:
         return way * total
@@ -192,11 +192,11 @@ def event(dry, series, way, s):
 
 
 @inlined
-def first_event(dry, series, way):
+def _first_event(dry, series, way):
     """Return at which share of a time something happens first; 1 if nothing does."""
     low, high = -1.0, -1.0
     for s in GRID:
-        if event(dry, series, way, s) > 0.0:
+        if _event(dry, series, way, s) > 0.0:
             low = s
         elif low >= 0.0 or (way != 0.0 and way * series[0, dry.speed] > 0.0):
             high = s
@@ -206,7 +206,7 @@ def first_event(dry, series, way):
     low = max(low, 0.0)
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if event(dry, series, way, middle) > 0.0:
+        if _event(dry, series, way, middle) > 0.0:
             low = middle
         else:
             high = middle

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.meaning import structure
@@ -19,6 +20,10 @@ ABSENT = (
     ("f_s",),
 )
 """What of the laws is zero on many an axis, in the groups in which it is."""
+SEEN = 0.25  # standard deviation after the first seconds over that before, below which it is learnt
+
+AS_TOLD = "the first seconds hardly move what it acts on, so it stays as it was told"
+AS_ABSENT = "the first seconds hardly move what it acts on, so it is taken as absent"
 
 
 def names_of(option: str, given: object, allowed: Sequence[str]) -> tuple[str, ...]:
@@ -98,3 +103,17 @@ def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) 
             given = above_zero(f"deviations[{physical!r}]", deviations[physical], "its deviation")
             deviation[i] = given if name == physical else given * thought.start[i] ** 2
     return replace(thought, deviation=deviation)
+
+
+def seen(after: ArrayLike, before: ArrayLike) -> NDArray[np.bool_]:
+    """
+    Return which parameters are much better known than before: the excitation sees them.
+
+    The others would only take up what is wrong with the model.
+
+    Parameters
+    ----------
+    after, before : (p,) array_like
+        Variances, in the same unit.
+    """
+    return np.asarray(np.sqrt(np.divide(after, before)) < SEEN)

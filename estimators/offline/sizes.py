@@ -11,7 +11,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import N1, three_mass
 from flexaxis.estimators.models.formula import multiply_out
 from flexaxis.estimators.models.known import is_axis
-from flexaxis.estimators.models.laws import INPUT, Law
+from flexaxis.estimators.models.laws import INPUT, LAWS, Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import as_torque, respond
 from flexaxis.estimators.sampling.extended import discretize
@@ -43,11 +43,7 @@ class Sizes:
 
 
 NOMINAL: Mapping[str, Sizes] = {
-    "bristle": Sizes(drive=5.0, force=0.85, rate=176.0),
-    "spring": Sizes(drive=7.5e-4, force=9.4e-4, rate=146.0),
-    "sinusoid": Sizes(drive=0.0424, force=0.85, rate=118.0),
-    "shape": Sizes(drive=5.0, force=0.85, rate=176.0),
-    "clip": Sizes(drive=0.85, force=0.85, rate=0.0),
+    name: Sizes(*kind.nominal) for name, kind in LAWS.items() if kind.nominal
 }
 """By kind of law, of the nominal axis on its reference."""
 

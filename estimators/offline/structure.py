@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import PAPER, real_axis
 from flexaxis.estimators.models.laws import Law
-from flexaxis.estimators.models.meaning import DATA_SHEET, named, structure
+from flexaxis.estimators.models.meaning import structure
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.sizes import Motion, Sizes, measured, moved
 
@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Guess:
+class _Guess:
     """
-    What is thought of a parameter of a law before it is seen, in units of its size.
+    What is thought of a parameter of a law before it is seen, in its unit.
 
     Attributes
     ----------
@@ -41,41 +41,6 @@ class Guess:
     lower: float
     upper: float
 
-
-# Published and simulated axes lie within a deviation or two: an industrial robot's axis has
-# f_c .14, f_s .8 of the rms torque, and friction changes at .07 to .2 of the rms speed (Wernholt
-# and Gunnarsson 2006). Levels stay above 0, as bristles without strength have no stiffness.
-GUESSES: Mapping[str, Mapping[str, Guess]] = {
-    "bristle": {
-        "coulomb": Guess(0.05, 0.15, 1e-5, 3.0),  # of the torque
-        "breakaway": Guess(0.02, 0.15, 0.0, 5.0),  # of the torque
-        "stribeck": Guess(0.15, 0.1, 0.02, 1.0),  # of the speed
-        "stiffness": Guess(6.0, 6.0, 0.5, 1e3),  # of the torque over the angle
-        "damping": Guess(0.5, 1.0, 0.0, 10.0),  # of the torque over the speed
-        "softness": Guess(0.02, 0.04, 1e-3, 1.0),  # of the speed
-    },
-    "static": {
-        "coulomb": Guess(0.05, 0.15, 0.0, 3.0),  # of the torque
-        "breakaway": Guess(0.02, 0.15, 0.0, 5.0),  # of the torque
-        "alpha": Guess(10.0, 5.0, 1.0, 50.0),  # over the speed
-        "beta": Guess(20.0, 10.0, 1.0, 100.0),  # over the speed
-    },
-    "spring": {
-        "cubic": Guess(0.0, 0.03, -0.03, 1.0),  # over the squared twist
-        "gap": Guess(0.02, 0.05, 0.0, 2.0),  # of the twist
-    },
-    "sinusoid": {
-        "sine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
-        "cosine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
-    },
-    "shape": {
-        "sine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
-        "cosine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
-        "waves": Guess(10.0, 0.5, 0.1, 1e3),  # a turn; the nearest whole number is known
-    },
-    "clip": {"limit": Guess(5.0, 1.0, 0.1, 100.0)},  # of the torque
-}
-"""By kind of law and role, in units of `Sizes`."""
 
 TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
 """What changes while an axis is in use: the paper's three, and dry friction."""
@@ -200,8 +165,12 @@ def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str
         What is tracked instead.
     """
     taken = {name.removeprefix("1/") for name in tracked}
-    stated = named(model.laws, DATA_SHEET)
-    laws = [name for law in model.laws for name in law.names if name not in stated]
+    laws = [
+        name
+        for law in model.laws
+        for role, name in law.parameters.items()
+        if isinstance(name, str) and not law.roles[role].told
+    ]
     # what is zero is not there, and has no size of its own
     linear = [p for p in structure(model) if model.nominal[p]]
     found = dict.fromkeys([*linear, *laws])
@@ -235,7 +204,7 @@ def prior(
     spread : float
         Deviation of the tracked parameters of the linear model, relative to θ(0).
     """
-    guesses: dict[str, Guess] = {}
+    guesses: dict[str, _Guess] = {}
     if any(name in model.law_parameters for name in names):
         for law, sizes in _sized(model, torque, period, motion):
             for role, name in law.parameters.items():
@@ -267,7 +236,7 @@ def _relative(model: Model, name: str, spread: float) -> float:
     return DAMPING if physical in model.nonnegative else FIRM
 
 
-def _of_law(guess: Guess, start: float, told: bool) -> tuple[float, float, float, float, float]:
+def _of_law(guess: _Guess, start: float, told: bool) -> tuple[float, float, float, float, float]:
     deviation = guess.deviation
     if told and start:
         deviation = min(deviation, TOLD * abs(start))
@@ -275,27 +244,21 @@ def _of_law(guess: Guess, start: float, told: bool) -> tuple[float, float, float
     return start, deviation, lower, upper, guess.deviation
 
 
-def _guess(role: str, law: Law, sizes: Sizes) -> Guess:
+def _guess(role: str, law: Law, sizes: Sizes) -> _Guess:
     """Return what is thought of a parameter of a law, in its unit."""
-    unit = {
-        "coulomb": sizes.force,
-        "breakaway": sizes.force,
-        "sine": sizes.force,
-        "cosine": sizes.force,
-        "limit": sizes.drive,
-        "stribeck": sizes.drive,
-        "softness": sizes.drive,
-        "gap": sizes.drive,
-        "alpha": 1 / sizes.drive,
-        "beta": 1 / sizes.drive,
-        "stiffness": sizes.force * sizes.rate / sizes.drive,
-        "damping": sizes.force / sizes.drive,
-        "cubic": 1 / sizes.drive**2,
-    }.get(role, 1.0)
-    guess = GUESSES[law.kind].get(role)
-    if guess is None:  # a data-sheet value, such as a number of poles
+    known = law.roles[role]
+    if not known.size:  # a data-sheet value, such as a number of poles
         raise EstimatorError(
             f"nothing is known of the parameter {law.parameters[role]!r} of a law {law.kind!r} "
             "beforehand; it cannot be learnt, so give it as a nominal value"
         )
-    return Guess(*(unit * x for x in (guess.start, guess.deviation, guess.lower, guess.upper)))
+    unit = {
+        "1": 1.0,
+        "force": sizes.force,
+        "drive": sizes.drive,
+        "1/drive": 1 / sizes.drive,
+        "1/drive^2": 1 / sizes.drive**2,
+        "force/drive": sizes.force / sizes.drive,
+        "force*rate/drive": sizes.force * sizes.rate / sizes.drive,
+    }[known.size]
+    return _Guess(*(unit * x for x in known.guess))

@@ -24,7 +24,7 @@ COARSE, FINE = 8, 16  # steps of a sample in which friction reverses: of a searc
 RESTS = 1e-3  # of the greatest speed, below which friction sticks
 
 
-def with_offset(model: Model) -> Model:
+def _with_offset(model: Model) -> Model:
     """
     Return a model with a torque that never changes as one more state, beside the given torque.
 
@@ -58,7 +58,7 @@ class Course:
     Attributes
     ----------
     model : Parametrization
-        Of a model `with_offset`.
+        Of a model `_with_offset`.
     free : tuple of int
         Which initial states are unknown; all others are zero. The offset is the last of them.
     u : (N,) array
@@ -194,7 +194,7 @@ def course(
     beside : (m, N) array, optional
         What acts beside the torque, see `Course`.
     """
-    grown = with_offset(model)
+    grown = _with_offset(model)
     chosen = (increment(grown, period) if output == "increment" else grown).parametrize(names)
     moving = [] if resting else [*range(len(model.states)), *_own(chosen)]
     free = (*moving, len(model.states))
@@ -226,7 +226,7 @@ def _along(ready, reversing, X, u, slopes, offset, begin, first):  # noqa: PLR09
             X[first + j, offset] = slopes[j, k]
         X[-1, offset] = slopes[-1, k]
         travel(ready, X, moved, u[k])
-        if turns(ready.laws, X, moved, peak, last):
+        if _turns(ready.laws, X, moved, peak, last):
             travel(reversing, X, moved, u[k])
         copy(moved, X)
         for a in range(len(X)):
@@ -242,7 +242,7 @@ def _number(laws):
 
 
 @compiled
-def turns(laws, X, moved, peak, last):
+def _turns(laws, X, moved, peak, last):
     """
     Return whether some friction reverses in a sample, or sticks.
 

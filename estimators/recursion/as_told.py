@@ -80,13 +80,13 @@ def draw_estimates(tuning, state, P, theta, estimates):
             given_P[a, b] = given_P[b, a] = P[union[a], union[b]]
     state["given_between"][:] = 0.0
     for g in range(len(state["told_share"])):
-        state["told_share"][g] = draw(tuning, state, g)
+        state["told_share"][g] = _draw(tuning, state, g)
     for i in range(len(estimates)):
         estimates[i] = given[i]
 
 
 @inlined
-def draw(tuning, state, g):
+def _draw(tuning, state, g):
     """Draw what is thought towards one group as it was told, and return how far."""
     members, told, L = tuning["members"], tuning["told"], state["factor"]
     given, P, W = state["given"], state["given_P"], state["towards"]
@@ -96,7 +96,7 @@ def draw(tuning, state, g):
         k += 1
     square = 0.0
     for i in range(k):  # L Lᵀ = Σ_ss, W = L⁻¹ Σ_s·, and e = L⁻¹ (s₀ − μ_s)
-        factorize(members[g], P, L, i)
+        _factorize(members[g], P, L, i)
         known = L[i, i] <= 0.0  # it is as it was told already
         e[i] = 0.0 if known else told[g, i] - given[members[g, i]]
         for a in range(len(given)):
@@ -111,12 +111,12 @@ def draw(tuning, state, g):
                 W[i, a] /= L[i, i]
         square += e[i] ** 2
     share = 1.0 / (1.0 + np.exp(min(0.5 * (square - tuning["limit"][g]), 100.0)))
-    draw_to(state, k, share)
+    _draw_to(state, k, share)
     return share
 
 
 @inlined
-def draw_to(state, k, share):
+def _draw_to(state, k, share):
     """Take the estimates a share of the way, and what is known of them."""
     given, P, between = state["given"], state["given_P"], state["given_between"]
     W, e = state["towards"], state["apart_told"]
@@ -134,7 +134,7 @@ def draw_to(state, k, share):
 
 
 @inlined
-def factorize(members, P, L, i):
+def _factorize(members, P, L, i):
     """Write row i of the Cholesky factor of Σ_ss; zero where nothing is left to vary."""
     for j in range(i):
         total = P[members[i], members[j]]

@@ -206,7 +206,7 @@ def _time_update(
 
 
 def _weights(regularization: ArrayLike, p: int) -> Array:
-    weights = as_numbers("regularization", regularization)
+    weights = _as_numbers("regularization", regularization)
     if weights.shape not in {(), (p,)} or not np.all(np.isfinite(weights) & (weights >= 0)):
         raise EstimatorError(f"regularization is {regularization!r}; μ must be finite and ≥ 0")
     return np.broadcast_to(weights, (p,)).copy()
@@ -223,7 +223,7 @@ def _state(name: str, value: ArrayLike | None, model: Parametrization) -> Array:
     return state
 
 
-def as_numbers(name: str, value: ArrayLike) -> Array:
+def _as_numbers(name: str, value: ArrayLike) -> Array:
     """Return an array of floats, a copy of what is given."""
     try:
         return np.array(value, float)
@@ -233,7 +233,7 @@ def as_numbers(name: str, value: ArrayLike) -> Array:
 
 def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
     """Return a finite (p,) array, a copy of what is given."""
-    vector = as_numbers(name, value)
+    vector = _as_numbers(name, value)
     if vector.shape != (p,) or not np.all(np.isfinite(vector)):
         raise EstimatorError(
             f"{name} is {value!r}; give {p} finite values, one for each identified parameter"
@@ -243,7 +243,7 @@ def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
 
 def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
     """Return a symmetric positive definite (p, p) matrix from that or from its diagonal (p,)."""
-    matrix = as_numbers(name, value)
+    matrix = _as_numbers(name, value)
     if matrix.shape == (p,):
         matrix = np.diag(matrix)
     if matrix.shape != (p, p):

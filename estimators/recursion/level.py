@@ -98,7 +98,7 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
         nothing = not fresh or e**2 + spread == 0.0 if tuning["rests"] > 0.0 else prediction == 0.0
         if nothing:
             return np.nan
-        begin(state, e**2 + spread)
+        _begin(state, e**2 + spread)
         return y
     limit, alone = ODD * np.sqrt(S), state["odd"] == 0.0
     state["odd"] = 1.0 if abs(e) > limit else 0.0
@@ -107,17 +107,17 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
             state["run"] = 0.0
             return np.nan
         e = limit if e > 0.0 else -limit
-    rough = roughness(state["past"], e)
+    rough = _roughness(state["past"], e)
     state["run"] += 1.0
     moves = fresh if tuning["rests"] > 0.0 else prediction**2 > MOVING**2 * noise
     if tuning["known"] == 0.0 and moves:
-        learn(tuning, state, spread, e**2, rough if state["run"] > 3.0 else np.nan)
+        _learn(tuning, state, spread, e**2, rough if state["run"] > 3.0 else np.nan)
         state["noise"] = max(state["noise"], (FINEST * prediction) ** 2)
     return prediction + e
 
 
 @inlined
-def begin(state, square):
+def _begin(state, square):
     """Start R from a first sample."""
     state["noise"], state["samples"] = square, 1.0
     for i in range(4):
@@ -125,7 +125,7 @@ def begin(state, square):
 
 
 @inlined
-def roughness(past, e):
+def _roughness(past, e):
     """Return (e − 3e₁ + 3e₂ − e₃)²/20 with the three innovations before, and keep the last ones."""
     rough = (e - 3.0 * past[0] + 3.0 * past[1] - past[2]) ** 2 / 20.0
     past[2], past[1], past[0] = past[1], past[0], e
@@ -133,7 +133,7 @@ def roughness(past, e):
 
 
 @inlined
-def learn(tuning, state, spread, square, rough):
+def _learn(tuning, state, spread, square, rough):
     """Take squares of the innovation and of its difference into R."""
     R, levels = state["noise"], state["levels"]
     S = spread + R

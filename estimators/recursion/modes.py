@@ -33,7 +33,7 @@ def weigh(states):
 
 
 @inlined
-def transition(tunings, i, j):
+def _transition(tunings, i, j):
     """Return Π_ij: from quiet to any jump, from a jump to quiet only."""
     stay = tunings[i]["stay"]
     if i == j:
@@ -53,31 +53,31 @@ def mix(tunings, states, n, p):
     """
     quiet = states[0]
     for j in range(len(states)):
-        gather(states[j], n, p)
+        _gather(states[j], n, p)
     for a in range(p + n):
         quiet["mixed"][a] = quiet["xi"][a]
         for b in range(quiet["P"].shape[1]):
             quiet["mixed_P"][a, b] = quiet["P"][a, b]
-    total = transition(tunings, 0, 0) * quiet["probability"]
+    total = _transition(tunings, 0, 0) * quiet["probability"]
     for j in range(1, len(states)):
-        weight = transition(tunings, j, 0) * states[j]["probability"]
+        weight = _transition(tunings, j, 0) * states[j]["probability"]
         total += weight
-        join(quiet["mixed"], quiet["mixed_P"], states[j], weight / total, quiet["apart"])
+        _join(quiet["mixed"], quiet["mixed_P"], states[j], weight / total, quiet["apart"])
     for j in range(1, len(states)):
-        state, weight = states[j], transition(tunings, 0, j) * quiet["probability"]
-        state["predicted"] = weight + transition(tunings, j, j) * state["probability"]
-        join(state["xi"], state["P"], quiet, weight / state["predicted"], quiet["apart"])
+        state, weight = states[j], _transition(tunings, 0, j) * quiet["probability"]
+        state["predicted"] = weight + _transition(tunings, j, j) * state["probability"]
+        _join(state["xi"], state["P"], quiet, weight / state["predicted"], quiet["apart"])
     quiet["predicted"] = total
     for a in range(p + n):
         quiet["xi"][a] = quiet["mixed"][a]
         for b in range(quiet["P"].shape[1]):
             quiet["P"][a, b] = quiet["mixed_P"][a, b]
     for j in range(len(states)):
-        spread_out(states[j], n, p)
+        _spread_out(states[j], n, p)
 
 
 @inlined
-def join(mean, P, other, share, apart):
+def _join(mean, P, other, share, apart):
     """Take mean and covariance to those of a mixture with another mode, of weight ``share``."""
     for a in range(len(mean)):
         apart[a] = mean[a] - other["xi"][a]
@@ -86,7 +86,7 @@ def join(mean, P, other, share, apart):
 
 
 @inlined
-def gather(state, n, p):
+def _gather(state, n, p):
     """Write ξ = [θ; x]."""
     for a in range(p):
         state["xi"][a] = state["theta"][a]
@@ -95,7 +95,7 @@ def gather(state, n, p):
 
 
 @inlined
-def spread_out(state, n, p):
+def _spread_out(state, n, p):
     """Write θ and x from ξ."""
     for a in range(p):
         state["theta"][a] = state["xi"][a]

@@ -80,14 +80,14 @@ def record(**values: ArrayLike) -> Record:
     """Return a record with these fields, of float or int as the values are."""
     arrays = {name: np.asarray(value) for name, value in values.items()}
     kinds = {name: int if a.dtype.kind in "iub" else float for name, a in arrays.items()}
-    made = np.zeros(1, aligned(tuple((n, kinds[n], a.shape) for n, a in arrays.items())))
+    made = np.zeros(1, _aligned(tuple((n, kinds[n], a.shape) for n, a in arrays.items())))
     for name, array in arrays.items():
         made[name] = array
     return made
 
 
 @lru_cache
-def aligned(fields: tuple[tuple, ...]) -> np.dtype:
+def _aligned(fields: tuple[tuple, ...]) -> np.dtype:
     """Return the type of a record: the same object for the same fields.
 
     When a compiled function is called, numba looks a type up that it has met before, and where it
@@ -109,7 +109,7 @@ def joined(*records: Record) -> Record:
         for name in r.dtype.names or ()
         if r.dtype.fields is not None
     }
-    made = np.zeros(1, aligned(tuple((name, kind) for name, (_, kind) in parts.items())))
+    made = np.zeros(1, _aligned(tuple((name, kind) for name, (_, kind) in parts.items())))
     for name, (source, _) in parts.items():
         made[name] = source[name]
     return made

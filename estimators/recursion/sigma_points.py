@@ -25,9 +25,9 @@ def ukf_loop(pattern: Pattern) -> Compiled:
     def run(tunings, states, u, y, valid, estimates, trace):  # noqa: PLR0917
         tuning, state = tunings[0], states[0]
         for k in range(len(u)):
-            correct(tuning, state, y[k], valid[k])
-            draw(tuning, state)
-            drive(tuning, state, u[k])
+            _correct(tuning, state, y[k], valid[k])
+            _draw(tuning, state)
+            _drive(tuning, state, u[k])
             entries(tuning["coefficients"], state["theta"], state["M"])
             series(
                 state["M"],
@@ -46,11 +46,11 @@ def ukf_loop(pattern: Pattern) -> Compiled:
 
 
 @inlined
-def correct(tuning, state, y, valid):
+def _correct(tuning, state, y, valid):
     """Take ξ̂ and S from the points as they have moved, and through the measurement."""
     xi, S, A, R = state["xi"], state["S"], state["array"], state["upper"]
     m, p = len(S), len(tuning["lower"])
-    spread = gather(tuning, state)
+    spread = _gather(tuning, state)
     y = judge(tuning, state, y, valid, xi[m], spread)
     use = not np.isnan(y)
     if not use:
@@ -68,7 +68,7 @@ def correct(tuning, state, y, valid):
 
 
 @inlined
-def gather(tuning, state):
+def _gather(tuning, state):
     """
     Write ξ̂⁻, ŷ and the array of deviations, y first; return the variance of ŷ.
 
@@ -91,7 +91,7 @@ def gather(tuning, state):
 
 
 @inlined
-def draw(tuning, state):
+def _draw(tuning, state):
     """Place the points: the mean, what lies apart from it in x, and both sides of it in θ."""
     xi, S, X = state["xi"], state["S"], state["X"]
     n, p, reach = len(X) - 1, len(tuning["lower"]), tuning["reach"]
@@ -122,7 +122,7 @@ def apart(tuning, state, i, j):
 
 
 @inlined
-def drive(tuning, state, u):
+def _drive(tuning, state, u):
     """Write the torque of every point: differences have none."""
     for j in range(len(tuning["whole"])):
         state["inputs"][j] = tuning["whole"][j] * u

@@ -11,20 +11,20 @@ from flexaxis.estimators.signals import check_signals
 Array = NDArray[np.float64]
 
 
-class Traceable(Protocol):
+class _Traceable(Protocol):
     """A filter that shows its residual, gradient, P and claimed covariance after a step."""
 
     names: tuple[str, ...]
 
     @property
-    def epsilon(self) -> float: ...  # noqa: D102
+    def epsilon(self) -> float: ...
     @property
-    def psi(self) -> Array: ...  # noqa: D102
+    def psi(self) -> Array: ...
     @property
-    def P(self) -> Array: ...  # noqa: D102
+    def P(self) -> Array: ...
     @property
-    def covariance(self) -> Array: ...  # noqa: D102
-    def step(self, u: float, y: float | None) -> Array: ...  # noqa: D102
+    def covariance(self) -> Array: ...
+    def step(self, u: float, y: float | None) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,14 @@ class Trace:
 
 
 def trace(
-    estimator: Traceable, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
+    estimator: _Traceable, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
 ) -> Trace:
     """
     Run an estimator from its current state by steps and keep its insides.
 
     Parameters
     ----------
-    estimator : Traceable
+    estimator : a filter with epsilon, psi, P and covariance
         Left in the state after the last sample, as by ``run``.
     u, y : (N,) array_like
     valid : (N,) array_like of bool, optional

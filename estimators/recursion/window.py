@@ -17,7 +17,7 @@ from flexaxis.estimators.sampling.pattern import Pattern
 
 
 @remembered
-def sampler(pattern: Pattern) -> Compiled:
+def _sampler(pattern: Pattern) -> Compiled:
     """Return what samples models of this pattern."""
     entries, series_of = evaluate(pattern), advance(pattern)
 
@@ -40,7 +40,7 @@ def sampler(pattern: Pattern) -> Compiled:
 
 
 @remembered
-def follower(n: int, p: int) -> Compiled:
+def _follower(n: int, p: int) -> Compiled:
     """Return what follows the window, for so many states and parameters."""
     over, add = ahead(n, p), gather(n, p)
 
@@ -66,9 +66,9 @@ def follower(n: int, p: int) -> Compiled:
 
 
 @remembered
-def solver(pattern: Pattern) -> Compiled:
+def _solver(pattern: Pattern) -> Compiled:
     """Return what does a window, for models of this pattern."""
-    resample, follow = sampler(pattern), follower(pattern.n, pattern.p)
+    resample, follow = _sampler(pattern), _follower(pattern.n, pattern.p)
 
     @compiled
     def solve(series, setting, state):
@@ -99,7 +99,7 @@ def solver(pattern: Pattern) -> Compiled:
 @remembered
 def horizon_loop(pattern: Pattern) -> Compiled:
     """Return the compiled loop for models of this pattern."""
-    over, resample, solve = ahead(pattern.n, pattern.p), sampler(pattern), solver(pattern)
+    over, resample, solve = ahead(pattern.n, pattern.p), _sampler(pattern), _solver(pattern)
 
     def run(tuning, state, u, y, valid, estimates, trace):  # noqa: PLR0917
         series, setting = tuning

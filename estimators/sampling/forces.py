@@ -43,21 +43,21 @@ def force(kind, w, s, h, value, local):  # noqa: PLR0917
     for i in range(len(local)):
         local[i] = 0.0
     if kind == BRISTLE:
-        bristle(w, s, h, value, local)
+        _bristle(w, s, h, value, local)
     elif kind == STATIC:
-        static(w, value, local)
+        _static(w, value, local)
     elif kind == SPRING:
-        spring(w, value, local)
+        _spring(w, value, local)
     elif kind == SINUSOID:
-        sinusoid(w, value, local)
+        _sinusoid(w, value, local)
     elif kind == CLIP:
-        clip(w, value, local)
+        _clip(w, value, local)
     elif kind == SHAPE:
-        shape(w, s, h, value, local)
+        _shape(w, s, h, value, local)
 
 
 @inlined
-def bristle(v, p, h, value, local):
+def _bristle(v, p, h, value, local):
     """
     Relax the torque p of the bristles at a constant speed v, exactly, and take its mean.
 
@@ -65,11 +65,11 @@ def bristle(v, p, h, value, local):
     p⁺ = p e^−a + b φ₁, F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
     """
     stiffness, tau = value[3], value[4] / value[3] / h
-    level, level_v, bump, level_s = sliding(abs(v), value)
-    r, r_v, r_0 = softened(abs(v), value[5])
+    level, level_v, bump, level_s = _sliding(abs(v), value)
+    r, r_v, r_0 = _softened(abs(v), value[5])
     rate = stiffness * h / level
     a, b = rate * r, stiffness * h * v
-    e, one, two, one_a, two_a = relaxation(a)
+    e, one, two, one_a, two_a = _relaxation(a)
     end = p * e + b * one
     local[F], local[S] = p * one + b * two + tau * (end - p), end
     local[S_S], local[F_S] = e, one + tau * (e - 1.0)
@@ -91,7 +91,7 @@ def bristle(v, p, h, value, local):
 
 
 @inlined
-def sliding(size, value):
+def _sliding(size, value):
     """Return f_c + f_s exp(−(|v|/v_s)²) and its derivatives by |v|, f_s and v_s."""
     f_c, f_s, v_s = value[0], value[1], value[2]
     bump, level_v, level_s = 0.0, 0.0, 0.0
@@ -104,7 +104,7 @@ def sliding(size, value):
 
 
 @inlined
-def softened(size, v_0):
+def _softened(size, v_0):
     """Return r = |v|/tanh(|v|/v_0), by which |v|/g stays finite at rest; and by |v| and v_0."""
     if v_0 <= 0.0 or size > FAST * v_0:
         return size, 1.0, 0.0
@@ -117,7 +117,7 @@ def softened(size, v_0):
 
 
 @inlined
-def relaxation(a):
+def _relaxation(a):
     """Return e^−a, φ₁, φ₂ and the derivatives of φ₁ and φ₂."""
     e = np.exp(-a)
     if a > SMALL:
@@ -136,7 +136,7 @@ def relaxation(a):
 
 
 @inlined
-def static(v, value, local):
+def _static(v, value, local):
     """F = [f_c + f_s/cosh(α v)] tanh(β v)."""
     f_c, f_s, alpha, beta = value[0], value[1], value[2], value[3]
     bell, fall = 1.0 / np.cosh(alpha * v), np.tanh(alpha * v)
@@ -150,7 +150,7 @@ def static(v, value, local):
 
 
 @inlined
-def spring(x, value, local):
+def _spring(x, value, local):
     """F = d + κ d³ − x, with d what of x lies outside the gap."""
     kappa, half = value[0], 0.5 * value[1]
     d, side = 0.0, 0.0
@@ -165,7 +165,7 @@ def spring(x, value, local):
 
 
 @inlined
-def sinusoid(angle, value, local):
+def _sinusoid(angle, value, local):
     """F = a sin(N φ) + b cos(N φ)."""
     a, b, poles = value[0], value[1], value[2]
     sine, cosine = np.sin(poles * angle), np.cos(poles * angle)
@@ -176,7 +176,7 @@ def sinusoid(angle, value, local):
 
 
 @inlined
-def clip(u, value, local):
+def _clip(u, value, local):
     """F = u clipped to ± the limit, less u."""
     limit = value[0]
     if abs(u) > limit:
@@ -185,7 +185,7 @@ def clip(u, value, local):
 
 
 @inlined
-def shape(v, s, h, value, local):
+def _shape(v, s, h, value, local):
     """F of one of three shapes; s is an angle at the end of the step, taken back to its middle."""
     a, b, n, which = value[0], value[1], value[2], value[4]
     t = np.tanh(v / value[3]) if which > 0.0 else 1.0

@@ -50,7 +50,7 @@ def fill(entry, exponents, coefficients, theta, active, M):  # noqa: PLR0917
 
 
 @compiled
-def product(row, column, M, V, W):
+def _product(row, column, M, V, W):
     """W ← [A B; C 0] V by the product rule, rows of lanes (n+1, lanes)."""
     for i in range(len(W)):
         for a in range(W.shape[1]):
@@ -96,13 +96,13 @@ def step(row, column, reset, M, X, u, weights, order, substeps):  # noqa: PLR091
             for a in range(lanes):
                 V[i, a] = X[i, a] if i < n else 0.0
         if part == substeps:  # the output is read at the end
-            product(row, column, M, V, W)
+            _product(row, column, M, V, W)
             for a in range(lanes):
                 X[n, a] = W[n, a]
             break
         V[n, 0] = u
         for k in range(order):
-            product(row, column, M, V, W)
+            _product(row, column, M, V, W)
             for i in range(n):
                 for a in range(lanes):
                     X[i, a] += weights[k] * W[i, a]

@@ -77,16 +77,16 @@ def _with_laws(pattern: Pattern) -> Compiled:
         entries(tuning["coefficients"], state["theta"], M)
         assign(laws[3], laws[4], state["theta"], work[3])
         for i in range(len(response)):
-            clear(unit, 0, n + 1)
+            _clear(unit, 0, n + 1)
             unit[first + i, 0] = 1.0
             series(M, unit, 0.0, weights, order, substeps)
-            clear(unit, first, n)
-            copy(unit, response[i])
+            _clear(unit, first, n)
+            _copy(unit, response[i])
         couple(laws[2], response, work[5])
         for i in reset:
-            clear(X, i, i + 1)
+            _clear(X, i, i + 1)
         for _ in range(tuning["law_steps"]):
-            clear(X, first, n)
+            _clear(X, first, n)
             drives(laws[2], X, u, work[8])
             series(M, X, u, weights, order, substeps)
             react(laws, tuning["law_h"], response, u, X, work)
@@ -95,7 +95,7 @@ def _with_laws(pattern: Pattern) -> Compiled:
 
 
 @inlined
-def clear(X, first, end):
+def _clear(X, first, end):
     """Set some rows to zero; a slice would take the compiler seconds."""
     for i in range(first, end):
         for a in range(X.shape[1]):
@@ -103,7 +103,7 @@ def clear(X, first, end):
 
 
 @inlined
-def copy(X, Y):
+def _copy(X, Y):
     """Y ← X."""
     for i in range(X.shape[0]):
         for a in range(X.shape[1]):

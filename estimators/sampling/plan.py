@@ -42,10 +42,10 @@ def plan(
     order, substeps : int
         The order is at most `MAX_ORDER`.
     """
-    size = perron_root(model, lower, upper) * period
+    size = _perron_root(model, lower, upper) * period
     fewest = max(1, math.ceil(size / MAX_SIZE))
     least = min(2 * (model.n + 1), MAX_ORDER)
-    choices = [(max(least, order(size / s)), s) for s in range(fewest, 4 * fewest + 1)]
+    choices = [(max(least, _order(size / s)), s) for s in range(fewest, 4 * fewest + 1)]
     return min(choices, key=math.prod)
 
 
@@ -66,20 +66,20 @@ def law_plan(
     steps = max(LAW_STEPS, longest, math.ceil(fastest * period / LAW_STEP))
     # wherever θ may go the series converges, if not to the last digit, which the laws lack anyway
     ends = np.sort([model.theta / LAW_RANGE, model.theta * LAW_RANGE], axis=0)
-    size = perron_root(model, np.maximum(lower, ends[0]), np.minimum(upper, ends[1]))
+    size = _perron_root(model, np.maximum(lower, ends[0]), np.minimum(upper, ends[1]))
     size *= period / steps
     substeps = max(1, math.ceil(size / MAX_SIZE))
-    return steps, order(size / substeps, LAW_TOLERANCE), substeps
+    return steps, _order(size / substeps, LAW_TOLERANCE), substeps
 
 
-def order(x: float, tolerance: float = TOLERANCE) -> int:
+def _order(x: float, tolerance: float = TOLERANCE) -> int:
     """Return the least order whose remainder is below a tolerance for a substep of size x."""
     powers = np.cumprod(np.r_[1.0, x / np.arange(1.0, 60.0)])  # x^k/k!
     remainders = np.cumsum(powers[::-1])[::-1]
     return int(np.argmax(remainders <= tolerance))
 
 
-def perron_root(
+def _perron_root(
     model: Parametrization, lower: NDArray[np.float64], upper: NDArray[np.float64]
 ) -> float:
     """Return the largest eigenvalue of the entrywise bound of |A| over the box [1/s]."""

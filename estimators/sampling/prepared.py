@@ -19,7 +19,7 @@ from flexaxis.estimators.sampling.sampled import move, sample
 Array = NDArray[np.float64]
 
 
-class Ready(NamedTuple):
+class _Ready(NamedTuple):
     """
     The laws of a model at fixed parameters.
 
@@ -64,7 +64,7 @@ class Prepared(NamedTuple):
     """
 
     D: Array
-    laws: Ready | None
+    laws: _Ready | None
 
 
 @compiled
@@ -82,20 +82,20 @@ def prepare(terms, theta, active, further=0):
         Rows of the states to come beyond those, which `move` has a word for.
     """
     D = sample(terms, theta, active)
-    return Prepared(D, ready(terms.laws, terms.n, theta, active, D, further))
+    return Prepared(D, _ready(terms.laws, terms.n, theta, active, D, further))
 
 
 @compiled
-def ready(laws, n, theta, active, D, further):  # noqa: PLR0917
+def _ready(laws, n, theta, active, D, further):  # noqa: PLR0917
     """Return laws at θ, None for none, which the compiler knows from the type."""
     if laws is None:
         return None
-    return laws_ready(laws, n, theta, active, D, further)
+    return _laws_ready(laws, n, theta, active, D, further)
 
 
 @compiled
-def laws_ready(laws, n, theta, active, D, further):  # noqa: PLR0917
-    """Return the `Ready` of a model that has laws."""
+def _laws_ready(laws, n, theta, active, D, further):  # noqa: PLR0917
+    """Return the `_Ready` of a model that has laws."""
     L, lanes = len(laws.kind), 1 + len(active) + further
     response = np.zeros((L, n + 1, lanes))
     for i in range(L):
@@ -126,7 +126,7 @@ def laws_ready(laws, n, theta, active, D, further):  # noqa: PLR0917
         np.zeros((L, lanes)),
         np.zeros(L),
     )
-    return Ready(
+    return _Ready(
         laws.kind,
         laws.memory,
         laws.drive,
@@ -166,10 +166,10 @@ def _travel(laws, D, X, moved, u):
     now = laws.X
     copy(X, now)
     for i in laws.cleared:
-        clear(now, i, i + 1)
+        _clear(now, i, i + 1)
     act = laws.kind, laws.memory, laws.drive, laws.value, laws.lane
     for part in range(laws.steps):
-        clear(now, n - L, n)
+        _clear(now, n - L, n)
         drives(laws.drive, now.T, u, laws.work[8])
         move(D, now, moved, u)
         react(act, laws.h, laws.response, u, moved.T, laws.work)
@@ -178,7 +178,7 @@ def _travel(laws, D, X, moved, u):
 
 
 @inlined
-def clear(X, first, end):
+def _clear(X, first, end):
     """Set some columns to zero; a slice would take the compiler seconds."""
     for a in range(X.shape[0]):
         for j in range(first, end):

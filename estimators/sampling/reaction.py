@@ -103,8 +103,8 @@ def react(laws, h, response, u, X, work):  # noqa: PLR0917
     for i in range(len(mean)):
         for a in range(mean.shape[1]):
             mean[i, a] = 0.5 * (mean[i, a] + before[i, a])
-    search(kind, memory, h, X, work)
-    differentiate(laws, response, X, work)
+    _search(kind, memory, h, X, work)
+    _differentiate(laws, response, X, work)
     for m in range(len(X)):
         for i in range(len(mean)):
             b, held = response[i, m, 0], local[i, F]
@@ -112,11 +112,11 @@ def react(laws, h, response, u, X, work):  # noqa: PLR0917
                 X[m, 0] += b * held
                 for a in range(1, mean.shape[1]):
                     X[m, a] += b * torque[i, a] + response[i, m, a] * held
-    remember(laws, X, work)
+    _remember(laws, X, work)
 
 
 @inlined
-def differentiate(laws, response, X, work):
+def _differentiate(laws, response, X, work):
     """Write w̄' into ``mean``, as (I − G F_w) w̄', and F' into ``torque``; not their first lanes."""
     _, memory, drive, value, parameter = laws
     _, _, _, _, local, gain, _, inverse, _, mean, torque, _ = work
@@ -129,17 +129,17 @@ def differentiate(laws, response, X, work):
                 torque[i, 1 + parameter[i, r]] += local[i, ROLE + 2 * r] * value[i, r]
     for i in range(L):
         for j in range(L):
-            add(mean[i], gain[i, j], torque[j])
+            _add(mean[i], gain[i, j], torque[j])
             for m in range(drive.shape[1] - 1):
                 if drive[i, m] != 0.0:  # G' F
-                    add(mean[i], 0.5 * drive[i, m] * local[j, F], response[j, m])
+                    _add(mean[i], 0.5 * drive[i, m] * local[j, F], response[j, m])
     for i in range(L):
         for j in range(L):
-            add(torque[i], local[i, F_W] * inverse[i, j], mean[j])
+            _add(torque[i], local[i, F_W] * inverse[i, j], mean[j])
 
 
 @inlined
-def remember(laws, X, work):
+def _remember(laws, X, work):
     """Take the states that laws have of their own over the step, and keep their torques."""
     kind, memory, _, value, parameter = laws
     torques, _, _, _, local, _, _, inverse, _, mean, _, _ = work
@@ -151,14 +151,14 @@ def remember(laws, X, work):
             for a in range(1, mean.shape[1]):
                 X[m, a] *= local[i, S_S]
             for j in range(len(mean)):
-                add(X[m], local[i, S_W] * inverse[i, j], mean[j])
+                _add(X[m], local[i, S_W] * inverse[i, j], mean[j])
             for r in range(value.shape[1]):
                 if parameter[i, r] >= 0:
                     X[m, 1 + parameter[i, r]] += local[i, ROLE + 2 * r + 1] * value[i, r]
 
 
 @inlined
-def add(row, factor, other):
+def _add(row, factor, other):
     """Add a multiple of a row to another, but not of its first lane, which is a value."""
     if factor != 0.0:
         for a in range(1, len(row)):
@@ -166,7 +166,7 @@ def add(row, factor, other):
 
 
 @compiled
-def search(kind, memory, h, X, work):
+def _search(kind, memory, h, X, work):
     """
     Solve w̄ = c + G F(w̄) by Newton's method, from the torques of the step before.
 
@@ -193,16 +193,16 @@ def search(kind, memory, h, X, work):
             force(kind[i], mean[i, 0], s, h, roles[i], local[i])
         ended = ended or n == MOST_STEPS - 1
         flat = n >= TURNS and (lost or last > CLOSE) and not ended
-        differences(gain, local, flat, jacobian)
-        invert(jacobian, inverse)
+        _differences(gain, local, flat, jacobian)
+        _invert(jacobian, inverse)
         if ended:
             break
-        size = newton(offset, change, local, gain, inverse, mean, reach)
+        size = _newton(offset, change, local, gain, inverse, mean, reach)
         if n > TURNS and not flat and size > AWAY * last:
             lost = True  # no w̄ is so near, or one where the laws are about to fall too steeply
             continue
         if flat:
-            share = kept_share(share, change, torques, reach)
+            share = _kept_share(share, change, torques, reach)
         else:
             # a share s of a step leaves 1 − s of the way if the laws are straight there
             shrinks = size <= (1.0 - 0.5 * share) * last
@@ -213,7 +213,7 @@ def search(kind, memory, h, X, work):
 
 
 @inlined
-def differences(gain, local, flat, jacobian):
+def _differences(gain, local, flat, jacobian):
     """Write I − G F_w; where laws count as flat, without slopes that make two solutions."""
     for j in range(len(gain)):
         slope = local[j, F_W]
@@ -224,7 +224,7 @@ def differences(gain, local, flat, jacobian):
 
 
 @inlined
-def kept_share(share, change, before, reach):
+def _kept_share(share, change, before, reach):
     """Return the share of a step where laws count as flat: less after a turn; and keep the step."""
     forth = 0.0
     for i in range(len(change)):
@@ -234,7 +234,7 @@ def kept_share(share, change, before, reach):
 
 
 @inlined
-def newton(offset, change, local, gain, inverse, mean, reach):  # noqa: PLR0917
+def _newton(offset, change, local, gain, inverse, mean, reach):  # noqa: PLR0917
     """Write the step of Newton's method, and return its size relative to what w̄ is made of."""
     size = 0.0
     for i in range(len(change)):
@@ -252,7 +252,7 @@ def newton(offset, change, local, gain, inverse, mean, reach):  # noqa: PLR0917
 
 
 @inlined
-def invert(A, B):
+def _invert(A, B):
     """Write the inverse B of a small matrix A, which is lost: Gauss–Jordan with pivots."""
     n = len(A)
     for i in range(n):

@@ -18,7 +18,7 @@ from flexaxis.estimators.sampling.plan import MAX_ORDER, law_plan, plan
 Array = NDArray[np.float64]
 
 
-class Solved(NamedTuple):
+class _Solved(NamedTuple):
     """
     The laws of a model, and how they are solved.
 
@@ -78,7 +78,7 @@ class Terms(NamedTuple):
     order: int
     substeps: int
     weights: Array
-    laws: Solved | None
+    laws: _Solved | None
 
 
 def planned(model: Parametrization, lower: Array, upper: Array, period: float) -> Terms:
@@ -115,7 +115,7 @@ def terms(
         order,
         substeps,
         1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1)),
-        None if model.laws is None else Solved(*model.laws, steps, period, _reset(model)),
+        None if model.laws is None else _Solved(*model.laws, steps, period, _reset(model)),
     )
 
 

@@ -64,7 +64,7 @@ def carry(X, Ph, root, W, P, gain):  # noqa: PLR0917
         for q in range(1, m):  # whole rows at a time: their elements go side by side
             for b in range(m):
                 GP[i, b] += X[i, 1 + q] * P[q, b]
-        gain[p + i] = root * dot(GP[i], X[-1, 1:])
+        gain[p + i] = root * _dot(GP[i], X[-1, 1:])
     for a in range(p):
         gain[a] = root * Ph[a]
         for b in range(a + 1):
@@ -75,11 +75,11 @@ def carry(X, Ph, root, W, P, gain):  # noqa: PLR0917
             P[a, b] = P[b, a] = GP[i, b] - gain[a] * gain[b]
         for j in range(i + 1):
             b = p + j
-            P[a, b] = P[b, a] = dot(GP[i], G[j]) - gain[a] * gain[b]
+            P[a, b] = P[b, a] = _dot(GP[i], G[j]) - gain[a] * gain[b]
 
 
 @fused
-def dot(a, b):
+def _dot(a, b):
     """Return Σ a·b over the length of a."""
     total = 0.0
     for q in range(len(a)):

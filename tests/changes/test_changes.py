@@ -136,6 +136,37 @@ def test_linear_model(flexaxis):
         assert found[name]["sd"] < 0.01 * value
 
 
+def test_law(flexaxis):
+    """The level of Dahl's friction is tracked, on a log that is integrated here in small steps."""
+    J_m, f_m, f_c, stiffness, T, parts = 2e-3, 0.02, 0.1, 20.0, 0.005, 50
+    rng = np.random.default_rng(0)
+    torque, v, p, lines = 0.4 * rng.standard_normal(4000), 0.0, 0.0, ["t,torque,speed"]
+    for i, u in enumerate(torque):
+        lines.append(f"{i * T:.3f},{u:.6f},{v + 0.05 * rng.standard_normal():.6f}")
+        for _ in range(parts):
+            before = v
+            v += T / parts * (u - f_m * v - p) / J_m
+            p += T / parts * stiffness * (before - abs(before) * p / f_c)
+    (flexaxis.place / "log.csv").write_text("\n".join(lines), encoding="utf-8")
+    (flexaxis.place / "axis.toml").write_text(
+        f"""
+model = "one_mass"
+nominal = {{ k_T = 1.0, J_m = {J_m}, f_m = {f_m}, f_c = 0.08, sigma = {stiffness} }}
+[[law]]
+kind = "dahl"
+drive = {{ speed_motor = 1.0 }}
+acts = {{ speed_motor = "-1/J_m" }}
+parameters = {{ coulomb = "f_c", stiffness = "sigma" }}
+""",
+        encoding="utf-8",
+    )
+    columns = ["--time", "t", "--torque", "torque", "--speed", "speed"]
+    words = ["track", "log.csv", "--model", "axis.toml", *columns, "--identify", "f_m"]
+    found = json.loads(flexaxis(*words, "--estimator", "rpem-friction", "--json"))["last"]
+    assert found["f_c"] == pytest.approx(f_c, rel=0.05)
+    assert found["f_m"] == pytest.approx(f_m, rel=0.1)
+
+
 def test_score(flexaxis):
     scenario(flexaxis, "short", STEP)
     names = ["--estimator", "frozen", "--estimator", "rpem-forgetting", "--jobs", "1"]

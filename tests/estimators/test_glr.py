@@ -9,14 +9,15 @@ from flexaxis.estimators import EstimatorError
 from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.glr.bank import PER_LEVEL
 from flexaxis.estimators.glr.pace import time_scale
-from flexaxis.estimators.methods.glr import glr
 from flexaxis.estimators.models.axes import N1, one_mass, three_mass
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import started_nominal
 from flexaxis.sim.simulate import simulate
 
 T = 0.005
+glr = REGISTRY["glr"].factory
 
 
 @cache

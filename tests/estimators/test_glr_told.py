@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError
-from flexaxis.estimators.methods.glr import glr
 from flexaxis.estimators.models.axes import N1
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import started_nominal
 from flexaxis.sim.simulate import simulate
 
 T = 0.005
+glr = REGISTRY["glr"].factory
 TRUTH = (1.0, 1.25, 0.05, 0.1)  # with the level of dry friction
 
 

@@ -7,22 +7,19 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.methods.ekf import extended
-from flexaxis.estimators.methods.imm import imm
 from flexaxis.estimators.methods.oracle_reset import OracleReset
-from flexaxis.estimators.methods.paper import rpem_forgetting
-from flexaxis.estimators.methods.rules.variable import variable_forgetting
-from flexaxis.estimators.methods.ukf import unscented
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.sampling.plan import plan
 
 T = 0.005
+made = {name: entry.factory for name, entry in REGISTRY.items()}
 NAMES = ("k_T", "1/J_a", "f_m")
 FILTERS = {
-    "rpem": rpem_forgetting,
-    "ekf": extended,
+    "rpem": made["rpem-forgetting"],
+    "ekf": made["ekf"],
     # the mean over sigma points is not the model at the mean; close together they are as good
-    "ukf": partial(unscented, spread=1e-3, walk=1e-4),
-    "imm": imm,
+    "ukf": partial(made["ukf"], spread=1e-3, walk=1e-4),
+    "imm": made["imm"],
 }
 
 
@@ -47,7 +44,7 @@ def test_at_the_truth_exact_data_of_a_stiff_axis_move_nothing(stiff, name, outpu
     np.testing.assert_allclose(theta / model.theta, 1.0, atol=tolerance, rtol=0)
 
 
-@pytest.mark.parametrize("joint", [extended, unscented])
+@pytest.mark.parametrize("joint", [made["ekf"], made["ukf"]])
 def test_without_measurements_theta_walks_as_far_as_is_said(nominal, loop, joint):
     """`walk` is the relative deviation after a second, `spread` that at the start."""
     estimator = joint(nominal, T, walk=0.03, spread=0.2)
@@ -110,7 +107,7 @@ def test_the_variable_factor_is_that_of_the_paper(nominal, simulated):
     """λ = σ_q σ_v/|σ_e − σ_v| of standard deviations, where the residual exceeds the noise."""
     run = simulated(4.0, seed=2, faults={2.0: dict(nominal) | {"k_T": 0.6}})
     P0 = three_mass(nominal).parametrize(NAMES).theta ** 2
-    ours = variable_forgetting(
+    ours = made["variable-forgetting"](
         three_mass(nominal), 0.005, P0=P0, level=1.1, forgetting=0.995, robust=0.0
     )
     factor, epsilon, size = measured_factors(ours, run)

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.estimators.methods.paper import rpem_forgetting
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.cli import main
@@ -188,7 +187,7 @@ class Late(Base):
     names = ("k_T", "1/J_a", "f_m")
 
     def __init__(self, nominal, period):
-        self.inner, self.u = rpem_forgetting(nominal, period), 0.0
+        self.inner, self.u = REGISTRY["rpem-forgetting"].factory(nominal, period), 0.0
 
     def step(self, u, y):
         late, self.u = self.u, u
@@ -222,9 +221,9 @@ def test_a_slow_step_is_caught(store):
 def test_reads_increments_only(store, tmp_path):
     path = tmp_path / "increments.py"
     path.write_text(
-        "from flexaxis.estimators.methods.paper import rpem_forgetting\n"
+        "from flexaxis.estimators.registry import REGISTRY\n"
         "def make(nominal, period):\n"
-        "    return rpem_forgetting(nominal, period, output='increment')\n"
+        "    return REGISTRY['rpem-forgetting'].factory(nominal, period, output='increment')\n"
     )
     assert broken(f"{path}:make", store) == set()
 

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.methods.paper import rpem_forgetting
-from flexaxis.estimators.registry import DEFAULT_IDENTIFY
+from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 
 Array = NDArray[np.float64]
 
@@ -35,7 +34,7 @@ class Cheater:
         output: str = "speed",
         torque: Array | None = None,
     ) -> None:
-        self._inner = rpem_forgetting(
+        self._inner = REGISTRY["rpem-forgetting"].factory(
             nominal, period, identify=identify, output=output, torque=torque
         )
         self.names, self.output, self.bounds = identify, output, self._inner.bounds
@@ -66,7 +65,7 @@ class Hindsight:
         output: str = "speed",
         torque: Array | None = None,
     ) -> None:
-        self._inner = rpem_forgetting(
+        self._inner = REGISTRY["rpem-forgetting"].factory(
             nominal, period, identify=identify, output=output, torque=torque
         )
         self.names, self.output, self.bounds = identify, output, self._inner.bounds
@@ -97,7 +96,7 @@ class Sloppy:
         output: str = "speed",
         torque: Array | None = None,
     ) -> None:
-        self._inner = rpem_forgetting(
+        self._inner = REGISTRY["rpem-forgetting"].factory(
             nominal, period, identify=identify, output=output, torque=torque
         )
         self.names, self.output = identify, output

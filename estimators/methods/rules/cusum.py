@@ -7,25 +7,21 @@ schemes*, Biometrika 41, 1954). At g above the level P becomes what an unknown c
 zero: F. Gustafsson, *Adaptive Filtering and Change Detection*, Wiley 2000, ch. 3.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
-from flexaxis.estimators.recursion.measurement import CEILING, KNOWN, LINEAR
+from flexaxis.estimators.recursion.measurement import CEILING, KNOWN, LINEAR, ROBUST
 from flexaxis.estimators.sampling.compiler import inlined
 
 FIRST, NEXT = 1.0, 0.5  # s before the first alarm, in which R̂ is learnt, and between two
 
 
 @inlined
-def reset_on_alarm(tuning, state, valid):
+def _reset_on_alarm(tuning, state, valid):
     """P ← P/λ, eq. (9); where the sum exceeds the level, P becomes large."""
     sums, P = state["sums"], state["P"]
     for i in range(len(P)):
@@ -47,18 +43,12 @@ def reset_on_alarm(tuning, state, valid):
                 state["claim"][i, j] = P[i, j]
 
 
-def cusum_reset(
-    nominal: Nominal,
-    period: float,
+def _cusum_reset(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
     reset: float = 0.1,
     level: float = 10.0,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CEILING,
 ) -> CompiledFilter:
@@ -73,32 +63,22 @@ def cusum_reset(
         What P is reset to, as a standard deviation relative to θ(0).
     level : float
         Alarm threshold [nats].
-    noise, robust, ceiling
+    robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
-    design = forgetting_design(
-        "cusum-reset",
-        nominal,
-        period,
-        identify=identify,
-        output=output,
-        P0=P0,
-        torque=torque,
-        forgetting=forgetting,
-        noise=noise,
-    )
+    design = problem.forgetting_design("cusum-reset", forgetting)
     above_zero("level", level, "an alarm threshold in nats")
     return forgetful_filter(
         design,
-        reset_on_alarm,
+        _reset_on_alarm,
         robust=robust,
         ceiling=ceiling,
         correct=True,  # P is large after an alarm: the state has to follow
         tuning={
             "variance": above_zero("reset", reset, "a standard deviation relative to θ(0)") ** 2,
             "level": level,
-            "first": max(FIRST / period, KNOWN),
-            "next": NEXT / period,
+            "first": max(FIRST / problem.period, KNOWN),
+            "next": NEXT / problem.period,
         },
         state={"sums": np.zeros(2)},
     )
@@ -108,7 +88,7 @@ ENTRIES = (
     Entry(
         "cusum-reset",
         "rpem-forgetting whose P is reset when a CUSUM on the residual raises an alarm",
-        cusum_reset,
+        _cusum_reset,
         knob="1-forgetting",
         default=0.995,
         rank=24,

@@ -9,22 +9,18 @@ unit: here in √P(0)_ii, the deviation that a nominal run leaves, in which all 
 any other units v = diag(P(0)) ψ takes the place of ψ: P ← P + (1/λ − 1) v vᵀ/(vᵀP⁻¹v).
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal, forgetting_design
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
-from flexaxis.estimators.recursion.measurement import ASLEEP
+from flexaxis.estimators.recursion.measurement import ASLEEP, CALM, ROBUST
 from flexaxis.estimators.sampling.compiler import inlined
 
 
 @inlined
-def forget_excited(tuning, state, valid):
+def _forget_excited(tuning, state, valid):
     """Do the time update; a gap renews nothing, and so forgets nothing."""
     P, along, v, L = state["P"], state["along"], state["gain"], state["work"]
     p = len(P)
@@ -53,16 +49,10 @@ def forget_excited(tuning, state, valid):
             P[i, j] += (1.0 / tuning["forgetting"] - 1.0) * along[i] * along[j] / size
 
 
-def directional_forgetting(
-    nominal: Nominal,
-    period: float,
+def _directional_forgetting(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CALM,
 ) -> CompiledFilter:
@@ -73,23 +63,13 @@ def directional_forgetting(
     ----------
     forgetting : float, optional
         λ of a sample.
-    noise, robust, ceiling
+    robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
-    design = forgetting_design(
-        "directional-forgetting",
-        nominal,
-        period,
-        identify=identify,
-        output=output,
-        P0=P0,
-        torque=torque,
-        forgetting=forgetting,
-        noise=noise,
-    )
+    design = problem.forgetting_design("directional-forgetting", forgetting)
     return forgetful_filter(
         design,
-        forget_excited,
+        _forget_excited,
         robust=robust,
         ceiling=ceiling,
         tuning={"unit": np.diag(design.P0)},
@@ -101,7 +81,7 @@ ENTRIES = (
     Entry(
         "directional-forgetting",
         "forgets along the gradient only (SIFt)",
-        directional_forgetting,
+        _directional_forgetting,
         knob="1-forgetting",
         default=0.995,
         rank=21,

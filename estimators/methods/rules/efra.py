@@ -6,22 +6,18 @@ exponential resetting and forgetting*, Int. J. Control 47 (1988) 477–491, with
 the place of I, which has no units. β = ν/10, γ = ν/10, with ν = 1/λ − 1.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
-from flexaxis.estimators.recursion.measurement import CEILING
+from flexaxis.estimators.recursion.measurement import CEILING, ROBUST
 from flexaxis.estimators.sampling.compiler import inlined
 
 
 @inlined
-def forget_and_reset(tuning, state, valid):
+def _forget_and_reset(tuning, state, valid):
     """Do the time update."""
     P, work, S = state["P"], state["work"], tuning["reset_P"]
     nu = 1.0 / tuning["forgetting"] - 1.0
@@ -39,16 +35,10 @@ def forget_and_reset(tuning, state, valid):
             P[j, i] = P[i, j]
 
 
-def efra(
-    nominal: Nominal,
-    period: float,
+def _efra(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CEILING,
 ) -> CompiledFilter:
@@ -59,23 +49,13 @@ def efra(
     ----------
     forgetting : float, optional
         λ of a sample.
-    noise, robust, ceiling
+    robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
-    design = forgetting_design(
-        "efra",
-        nominal,
-        period,
-        identify=identify,
-        output=output,
-        P0=P0,
-        torque=torque,
-        forgetting=forgetting,
-        noise=noise,
-    )
+    design = problem.forgetting_design("efra", forgetting)
     return forgetful_filter(
         design,
-        forget_and_reset,
+        _forget_and_reset,
         robust=robust,
         ceiling=ceiling,
         tuning={"reset_P": 10 * np.diag(design.P0)},
@@ -87,7 +67,7 @@ ENTRIES = (
     Entry(
         "efra",
         "exponential forgetting and resetting, P bounded on both sides",
-        efra,
+        _efra,
         knob="1-forgetting",
         default=0.995,
         rank=22,

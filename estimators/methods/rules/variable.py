@@ -7,17 +7,14 @@ Signal Processing Letters 15 (2008) 597–600. σ_e² and σ_q², means of ε² 
 of 0.3 s; σ_v², of the noise, one of 2 s; exact means before they have seen as much.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal, forgetting_design
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
+from flexaxis.estimators.recursion.measurement import CALM, ROBUST
 from flexaxis.estimators.sampling.compiler import inlined
 
 SHORT, LONG = 0.3, 2.0  # s, memories of the residual and of the noise: 60 and 400 samples at 5 ms
@@ -25,10 +22,10 @@ FASTEST = 0.05  # s, least time constant of forgetting; λ = 0.9 at 5 ms
 
 
 @inlined
-def forget_by_residual(tuning, state, valid):
+def _forget_by_residual(tuning, state, valid):
     """Do the time update; a gap has no residual, and forgets nothing."""
     if valid:
-        factor = variable_factor(tuning, state)
+        factor = _variable_factor(tuning, state)
         P = state["P"]
         for i in range(len(P)):
             for j in range(len(P)):
@@ -36,7 +33,7 @@ def forget_by_residual(tuning, state, valid):
 
 
 @inlined
-def variable_factor(tuning, state):
+def _variable_factor(tuning, state):
     """Return λ."""
     sums, square = state["sums"], state["surprise"] ** 2
     sums[3] += 1.0
@@ -51,17 +48,11 @@ def variable_factor(tuning, state):
     return max(min(q * v / (e - v), highest), tuning["least"])
 
 
-def variable_forgetting(
-    nominal: Nominal,
-    period: float,
+def _variable_forgetting(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
     level: float = 2.0,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CALM,
 ) -> CompiledFilter:
@@ -74,31 +65,21 @@ def variable_forgetting(
         Largest λ of a sample.
     level : float
         How far the residual must exceed the noise, in standard deviations, to forget more.
-    noise, robust, ceiling
+    robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
-    design = forgetting_design(
-        "variable-forgetting",
-        nominal,
-        period,
-        identify=identify,
-        output=output,
-        P0=P0,
-        torque=torque,
-        forgetting=forgetting,
-        noise=noise,
-    )
+    design = problem.forgetting_design("variable-forgetting", forgetting)
     above_zero("level", level, "a ratio of standard deviations")
     return forgetful_filter(
         design,
-        forget_by_residual,
+        _forget_by_residual,
         robust=robust,
         ceiling=ceiling,
         tuning={
             "level": level,
-            "short": max(SHORT / period, 2.0),
-            "long": max(LONG / period, 2.0),
-            "least": max(1 - period / FASTEST, 0.5),
+            "short": max(SHORT / problem.period, 2.0),
+            "long": max(LONG / problem.period, 2.0),
+            "least": max(1 - problem.period / FASTEST, 0.5),
         },
         state={"sums": np.zeros(4)},
     )
@@ -108,7 +89,7 @@ ENTRIES = (
     Entry(
         "variable-forgetting",
         "forgets while the residual is large",
-        variable_forgetting,
+        _variable_forgetting,
         knob="1-forgetting",
         default=0.995,
         rank=23,

@@ -5,25 +5,23 @@ S. Sælid and B. Foss, *Adaptive controllers with a vector variable forgetting f
 Conference on Decision and Control (1983) 1488–1494.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal, forgetting_design
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.recursion.design import finite_vector
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
+from flexaxis.estimators.recursion.measurement import CALM, ROBUST
 from flexaxis.estimators.sampling.compiler import inlined
 
 TIE = 1e-6  # relative; of parameters of which P(0) knows equally little none is the one
 
 
 @inlined
-def forget_each(tuning, state, valid):
+def _forget_each(tuning, state, valid):
     """Do the time update."""
     P, rates = state["P"], tuning["rates"]
     for i in range(len(P)):
@@ -31,17 +29,11 @@ def forget_each(tuning, state, valid):
             P[i, j] /= np.sqrt(rates[i] * rates[j])
 
 
-def vector_forgetting(
-    nominal: Nominal,
-    period: float,
+def _vector_forgetting(
+    problem: Problem,
     *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
     forgetting: float | None = None,
     rates: ArrayLike | None = None,
-    noise: float | None = None,
     robust: float = ROBUST,
     ceiling: float = CALM,
 ) -> CompiledFilter:
@@ -55,31 +47,21 @@ def vector_forgetting(
     rates : (p,) array_like, optional
         1−λ_i over 1−λ: by default 1, and 1/2 for the parameter of
         which P(0) knows least, if that is one.
-    noise, robust, ceiling
+    robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
-    design = forgetting_design(
-        "vector-forgetting",
-        nominal,
-        period,
-        identify=identify,
-        output=output,
-        P0=P0,
-        torque=torque,
-        forgetting=forgetting,
-        noise=noise,
-    )
+    design = problem.forgetting_design("vector-forgetting", forgetting)
     if rates is None:  # in relative parameters, so that units do not choose
         share = np.diag(design.P0) / np.diag(design.P0).max()
         least = share >= 1 - TIE
         rates = np.where(least, 0.5 if least.sum() == 1 else 1.0, 1.0)
-    factors = 1 - (1 - design.forgetting) * finite_vector("rates", rates, len(identify))
+    factors = 1 - (1 - design.forgetting) * finite_vector("rates", rates, len(problem.identify))
     if not np.all((factors > 0) & (factors <= 1)):
         raise EstimatorError(
             f"rates are {rates!r}; give one for each parameter, with 1 − (1−λ) rate in (0, 1]"
         )
     return forgetful_filter(
-        design, forget_each, robust=robust, ceiling=ceiling, tuning={"rates": factors}
+        design, _forget_each, robust=robust, ceiling=ceiling, tuning={"rates": factors}
     )
 
 
@@ -87,7 +69,7 @@ ENTRIES = (
     Entry(
         "vector-forgetting",
         "a forgetting factor for each parameter",
-        vector_forgetting,
+        _vector_forgetting,
         knob="1-forgetting",
         default=0.995,
         rank=20,

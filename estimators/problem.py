@@ -1,0 +1,170 @@
+"""What there is to estimate, and what is known beforehand: one object from registry to filter."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.models.axes import PAPER, three_mass
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.recursion.design import (
+    OUTPUTS,
+    Design,
+    above_zero,
+    forgetting_factor,
+    make_design,
+)
+from flexaxis.estimators.tuned import tuned
+
+Array = NDArray[np.float64]
+Nominal = Mapping[str, float] | Model
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """
+    A task for an estimator, made by `make_problem`.
+
+    Attributes
+    ----------
+    nominal : mapping of str to float, or Model
+        As it was told: values of the paper's axis, and what a data sheet says; or a model.
+    model : Model
+        That, or the linear one of the paper's axis.
+    period : float
+        Sampling period [s].
+    identify : tuple of str
+        Parameters to estimate, or their inverses.
+    output : str
+        ``"speed"`` or ``"increment"``.
+    P0 : (p,) or (p, p) array_like, or None
+        P(0), where it was told.
+    torque : (N,) array_like, or None
+        Of a nominal run [N m], for the paper's recipe of P(0) and for sizes of friction.
+    noise : float or None
+        Standard deviation of the output, in its unit, where it was told.
+    bounds : (lower, upper) or None
+        Box of θ; that of the filter where nothing was told.
+    """
+
+    nominal: Nominal
+    model: Model
+    period: float
+    identify: tuple[str, ...]
+    output: str
+    P0: ArrayLike | None
+    torque: ArrayLike | None
+    noise: float | None
+    bounds: tuple[ArrayLike, ArrayLike] | None
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What every filter is told, by keyword: ``identify, period, output, noise, bounds``."""
+        names = ("identify", "period", "output", "noise", "bounds")
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def theta(self) -> Array:
+        """θ(0) (p,)."""
+        return self.model.parametrize(self.identify).theta
+
+    def tuned(self, name: str) -> float | None:
+        """Return the knob of an estimator as tuned for this axis; None where it was not."""
+        return tuned(name, self.model, self.period, self.identify)
+
+    def factor(self, name: str, forgetting: float | None) -> float:
+        """Return λ: as given, as tuned for this axis, or that of a time constant of 1 s."""
+        given = self.tuned(name) if forgetting is None else forgetting
+        return forgetting_factor(given, self.period)
+
+    def initial_P(self, known: Array | None, **time_update: Any) -> ArrayLike:
+        """
+        Return P(0): as told, by the paper's recipe on the torque of a nominal run, or as is known.
+
+        Parameters
+        ----------
+        known : (p, p) array or None
+            Where nothing was told.
+        **time_update
+            ``forgetting`` or ``drift``, for the recipe.
+        """
+        from flexaxis.estimators.offline import priors
+
+        if self.P0 is not None:
+            return self.P0
+        if self.torque is not None:
+            return priors.nominal_P(
+                self.model,
+                self.torque,
+                identify=self.identify,
+                period=self.period,
+                output=self.output,
+                **time_update,
+            )
+        if known is not None:
+            return known
+        raise EstimatorError(
+            f"P(0) is known only for {', '.join(PAPER)} of the nominal axis at 5 ms; for another "
+            "axis, other parameters or another period give P0, or the torque of a nominal run for "
+            "the recipe"
+        )
+
+    def forgetting_P(self, forgetting: float) -> ArrayLike:
+        """Return P(0) for a forgetting factor."""
+        from flexaxis.estimators.offline import priors
+
+        known = priors.stored_P(self.model, self.identify, self.period, forgetting=forgetting)
+        return self.initial_P(known, forgetting=forgetting)
+
+    def forgetting_design(self, name: str, forgetting: float | None) -> Design:
+        """Return what a method with a forgetting factor starts from."""
+        weight = self.factor(name, forgetting)
+        P = self.forgetting_P(weight)
+        return make_design(self.model, **self.asked, theta0=None, P0=P, forgetting=weight)
+
+    def random_walk(
+        self, name: str, usual: float, *, walk: float | None, spread: float
+    ) -> tuple[Array, Array]:
+        """Return P(0) and W from deviations relative to θ(0); ``usual`` is the walk if untuned."""
+        if walk is None:
+            walk = self.tuned(name) or usual
+        above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
+        above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
+        return (spread * self.theta) ** 2, self.period * (walk * self.theta) ** 2
+
+
+def make_problem(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    noise: float | None = None,
+    bounds: tuple[ArrayLike, ArrayLike] | None = None,
+) -> Problem:
+    """
+    Return what there is to estimate, checked.
+
+    Parameters
+    ----------
+    nominal, period, identify, output, P0, torque, noise, bounds
+        As `Problem` has them.
+
+    Raises
+    ------
+    EstimatorError
+        If period, output or noise cannot be used; names and P(0) are checked with the model that an
+        estimator takes, which may have laws besides.
+    """
+    above_zero("period", period, "the sampling period in seconds")
+    if output not in OUTPUTS:
+        raise EstimatorError(f"unknown output {output!r}: {did_you_mean(str(output), OUTPUTS)}")
+    if noise is not None:
+        above_zero("noise", noise, "the standard deviation of y")
+    model = nominal if isinstance(nominal, Model) else three_mass(nominal)
+    return Problem(nominal, model, period, tuple(identify), output, P0, torque, noise, bounds)
