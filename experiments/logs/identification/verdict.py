@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.descent import CONVERGED
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.identification.candidates import Candidate
+from flexaxis.experiments.logs.identification.candidates import WHITENED, Candidate
 from flexaxis.experiments.logs.identification.friction import names_of
 from flexaxis.experiments.logs.identification.laws import Chosen, Tried
 from flexaxis.experiments.logs.identification.validate import MATCHED
@@ -216,10 +216,13 @@ def _differing(
     errors = "; ".join(f"{candidate.name} {candidate.error:.4g}" for candidate in candidates)
     text = f"errors of a simulation of held-out pieces: {errors}. Taken: {best.name}"
     if best.lacks:
+        text += ", as more than noise is left: something acts that the model has not, and "
         text += (
-            ", as more than noise is left: something acts that the model has not, and whitened "
-            "errors, which take it for noise, are not believed; look at the friction map"
+            "white errors end at a bound of the search"
+            if best.name == WHITENED
+            else "whitened errors, which take it for noise, are not believed"
         )
+        text += "; look at the friction map"
     wide = deviations > 1.1 * best.deviations
     wider = [name for name, is_wide in zip(best.names, wide, strict=False) if is_wide]
     if wider:
