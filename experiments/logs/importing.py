@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import sosfilt
 
 from flexaxis.experiments.logs.doubts import examine
 from flexaxis.experiments.logs.doubts.evidence import Evidence
@@ -29,10 +28,10 @@ from flexaxis.experiments.logs.prepare import (
     FEWEST,
     Prepared,
     check_time,
-    highpass_filter,
     interval_means,
     prepare,
     unwrapped,
+    without_drift,
 )
 from flexaxis.experiments.logs.reading.log import open_log
 from flexaxis.sim.errors import RecordError
@@ -251,12 +250,10 @@ def _as_imported(record: Record, asked: Mapping[str, Any]) -> Record:
         changed["torque"] = interval_means(time, record.torque, time, record.period, smooth=True)
         told |= {"torque": "smooth", "torque_because": GIVEN}
     if "highpass" in asked:
-        sos = highpass_filter(asked["highpass"], record.period)
-        for name in ("torque", "angle", "speed", "increment", "true_angle_a"):
-            values = changed.get(name, getattr(record, name))
-            if values is not None:
-                start = values[0] if "angle" in name else 0.0
-                changed[name] = np.asarray(sosfilt(sos, values - start))
+        names = ("torque", "angle", "speed", "increment", "true_angle_a")
+        signals = {name: changed.get(name, getattr(record, name)) for name in names}
+        there = {name: values for name, values in signals.items() if values is not None}
+        changed = without_drift(there, asked["highpass"], record.period)
         told["highpass"] = f"{asked['highpass']:g}"
     return replace(record, **changed, versions=told)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -135,7 +136,9 @@ def prepare(
             f"a sample every {found.period:.3g} s: nothing of an axis is seen in less than one a "
             "second; is the unit or the scale of the time right, or the rate?"
         )
-    return found if highpass is None else _without_drift(found, highpass)
+    signals, period = found.signals, found.period
+    kept = signals if highpass is None else without_drift(signals, highpass, period)
+    return replace(found, signals=kept)
 
 
 def check_time(time: Array) -> None:
@@ -270,11 +273,11 @@ def highpass_filter(corner: float, period: float) -> Array:
     return np.asarray(butter(4, corner * 2 * period, "highpass", output="sos"))
 
 
-def _without_drift(old: Prepared, corner: float) -> Prepared:
-    # forward only and from rest, as the estimators: a run that begins at rest stays exact
-    sos = highpass_filter(corner, old.period)
-    signals = {
-        name: sosfilt(sos, values - values[0] if name.endswith("angle") else values)
-        for name, values in old.signals.items()
-    }
-    return replace(old, signals=signals)
+def without_drift(signals: Mapping[str, Array], corner: float, period: float) -> dict[str, Array]:
+    """Return signals above a corner [Hz], all by the same filter; angles from where they start.
+
+    Forward only and from rest, as the estimators: a run that begins at rest stays exact.
+    """
+    sos = highpass_filter(corner, period)
+    starts = {name: values[0] if "angle" in name else 0.0 for name, values in signals.items()}
+    return {name: np.asarray(sosfilt(sos, x - starts[name])) for name, x in signals.items()}

@@ -145,11 +145,6 @@ def friction(u: Array, direction: Array, level: float) -> Array:
     return np.where(abs(direction) < 1, np.clip(u, -level, level), level * direction)
 
 
-def names_of(model: Model) -> Sequence[str]:
-    """Return the parameters of the laws of a model, in their order."""
-    return tuple(dict.fromkeys(name for law in model.laws for name in law.names))
-
-
 def linear_part(model: Model) -> Model:
     """Return a model without its laws, and without their parameters."""
     linear = replace(model, laws=())

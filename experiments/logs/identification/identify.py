@@ -21,7 +21,7 @@ from flexaxis.experiments.logs.identification.candidates import (
     candidates_of,
     explain,
 )
-from flexaxis.experiments.logs.identification.friction import KINDS, able, linear_part, names_of
+from flexaxis.experiments.logs.identification.friction import KINDS, able, linear_part
 from flexaxis.experiments.logs.identification.laws import LINEAR, Chosen, Tried, check_given, chosen
 from flexaxis.experiments.logs.identification.setup import Setup, log_of
 from flexaxis.experiments.logs.identification.starts import Starts
@@ -197,7 +197,6 @@ def identify(
     asked = Asked(
         friction,
         highpass or axis.highpass,
-        told,
         whole is False and friction == "auto" and able(setup.model),
     )
     options = {"told": told, "free": free, "fix": fix, "given": given}
@@ -245,7 +244,7 @@ def _found(
         whole,
         response=starts.seen_by(setup, fitted),
         map=explain(log, lag, LINEAR),
-        friction=_word(asked.friction, axis.model, names_of(setup.model)),
+        friction=_word(asked.friction, axis.model, bool(setup.model.laws)),
         tried=taken.tried,
         findings=tuple(
             judged(taken, best, deviations, candidates=candidates, fit=fit, asked=asked)
@@ -254,10 +253,10 @@ def _found(
     )
 
 
-def _word(friction: str, model: Model, laws: Sequence[str]) -> str:
+def _word(friction: str, model: Model, law: bool) -> str:
     if model.laws:
         return "as told"
-    return friction if friction in KINDS else "coulomb" if laws else "none"
+    return friction if friction in KINDS else "coulomb" if law else "none"
 
 
 def _check_delay(setup: Setup) -> None:

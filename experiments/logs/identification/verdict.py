@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from flexaxis.estimators.offline.descent import CONVERGED
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.identification.candidates import WHITENED, Candidate
-from flexaxis.experiments.logs.identification.friction import names_of
 from flexaxis.experiments.logs.identification.laws import Chosen, Tried
 from flexaxis.experiments.logs.identification.validate import MATCHED
 
@@ -25,22 +24,19 @@ HALF = 0.5  # samples: least delay of a measured torque, the mean over the sampl
 
 @dataclass(frozen=True)
 class Asked:
-    """What somebody stated: about friction, and of the torque.
+    """What somebody stated.
 
     Attributes
     ----------
     friction : str
     highpass : float or None
         Corner below which residuals were not to count [Hz].
-    told : bool
-        Whether the torque was said to be held or smooth.
     blind : bool
         Whether slow motion was filtered away at the import, so that friction is not seen.
     """
 
     friction: str
     highpass: float | None
-    told: bool
     blind: bool
 
 
@@ -91,7 +87,7 @@ def _unlike(fit: float) -> Iterator[Finding]:
 
 def _blind(best: Candidate, deviations: Array) -> Iterator[Finding]:
     names = best.setup.names
-    shapes = {name for name in names_of(best.setup.model) if name != LEVEL}
+    shapes = best.setup.model.law_parameters - {LEVEL}
     unseen = [
         (name, value, sd)
         for name, value, sd in zip(names, best.fitted.z, deviations, strict=False)
@@ -115,7 +111,7 @@ def _blind(best: Candidate, deviations: Array) -> Iterator[Finding]:
 
 def _bounds(best: Candidate) -> Iterator[Finding]:
     stuck = best.stuck
-    shapes = [n for n in stuck if n in names_of(best.setup.model) and n != LEVEL]
+    shapes = [n for n in stuck if n in best.setup.model.law_parameters and n != LEVEL]
     if LEVEL in stuck:
         yield Finding(
             "problem",

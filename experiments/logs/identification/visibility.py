@@ -91,7 +91,8 @@ def visible(record: Record, axis: Axis) -> dict[str, Seen]:
     found = _deviations(Q, names)
     if axis.model.laws:  # what they do is not in the response, and so in σ
         found = {n: replace(s, words=s.words.replace(BEST, DRY)) for n, s in found.items()}
-    return found | {name: _of_law(record) for name in _law_names(axis)}
+    others = (name for name in axis.model.parameters if name not in linear.parameters)
+    return found | {name: _of_law(evidence) for name in others}
 
 
 def _deviations(Q: Array, names: Sequence[str]) -> dict[str, Seen]:
@@ -127,18 +128,12 @@ def _words(alone: float, together: float, partner: str) -> str:
     return f"{text}: confused with {partner}, fix one of them" if partner else text
 
 
-def _law_names(axis: Axis) -> list[str]:
-    linear = set(replace(axis.model, laws=()).parameters)
-    return [name for name in axis.model.parameters if name not in linear]
-
-
-def _of_law(record: Record) -> Seen:
+def _of_law(evidence: Evidence) -> Seen:
     """Return what reversals say of the parameters of a law."""
-    count, span = reversals_of(Evidence(record))
-    if count >= CROSSINGS:
-        words = f"to be seen at {count} reversals, over speeds of 1 : {span:.2g}"
-        return Seen(None, None, "", words)
-    words = f"hardly seen: {count} reversals; log motions to and fro"
+    count, span = reversals_of(evidence)
+    words = f"to be seen at {count} reversals, over speeds of 1 : {span:.2g}"
+    if count < CROSSINGS:
+        words = f"hardly seen: {count} reversals; log motions to and fro"
     return Seen(None, None, "", words)
 
 
