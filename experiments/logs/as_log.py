@@ -95,29 +95,26 @@ class LogStyle:
         return next((unit for unit in self.units if unit in UNITS[signal]), _SI[signal])
 
 
-def logged(
-    record: Record, style: LogStyle, rng: np.random.Generator, signals: Sequence[str] = SIGNALS
-) -> dict[str, Array]:
+def logged(record: Record, style: LogStyle, rng: np.random.Generator) -> dict[str, Array]:
     """Return the columns (M,) of a log in its own units, time first; rows in gaps are left out.
 
     Parameters
     ----------
     record : Record
+        What it does not have of the signals is left out.
     style : LogStyle
     rng : Generator
         Of jitter and gaps.
-    signals : sequence of str
-        Those to log; what the record does not have is left out.
     """
     found = {"time": record.time + style.jitter * rng.standard_normal(len(record.time))}
-    for name in signals:
+    for name in SIGNALS:
         values = getattr(record, name)
         if values is not None:
             found[name] = values + style.offset.get(name, 0.0)
-    if style.counts and "angle" in found:
-        found["angle"] = _stepped(found["angle"], 2 * np.pi / style.counts)
-    if style.torque_step:
-        found["torque"] = _stepped(found["torque"], style.torque_step)
+    steps = {"angle": 2 * np.pi / style.counts if style.counts else 0.0}
+    for name, step in (steps | {"torque": style.torque_step}).items():
+        if step and name in found:
+            found[name] = np.rint(found[name] / step) * step
     kept = _kept(len(record.time), style.gaps, rng)
     if record.valid is not None:
         kept &= record.valid
@@ -125,10 +122,6 @@ def logged(
         name: values[kept] / (UNITS[name][style.unit(name)] * style.scale.get(name, 1.0))
         for name, values in found.items()
     }
-
-
-def _stepped(values: Array, step: float) -> Array:
-    return np.rint(values / step) * step
 
 
 def _kept(samples: int, gaps: int, rng: np.random.Generator) -> NDArray[np.bool_]:
@@ -155,66 +148,42 @@ def write_log(
     date : str, optional
         When the log began, by ISO 8601; it goes into the file.
     """
-    units = {name: style.unit(name) for name in columns if name in UNITS}
     writer = {".csv": _write_csv, ".mat": _write_mat, ".h5": _write_h5}[path.suffix]
     with new_file(path) as part:
-        writer(part, columns, units, style, date)
+        writer(part, columns, style, date)
 
 
-def _write_csv(
-    path: Path,
-    columns: Mapping[str, Array],
-    units: Mapping[str, str],
-    style: LogStyle,
-    date: str | None,
-) -> None:
-    mark = ";" if style.decimal_comma else ","
-    names = [f"{name} [{units[name]}]" if name in units else name for name in columns]
+def _write_csv(path: Path, columns: Mapping[str, Array], style: LogStyle, date: str | None) -> None:
+    units = {name: f"{name} [{style.unit(name)}]" for name in columns if name in UNITS}
+    mark, point = (";", ",") if style.decimal_comma else (",", ".")
     lines = [f"# {WRITTEN}", *([f"# date: {date}"] if date else [])]
     if style.header:
-        lines.append(mark.join(names))
-    rows = ["%.10g"] * len(columns)
-    text = "\n".join(
-        (mark.join(rows) % row) for row in zip(*(c.tolist() for c in columns.values()), strict=True)
-    )
-    if style.decimal_comma:
-        text = text.replace(".", ",")
-    path.write_text("\n".join([*lines, text]) + "\n", encoding="utf-8")
+        lines.append(mark.join(units.get(name, name) for name in columns))
+    cells = zip(*(values.tolist() for values in columns.values()), strict=True)
+    row = mark.join(["%.10g"] * len(columns))
+    lines += [(row % values).replace(".", point) for values in cells]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _write_mat(
-    path: Path,
-    columns: Mapping[str, Array],
-    units: Mapping[str, str],
-    style: LogStyle,
-    date: str | None,
-) -> None:
+def _write_mat(path: Path, columns: Mapping[str, Array], style: LogStyle, date: str | None) -> None:
     from scipy.io import savemat
 
-    del units  # a MAT file has no place for them
+    # a MAT file has no place for units
     savemat(path, _variables(columns, style) | ({"date": date} if date else {}))
     with path.open("r+b") as file:  # over the date of the file: equal runs write equal files
         file.write(f"MATLAB 5.0 MAT-file, {WRITTEN}".encode().ljust(MAT_HEAD))
 
 
-def _write_h5(
-    path: Path,
-    columns: Mapping[str, Array],
-    units: Mapping[str, str],
-    style: LogStyle,
-    date: str | None,
-) -> None:
+def _write_h5(path: Path, columns: Mapping[str, Array], style: LogStyle, date: str | None) -> None:
     import h5py
 
     memory = io.BytesIO()  # HDF5 cannot close a file on a full disk, and ends the process with that
     with h5py.File(memory, "w") as file:
-        file.attrs["flexaxis"] = WRITTEN
-        if date:
-            file.attrs["date"] = date
+        file.attrs.update({"flexaxis": WRITTEN} | ({"date": date} if date else {}))
         for name, values in _variables(columns, style).items():
             file[name] = values
-            if name in units:
-                file[name].attrs["units"] = units[name]
+            if name in UNITS:
+                file[name].attrs["units"] = style.unit(name)
     path.write_bytes(memory.getvalue())  # a view in an error would keep HDF5 from closing
 
 
@@ -226,16 +195,13 @@ def _variables(columns: Mapping[str, Array], style: LogStyle) -> dict[str, Array
 def import_words(path: Path, columns: Sequence[str], style: LogStyle) -> list[str]:
     """Return the command line that imports a log, as somebody would have to find it."""
     words = ["flexaxis", "import", str(path), "--torque-is", "held"]
-    bare = not style.header
-    column = "column{1}" if path.suffix == ".csv" else "data[{0}]"
-    if bare:
-        for place, name in enumerate(columns):
-            if name in UNITS:
-                words += [f"--{name}", column.format(place, place + 1)]
-    if bare or path.suffix == ".mat":
-        for name in columns:
-            if name in UNITS and style.unit(name) != _SI[name]:
-                words += ["--unit", f"{name}={style.unit(name)}"]
+    bare, named = not style.header, {n: k for k, n in enumerate(columns) if n in UNITS}
+    for name, place in named.items() if bare else ():
+        column = f"column{place + 1}" if path.suffix == ".csv" else f"data[{place}]"
+        words += [f"--{name}", column]
+    for name in named if bare or path.suffix == ".mat" else ():
+        if style.unit(name) != _SI[name]:
+            words += ["--unit", f"{name}={style.unit(name)}"]
     for name, factor in style.scale.items():
         words += ["--scale", f"{name}={factor:g}"]
     return words
