@@ -345,10 +345,13 @@ def test_a_delay_that_most_logs_have_is_the_axis_own(late, said):
     rows = [
         {"log": f"{i}.csv", "problem": "", "fit": 95.0 + 0.1 * rng.standard_normal(),
          "late": {"value": T * (late + 0.02 * rng.standard_normal()), "sd": 0.02 * T},
-         "period": T, "left": 0.1}
+         "period": T, "left": 0.1, "error": 0.05}
         for i in range(12)
     ]  # fmt: skip
     assert not ailments(rows)
+    slow = rows[0] | {"log": "slow.csv", "fit": 80.0}  # it moves less, and no error is larger
+    assert not ailments([*rows, slow])
+    assert [*ailments([*rows, slow | {"error": 0.2}])] == ["slow.csv"]
     text = "".join(common(rows))
     assert said in text and bool(said) == bool(text)
     rows.append(rows[0] | {"log": "other.csv", "late": {"value": T * (late + 1), "sd": 0.02 * T}})

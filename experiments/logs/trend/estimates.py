@@ -250,6 +250,7 @@ def estimated(record: Record, axis: Axis, names: Sequence[str]) -> dict[str, Any
         },
         "offset": {"value": found.offset, "sd": found.offset_deviation},
         "fit": found.fit.percent,
+        "error": found.fit.error,
         "late": {"value": found.late, "sd": found.late_deviation},
         "left": found.left,
         "colour": found.colour,

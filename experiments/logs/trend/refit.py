@@ -86,7 +86,8 @@ def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
     fitted = setup.solve(known, axis.delay, rounds=STEPS, fine=False)
     if not np.isfinite(fitted.square):
         raise LogError("a simulation of this log runs away with the values of the axis")
-    fit = _fit(setup, fitted)
+    # a filter that makes what is left white may hide the state that a log begins in
+    fit = _fit(setup, fitted if setup.log.resting else setup.at(fitted.z, fixed=len(names)))
     theta = fitted.z[: len(names)]
     bounds = np.sort(np.outer(RANGE, known), axis=0)
     unlike = at_limits(names, theta, bounds, known)

@@ -158,6 +158,8 @@ def ailments(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
     late = _late(rows)
     usual, far = _better(unexplained)
     worse = (unexplained > WORSE * usual) & (unexplained > usual + POINTS) & far
+    errors = np.array([row["error"] for row in rows])
+    worse &= errors > WORSE * _better(errors)[0]  # less motion is a poorer fit by the same errors
     usual_late, far = _better(late)
     moved = late - usual_late
     claimed = np.array([row["late"]["sd"] / row["period"] for row in rows])
