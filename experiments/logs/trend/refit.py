@@ -153,7 +153,8 @@ def _late(setup: Setup, fitted: Fitted) -> tuple[float, float, float]:
     """Return by how much the torque acts later, its deviation, and how far it is to the bottom."""
     known = setup.problem()
     free = replace(known, held=np.append(known.held[:-1], False))
-    at = free.at(fitted.z, fitted.colour)
+    # where the search ended is the bottom of laws as it solves them
+    at = free.at(fitted.z, fitted.colour, coarse=known.course.coarsens)
     moves = ~free.held
     H = at.H[np.ix_(moves, moves)]
     step = damped_step(H, at.g[moves], 0.0)
