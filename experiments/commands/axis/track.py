@@ -90,7 +90,7 @@ def main(args: argparse.Namespace) -> int:
         )
     with waiting(f"reading {args.log.name}"):
         log = import_any(args.log, tables_of(args), **treatment(args))
-    met = {"friction"} if axis.model.laws else set()
+    met = {"dry friction"} if axis.model.laws else set()
     say_problems(args.log, log.checks, met=met)
     record = log.record
     names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
