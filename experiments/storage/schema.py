@@ -108,6 +108,11 @@ def said(path: Path | None) -> Iterator[None]:
     try:
         yield
     except sqlite3.OperationalError as error:
+        if "no such column" in str(error) or "values were supplied" in str(error):
+            raise StudyError(
+                f"{path}: was made by another version of flexaxis, whose rows have other columns "
+                f"({error}): run it again, into another folder or with --overwrite"
+            ) from error
         full = "full" in str(error) or "disk I/O" in str(error)
         why = f"No space left on the disk ({error}): make room" if full else f"{error}"
         kind = NotRun if full else OutputError

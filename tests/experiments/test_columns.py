@@ -208,6 +208,13 @@ def test_a_damaged_file_is_told(stored, tmp_path, damage):
         list(results.rows)
 
 
+def test_rows_with_other_columns_are_of_another_version(stored, tmp_path):
+    results = stored(tmp_path, some_rows(), AXES)
+    change(tmp_path, "ALTER TABLE cells RENAME COLUMN std TO deviation")
+    with pytest.raises(StudyError, match=r"another version of flexaxis.*std"):
+        list(results.rows)
+
+
 def test_a_row_is_there_once_and_the_first_stays(stored, tmp_path):
     rows = some_rows()
     results = stored(tmp_path, rows, AXES)
