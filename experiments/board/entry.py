@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from flexaxis.experiments.scoring.tracks import NUISANCE, track_of
+from flexaxis.experiments.comparison.tracks import NUISANCE, track_of
 from flexaxis.experiments.storage.files import dumps, write_json
 from flexaxis.experiments.studies.knobs import setting
 from flexaxis.experiments.studies.sweep import TURNS

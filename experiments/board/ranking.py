@@ -18,11 +18,11 @@ from flexaxis.experiments.board.entry import Entry, EntryError
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.comparison.matching import MATCHED
 from flexaxis.experiments.comparison.ranking import overall
+from flexaxis.experiments.comparison.tracks import NUISANCE, TRACKS, UNKNOWN, track_of
 from flexaxis.experiments.running.bench import Bench, Runs
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.seeds import FIRST
 from flexaxis.experiments.scoring.intervals import FLOOR
-from flexaxis.experiments.scoring.tracks import NUISANCE, TRACKS, UNKNOWN, track_of
 from flexaxis.experiments.storage.files import dumps
 from flexaxis.experiments.studies.sweep import FACTORS, again, reference
 from flexaxis.sim.errors import FlexaxisError

@@ -29,11 +29,11 @@ from flexaxis.experiments.board.sandbox import Sandbox
 from flexaxis.experiments.building.consent import require
 from flexaxis.experiments.building.offer import offer_of, torque_of
 from flexaxis.experiments.building.specs import check_fits
+from flexaxis.experiments.comparison import tracks
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import identity_of, track_of
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.verify import differences
-from flexaxis.experiments.scoring import tracks
 from flexaxis.experiments.scoring.summary import scored
 from flexaxis.experiments.storage.files import dumps
 from flexaxis.sim.record import Record

@@ -12,6 +12,7 @@ from typing import Any
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.catalogue.card import happens, in_a_line
 from flexaxis.experiments.comparison import mismatch, ranking
+from flexaxis.experiments.comparison.tracks import track_of
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Chart, Picks
 from flexaxis.experiments.reporting.run import first, measures, over_time, singles, speed, tables
@@ -19,7 +20,6 @@ from flexaxis.experiments.reporting.terminal import failures_in_words
 from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring.curves import Curve
-from flexaxis.experiments.scoring.tracks import track_of
 from flexaxis.experiments.scoring.true_model import known_structure
 from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.experiments.storage.names import SUMMARY

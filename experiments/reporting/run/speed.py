@@ -9,8 +9,8 @@ import numpy as np
 
 from flexaxis.experiments.comparison import ranking
 from flexaxis.experiments.comparison.ecdf import Ecdf, ecdf
+from flexaxis.experiments.comparison.tracks import TRACKS, track_of
 from flexaxis.experiments.reporting.charts import Chart, Kind, Line, Panel, ends
-from flexaxis.experiments.scoring.tracks import TRACKS, track_of
 from flexaxis.sim.scenario import Scenario
 
 Row = Mapping[str, Any]
