@@ -32,7 +32,7 @@ CASES = [
      " Did you mean '1/J_a'?"),
     ("noise.sped = 0.1", "noise.sped: unknown key 'sped'; known are speed, angle, torque.",
      " Did you mean 'speed'?"),
-    ("controller.kp = 3", "controller.kp: unknown key 'kp'; known are Kp, Kv, Ki, tau, rate, log.",
+    ("controller.kp = 3", "controller.kp: unknown key 'kp'; known are Kp, Kv, Ki, tau, rate, log, adapt.",
      " Did you mean 'Kp'?"),
     ("excitation.kind = 'multisin'",
      "excitation: unknown kind 'multisin'; known are multisine, moves, standstill.",
