@@ -1,1 +1,1 @@
-"""From a plan to rows: cases on records, many processes, files that survive."""
+"""From a plan to rows: cases on records, many processes, shares and what is merged of them."""

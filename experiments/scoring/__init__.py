@@ -1,1 +1,1 @@
-"""What a score is: scores of a case, theory beside them, pooling, intervals, matching, ranking."""
+"""What a score is: scores of a case, theory beside them, pooling, intervals."""
