@@ -178,7 +178,7 @@ class Frame:
         chart = curves.estimates(lines, begin)
         for place, ax in enumerate(self._axes):
             _draw(chart, ax, place).set_xlim(begin, begin + span)
-            ax.label_outer()
+            ax.set_xlabel("")
         self._axes[-1].set_xlabel(chart.x, size=SMALL, labelpad=1)
         _draw(curves.left(last), self._left)
         _draw(curves.tradeoff(session.points, last.allowed if last else (None, None)), self._points)
