@@ -22,7 +22,6 @@ FRONT = {
 ELSEWHERE = {
     "flexaxis.estimators.protocol": ("Estimator", "StepError", "run_estimator"),
     "flexaxis.estimators.entry": ("Entry",),
-    "flexaxis.estimators.registry": ("entry",),
 }
 """What extensions rely on besides."""
 

@@ -33,7 +33,7 @@ def _with_offset(model: Model) -> Model:
     Examples
     --------
     >>> from flexaxis.estimators.models.axes import one_mass
-    >>> with_offset(one_mass({"k_T": 1.0, "J_m": 1e-3, "f_m": 0.01})).A
+    >>> _with_offset(one_mass({"k_T": 1.0, "J_m": 1e-3, "f_m": 0.01})).A
     (('-f_m/J_m', 'k_T/J_m'), ('0', '0'))
     """
     return replace(

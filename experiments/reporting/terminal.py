@@ -112,11 +112,13 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     """
     found = {(row["scenario"], row["estimator"]) for row in rows if row["changed"]}
     shown = [r for r in rows if r["changed"] or (r["scenario"], r["estimator"]) not in found]
-    lines = [_cells(row, _cross_talk(rows, row)) for row in shown]
-    units = ["[s]" if score.unit == "s" else score.unit or "" for score in SHOWN]
+    adapted = any(row.get("recovered") is not None for row in shown)
+    scores = [score for score in SHOWN if adapted or score.name != "recovered"]
+    lines = [_cells(row, scores, _cross_talk(rows, row)) for row in shown]
+    units = ["[s]" if score.unit == "s" else score.unit or "" for score in scores]
     short = [
         f"{score.short or score.name} {unit}".strip()
-        for score, unit in zip(SHOWN, units, strict=True)
+        for score, unit in zip(scores, units, strict=True)
     ]
     headings = ["estimator", "θ", *short, "x-talk", "µs"]
     kept = _fitting([headings, *lines], _width())
@@ -165,11 +167,11 @@ def _left_out(headings: Sequence[str]) -> str:
     return f"\nleft out, for the terminal is narrow: {', '.join(map(escape, headings))}"
 
 
-def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
+def _cells(row: Mapping[str, Any], scores: Sequence[Score], cross_talk: float | None) -> list[str]:
     return [
         "  " + _called(row["estimator"]),
         named(row["parameter"]),
-        *(_cell(score, row) for score in SHOWN),
+        *(_cell(score, row) for score in scores),
         number(cross_talk, 2),
         _cost(row["cost"]["us_per_sample"]),
     ]

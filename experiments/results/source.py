@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import tempfile
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -93,8 +95,9 @@ class Source:
             if len(files) == 1:
                 self._db = connect(files[0])
             else:  # shares that overlap have the same rows
-                self._home = tempfile.TemporaryDirectory(prefix="flexaxis-")
-                store = Store(Path(self._home.name) / "scores.sqlite")
+                home = tempfile.mkdtemp(prefix="flexaxis-")
+                weakref.finalize(self, shutil.rmtree, home, ignore_errors=True)
+                store = Store(Path(home) / "scores.sqlite")
                 for file in files:
                     store.take(file)
                 self._db = store.db

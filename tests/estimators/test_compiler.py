@@ -224,7 +224,7 @@ import numpy as np
 from flexaxis.estimators import registry
 nominal, u, y = json.loads(sys.argv[1])
 for name in sys.argv[2:]:
-    print(json.dumps(registry.entry(name).factory(nominal, 0.005).run(u, y)[-1].tolist()))
+    print(json.dumps(registry.REGISTRY[name].factory(nominal, 0.005).run(u, y)[-1].tolist()))
 """
 
 
@@ -240,7 +240,7 @@ def test_compiled_code_is_what_is_written(nominal, loop):
         check=True,
     )
     for name, line in zip(names, plainly.stdout.splitlines(), strict=True):
-        ours = registry.entry(name).factory(nominal, 0.005).run(loop.u[:40], loop.y[:40])[-1]
+        ours = registry.REGISTRY[name].factory(nominal, 0.005).run(loop.u[:40], loop.y[:40])[-1]
         np.testing.assert_allclose(ours, json.loads(line), rtol=1e-9, err_msg=name)
 
 

@@ -82,8 +82,10 @@ def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
     assert because["kappa"].endswith("stays as it was told")
     assert because["J_m"].endswith("stays as it was told")
     assert because["gap"].endswith("taken as absent")
-    assert estimator.learnt["kappa"] == (pytest.approx(1e3), 0.0)
-    assert estimator.learnt["gap"] == (0.0, 0.0)
+    value, deviation = estimator.learnt["kappa"]
+    assert value == pytest.approx(1e3)
+    assert deviation < 0.01 * value  # it walks as all structure does, by 3e-4 of its scale in √s
+    assert np.abs(estimator.learnt["gap"]).max() < 1e-8  # rad
 
 
 def test_a_told_zero_is_refused_by_its_name():

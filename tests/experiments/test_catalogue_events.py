@@ -54,7 +54,7 @@ def switches(fault, duration):
 
 def by_hand(scenario):
     steps = [
-        (round(time / 0.005), CHANGEABLE.index(fault.parameter), fault.parameter, factor)
+        (round(time / scenario.period), CHANGEABLE.index(fault.parameter), fault.parameter, factor)
         for fault in scenario.fault
         for time, factor in switches(fault, scenario.duration)
     ]

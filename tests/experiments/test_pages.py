@@ -4,6 +4,7 @@ import ast
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -19,8 +20,8 @@ PAGES = sorted(
     if path.name not in ("page.html", "equations.html", "table.html", "pick.html")
 )
 LOG = {
-    "title": "t", "command": "c", "version": "1", "finding": ("ok", "f"), "remarks": (),
-    "tables": (), "charts": (),
+    "title": "t", "command": "c", "version": "1", "remarks": (), "tables": (), "charts": (),
+    "finding": SimpleNamespace(kind="ok", text="f"),
 }  # fmt: skip
 
 

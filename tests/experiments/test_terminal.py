@@ -19,6 +19,7 @@ def rows():
     """Two estimators on a fault; every score has a value as wide as values are."""
     values = {score.name: 123.4 for score in SCORES.values()} | {"lag_interval": [1.0, 1.2]}
     values |= {"scenario": "fm_step-v1", "parameter": "1/J_a", "changed": True, "lag": 12.34}
+    values |= {"recovered": None}  # but of scenarios whose controller follows the estimates
     values |= {"diverged": 12, "never_settled": 12, "cost": {"us_per_sample": 123.4}}
     return [values | {"estimator": name} for name in NAMES]
 
@@ -36,6 +37,11 @@ def test_the_table_of_scores(monkeypatch, width, columns):
     assert ("x-talk: largest" in " ".join(text.split())) == (columns >= 10)
     assert "lost: diverged runs" in " ".join(text.split())
     assert ("left out, for the terminal is narrow: " in text) == (columns < 11)
+
+
+def test_what_tracking_buys_has_a_column_where_it_is_defined():
+    table = terminal.score_table([row | {"recovered": 97.0} for row in rows()])
+    assert "recov %" in [column.header for column in table.columns]
 
 
 STRANGE = "[red]x\x1b]0;title\x07\x1b[2J\u202e"
