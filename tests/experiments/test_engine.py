@@ -150,7 +150,8 @@ def test_shares_that_overlap_count_once(stubs, tmp_path):
 
 
 @pytest.mark.xfail(
-    reason="within one process, code that was edited is not told from what was imported"
+    strict=True,
+    reason="within one process, code that was edited is not told from what was imported",
 )
 def test_rows_of_code_that_changed_are_added_and_not_mixed(short_toml, tmp_path):
     own, out = tmp_path / "own.py", tmp_path / "out"
