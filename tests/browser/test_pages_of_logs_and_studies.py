@@ -82,7 +82,7 @@ def show(browser, path):
     browser.wait("document.documentElement.dataset.ready", seconds=20, what="ready")
 
 
-def test_it_asks_nobody_and_makes_no_mistake(opened):
+def test_it_asks_nobody_and_makes_no_mistake(opened, request):
     opened.wait("document.querySelector('figure svg') !== null", seconds=5, what="a picture")
     assert opened.errors == []
     outside = [url for url in opened.requests if not url.startswith(("file:", "about:", "data:"))]
@@ -91,6 +91,8 @@ def test_it_asks_nobody_and_makes_no_mistake(opened):
     assert len(finding) > 10, "the first screen says what was found"
     assert opened.run("document.querySelector('.verdict').getBoundingClientRect().bottom") < 1000
     first = "document.querySelector('figure.chart')"
+    if request.node.callspec.id == "paper":  # begins with model and equations, as the paper does
+        return
     assert opened.run(f"!{first} || {first}.getBoundingClientRect().top < 1000")
 
 
