@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from speed_rounds import EXPM, IDENTIFY, Contender, Problem, timed
 
 from flexaxis.estimators.methods.ekf import joint_ekf
-from flexaxis.estimators.sampling.extended import sampled_system
+from flexaxis.estimators.models.discretisation import sampled_system
 
 Array = NDArray[np.float64]
 Filter = Callable[[Array, Array], Array]  # u, y (N,) -> θ (N, p)

@@ -19,11 +19,11 @@ from scipy.linalg import expm
 from speed_steps import registered, restart
 
 from flexaxis.estimators import LiteralRpem, Rpem, three_mass
+from flexaxis.estimators.models.discretisation import extended_system
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.estimators.sampling.extended import extended_system
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.scenario import Scenario

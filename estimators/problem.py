@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.models.axes import PAPER, three_mass
-from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import (
+from flexaxis.estimators.filters.design import (
     OUTPUTS,
     Design,
     above_zero,
     forgetting_factor,
     make_design,
 )
+from flexaxis.estimators.models.axes import PAPER, three_mass
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.tuned import tuned
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 
-from flexaxis.estimators.models.known import moves_as
+from flexaxis.estimators.models.meaning import moves_as
 from flexaxis.estimators.models.model import Model
 
 PERIODS_AGREE = 1e-6  # relative

@@ -16,7 +16,7 @@ MAY_IMPORT = {
 ESTIMATORS_NEED = {"numpy", "scipy", "numba"}
 # For whoever has more installed: imported inside a function, with a clear error where it lacks.
 ESTIMATORS_MAY_USE = {
-    "estimators/models/statespace.py": {"control"},
+    "estimators/models/tables.py": {"control"},
     "estimators/models/model.py": {"control"},
 }
 KNOW_MUJOCO = {
@@ -85,12 +85,11 @@ WAY = (
 )
 
 
-# The way through estimators/: what an axis is, how it is sampled, what recursions share, what looks
-# at whole records, the bank of hypotheses, the methods.
+# The way through estimators/: what an axis is and does in a sample, what filters do with it, what
+# looks at whole records, the bank of hypotheses, the methods.
 ROOMS = (
     ("models",),
-    ("sampling",),
-    ("recursion",),
+    ("filters",),
     ("offline",),
     ("glr",),
     ("methods",),

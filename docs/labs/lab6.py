@@ -5,8 +5,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.models.discretisation import sampled_system
 from flexaxis.estimators.offline.priors import known_P
-from flexaxis.estimators.sampling.extended import sampled_system
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 

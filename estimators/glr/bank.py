@@ -2,7 +2,7 @@
 A bank of hypotheses beside a Kalman filter, in compiled code: that θ_i jumped at sample k₀.
 
 What a jump of size one does to the error of the filter goes along one vector δ, which begins as
-e_i. With the output row h, the transition F and the gain K of the filter (`recursion.joint`), in
+e_i. With the output row h, the transition F and the gain K of the filter (`filters.joint`), in
 every sample
 
     φ = hᵀδ,  J ← J + φ²/S,  d ← d + φ e/S,  δ ← F δ − K φ,
@@ -24,7 +24,7 @@ and only where no finer level has them.
 import numpy as np
 
 from flexaxis.estimators.glr.dictionary import pair_columns, pull_columns
-from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.models.compiler import inlined
 
 PER_LEVEL = 8
 FIRM = 20.0  # samples of e²/S of variance one that κ starts from, so that a few say little of it

@@ -16,7 +16,7 @@ of these is taken up, if any, into a filter that has one shape more among what i
 
 import numpy as np
 
-from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.models.compiler import inlined
 
 
 @inlined

@@ -5,6 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.filters.fault_monitor import begin_anew
+from flexaxis.estimators.filters.filter import RecursiveEstimator
+from flexaxis.estimators.filters.joint import with_state
 from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.glr.comparison import ALARM, Comparison
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
@@ -13,11 +17,7 @@ from flexaxis.estimators.glr.records import Dictionary, Jumps, Timing, glr_recor
 from flexaxis.estimators.glr.shapes import IN_WORDS, best_shape, share, taken_up
 from flexaxis.estimators.glr.workspace import Kit, Workspace
 from flexaxis.estimators.models.axes import SHAPE
-from flexaxis.estimators.recursion.astray import begin_anew
-from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.filter import RecursiveEstimator
-from flexaxis.estimators.recursion.joint import with_state
-from flexaxis.estimators.sampling.pattern import split
+from flexaxis.estimators.models.discretisation import split
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Glr(RecursiveEstimator):
     timing : Timing
     told : sequence of mapping of str to float
         Groups of parameters with the values to which estimates are drawn where the data do not
-        contradict, see `flexaxis.estimators.recursion.as_told`.
+        contradict, see `flexaxis.estimators.filters.constrained`.
     fixable : mapping of str to str
         What of these is fixed where it is not seen, and how `fixed_because` says so.
     x0_covariance : (n, n) array

@@ -2,15 +2,15 @@
 
 import numpy as np
 
+from flexaxis.estimators.filters.constrained import draw_estimates
+from flexaxis.estimators.filters.joint import correct, look, start_sample
+from flexaxis.estimators.filters.loop import over_sample
+from flexaxis.estimators.filters.noise import judge, show
 from flexaxis.estimators.glr.bank import carry_columns, mean_of, open_slots, weigh
 from flexaxis.estimators.glr.dictionary import begin_columns, begin_sums, look_for_shapes
 from flexaxis.estimators.glr.records import NEVER
-from flexaxis.estimators.recursion.as_told import draw_estimates
-from flexaxis.estimators.recursion.joint import correct, look, start_sample
-from flexaxis.estimators.recursion.level import judge, show
-from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.sampling.over import over_sample
-from flexaxis.estimators.sampling.pattern import Pattern
+from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
+from flexaxis.estimators.models.discretisation import Pattern
 
 
 @remembered

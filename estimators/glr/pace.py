@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexaxis.estimators.filters.design import at_least_zero
 from flexaxis.estimators.glr.records import Timing
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import at_least_zero
 
 FIRST, REVIEW, MISFIT = 10.0, 2.6, 26.0  # time scales of the axis: of motion until structure is
 # learnt, until a name is final, and of the memory of how well the model fits

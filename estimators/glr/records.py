@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.filters.constrained import told_records
+from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.filters.joint import ekf_records
+from flexaxis.estimators.filters.loop import Record, joined, record
+from flexaxis.estimators.filters.noise import level
 from flexaxis.estimators.glr.bank import PER_LEVEL
-from flexaxis.estimators.recursion.as_told import told_records
-from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.joint import ekf_records
-from flexaxis.estimators.recursion.level import level
-from flexaxis.estimators.recursion.records import Record, joined, record
-from flexaxis.estimators.sampling.pattern import Pattern
+from flexaxis.estimators.models.discretisation import Pattern
 
 Array = NDArray[np.float64]
 NEVER = -1  # a sample that does not come
@@ -119,7 +119,7 @@ def glr_records(  # noqa: PLR0917
     ----------
     design : Design
     pattern : Pattern
-        Of its model, `flexaxis.estimators.recursion.joint.with_state`.
+        Of its model, `flexaxis.estimators.filters.joint.with_state`.
     covariance : (n, n) array
         Of x(0).
     jumps : Jumps
@@ -127,7 +127,7 @@ def glr_records(  # noqa: PLR0917
     alarm : float
         Logarithm of the odds of a jump from which on somebody looks.
     groups
-        As for `flexaxis.estimators.recursion.as_told.told_records`.
+        As for `flexaxis.estimators.filters.constrained.told_records`.
     tracked : int
         The first so many of θ are estimates.
     dictionary : Dictionary

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.filters.loop import Record
 from flexaxis.estimators.glr.workspace import Workspace
 from flexaxis.estimators.models.laws import LAWS
-from flexaxis.estimators.recursion.records import Record
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.filters.loop import Record
 from flexaxis.estimators.glr.records import NEVER, Jumps, Timing
-from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.records import Record
-from flexaxis.estimators.sampling.compiler import Compiled
+from flexaxis.estimators.models.compiler import Compiled
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.recursion.design import make_design
-from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.joint import (
+from flexaxis.estimators.filters.design import make_design
+from flexaxis.estimators.filters.filter import CompiledFilter
+from flexaxis.estimators.filters.joint import (
     correct,
     ekf_records,
     look,
@@ -19,11 +17,12 @@ from flexaxis.estimators.recursion.joint import (
     state_covariance,
     with_state,
 )
-from flexaxis.estimators.recursion.level import judge, show
-from flexaxis.estimators.recursion.loop import sample_loop
-from flexaxis.estimators.recursion.records import Record
-from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.sampling.pattern import Pattern, split
+from flexaxis.estimators.filters.loop import Record, sample_loop
+from flexaxis.estimators.filters.noise import judge, show
+from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
+from flexaxis.estimators.models.discretisation import Pattern, split
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
 
 Array = NDArray[np.float64]
 
@@ -73,7 +72,7 @@ def joint_ekf(
         Sampling period T [s].
     noise : float, optional
         σ, standard deviation of y in its unit; else R = σ² is learnt from the innovations, see
-        `flexaxis.estimators.recursion.level`.
+        `flexaxis.estimators.filters.noise`.
     x0, x0_covariance : (n,), and (n,) or (n, n) array_like, optional
         State at the first sample and its covariance; zero, and certain, by default.
     bounds : (lower, upper), optional
@@ -117,7 +116,7 @@ def _ekf_loop(pattern: Pattern) -> Compiled:
 
 @inlined
 def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
-    """Do with a sample what `flexaxis.estimators.recursion.loop.sample_loop` asks for."""
+    """Do with a sample what `flexaxis.estimators.filters.loop.sample_loop` asks for."""
     tuning, state = tunings[0], states[0]
     look(state)
     used = judge(tuning, state, y[k], valid[k], state["X"][-1, 0], state["spread"])

@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.filters.design import OUTPUTS, finite_vector
+from flexaxis.estimators.filters.filter import RecursiveEstimator
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.recursion.design import OUTPUTS, finite_vector
-from flexaxis.estimators.recursion.filter import RecursiveEstimator
 
 Array = NDArray[np.float64]
 

@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.filters.design import above_zero, at_least_zero, make_design
+from flexaxis.estimators.filters.joint import state_covariance
 from flexaxis.estimators.glr.filter import Glr
 from flexaxis.estimators.glr.pace import lengths
 from flexaxis.estimators.glr.records import Dictionary, Jumps
@@ -30,8 +32,6 @@ from flexaxis.estimators.offline.roles import (
 from flexaxis.estimators.offline.sizes import measured, state_sizes
 from flexaxis.estimators.offline.structure import TRACKED, prior, told_of, with_laws
 from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.recursion.design import above_zero, at_least_zero, make_design
-from flexaxis.estimators.recursion.joint import state_covariance
 
 WALK = 7e-4  # 1/√s, of θ over its scale: 1 % in a quarter of an hour
 FRICTION = 4.5  # times as far that friction walks, which warms: 2.4 % in a minute

@@ -8,11 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.recursion.design import above_zero, finite_vector, make_design
-from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.joint import (
+from flexaxis.estimators.filters.design import above_zero, finite_vector, make_design
+from flexaxis.estimators.filters.filter import CompiledFilter
+from flexaxis.estimators.filters.interacting_models import listen, mix, weigh
+from flexaxis.estimators.filters.joint import (
     correct,
     ekf_records,
     look,
@@ -20,12 +19,12 @@ from flexaxis.estimators.recursion.joint import (
     state_covariance,
     with_state,
 )
-from flexaxis.estimators.recursion.level import judge, show
-from flexaxis.estimators.recursion.loop import sample_loop
-from flexaxis.estimators.recursion.modes import listen, mix, weigh
-from flexaxis.estimators.recursion.records import Record, joined, record
-from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.sampling.pattern import Pattern, split
+from flexaxis.estimators.filters.loop import Record, joined, record, sample_loop
+from flexaxis.estimators.filters.noise import judge, show
+from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
+from flexaxis.estimators.models.discretisation import Pattern, split
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
 
 Array = NDArray[np.float64]
 
@@ -152,7 +151,7 @@ def _imm_loop(pattern: Pattern) -> Compiled:
 
 @inlined
 def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
-    """Do with a sample what `flexaxis.estimators.recursion.loop.sample_loop` asks for."""
+    """Do with a sample what `flexaxis.estimators.filters.loop.sample_loop` asks for."""
     p = estimates.shape[1]
     n = len(states[0]["gain"]) - p
     used = _look_together(tunings[0], states, y[k], valid[k])

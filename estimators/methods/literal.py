@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.filters.design import make_design
+from flexaxis.estimators.filters.filter import RecursiveEstimator
+from flexaxis.estimators.filters.prediction_error import MEMORY
+from flexaxis.estimators.filters.trace import Trace, trace
+from flexaxis.estimators.models.discretisation import discretize, extended_system
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.recursion.design import make_design
-from flexaxis.estimators.recursion.filter import RecursiveEstimator
-from flexaxis.estimators.recursion.measurement import MEMORY
-from flexaxis.estimators.recursion.trace import Trace, trace
-from flexaxis.estimators.sampling.extended import discretize, extended_system
 
 Array = NDArray[np.float64]
 

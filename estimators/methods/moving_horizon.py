@@ -7,18 +7,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.filters.covariance import padded
+from flexaxis.estimators.filters.design import Design, above_zero, make_design
+from flexaxis.estimators.filters.filter import CompiledFilter
+from flexaxis.estimators.filters.horizon import Series, Setting, Window
+from flexaxis.estimators.filters.joint import state_covariance
+from flexaxis.estimators.filters.loop import Record, on_lanes
+from flexaxis.estimators.filters.square_root import triangular_root
+from flexaxis.estimators.filters.window import horizon_loop
+from flexaxis.estimators.models.discretisation import plan, split
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.recursion.design import Design, above_zero, make_design
-from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.horizon import Series, Setting, Window
-from flexaxis.estimators.recursion.joint import state_covariance
-from flexaxis.estimators.recursion.records import Record, on_lanes
-from flexaxis.estimators.recursion.square_root import triangular_root
-from flexaxis.estimators.recursion.window import horizon_loop
-from flexaxis.estimators.sampling.pattern import split
-from flexaxis.estimators.sampling.plan import plan
-from flexaxis.estimators.sampling.symmetric import padded
 
 Array = NDArray[np.float64]
 

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.filters.design import above_zero
+from flexaxis.estimators.filters.filter import RecursiveEstimator
+from flexaxis.estimators.filters.prediction_error import LINEAR
 from flexaxis.estimators.methods.paper import rpem_corrected
 from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.recursion.design import above_zero
-from flexaxis.estimators.recursion.filter import RecursiveEstimator
-from flexaxis.estimators.recursion.measurement import LINEAR
 
 Array = NDArray[np.float64]
 

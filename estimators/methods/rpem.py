@@ -5,16 +5,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import (
+from flexaxis.estimators.filters.design import (
     Design,
     at_least_zero,
     covariance_matrix,
     make_design,
 )
-from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.loop import sample_loop
-from flexaxis.estimators.recursion.measurement import (
+from flexaxis.estimators.filters.filter import CompiledFilter
+from flexaxis.estimators.filters.loop import Record, joined, on_lanes, record, sample_loop
+from flexaxis.estimators.filters.prediction_error import (
     CEILING,
     correct_state,
     measure,
@@ -23,10 +22,10 @@ from flexaxis.estimators.recursion.measurement import (
     publish,
     read_claim,
 )
-from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
-from flexaxis.estimators.recursion.trace import Trace, trace
-from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.sampling.pattern import Pattern, split
+from flexaxis.estimators.filters.trace import Trace, trace
+from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
+from flexaxis.estimators.models.discretisation import Pattern, split
+from flexaxis.estimators.models.model import Model
 
 Array = NDArray[np.float64]
 
@@ -79,7 +78,7 @@ class Rpem(CompiledFilter):
         estimation of a location parameter*, Ann. Math. Stat. 35, 1964). In the first 50 samples,
         when R̂ is the mean of k residuals, (50/k)² as many; 0 for never. Nor
         is then anything taken from a sensor that is stuck, or at the end of its range; see
-        `flexaxis.estimators.recursion.astray`.
+        `flexaxis.estimators.filters.fault_monitor`.
     ceiling : float
         Largest variance R̂ P_ii of a parameter relative to θ(0)²: no more is ever forgotten than
         that, but for what P(0) or a reset allows. Until R̂ is known P_ii ≤ 100 P(0)_ii. It changes
@@ -117,7 +116,7 @@ class Rpem(CompiledFilter):
     epsilon : float
         Residual y − ŷ; NaN in a gap.
     prediction, innovation, innovation_variance, innovations
-        As of every `flexaxis.estimators.recursion.filter.RecursiveEstimator`.
+        As of every `flexaxis.estimators.filters.filter.RecursiveEstimator`.
 
     Raises
     ------
@@ -256,7 +255,7 @@ def _rpem_loop(pattern: Pattern) -> Compiled:
 
 @inlined
 def _adapt(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
-    """Take one sample, as `flexaxis.estimators.recursion.loop` wants it."""
+    """Take one sample, as `flexaxis.estimators.filters.loop` wants it."""
     tuning, state = tunings[0], states[0]
     measure(tuning, state, y[k], valid[k])
     if tuning["correct"] > 0.0:

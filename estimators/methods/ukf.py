@@ -8,17 +8,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.filters.covariance import padded
+from flexaxis.estimators.filters.design import Design, make_design
+from flexaxis.estimators.filters.filter import CompiledFilter
+from flexaxis.estimators.filters.joint import state_covariance
+from flexaxis.estimators.filters.loop import Record, joined, on_lanes, record
+from flexaxis.estimators.filters.noise import level
+from flexaxis.estimators.filters.square_root import triangular_root
+from flexaxis.estimators.filters.unscented import ukf_loop
+from flexaxis.estimators.models.discretisation import Pattern, split
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.recursion.design import Design, make_design
-from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.joint import state_covariance
-from flexaxis.estimators.recursion.level import level
-from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
-from flexaxis.estimators.recursion.sigma_points import ukf_loop
-from flexaxis.estimators.recursion.square_root import triangular_root
-from flexaxis.estimators.sampling.pattern import Pattern, split
-from flexaxis.estimators.sampling.symmetric import padded
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,1 @@
-"""What an axis is: a linear grey-box model as tables of formulas."""
+"""What an axis is and what it does in a sample: formulas, laws, discretisation, the kernel."""

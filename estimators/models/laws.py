@@ -145,7 +145,7 @@ LAWS: Mapping[str, Kind] = {
         nominal=(5.0, 0.85, 176.0),
     ),
 }
-"""All kinds of law; their torques are in `flexaxis.estimators.sampling.forces`."""
+"""All kinds of law; their torques are in `flexaxis.estimators.models.forces`."""
 KINDS = tuple(LAWS)
 MOST_ROLES = max(len(kind.roles) for kind in LAWS.values())
 INPUT = "input"

@@ -205,7 +205,7 @@ class Model:
         >>> lag.to_statespace({"f": 4.0}).poles().real
         array([-4.])
         """
-        from flexaxis.estimators.models.statespace import to_statespace
+        from flexaxis.estimators.models.tables import to_statespace
 
         return to_statespace(self, values or {})
 

@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.compiler import compiled
+from flexaxis.estimators.models.discretisation import plan
+from flexaxis.estimators.models.forces import BRISTLE
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.reversals import advance, read
-from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.forces import BRISTLE
-from flexaxis.estimators.sampling.plan import plan
 
 Array = NDArray[np.float64]
 

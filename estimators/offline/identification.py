@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.filters.design import DEFAULT_BOX, OUTPUTS
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.predictor import predict
-from flexaxis.estimators.recursion.design import DEFAULT_BOX, OUTPUTS
 from flexaxis.estimators.signals import check_signals
 
 Array = NDArray[np.float64]

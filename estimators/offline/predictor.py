@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.compiler import compiled
+from flexaxis.estimators.models.discretisation import sampled_system
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.extended import sampled_system
-from flexaxis.estimators.sampling.prepared import copy, prepare, travel
-from flexaxis.estimators.sampling.sampled import planned
+from flexaxis.estimators.models.prepared import copy, prepare, travel
+from flexaxis.estimators.models.sampled import planned
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def predict(
     Return ŷ (N,) and its gradient ψ (N, p) for a torque u (N,), from rest; eq. (15)–(23).
 
     Exact for a torque that is held over each sample, but for nonlinear laws, which
-    `flexaxis.estimators.sampling.reaction` solves.
+    `flexaxis.estimators.models.reaction` solves.
 
     Parameters
     ----------

@@ -8,13 +8,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.models.known import is_axis, moves_as, named_values
+from flexaxis.estimators.filters.design import Design, make_design
+from flexaxis.estimators.filters.prediction_error import subtract
+from flexaxis.estimators.models.compiler import compiled
+from flexaxis.estimators.models.meaning import is_axis, moves_as, named_values
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.predictor import as_torque, predict
-from flexaxis.estimators.recursion.design import Design, make_design
-from flexaxis.estimators.recursion.measurement import subtract
-from flexaxis.estimators.sampling.compiler import compiled
 
 Array = NDArray[np.float64]
 

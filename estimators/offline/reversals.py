@@ -11,7 +11,7 @@ have no steps to depend on, and the sum of squares is smooth in them.
 
 import numpy as np
 
-from flexaxis.estimators.sampling.compiler import compiled, inlined
+from flexaxis.estimators.models.compiler import compiled, inlined
 
 MOST_EVENTS = 40  # in a part of a sample
 GRID = np.r_[1e-6, 1e-4, 1e-2, np.linspace(0.1, 1.0, 10)]  # of a part, where events are looked for

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import N1, three_mass
+from flexaxis.estimators.models.discretisation import discretize
 from flexaxis.estimators.models.formula import multiply_out
-from flexaxis.estimators.models.known import is_axis
 from flexaxis.estimators.models.laws import INPUT, LAWS, Law
+from flexaxis.estimators.models.meaning import is_axis
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import as_torque, respond
-from flexaxis.estimators.sampling.extended import discretize
 
 Array = NDArray[np.float64]
 

@@ -6,16 +6,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.compiler import compiled
+from flexaxis.estimators.models.discretisation import LAW_STEPS, law_plan
+from flexaxis.estimators.models.forces import BRISTLE, STATIC
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.models.parametrization import Parametrization
+from flexaxis.estimators.models.prepared import copy, prepare, travel
+from flexaxis.estimators.models.sampled import Terms, planned, terms
 from flexaxis.estimators.offline.delay import delay_slope, delayed
 from flexaxis.estimators.offline.dry import dry, is_dry
 from flexaxis.estimators.offline.reversals import follow
-from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.forces import BRISTLE, STATIC
-from flexaxis.estimators.sampling.plan import LAW_STEPS, law_plan
-from flexaxis.estimators.sampling.prepared import copy, prepare, travel
-from flexaxis.estimators.sampling.sampled import Terms, planned, terms
 
 Array = NDArray[np.float64]
 

@@ -289,7 +289,7 @@ def _ready() -> None:
     """Import what every case needs, and give it what was compiled before: to add to, for itself."""
     import numba  # noqa: F401
 
-    from flexaxis.estimators.sampling import kernel  # noqa: F401
+    from flexaxis.estimators.models import kernel  # noqa: F401
     from flexaxis.experiments.building import specs  # noqa: F401
 
     kept = Path(os.environ["FLEXAXIS_COMPILED"])

@@ -20,7 +20,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Self
 
-from flexaxis.estimators.sampling.compiler import cache_folder
+from flexaxis.estimators.models.compiler import cache_folder
 from flexaxis.experiments.board.entry import EntryError
 from flexaxis.experiments.board.protocol import STARTING, Remote, Torques, Wire
 from flexaxis.sim.errors import FlexaxisError

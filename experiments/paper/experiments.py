@@ -11,8 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators import Rpem
 from flexaxis.estimators.offline import priors
 from flexaxis.estimators.offline.adaptation import steady_P
-from flexaxis.estimators.offline.arx import Arx, fit_arx
-from flexaxis.estimators.offline.frequency import frequency_response, information, line_spectrum
+from flexaxis.estimators.offline.frequency import (
+    Arx,
+    fit_arx,
+    frequency_response,
+    information,
+    line_spectrum,
+)
 from flexaxis.estimators.offline.identification import Identified, output_error
 from flexaxis.experiments.paper.data import Data, signals
 from flexaxis.experiments.scoring.pooling import settles, spread_at_a_time

@@ -130,7 +130,7 @@ def default_cache() -> RecordCache:
     FlexaxisError
         If the limit is no number.
     """
-    from flexaxis.estimators.sampling.compiler import user_cache
+    from flexaxis.estimators.models.compiler import user_cache
 
     folder = os.environ.get("FLEXAXIS_CACHE")
     limit = os.environ.get("FLEXAXIS_CACHE_LIMIT", str(LIMIT // 1024**2))

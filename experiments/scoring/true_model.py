@@ -19,14 +19,13 @@ from flexaxis.estimators.models.axes import (
     three_mass,
     with_angle,
 )
+from flexaxis.estimators.models.compiler import compiled
+from flexaxis.estimators.models.discretisation import law_plan, sampled_system
 from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.extended import sampled_system
-from flexaxis.estimators.sampling.plan import law_plan
-from flexaxis.estimators.sampling.prepared import Prepared, copy, prepare, travel
-from flexaxis.estimators.sampling.sampled import terms
+from flexaxis.estimators.models.prepared import Prepared, copy, prepare, travel
+from flexaxis.estimators.models.sampled import terms
 from flexaxis.experiments.scoring.theta import physical, true_theta
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario

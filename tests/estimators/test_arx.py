@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from flexaxis.estimators import EstimatorError
-from flexaxis.estimators.offline.arx import fit_arx
+from flexaxis.estimators.offline.frequency import fit_arx
 
 A, B = np.array([1.0, -1.5, 0.7]), np.array([0.0, 1.0, 0.5])
 

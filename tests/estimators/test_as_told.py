@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from flexaxis.estimators.recursion.as_told import draw_estimates, told_records
+from flexaxis.estimators.filters.constrained import draw_estimates, told_records
 
 RNG = np.random.default_rng(4)
 CHI2 = 5.991464547107979  # of two degrees of freedom, 95 %

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import registry
-from flexaxis.estimators.sampling import compiler, kept
-from flexaxis.estimators.sampling.compiler import compiled, inlined, remembered
+from flexaxis.estimators.models import cache, compiler
+from flexaxis.estimators.models.compiler import compiled, inlined, remembered
 
 PROGRAM = """
 import json, sys
@@ -140,8 +140,8 @@ time.sleep(600)
 @pytest.mark.skipif(sys.platform == "win32", reason="files are not locked there")
 def test_a_stopped_process_holds_up_nobody_for_ever(folder, monkeypatch, capsys):
     made = doubled()
-    monkeypatch.setattr(kept, "TOLD", 0.05)
-    monkeypatch.setattr(kept, "PATIENCE", 0.2)
+    monkeypatch.setattr(cache, "TOLD", 0.05)
+    monkeypatch.setattr(cache, "PATIENCE", 0.2)
     assert made.dispatcher.py_func(3.0) == 6.0
     (path,) = folder.glob("*.py")
     command = [sys.executable, "-c", HOLDS, str(path)]
@@ -150,7 +150,7 @@ def test_a_stopped_process_holds_up_nobody_for_ever(folder, monkeypatch, capsys)
             assert holder.stdout.readline() == "held\n"
             began = time.monotonic()
             assert made(3.0) == 6.0
-            assert time.monotonic() - began > kept.PATIENCE
+            assert time.monotonic() - began > cache.PATIENCE
         finally:
             holder.kill()
     told = capsys.readouterr().err.splitlines()
@@ -282,7 +282,7 @@ def test_an_edit_of_what_a_loop_calls_is_not_hidden(nominal, tmp_path):
     first, words = run()
     assert "compiling" in words
     assert run() == (first, "")
-    file = home / "estimators" / "recursion" / "measurement.py"
+    file = home / "estimators" / "filters" / "prediction_error.py"
     text = file.read_text(encoding="utf-8")
     before = file.stat()
     edited = text.replace("theta[i] += gain[i] * (surprise", "theta[i] -= gain[i] * (surprise")

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.sampling.compiler import compiled, remembered
-from flexaxis.estimators.sampling.dense import ahead, gather
-from flexaxis.estimators.sampling.symmetric import padded
+from flexaxis.estimators.filters.covariance import ahead, gather, padded
+from flexaxis.estimators.models.compiler import compiled, remembered
 
 
 @remembered

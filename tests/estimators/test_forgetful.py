@@ -7,9 +7,9 @@ import pytest
 
 from flexaxis.estimators import EstimatorError, Rpem, three_mass
 from flexaxis.estimators.methods.oracle_reset import OracleReset
+from flexaxis.estimators.models.discretisation import discretize, extended_system
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.estimators.sampling.extended import discretize, extended_system
 
 NAMES = ("k_T", "1/J_a", "f_m")
 P0 = known_P(NAMES, forgetting=0.995)

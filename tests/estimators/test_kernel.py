@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import LiteralRpem, Rpem, three_mass, two_mass
-from flexaxis.estimators.recursion.design import make_design
-from flexaxis.estimators.recursion.records import on_lanes
-from flexaxis.estimators.sampling import kernel
-from flexaxis.estimators.sampling.compiler import Compiled
-from flexaxis.estimators.sampling.kernel import evaluate
-from flexaxis.estimators.sampling.pattern import split
-from flexaxis.estimators.sampling.plan import plan
+from flexaxis.estimators.filters.design import make_design
+from flexaxis.estimators.filters.loop import on_lanes
+from flexaxis.estimators.models import kernel
+from flexaxis.estimators.models.compiler import Compiled
+from flexaxis.estimators.models.discretisation import plan, split
+from flexaxis.estimators.models.kernel import evaluate
 
 P0 = [2.97e-4, 5.19e-5, 4.69e-6]
 DRIFT = [5e-8, 50e-8, 500e-8]

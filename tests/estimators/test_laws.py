@@ -12,6 +12,9 @@ from scipy.integrate import solve_ivp
 
 from flexaxis.estimators import Rpem
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.filters.design import make_design
+from flexaxis.estimators.filters.loop import on_lanes, over_sample
+from flexaxis.estimators.models import forces
 from flexaxis.estimators.models.axes import (
     BRISTLES,
     COGGING,
@@ -22,16 +25,12 @@ from flexaxis.estimators.models.axes import (
     three_mass,
     with_angle,
 )
+from flexaxis.estimators.models.compiler import Compiled
+from flexaxis.estimators.models.discretisation import split
 from flexaxis.estimators.models.laws import KINDS, Law
 from flexaxis.estimators.models.model import increment
-from flexaxis.estimators.recursion.design import make_design
-from flexaxis.estimators.recursion.records import on_lanes
-from flexaxis.estimators.sampling import forces
-from flexaxis.estimators.sampling.compiler import Compiled
-from flexaxis.estimators.sampling.over import over_sample
-from flexaxis.estimators.sampling.pattern import split
-from flexaxis.estimators.sampling.prepared import prepare, travel
-from flexaxis.estimators.sampling.sampled import planned, terms
+from flexaxis.estimators.models.prepared import prepare, travel
+from flexaxis.estimators.models.sampled import planned, terms
 from flexaxis.sim.nonlinear import (
     CoggingConfig,
     LuGreConfig,

@@ -8,8 +8,8 @@ from scipy.linalg import expm
 
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.methods.oracle_reset import OracleReset
+from flexaxis.estimators.models.discretisation import plan
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.estimators.sampling.plan import plan
 
 T = 0.005
 made = {name: entry.factory for name, entry in REGISTRY.items()}

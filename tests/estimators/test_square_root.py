@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.recursion.square_root import cholesky, forward, triangularize
+from flexaxis.estimators.filters.square_root import cholesky, forward, triangularize
 
 RNG = np.random.default_rng(0)
 

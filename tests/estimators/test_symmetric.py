@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.recursion.records import record
-from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.symmetric import carry, look, merge, padded
+from flexaxis.estimators.filters.covariance import carry, look, merge, padded
+from flexaxis.estimators.filters.loop import record
+from flexaxis.estimators.models.compiler import compiled
 
 SIZES = [(3, 2), (9, 5)]  # m and n: a row of one register, and of three that are not full
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import three_mass
-from flexaxis.estimators.sampling.extended import sampled_system
+from flexaxis.estimators.models.discretisation import sampled_system
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring import bounds
 from flexaxis.sim.parameters import preset

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexaxis.estimators.sampling.prepared import travel
+from flexaxis.estimators.models.prepared import travel
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.scoring import bounds, true_model
 from flexaxis.experiments.scoring.bounds import cramer_rao, jump_bound, lag_bound

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.models.axes import MODELS
-from flexaxis.estimators.sampling.plan import law_plan
+from flexaxis.estimators.models.discretisation import law_plan
 from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.changes import changes_along

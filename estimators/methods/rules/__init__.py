@@ -2,6 +2,6 @@
 Rules of forgetting that take the place of eq. (9) and (10): what to forget, how much, and when.
 
 One module a rule: equation, source, the compiled function ``rule(tuning, state, valid)`` that
-`flexaxis.estimators.recursion.forgetful` calls after each measurement and in each gap, and the
+`flexaxis.estimators.filters.forgetful` calls after each measurement and in each gap, and the
 entry under which it is registered.
 """

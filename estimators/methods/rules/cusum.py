@@ -10,12 +10,12 @@ zero: F. Gustafsson, *Adaptive Filtering and Change Detection*, Wiley 2000, ch. 
 import numpy as np
 
 from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.filters.design import above_zero
+from flexaxis.estimators.filters.filter import CompiledFilter
+from flexaxis.estimators.filters.forgetful import forgetful_filter
+from flexaxis.estimators.filters.prediction_error import CEILING, KNOWN, LINEAR, ROBUST
+from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.recursion.design import above_zero
-from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.forgetful import forgetful_filter
-from flexaxis.estimators.recursion.measurement import CEILING, KNOWN, LINEAR, ROBUST
-from flexaxis.estimators.sampling.compiler import inlined
 
 FIRST, NEXT = 1.0, 0.5  # s before the first alarm, in which R̂ is learnt, and between two
 

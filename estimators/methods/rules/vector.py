@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.filters.design import finite_vector
+from flexaxis.estimators.filters.filter import CompiledFilter
+from flexaxis.estimators.filters.forgetful import forgetful_filter
+from flexaxis.estimators.filters.prediction_error import CALM, ROBUST
+from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.recursion.design import finite_vector
-from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.forgetful import forgetful_filter
-from flexaxis.estimators.recursion.measurement import CALM, ROBUST
-from flexaxis.estimators.sampling.compiler import inlined
 
 TIE = 1e-6  # relative; of parameters of which P(0) knows equally little none is the one
 

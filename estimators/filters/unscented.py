@@ -9,12 +9,12 @@ for 1+2(p+n) points. In the array that is triangularised a pair z ± d makes the
 
 import numpy as np
 
-from flexaxis.estimators.recursion.joint import project
-from flexaxis.estimators.recursion.level import judge, show
-from flexaxis.estimators.recursion.square_root import bound_root, triangularize
-from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.sampling.kernel import convey, place
-from flexaxis.estimators.sampling.pattern import Pattern
+from flexaxis.estimators.filters.joint import project
+from flexaxis.estimators.filters.noise import judge, show
+from flexaxis.estimators.filters.square_root import bound_root, triangularize
+from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
+from flexaxis.estimators.models.discretisation import Pattern
+from flexaxis.estimators.models.kernel import convey, place
 
 
 @remembered

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from flexaxis.estimators.sampling.written import digest
+from flexaxis.estimators.models.source import digest
 
 TOLD = 1.0  # s of waiting for another process after which the user hears of it
 PATIENCE = 60.0  # s, longer than a loop takes to compile: who holds it then may have been stopped

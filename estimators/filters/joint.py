@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.level import bound, level
-from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
-from flexaxis.estimators.sampling.compiler import inlined
-from flexaxis.estimators.sampling.pattern import Pattern
-from flexaxis.estimators.sampling.symmetric import carry, padded
-from flexaxis.estimators.sampling.symmetric import look as look_at
+from flexaxis.estimators.filters.covariance import carry, padded
+from flexaxis.estimators.filters.covariance import look as look_at
+from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.filters.loop import Record, joined, on_lanes, record
+from flexaxis.estimators.filters.noise import bound, level
+from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.models.discretisation import Pattern
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ def ekf_records(
     covariance : (n, n) array
         Of x(0).
     noise : tuple of Record, optional
-        As `flexaxis.estimators.recursion.level.level` gives it.
+        As `flexaxis.estimators.filters.noise.level` gives it.
     """
     p, n, m = len(design.theta0), pattern.states, pattern.p
     tuning, start = on_lanes(design, pattern)

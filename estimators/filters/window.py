@@ -2,18 +2,18 @@
 The least-squares fit of `methods.moving_horizon` to a window that moves along, compiled.
 
 ``series``, ``setting`` and ``state`` are a `Series`, a `Setting` and a `Window` of
-`flexaxis.estimators.recursion.horizon`. Loops stand where NumPy's assignment to slices would read
+`flexaxis.estimators.filters.horizon`. Loops stand where NumPy's assignment to slices would read
 better, which takes far longer to compile.
 """
 
 import numpy as np
 
-from flexaxis.estimators.recursion.level import FINEST, KNOWN, MOVING, ODD
-from flexaxis.estimators.recursion.square_root import bound_root, cholesky, forward, triangularize
-from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined, remembered
-from flexaxis.estimators.sampling.dense import ahead, gather
-from flexaxis.estimators.sampling.kernel import advance, evaluate
-from flexaxis.estimators.sampling.pattern import Pattern
+from flexaxis.estimators.filters.covariance import ahead, gather
+from flexaxis.estimators.filters.noise import FINEST, KNOWN, MOVING, ODD
+from flexaxis.estimators.filters.square_root import bound_root, cholesky, forward, triangularize
+from flexaxis.estimators.models.compiler import Compiled, compiled, inlined, remembered
+from flexaxis.estimators.models.discretisation import Pattern
+from flexaxis.estimators.models.kernel import advance, evaluate
 
 
 @remembered

@@ -3,15 +3,15 @@ A model over a sample as straight-line source, written from its pattern and comp
 
 A quantity and its derivatives, [a, ∂a/∂θ_1, …, ∂a/∂θ_p], are the lanes of a row, and go through a
 model by the product rule, eq. (17)–(23). Only places where the matrices are not zero are written,
-and only derivatives that an entry has. `flexaxis.estimators.sampling.lanes` does the same in plain
+and only derivatives that an entry has. `flexaxis.estimators.models.sampled` does the same in plain
 loops.
 """
 
 from collections import defaultdict
 from collections.abc import Collection, Sequence
 
-from flexaxis.estimators.sampling.compiler import Compiled, remembered
-from flexaxis.estimators.sampling.pattern import Pattern
+from flexaxis.estimators.models.compiler import Compiled, remembered
+from flexaxis.estimators.models.discretisation import Pattern
 
 TOGETHER = 12  # lanes that go at once; what has more goes in parts, or compiles for ever
 PART = 4  # lanes in a part
@@ -82,7 +82,7 @@ def advance(pattern: Pattern) -> Compiled:
     """
     Return ``advance(M, X, u, weights, order, substeps)``, `inlined`: X over a sample.
 
-    As `flexaxis.estimators.sampling.lanes.step`: the series Σ (A T/s)^k/k! acts on the lanes of X
+    As `flexaxis.estimators.models.sampled.step`: the series Σ (A T/s)^k/k! acts on the lanes of X
     (n+1, lanes), x and its derivatives; the last row, the output, is written only.
 
     Parameters

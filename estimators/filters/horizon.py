@@ -22,7 +22,7 @@ class Setting(NamedTuple):
 
 class Series(NamedTuple):
     """
-    How the model is sampled, as in `flexaxis.estimators.recursion.records.on_lanes`.
+    How the model is sampled, as in `flexaxis.estimators.filters.loop.on_lanes`.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Window(NamedTuple):
     half : (m, m) array
         P^½, with the covariance PᵀP of ξ̂ for a noise variance of one, after the data.
     D : (n+1, n+1, ≥ 1+p) array
-        The model sampled at θ̂, as in `flexaxis.estimators.sampling.dense.ahead`.
+        The model sampled at θ̂, as in `flexaxis.estimators.filters.covariance.ahead`.
     X : (n+1, ≥ 1+m) array
         State and output at the last sample as predicted from ξ̂, and their sensitivities by ξ.
     theta, M, unit, H, g : arrays

@@ -9,8 +9,8 @@ Laws and roles: `flexaxis.estimators.models.laws`.
 
 import numpy as np
 
+from flexaxis.estimators.models.compiler import compiled, inlined
 from flexaxis.estimators.models.laws import KINDS, MOST_ROLES
-from flexaxis.estimators.sampling.compiler import compiled, inlined
 
 F, F_W, F_S, S, S_W, S_S, ROLE = range(7)
 WIDTH = ROLE + 2 * MOST_ROLES

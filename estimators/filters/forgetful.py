@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 
 from numpy.typing import ArrayLike
 
-from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.loop import sample_loop
-from flexaxis.estimators.recursion.measurement import (
+from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.filters.filter import CompiledFilter
+from flexaxis.estimators.filters.loop import joined, on_lanes, record, sample_loop
+from flexaxis.estimators.filters.prediction_error import (
     bound,
     correct_state,
     measure,
@@ -15,9 +15,8 @@ from flexaxis.estimators.recursion.measurement import (
     publish,
     read_claim,
 )
-from flexaxis.estimators.recursion.records import joined, on_lanes, record
-from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.sampling.pattern import Pattern, split
+from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
+from flexaxis.estimators.models.discretisation import Pattern, split
 
 
 def forgetful_filter(
@@ -38,7 +37,7 @@ def forgetful_filter(
     design : Design
     rule : callable
         ``rule(tuning, state, valid)``, marked as `inlined`: moves ``state["P"]`` on after a
-        measurement, or in a gap. `flexaxis.estimators.recursion.measurement` says what state and
+        measurement, or in a gap. `flexaxis.estimators.filters.prediction_error` says what state and
         tuning hold.
     robust, ceiling : float
         As for `flexaxis.estimators.Rpem`.

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.sampling.compiler import fused, inlined
+from flexaxis.estimators.models.compiler import fused, inlined
 
 NOTHING = 1e-290  # a square of which the inverse, nearly, is no number: a column of it is none
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from flexaxis.estimators.sampling.compiler import inlined
-from flexaxis.estimators.sampling.symmetric import merge
+from flexaxis.estimators.filters.covariance import merge
+from flexaxis.estimators.models.compiler import inlined
 
 LEAST = 1e-30  # probability of a mode: from zero none comes back
 

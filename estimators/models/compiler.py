@@ -17,8 +17,8 @@ from functools import cached_property, lru_cache, update_wrapper, wraps
 from pathlib import Path
 from typing import Any
 
-from flexaxis.estimators.sampling.kept import Loaded, first_call, load, remove
-from flexaxis.estimators.sampling.written import Rendered, rendered, written
+from flexaxis.estimators.models.cache import Loaded, first_call, load, remove
+from flexaxis.estimators.models.source import Rendered, rendered, written
 
 
 class Compiled:
@@ -61,7 +61,8 @@ class Compiled:
         with first_call(self._loaded, self.label):
             try:
                 result = self.dispatcher(*arguments)
-            except (EOFError, pickle.UnpicklingError):  # what is kept of it is torn
+            except (EOFError, pickle.UnpicklingError, ImportError, AttributeError):
+                # what is kept of it is torn, or names types of another version of flexaxis
                 remove(self.dispatcher)
                 result = self.dispatcher(*arguments)
         self._called = True

@@ -10,9 +10,9 @@ stiff friction is. Its derivatives are exact, from (I − G F_w) w̄' = c' + G' 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.compiler import compiled, inlined
+from flexaxis.estimators.models.forces import F_S, F_W, ROLE, S_S, S_W, SHAPE, WIDTH, F, S, force
 from flexaxis.estimators.models.laws import MOST_ROLES
-from flexaxis.estimators.sampling.compiler import compiled, inlined
-from flexaxis.estimators.sampling.forces import F_S, F_W, ROLE, S_S, S_W, SHAPE, WIDTH, F, S, force
 
 Array = NDArray[np.float64]
 

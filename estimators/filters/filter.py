@@ -8,8 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.recursion.astray import begin_anew
-from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.signals import check_sample, check_signals
 
 Array = NDArray[np.float64]
@@ -160,7 +160,7 @@ class CompiledFilter(RecursiveEstimator):
         those that are tracked.
     restarts : bool
         Whether the loop stops where the filter is to begin anew, and returns what it has taken; see
-        `flexaxis.estimators.recursion.astray`.
+        `flexaxis.estimators.filters.fault_monitor`.
 
     Attributes
     ----------

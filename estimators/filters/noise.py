@@ -19,10 +19,10 @@ from math import erf, exp, pi, sqrt
 
 import numpy as np
 
-from flexaxis.estimators.recursion.astray import astray, repeats
-from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.records import Record, joined, record
-from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.filters.fault_monitor import astray, repeats
+from flexaxis.estimators.filters.loop import Record, joined, record
+from flexaxis.estimators.models.compiler import inlined
 
 MEMORY = 2.0  # s, of R; 400 samples at 5 ms give a relative standard deviation of 5 %
 KNOWN = 50.0  # samples from which on R can judge a sample; its deviation is √(2/50) = 20 %
@@ -173,6 +173,6 @@ def bound(P, ceiling):
 
 @inlined
 def show(state, row):
-    """Write ŷ, innovation and its variance (3,), as `recursion.loop` wants them of a sample."""
+    """Write ŷ, innovation and its variance (3,), as `filters.loop` wants them of a sample."""
     row[0], row[1] = state["prediction"], state["innovation"]
     row[2] = state["innovation_variance"]

@@ -1,7 +1,7 @@
 """
 A model at fixed parameters, taken over samples with its sensitivities: linear or with laws.
 
-`prepare` and `travel` are to a model with laws what `flexaxis.estimators.sampling.sampled.sample`
+`prepare` and `travel` are to a model with laws what `flexaxis.estimators.models.sampled.sample`
 and `move` are to a linear one: the matrix is that of a part of a sample in which the torques of the
 laws are held, and the laws are solved in each part.
 """
@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.sampling.compiler import compiled, inlined
-from flexaxis.estimators.sampling.forces import WIDTH
-from flexaxis.estimators.sampling.reaction import assign, couple, drives, react
-from flexaxis.estimators.sampling.sampled import move, sample
+from flexaxis.estimators.models.compiler import compiled, inlined
+from flexaxis.estimators.models.forces import WIDTH
+from flexaxis.estimators.models.reaction import assign, couple, drives, react
+from flexaxis.estimators.models.sampled import move, sample
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class _Ready(NamedTuple):
     X : (rows, n+1) array
         Room for states and sensitivities.
     work : tuple of arrays
-        Room, as `flexaxis.estimators.sampling.reaction.room` has it.
+        Room, as `flexaxis.estimators.models.reaction.room` has it.
     """
 
     kind: NDArray[np.int64]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from flexaxis.estimators.sampling.compiler import Compiled
+    from flexaxis.estimators.models.compiler import Compiled
 
 LITERALS = int | float | complex | str | tuple | None
 WHOLE = "cache=True, nogil=True, error_model='numpy'"

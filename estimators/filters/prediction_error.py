@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.recursion.astray import (
+from flexaxis.estimators.filters.design import Design, at_least_zero
+from flexaxis.estimators.filters.fault_monitor import (
     HEEDS_ALL,
     HEEDS_LOST,
     HEEDS_NOTHING,
@@ -20,9 +21,8 @@ from flexaxis.estimators.recursion.astray import (
     explains,
     repeats,
 )
-from flexaxis.estimators.recursion.design import Design, at_least_zero
-from flexaxis.estimators.recursion.records import Record, joined, record
-from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.filters.loop import Record, joined, record
+from flexaxis.estimators.models.compiler import inlined
 
 Array = NDArray[np.float64]
 
@@ -288,7 +288,7 @@ def bound(tuning, state):
 
 @inlined
 def publish(state, k, estimates, trace):
-    """Write what `recursion.loop` wants of a sample."""
+    """Write what `filters.loop` wants of a sample."""
     for i in range(estimates.shape[1]):
         estimates[k, i] = state["theta"][i]
     trace[k, 0] = state["expected"]

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexaxis.estimators.recursion.records import Record, record
-from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.filters.loop import Record, record
+from flexaxis.estimators.models.compiler import inlined
 
 LEVEL = 0.95  # of χ², at which what was told and what was learnt weigh the same
 

@@ -21,8 +21,8 @@ All is relative to y and to what is known of its noise, so that units do not mat
 
 import numpy as np
 
-from flexaxis.estimators.recursion.records import Record, record
-from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.filters.loop import Record, record
+from flexaxis.estimators.models.compiler import inlined
 
 FAR = 10.0  # standard deviations that ŷ moves; twice those in which a coarse encoder may repeat
 LEFT = 0.1  # of the mean square of y, that a lost filter leaves of it; friction and play leave 0.01

@@ -1,0 +1,1 @@
+"""What an estimator does with a model: options, the loop, P and its rules, noise, claims."""

@@ -1,0 +1,233 @@
+"""How a model is sampled: its pattern, the order of the series, and the oracle by expm."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.models.parametrization import Parametrization
+
+
+class Pattern(NamedTuple):
+    """
+    The structure of the block matrix [A B; C 0], without any of its numbers.
+
+    Attributes
+    ----------
+    n, p : int
+        States and identified parameters.
+    reset : tuple of int
+        States that are zero at the start of every sample.
+    entries : tuple of (row, column, varies)
+        Places that are not zero; ``varies`` is 1 where the entry depends on θ.
+    terms : tuple of (entry, e_1, …, e_p)
+        The terms c·Πθ^e of the entries that depend on θ.
+    laws : int
+        Nonlinear laws, whose torques are the last of the states.
+    """
+
+    n: int
+    p: int
+    reset: tuple[int, ...]
+    entries: tuple[tuple[int, ...], ...]
+    terms: tuple[tuple[int, ...], ...]
+    laws: int = 0
+
+    @property
+    def states(self) -> int:
+        """Number of states, without the torques of laws."""
+        return self.n - self.laws
+
+    @property
+    def lanes(self) -> int:
+        """Width of a row of lanes: a value and p derivatives, padded to whole registers."""
+        return 2 if self.p == 1 else -4 * (-(1 + self.p) // 4)
+
+
+def split(model: Parametrization) -> tuple[Pattern, NDArray[np.float64]]:
+    """
+    Split a model into its pattern and the coefficients of the pattern's terms.
+
+    Parameters
+    ----------
+    model : Parametrization
+
+    Returns
+    -------
+    pattern : Pattern
+    coefficients : (terms,) array
+    """
+    keys = np.column_stack([model.row, model.column, model.exponent])
+    keys, inverse = np.unique(keys, axis=0, return_inverse=True)
+    coefficients = np.bincount(inverse.ravel(), model.coefficient).astype(float)
+    places = [tuple(place) for place in np.unique(keys[:, :2], axis=0).tolist()]
+    varying = {(row, column) for row, column, *exponents in keys.tolist() if any(exponents)}
+    kept = [k for k, key in enumerate(keys.tolist()) if (key[0], key[1]) in varying]
+    pattern = Pattern(
+        n=model.n,
+        p=len(model.names),
+        reset=model.reset,
+        entries=tuple((*place, int(place in varying)) for place in places),
+        terms=tuple((places.index((r, c)), *e) for r, c, *e in keys[kept].tolist()),
+        laws=model.forces,
+    )
+    return pattern, coefficients[kept]
+
+
+TOLERANCE = 1e-12
+LAW_TOLERANCE = 1e-9  # of the linear part of a step with laws, whose own error is 1e-5
+LAW_RANGE = 2.0  # factor by which θ is off its start, for which that tolerance is planned
+LAW_STEPS = 4  # of a sample at least: so well is a reversal of dry friction met in time
+LAW_LONGEST = 1.25e-3  # s, as at 200 Hz: a motion reverses as fast, however seldom it is sampled
+LAW_STEP = 0.2  # of the fastest mode's time constant, |pole|⁻¹: 1.3 ms on the paper's axis
+MAX_SIZE = 3.0  # of A·T per substep; larger terms cancel and cost digits, e^3 = 20
+MAX_ORDER = 40
+
+
+def plan(
+    model: Parametrization, lower: NDArray[np.float64], upper: NDArray[np.float64], period: float
+) -> tuple[int, int]:
+    """
+    Return the order m and the substeps s of least work m·s with a negligible remainder.
+
+    |A(θ)| is bounded entry by entry over the box, each monomial at its worst corner. The Perron
+    root ρ of that nonnegative matrix is the least norm that any choice of units can give it, so
+    x = ρT/s is the size of a substep whatever the units, and the remainder of the series after m
+    terms is below Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m} x^k/k! for the sensitivities, which is the most.
+    Chains of integrators, which units can make as small as one likes, end after 2(n+1) terms.
+
+    Parameters
+    ----------
+    model : Parametrization
+    lower, upper : (p,) arrays
+        The box, without zero in it.
+    period : float
+        Sampling period [s].
+
+    Returns
+    -------
+    order, substeps : int
+        The order is at most `MAX_ORDER`.
+    """
+    size = _perron_root(model, lower, upper) * period
+    fewest = max(1, math.ceil(size / MAX_SIZE))
+    least = min(2 * (model.n + 1), MAX_ORDER)
+    choices = [(max(least, _order(size / s)), s) for s in range(fewest, 4 * fewest + 1)]
+    return min(choices, key=math.prod)
+
+
+def law_plan(
+    model: Parametrization, lower: NDArray[np.float64], upper: NDArray[np.float64], period: float
+) -> tuple[int, int, int]:
+    """
+    Return steps in a sample for a model with laws, and order and substeps of each.
+
+    Parameters
+    ----------
+    model, lower, upper, period
+        As for `plan`.
+    """
+    A, _, _ = model.matrices(model.theta)
+    fastest = float(max(abs(np.linalg.eigvals(A))))
+    longest = math.ceil(period / LAW_LONGEST - 1e-9)  # not one more for a rounded period
+    steps = max(LAW_STEPS, longest, math.ceil(fastest * period / LAW_STEP))
+    # wherever θ may go the series converges, if not to the last digit, which the laws lack anyway
+    ends = np.sort([model.theta / LAW_RANGE, model.theta * LAW_RANGE], axis=0)
+    size = _perron_root(model, np.maximum(lower, ends[0]), np.minimum(upper, ends[1]))
+    size *= period / steps
+    substeps = max(1, math.ceil(size / MAX_SIZE))
+    return steps, _order(size / substeps, LAW_TOLERANCE), substeps
+
+
+def _order(x: float, tolerance: float = TOLERANCE) -> int:
+    """Return the least order whose remainder is below a tolerance for a substep of size x."""
+    powers = np.cumprod(np.r_[1.0, x / np.arange(1.0, 60.0)])  # x^k/k!
+    remainders = np.cumsum(powers[::-1])[::-1]
+    return int(np.argmax(remainders <= tolerance))
+
+
+def _perron_root(
+    model: Parametrization, lower: NDArray[np.float64], upper: NDArray[np.float64]
+) -> float:
+    """Return the largest eigenvalue of the entrywise bound of |A| over the box [1/s]."""
+    corner = np.where(model.exponent > 0, np.maximum(abs(lower), abs(upper)), 0.0)
+    corner = np.where(model.exponent < 0, np.minimum(abs(lower), abs(upper)), corner)
+    corner = np.where(model.exponent == 0, 1.0, corner)
+    bound = np.zeros((model.n + 1, model.n + 1))
+    values = abs(model.coefficient) * np.prod(corner ** model.exponent.astype(float), axis=1)
+    np.add.at(bound, (model.row, model.column), values)
+    return float(max(abs(np.linalg.eigvals(bound[:-1, :-1]))))
+
+
+Array = NDArray[np.float64]
+
+
+def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array, Array]:
+    """
+    Return the extended system of eq. (22), (23), one block z_i for each parameter.
+
+    Parameters
+    ----------
+    model : Parametrization
+    theta : (p,) array
+
+    Returns
+    -------
+    F : ((p+1)n, (p+1)n) array
+        Ẋ = F X + G u for X = [z_1; …; z_p; x].
+    G : ((p+1)n, 1) array
+    H : (p+1, (p+1)n) array
+        [ψ; ŷ] = H X.
+    """
+    (A, B, C), (dA, dB, dC) = model.matrices(theta), model.derivatives(theta)
+    p, n = len(dA), model.n
+    F, H = np.zeros(((p + 1) * n, (p + 1) * n)), np.zeros((p + 1, (p + 1) * n))
+    for i in range(p + 1):
+        block = slice(i * n, (i + 1) * n)
+        F[block, block], H[i, block] = A, C
+    F[:-n, -n:] = dA.reshape(p * n, n)
+    H[:-1, -n:] = dC.reshape(p, n)
+    G = np.concatenate([*dB, B])
+    return F, G, H
+
+
+def discretize(F: Array, G: Array, period: float) -> tuple[Array, Array]:
+    """Return Φ, Γ of X[k+1] = Φ X[k] + Γ u[k], the input held over the sample."""
+    from scipy.linalg import expm  # takes a tenth of a second to import
+
+    N = len(F)
+    held = np.zeros((N + 1, N + 1))  # the input is one more state, which does not change
+    held[:N, :N], held[:N, N:] = F, G
+    exponential = expm(held * period)
+    return exponential[:N, :N], exponential[:N, N:]
+
+
+def sampled_system(
+    model: Parametrization, theta: ArrayLike, period: float
+) -> tuple[Array, Array, Array]:
+    """
+    Return the extended system (22), (23) for a torque held over each sample.
+
+    Parameters
+    ----------
+    model : Parametrization
+    theta : (p,) array_like
+        Identified parameters.
+    period : float
+        Sampling period T [s].
+
+    Returns
+    -------
+    transition : ((p+1)n, (p+1)n) array
+        Φ in X[k+1] = Φ X[k] + Γ u[k].
+    gain : ((p+1)n,) array
+        Γ.
+    output : (p+1, (p+1)n) array
+        H in [ψ; ŷ] = H X.
+    """
+    F, G, H = extended_system(model, np.asarray(theta, float))
+    transition, gain = discretize(F, G, period)
+    # a state that starts every sample at zero has no influence on the next
+    transition.reshape(len(F), -1, model.n)[:, :, list(model.reset)] = 0.0
+    return np.ascontiguousarray(transition), gain[:, 0].copy(), H

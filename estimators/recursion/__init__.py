@@ -1,1 +1,0 @@
-"""What recursive estimators share: options, the sample, the loop, and how they are run."""
