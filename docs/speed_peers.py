@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from speed_rounds import EXPM, IDENTIFY, Contender, Problem, timed
 
+from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.methods.ekf import joint_ekf
 from flexaxis.estimators.models.discretisation import sampled_system
 
@@ -73,9 +74,8 @@ def peers(
 def _ours(given: Problem) -> Filter:
     prior, drift = given.prior
     model, period = given.model, given.period
-    ekf = joint_ekf(
-        model, identify=IDENTIFY, P0=prior, drift=drift, period=period, noise=given.noise
-    )
+    told = {"P0": prior, "drift": drift, "period": period, "noise": given.noise}
+    ekf = joint_ekf(make_design(model, identify=IDENTIFY, **told))
 
     def run(u: Array, y: Array) -> Array:
         ekf.reset()

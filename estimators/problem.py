@@ -123,17 +123,20 @@ class Problem:
         """Return what a method with a forgetting factor starts from."""
         weight = self.factor(name, forgetting)
         P = self.forgetting_P(weight)
-        return make_design(self.model, **self.asked, theta0=None, P0=P, forgetting=weight)
+        return make_design(self.model, **self.asked, P0=P, forgetting=weight)
 
-    def random_walk(
-        self, name: str, usual: float, *, walk: float | None, spread: float
-    ) -> tuple[Array, Array]:
-        """Return P(0) and W from deviations relative to θ(0); ``usual`` is the walk if untuned."""
+    def walk_design(self, name: str, usual: float, *, walk: float | None, spread: float) -> Design:
+        """
+        Return what a Kalman filter of a random walk starts from: deviations relative to θ(0).
+
+        ``usual`` is the walk after a second where none is given or known.
+        """
         if walk is None:
             walk = self.tuned(name) or usual
         above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
         above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
-        return (spread * self.theta) ** 2, self.period * (walk * self.theta) ** 2
+        prior, drift = (spread * self.theta) ** 2, self.period * (walk * self.theta) ** 2
+        return make_design(self.model, **self.asked, P0=prior, drift=drift)
 
 
 def make_problem(

@@ -50,6 +50,8 @@ class Design:
         Standard deviation of y, in its unit; 0 where it has to be estimated.
     x0 : (n,) array
         State before the first sample.
+    x0_covariance : (n, n) array
+        Its covariance, of the states but for the torques of laws.
     tracked : int
         The first so many parameters are tracked, and are the estimate; the others are learnt once.
     """
@@ -67,6 +69,7 @@ class Design:
     upper: Array
     noise: float
     x0: Array
+    x0_covariance: Array
     tracked: int
 
     @property
@@ -93,8 +96,8 @@ class Design:
 def make_design(
     model: Model,
     *,
-    identify: Sequence[str] | None,
-    theta0: ArrayLike | None,
+    identify: Sequence[str] | None = None,
+    theta0: ArrayLike | None = None,
     P0: ArrayLike,
     period: float,
     forgetting: float | None = None,
@@ -104,6 +107,7 @@ def make_design(
     output: str = "speed",
     noise: float | None = None,
     x0: ArrayLike | None = None,
+    x0_covariance: ArrayLike | None = None,
     relative: bool = True,
     scale: ArrayLike | None = None,
     learn: Sequence[str] = (),
@@ -113,6 +117,9 @@ def make_design(
 
     Parameters
     ----------
+    x0_covariance : (n,) or (n, n) array_like, optional
+        Covariance of the state at the first sample; zero, certain, by default. As in ``x0``, states
+        that laws have, or that are zero at the start of every sample, need not be given.
     relative : bool
         Whether the design is in θ/θ(0); else in θ, as the paper has it.
     scale : (p,) array_like, optional
@@ -154,6 +161,7 @@ def make_design(
         upper=np.maximum(*sides),
         noise=0.0 if noise is None else above_zero("noise", noise, "the standard deviation of y"),
         x0=_state("x0", x0, parametrization),
+        x0_covariance=_state_covariance(x0_covariance, parametrization),
         tracked=len(tracked),
     )
 
@@ -223,6 +231,13 @@ def _state(name: str, value: ArrayLike | None, model: Parametrization) -> Array:
     return state
 
 
+def _state_covariance(value: ArrayLike | None, model: Parametrization) -> Array:
+    P, n = np.zeros((model.states, model.states)), model.given
+    if value is not None:
+        P[:n, :n] = covariance_matrix("x0_covariance", value, n, certain=True, what="states")
+    return P
+
+
 def _as_numbers(name: str, value: ArrayLike) -> Array:
     """Return an array of floats, a copy of what is given."""
     try:
@@ -241,26 +256,32 @@ def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
     return vector
 
 
-def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
-    """Return a symmetric positive definite (p, p) matrix from that or from its diagonal (p,)."""
+def covariance_matrix(
+    name: str, value: ArrayLike, n: int, *, certain: bool = False, what: str = "parameters"
+) -> Array:
+    """
+    Return a symmetric positive definite (n, n) matrix from that or from its diagonal (n,).
+
+    Where something may be ``certain``, it only has no negative eigenvalues.
+    """
     matrix = _as_numbers(name, value)
-    if matrix.shape == (p,):
+    if matrix.shape == (n,):
         matrix = np.diag(matrix)
-    if matrix.shape != (p, p):
+    if matrix.shape != (n, n):
         raise EstimatorError(
-            f"{name} has the shape {matrix.shape}; for {p} parameters give ({p},) or ({p}, {p})"
+            f"{name} has the shape {matrix.shape}; for {n} {what} give ({n},) or ({n}, {n})"
         )
-    scale = np.sqrt(np.abs(np.diag(matrix)))
+    variances = np.diag(matrix)
+    scale = np.sqrt(np.abs(np.where(certain & (variances == 0), 1.0, variances)))
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = matrix / np.outer(scale, scale)  # judged free of units
     if (
         not np.all(np.isfinite(correlation))
         or not np.allclose(correlation, correlation.T, rtol=0, atol=1e-9)
-        or np.linalg.eigvalsh(correlation)[0] <= 0
+        or np.linalg.eigvalsh(correlation)[0] < (-1e-9 if certain else 1e-300)
     ):
-        raise EstimatorError(
-            f"{name} must be symmetric positive definite; given: {matrix.tolist()}"
-        )
+        words = "symmetric and not negative" if certain else "symmetric positive definite"
+        raise EstimatorError(f"{name} must be {words}; given: {matrix.tolist()}")
     return (matrix + matrix.T) / 2
 
 

@@ -1,15 +1,22 @@
-"""The modes of `methods.imm`: how likely each is, and how they are mixed, in compiled code."""
+"""Interacting multiple models: how likely each mode is, how they are mixed, and their loop."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.covariance import merge
-from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.filters.joint import correct, look, start_sample
+from flexaxis.estimators.filters.loop import Record, sample_loop
+from flexaxis.estimators.filters.noise import judge, show
+from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
+from flexaxis.estimators.models.discretisation import Pattern
+
+Array = NDArray[np.float64]
 
 LEAST = 1e-30  # probability of a mode: from zero none comes back
 
 
 @inlined
-def listen(state, y, noise):
+def _listen(state, y, noise):
     """Keep log Λ of the innovation, before it is used."""
     state["logarithm"] = 0.0
     if not np.isnan(y):
@@ -18,7 +25,7 @@ def listen(state, y, noise):
 
 
 @inlined
-def weigh(states):
+def _weigh(states):
     """μ_j ← c_j Λ_j over their sum."""
     highest = -np.inf
     for j in range(len(states)):
@@ -44,7 +51,7 @@ def _transition(tunings, i, j):
 
 
 @inlined
-def mix(tunings, states, n, p):
+def _mix(tunings, states, n, p):
     """
     Give every mode the ξ⁰ and P⁰ from which it goes on.
 
@@ -101,3 +108,57 @@ def _spread_out(state, n, p):
         state["theta"][a] = state["xi"][a]
     for i in range(n):
         state["X"][i, 0] = state["xi"][p + i]
+
+
+def read_mixture(p: int, state: Record) -> tuple[Array, Array]:
+    """Return η (p,) of the mixture of the modes, and its covariance (p, p)."""
+    weights, theta = state["predicted"], state["theta"][:, :p]  # both after mixing
+    mean = weights @ theta
+    apart = theta - mean
+    covariance = np.einsum("j,jab->ab", weights, state["P"][:, :p, :p])
+    return mean, covariance + np.einsum("j,ja,jb->ab", weights, apart, apart)
+
+
+@remembered
+def imm_loop(pattern: Pattern) -> Compiled:
+    """
+    Return the compiled loop for models of this pattern.
+
+    Tuning and state have a record for each mode; the first is the quiet one.
+    """
+    return sample_loop(pattern, _take, "interacting multiple models")
+
+
+@inlined
+def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
+    """Do with a sample what `flexaxis.estimators.filters.loop.sample_loop` asks for."""
+    p = estimates.shape[1]
+    n = len(states[0]["gain"]) - p
+    used = _look_together(tunings[0], states, y[k], valid[k])
+    noise = states[0]["noise"]
+    for j in range(len(states)):
+        _listen(states[j], used, noise)
+        correct(tunings[j], states[j], used, noise)
+    _weigh(states)
+    for i in range(p):
+        estimates[k, i] = 0.0
+        for j in range(len(states)):
+            estimates[k, i] += states[j]["probability"] * states[j]["theta"][i]
+    _mix(tunings, states, n, p)
+    for j in range(len(states)):
+        start_sample(states[j]["X"], n, p)
+    show(states[0], trace[k])
+    return states[0]["anew"] > 0.0
+
+
+@inlined
+def _look_together(tuning, states, y, valid):
+    """Judge the sample by the mixture's prediction and its variance, in the first record."""
+    mean, spread = 0.0, 0.0
+    for j in range(len(states)):
+        look(states[j])
+        mean += states[j]["predicted"] * states[j]["X"][-1, 0]
+    for j in range(len(states)):
+        apart = states[j]["X"][-1, 0] - mean
+        spread += states[j]["predicted"] * (states[j]["spread"] + apart**2)
+    return judge(tuning, states[0], y, valid, mean, spread)

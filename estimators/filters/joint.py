@@ -1,9 +1,8 @@
 """State and parameters in one extended Kalman filter, on lanes: what its kinds share."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.covariance import carry, padded
 from flexaxis.estimators.filters.covariance import look as look_at
 from flexaxis.estimators.filters.design import Design
@@ -15,42 +14,11 @@ from flexaxis.estimators.models.discretisation import Pattern
 Array = NDArray[np.float64]
 
 
-def state_covariance(design: Design, value: ArrayLike | None) -> Array:
-    """
-    Return the covariance of x(0) (n, n) from that or its diagonal, checked; zero by default.
-
-    States that laws have, or that are zero at the start of every sample, come last and are not
-    given.
-    """
-    n, given = design.model.states, design.model.given
-    P = np.zeros((n, n))
-    if value is not None:
-        P[:given, :given] = _semidefinite("x0_covariance", value, given)
-    return P
-
-
-def _semidefinite(name: str, value: ArrayLike, n: int) -> Array:
-    """Return a symmetric matrix (n, n) without negative eigenvalues, from that or its diagonal."""
-    matrix = np.array(value, float)
-    if matrix.shape == (n,):
-        matrix = np.diag(matrix)
-    if matrix.shape != (n, n) or not np.all(np.isfinite(matrix)):
-        raise EstimatorError(
-            f"{name} is {value!r}; give finite values, ({n},) or ({n}, {n}), for {n} states"
-        )
-    certain = np.diag(matrix) == 0
-    scale = np.sqrt(np.where(certain, 1.0, abs(np.diag(matrix))))
-    correlation = matrix / np.outer(scale, scale)  # judged free of units
-    if (
-        not np.allclose(correlation, correlation.T, rtol=0, atol=1e-9)
-        or np.linalg.eigvalsh(correlation)[0] < -1e-9
-    ):
-        raise EstimatorError(f"{name} must be symmetric and not negative; given: {matrix.tolist()}")
-    return (matrix + matrix.T) / 2
-
-
 def ekf_records(
-    design: Design, pattern: Pattern, covariance: Array, noise: tuple[Record, Record] | None = None
+    design: Design,
+    pattern: Pattern,
+    covariance: Array | None = None,
+    noise: tuple[Record, Record] | None = None,
 ) -> tuple[Record, Record]:
     """
     Return tuning and start of the filter.
@@ -59,15 +27,16 @@ def ekf_records(
     ----------
     design : Design
     pattern : Pattern
-    covariance : (n, n) array
-        Of x(0).
+    covariance : (n, n) array, optional
+        Of x(0), in the place of that of the design.
     noise : tuple of Record, optional
         As `flexaxis.estimators.filters.noise.level` gives it.
     """
     p, n, m = len(design.theta0), pattern.states, pattern.p
     tuning, start = on_lanes(design, pattern)
     blocks, P = design.model.blocks(design.theta0), np.zeros((m, padded(m)))
-    P[:p, :p], P[p:, p:m] = design.P0, covariance
+    P[:p, :p] = design.P0
+    P[p:, p:m] = design.x0_covariance if covariance is None else covariance
     X, C = start["X"][0], blocks[:, -1, :-1]
     X[:n, 1 + p : 1 + m] = np.eye(n)
     X[-1, 1 : 1 + p], X[-1, 1 + p : 1 + m] = C[1:] @ design.x0, C[0, :n]

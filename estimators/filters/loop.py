@@ -15,9 +15,7 @@ from flexaxis.estimators.models.reaction import assign, couple, drives, react, r
 Record = NDArray[np.void]
 
 
-def on_lanes(
-    design: Design, pattern: Pattern, *, series: tuple[int, int, int] | None = None
-) -> tuple[Record, Record]:
+def on_lanes(design: Design, pattern: Pattern) -> tuple[Record, Record]:
     """
     Return tuning and state of a filter of one model: what `filters.loop` needs, and no more.
 
@@ -26,8 +24,6 @@ def on_lanes(
     design : Design
     pattern : Pattern
         That of the model, or one with more lanes, such as `methods.ekf.with_state` gives.
-    series : (steps, order, substeps), optional
-        As from `flexaxis.estimators.models.discretisation.law_plan`; by default that of this model.
 
     Returns
     -------
@@ -39,7 +35,7 @@ def on_lanes(
     """
     own, coefficients = split(design.model)
     box = design.lower, design.upper
-    steps, order, substeps = series or (
+    steps, order, substeps = (
         law_plan(design.model, *box, design.period)
         if pattern.laws
         else (1, *plan(design.model, *box, design.period))

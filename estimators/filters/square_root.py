@@ -44,27 +44,6 @@ def triangularize(A, R):
 
 
 @inlined
-def cholesky(A):
-    """Put L with L Lᵀ = A into the lower triangle of A (m, m); NaN where A is not positive."""
-    for i in range(len(A)):
-        for j in range(i + 1):
-            total = A[i, j]
-            for k in range(j):
-                total -= A[i, k] * A[j, k]
-            A[i, j] = np.sqrt(total) if i == j else total / A[j, j]
-
-
-@inlined
-def forward(L, B):
-    """B ← L⁻¹ B for B (m, c) and the lower triangle of L (m, m)."""
-    for c in range(B.shape[1]):
-        for i in range(len(L)):
-            for k in range(i):
-                B[i, c] -= L[i, k] * B[k, c]
-            B[i, c] /= L[i, i]
-
-
-@inlined
 def bound_root(S, ceiling, R):
     """Scale the columns of S for which a variance of R SᵀS is above its ceiling (p,) down to it."""
     for i in range(len(ceiling)):

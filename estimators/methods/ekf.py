@@ -1,27 +1,24 @@
 """Joint extended Kalman filter for state and parameters, on the lanes of `sampling`."""
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.filters.design import make_design
+from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.joint import (
     correct,
     ekf_records,
     look,
     start_sample,
-    state_covariance,
     with_state,
 )
 from flexaxis.estimators.filters.loop import Record, sample_loop
 from flexaxis.estimators.filters.noise import judge, show
 from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.models.discretisation import Pattern, split
-from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
 
 Array = NDArray[np.float64]
@@ -29,20 +26,7 @@ Array = NDArray[np.float64]
 WALK = 0.002  # 1/√s, of θ/θ(0), where no tuning is known
 
 
-def joint_ekf(
-    model: Model,
-    *,
-    identify: Sequence[str] | None = None,
-    theta0: ArrayLike | None = None,
-    P0: ArrayLike,
-    drift: ArrayLike,
-    period: float,
-    noise: float | None = None,
-    x0: ArrayLike | None = None,
-    x0_covariance: ArrayLike | None = None,
-    bounds: tuple[ArrayLike, ArrayLike] | None = None,
-    output: str = "speed",
-) -> CompiledFilter:
+def joint_ekf(design: Design) -> CompiledFilter:
     """
     Make an extended Kalman filter for ξ = [θ; x], with θ a random walk and no noise on x.
 
@@ -58,47 +42,12 @@ def joint_ekf(
 
     Parameters
     ----------
-    model : Model
-        Linear grey-box model, such as ``three_mass(nominal)``.
-    identify : sequence of str, optional
-        Parameters to estimate, or their inverses; the model's own choice by default.
-    theta0 : (p,) array_like, optional
-        θ(0); the model's nominal values by default.
-    P0 : (p,) or (p, p) array_like
-        Covariance of θ(0).
-    drift : (p,) or (p, p) array_like
-        W, what the covariance of θ gains in every sample.
-    period : float
-        Sampling period T [s].
-    noise : float, optional
-        σ, standard deviation of y in its unit; else R = σ² is learnt from the innovations, see
-        `flexaxis.estimators.filters.noise`.
-    x0, x0_covariance : (n,), and (n,) or (n, n) array_like, optional
-        State at the first sample and its covariance; zero, and certain, by default.
-    bounds : (lower, upper), optional
-        Box on which θ is projected after every update; 0.1 to 10 times θ(0) by default.
-    output : {"speed", "increment"}
-        What y is.
-
-    Raises
-    ------
-    EstimatorError
-        If an option cannot be used.
+    design : Design
+        With W, what the covariance of θ gains in every sample, as its drift. Where it has no noise
+        R = σ² is learnt from the innovations, see `flexaxis.estimators.filters.noise`.
     """
-    design = make_design(
-        model,
-        identify=identify,
-        theta0=theta0,
-        P0=P0,
-        drift=drift,
-        period=period,
-        noise=noise,
-        x0=x0,
-        bounds=bounds,
-        output=output,
-    )
     pattern = with_state(split(design.model)[0])
-    tuning, start = ekf_records(design, pattern, state_covariance(design, x0_covariance))
+    tuning, start = ekf_records(design, pattern)
     return CompiledFilter(
         _ekf_loop(pattern), tuning, start, design, partial(_read, len(design.theta0))
     )
@@ -145,8 +94,7 @@ def _extended(
     spread : float
         Standard deviation of θ(0), relative to it.
     """
-    prior, drift = problem.random_walk("ekf", WALK, walk=walk, spread=spread)
-    return joint_ekf(problem.model, **problem.asked, P0=prior, drift=drift)
+    return joint_ekf(problem.walk_design("ekf", WALK, walk=walk, spread=spread))
 
 
 ENTRIES = (

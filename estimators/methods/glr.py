@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import above_zero, at_least_zero, make_design
-from flexaxis.estimators.filters.joint import state_covariance
 from flexaxis.estimators.glr.filter import Glr
 from flexaxis.estimators.glr.pace import lengths
 from flexaxis.estimators.glr.records import Dictionary, Jumps
@@ -158,6 +157,7 @@ def _made(
     thought = prior(model, names, torque=torque, period=period, told=told, spread=spread)
     refuse_zero(thought)
     thought = thought if deviations is None else known_better(model, thought, deviations)
+    sizes = state_sizes(model, torque, period)
     design = make_design(
         model,
         identify=names,
@@ -168,6 +168,7 @@ def _made(
         output=problem.output,
         noise=noise,
         scale=thought.scale,
+        x0_covariance=sizes**2,
     )
     stated = (*told, *structure(model))  # which every axis has
     fixable = fixable_of(model) if learn == "auto" else ()
@@ -177,7 +178,6 @@ def _made(
             f"suspects names {odd[0]!r}, which is not learnt; of what is learnt there are "
             f"{', '.join(learnt) or 'none'}"
         )
-    sizes = state_sizes(model, torque, period)
     which = (*tracked, *(name for name in suspects if name in learnt))
     rates = np.where(np.arange(len(which)) < len(tracked), 1.0, SUSPECTED)
     return Glr(
@@ -192,7 +192,7 @@ def _made(
         timing=lengths(model, period, int(budget), commissioning, deviations is not None),
         told=told_groups(model, names, learnt, stated),
         fixable={n: AS_TOLD if n in stated else AS_ABSENT for n in fixable},
-        x0_covariance=state_covariance(design, sizes**2),
+        x0_covariance=design.x0_covariance,
         dictionary=Dictionary() if richer is None else _dictionary(model, torque, period, sizes),
         angle=model.states.index("angle_motor")
         if "angle_motor" in model.states

@@ -1,6 +1,5 @@
 """Interacting multiple models: joint extended Kalman filters that share what they know."""
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -8,22 +7,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.filters.design import above_zero, finite_vector, make_design
+from flexaxis.estimators.filters.design import Design, above_zero, finite_vector
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.interacting_models import listen, mix, weigh
+from flexaxis.estimators.filters.interacting_models import imm_loop, read_mixture
 from flexaxis.estimators.filters.joint import (
-    correct,
     ekf_records,
-    look,
-    start_sample,
-    state_covariance,
     with_state,
 )
-from flexaxis.estimators.filters.loop import Record, joined, record, sample_loop
-from flexaxis.estimators.filters.noise import judge, show
-from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.models.discretisation import Pattern, split
-from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.filters.loop import joined, record
+from flexaxis.estimators.models.discretisation import split
 from flexaxis.estimators.problem import Problem
 
 Array = NDArray[np.float64]
@@ -32,21 +24,7 @@ WALK, RATE, JUMP = 0.0015, 1e-3, 0.1581  # 1/√s, 1/s and of θ/θ(0), where no
 
 
 def joint_imm(
-    model: Model,
-    *,
-    identify: Sequence[str] | None = None,
-    theta0: ArrayLike | None = None,
-    P0: ArrayLike,
-    drift: ArrayLike,
-    jump: ArrayLike,
-    rate: float = 1e-3,
-    hold: float = 0.05,
-    period: float,
-    noise: float | None = None,
-    x0: ArrayLike | None = None,
-    x0_covariance: ArrayLike | None = None,
-    bounds: tuple[ArrayLike, ArrayLike] | None = None,
-    output: str = "speed",
+    design: Design, *, jump: ArrayLike, rate: float = 1e-3, hold: float = 0.05
 ) -> CompiledFilter:
     """
     Make an interacting-multiple-model filter: a quiet mode, and one in which each θ_i jumps.
@@ -65,8 +43,8 @@ def joint_imm(
 
     Parameters
     ----------
-    model, identify, theta0, P0, drift, period, noise, x0, x0_covariance, bounds, output
-        As for `flexaxis.estimators.methods.ekf.joint_ekf`; ``drift`` is that of the quiet mode.
+    design : Design
+        As for `flexaxis.estimators.methods.ekf.joint_ekf`; its drift is that of the quiet mode.
     jump : (p,) array_like
         Variance that θ_i gains in every sample while it jumps.
     rate : float
@@ -79,19 +57,7 @@ def joint_imm(
     EstimatorError
         If an option cannot be used.
     """
-    design = make_design(
-        model,
-        identify=identify,
-        theta0=theta0,
-        P0=P0,
-        drift=drift,
-        period=period,
-        noise=noise,
-        x0=x0,
-        bounds=bounds,
-        output=output,
-    )
-    p = len(design.theta0)
+    period, p = design.period, len(design.theta0)
     if not (0 < rate * period < 1 and period < hold < np.inf):
         raise EstimatorError(
             f"rate is {rate} and hold {hold}; a jump comes less than once and lasts more than one "
@@ -101,7 +67,7 @@ def joint_imm(
     if not (variances >= 0).all():
         raise EstimatorError(f"jump is {jump!r}; give variances that are not negative")
     pattern = with_state(split(design.model)[0])
-    tuning, start = ekf_records(design, pattern, state_covariance(design, x0_covariance))
+    tuning, start = ekf_records(design, pattern)
     tuning = np.repeat(joined(tuning, record(stay=1 - period / hold)), 1 + p)
     tuning["stay"][0] = 1 - rate * period
     for i, variance in enumerate(variances / design.scale**2):
@@ -122,66 +88,8 @@ def joint_imm(
     start = np.repeat(start, 1 + p)
     start["probability"][0] = start["predicted"][0] = 1.0
     return CompiledFilter(
-        _imm_loop(pattern), tuning, start, design, partial(_read, p), restarts=True
+        imm_loop(pattern), tuning, start, design, partial(read_mixture, p), restarts=True
     )
-
-
-def mode_probabilities(estimator: CompiledFilter) -> Array:
-    """Return the probabilities (1+p,) of the quiet mode and of a jump of each parameter."""
-    return estimator.state["probability"].copy()
-
-
-def _read(p: int, state: Record) -> tuple[Array, Array]:
-    weights, theta = state["predicted"], state["theta"][:, :p]  # both after mixing
-    mean = weights @ theta
-    apart = theta - mean
-    covariance = np.einsum("j,jab->ab", weights, state["P"][:, :p, :p])
-    return mean, covariance + np.einsum("j,ja,jb->ab", weights, apart, apart)
-
-
-@remembered
-def _imm_loop(pattern: Pattern) -> Compiled:
-    """
-    Return the compiled loop for models of this pattern.
-
-    Tuning and state have a record for each mode; the first is the quiet one.
-    """
-    return sample_loop(pattern, _take, "interacting multiple models")
-
-
-@inlined
-def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
-    """Do with a sample what `flexaxis.estimators.filters.loop.sample_loop` asks for."""
-    p = estimates.shape[1]
-    n = len(states[0]["gain"]) - p
-    used = _look_together(tunings[0], states, y[k], valid[k])
-    noise = states[0]["noise"]
-    for j in range(len(states)):
-        listen(states[j], used, noise)
-        correct(tunings[j], states[j], used, noise)
-    weigh(states)
-    for i in range(p):
-        estimates[k, i] = 0.0
-        for j in range(len(states)):
-            estimates[k, i] += states[j]["probability"] * states[j]["theta"][i]
-    mix(tunings, states, n, p)
-    for j in range(len(states)):
-        start_sample(states[j]["X"], n, p)
-    show(states[0], trace[k])
-    return states[0]["anew"] > 0.0
-
-
-@inlined
-def _look_together(tuning, states, y, valid):
-    """Judge the sample by the mixture's prediction and its variance, in the first record."""
-    mean, spread = 0.0, 0.0
-    for j in range(len(states)):
-        look(states[j])
-        mean += states[j]["predicted"] * states[j]["X"][-1, 0]
-    for j in range(len(states)):
-        apart = states[j]["X"][-1, 0] - mean
-        spread += states[j]["predicted"] * (states[j]["spread"] + apart**2)
-    return judge(tuning, states[0], y, valid, mean, spread)
 
 
 def _imm(
@@ -211,19 +119,12 @@ def _imm(
         usual[name] if given is None else given
         for name, given in (("walk", walk), ("rate", rate), ("jump", jump))
     )
-    prior, drift = problem.random_walk("imm", WALK, walk=walk, spread=spread)
+    design = problem.walk_design("imm", WALK, walk=walk, spread=spread)
     above_zero("rate", rate, "how often a jump comes, in 1/s")
     above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
     above_zero("hold", hold, "how long a jump lasts, in seconds")
-    return joint_imm(
-        problem.model,
-        **problem.asked,
-        P0=prior,
-        drift=drift,
-        jump=problem.period / hold * (jump * problem.theta) ** 2,
-        rate=rate,
-        hold=hold,
-    )
+    variance = problem.period / hold * (jump * problem.theta) ** 2
+    return joint_imm(design, jump=variance, rate=rate, hold=hold)
 
 
 def _along(position: float) -> dict[str, float]:

@@ -1,46 +1,23 @@
 """Moving horizon: nonlinear least squares over a window that moves along, with an arrival cost."""
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.filters.covariance import padded
-from flexaxis.estimators.filters.design import Design, above_zero, make_design
-from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.horizon import Series, Setting, Window
-from flexaxis.estimators.filters.joint import state_covariance
-from flexaxis.estimators.filters.loop import Record, on_lanes
+from flexaxis.estimators.filters.design import Design, above_zero
+from flexaxis.estimators.filters.filter import RecursiveEstimator
+from flexaxis.estimators.filters.noise import FINEST, KNOWN, MOVING, ODD
 from flexaxis.estimators.filters.square_root import triangular_root
-from flexaxis.estimators.filters.window import horizon_loop
-from flexaxis.estimators.models.discretisation import plan, split
-from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.models.sampled import along, move, prepare
 from flexaxis.estimators.problem import Problem
 
 Array = NDArray[np.float64]
 
 
-def moving_horizon(
-    model: Model,
-    *,
-    identify: Sequence[str] | None = None,
-    theta0: ArrayLike | None = None,
-    P0: ArrayLike,
-    period: float,
-    forgetting: float | None = None,
-    window: int = 200,
-    every: int = 10,
-    iterations: int = 2,
-    noise: float | None = None,
-    x0: ArrayLike | None = None,
-    x0_covariance: ArrayLike | None = None,
-    bounds: tuple[ArrayLike, ArrayLike] | None = None,
-    output: str = "speed",
-) -> CompiledFilter:
+class MovingHorizon(RecursiveEstimator):
     """
-    Make a least-squares fit to the last samples that is done again and again.
+    A least-squares fit to the last samples that is done again and again.
 
     θ and the state x(s) at the start of a window of N samples minimise
 
@@ -61,105 +38,173 @@ def moving_horizon(
 
     Parameters
     ----------
-    model, identify, theta0, P0, period, bounds, output
-        As for `flexaxis.estimators.Rpem`.
-    forgetting : float
-        λ, by which data count less for every sample that they lie before the window.
+    design : Design
+        With λ, by which data count less for every sample that they lie before the window. P(0) and
+        the covariance of x(0) are for a noise variance of one.
     window, every : int
         Samples in a window, N, and from one to the next, of which N is a multiple.
     iterations : int
         Steps of Gauss and Newton in each.
-    noise : float, optional
-        σ of y, in its unit; R̂ = σ² then.
-    x0, x0_covariance : (n,), and (n,) or (n, n) array_like, optional
-        State at the first sample and its covariance, for a noise variance of one as P0; zero, and
-        certain, by default.
+
+    Attributes
+    ----------
+    noise_variance : float
+        R̂, 0 while it is not known.
+    root : (m, m) array
+        S, upper triangular, with P̄ = SᵀS, relative to θ(0).
 
     Raises
     ------
     EstimatorError
-        If an option cannot be used.
+        If window, every or iterations cannot be used.
     """
-    design = make_design(
-        model,
-        identify=identify,
-        theta0=theta0,
-        P0=P0,
-        period=period,
-        forgetting=forgetting,
-        bounds=bounds,
-        output=output,
-        noise=noise,
-        x0=x0,
-    )
-    _check_window(window, every, iterations)
-    pattern, _ = split(design.model)
-    box = design.lower, design.upper
-    lanes, room = on_lanes(design, pattern, series=(1, *plan(design.model, *box, period)))
-    setting = Setting(
-        design.forgetting,
-        int(every),
-        int(iterations),
-        design.noise > 0,
-        design.lower,
-        design.upper,
-        design.theta0**2,
-    )
-    series = Series(
-        lanes["coefficients"][0],
-        lanes["weights"][0],
-        int(lanes["order"][0]),
-        int(lanes["substeps"][0]),
-    )
-    start = _start(design, room, int(window), state_covariance(design, x0_covariance))
-    return CompiledFilter(horizon_loop(pattern), (series, setting), start, design, _read)
 
+    _shared = (*RecursiveEstimator._shared, "_design", "_length", "_every", "_iterations")
 
-def _check_window(window: float, every: float, iterations: float) -> None:
-    whole = all(np.isfinite(n) and n == int(n) for n in (window, every, iterations))
-    if not (whole and every >= 1 and iterations >= 1 and window > every and window % every == 0):
-        raise EstimatorError(
-            f"window is {window}, every {every}, iterations {iterations}; the window is a multiple "
-            "of every in whole samples, such as 200 and 10, and there is one iteration at least"
-        )
+    def __init__(
+        self, design: Design, *, window: int = 200, every: int = 10, iterations: int = 2
+    ) -> None:
+        whole = all(np.isfinite(n) and n == int(n) for n in (window, every, iterations))
+        fits = whole and every >= 1 and iterations >= 1 and window > every and window % every == 0
+        if not fits:
+            raise EstimatorError(
+                f"window is {window}, every {every}, iterations {iterations}; the window is a "
+                "multiple of every in whole samples, such as 200 and 10, and there is one "
+                "iteration at least"
+            )
+        self._length, self._every, self._iterations = int(window), int(every), int(iterations)
+        super().__init__(design.names, design.output, design.bounds)
+        self._design, self._ceiling = design, design.theta0**2
+        self.reset()
+        along(self._model, self._X.copy(), np.zeros(0))  # what has to be compiled is compiled now
+        move(self._model.D, self._X.copy(), self._X.copy(), 0.0)
 
+    @property
+    def theta(self) -> Array:  # noqa: D102
+        return self._xi[: len(self.names)] * self._design.scale
 
-def _start(design: Design, room: Record, window: int, covariance: Array) -> Window:
-    p, n, x = len(design.theta0), design.model.n, design.x0
-    m = p + n
-    root = np.zeros((p + n, p + n))
-    root[:p, :p] = np.linalg.cholesky(design.P0).T
-    root[p:, p:] = triangular_root(covariance)
-    xi = np.concatenate([design.theta0, x])
-    blocks = design.model.blocks(design.theta0)
-    X = np.eye(n + 1, padded(1 + m), 1 + p)
-    X[:n, 0], X[n] = x, 0.0
-    X[n, : 1 + p], X[n, 1 + p : 1 + m] = blocks[:, n, :n] @ x, blocks[0, n, :n]
-    return Window(
-        u=np.zeros(window),
-        y=np.zeros(window),
-        present=np.zeros(window, bool),
-        mean=xi,
-        root=root,
-        xi=xi.copy(),
-        claimed=design.P0.copy(),
-        half=root.copy(),
-        D=np.zeros((n + 1, n + 1, padded(1 + p))),
-        X=X,
-        theta=design.theta0.copy(),
-        M=room["M"][0].copy(),
-        unit=np.zeros(room["X"][0].shape),
-        H=np.zeros((m, padded(m))),
-        g=np.zeros(padded(m)),
-        taken=np.zeros(2, np.int64),
-        held=np.zeros(1),
-        level=np.array([design.noise**2, 0.0]),
-        shown=np.full(3, np.nan),
-    )
+    @property
+    def covariance(self) -> Array:  # noqa: D102
+        return self._claim * np.outer(self._design.scale, self._design.scale)
 
+    def _start(self) -> None:
+        design, p = self._design, len(self.names)
+        self._xi = np.concatenate([design.theta0, design.x0])  # ξ̂ at the start of the window
+        self._mean, m = self._xi, len(self._xi)
+        self.root = np.zeros((m, m))
+        self.root[:p, :p] = np.linalg.cholesky(design.P0).T
+        self.root[p:, p:] = triangular_root(design.x0_covariance)
+        self._half = self.root  # P^½, with the covariance PᵀP of ξ̂ after the data
+        self._claim, self.noise_variance, self._odd = design.P0, design.noise**2, False
+        self._window: list[tuple[float, float]] = []  # torque held before, and y or NaN
+        self._held, self._taken = 0.0, 0
+        self._X, blocks = self._begin(), design.model.blocks(design.theta0)
+        self._X[:, -1] = self._X @ blocks[0, -1]  # the output, and its sensitivities
+        self._X[1 : 1 + p, -1] = blocks[1:, -1] @ self._X[0]
+        self._model = prepare(design.model, design.theta0, design.period, further=design.model.n)
 
-def _read(state: Window) -> tuple[Array, Array]:
-    return state.xi[: len(state.claimed)], state.claimed
+    def _begin(self) -> Array:
+        """Return the state where the window begins, and its sensitivities by ξ, a row each."""
+        p, n = len(self.names), self._design.model.n
+        X = np.zeros((1 + p + n, n + 1))
+        X[0, :n], X[1 + p :, :n] = self._xi[p:], np.eye(n)
+        return X
+
+    def _take(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> None:
+        for k in range(len(u)):
+            if self._taken:
+                moved = np.empty_like(self._X)
+                move(self._model.D, self._X, moved, self._held)
+                self._X = moved
+            used = self._judge(y[k], valid[k], trace[k])
+            if self._taken:
+                self._window.append((self._held, used))
+                if self._taken % self._every == 0:
+                    self._solve()
+            self._held = u[k]
+            self._taken += 1
+            estimates[k] = self.theta
+
+    def _judge(self, y: float, valid: bool, row: Array) -> float:
+        """Write ŷ, innovation and its variance; return y as it is to be used, or NaN."""
+        predicted, gradient = self._X[0, -1], self._X[1:, -1]
+        known = self.noise_variance > 0
+        variance = self.noise_variance * (1 + np.sum((self._half @ gradient) ** 2))
+        row[:] = predicted, np.nan, variance if known and valid else np.nan
+        if not valid:
+            return np.nan
+        e = row[1] = y - predicted
+        limit, alone = ODD * np.sqrt(variance), not self._odd
+        self._odd = bool(known and abs(e) > limit)
+        if not self._odd:
+            return y
+        return np.nan if alone else predicted + np.copysign(limit, e)
+
+    def _solve(self) -> None:
+        """Minimise over the window from where ξ̂ is, and move it on if it is full."""
+        p, design = len(self.names), self._design
+        for _ in range(self._iterations):
+            before = self._xi
+            X, outputs, e, J = self._follow(len(self._window))
+            self._learn(outputs, e)
+            self._half, xi = self._minimum(e, J)
+            self._xi = np.concatenate([np.clip(xi[:p], design.lower, design.upper), xi[p:]])
+            self._model = prepare(design.model, self._xi[:p], design.period, further=design.model.n)
+        reach = len(self._window) * (1 - design.forgetting)
+        share = self.noise_variance * (reach + 0.5) / (reach + 1)
+        self._claim = share * self._half[:, :p].T @ self._half[:, :p]
+        X[0] += (self._xi - before) @ X[1:]  # from where it was linearised to ξ̂
+        if len(self._window) == self._length:
+            self._move_on()
+        self._X = X
+
+    def _follow(self, stop: int) -> tuple[Array, Array, Array, Array]:
+        """
+        Predict the first samples of the window from ξ̂.
+
+        Returns state and sensitivities after them, and ŷ, residual and gradient of those used.
+        """
+        u, y = np.array(self._window[:stop]).T
+        X = self._begin()
+        rows = along(self._model, X, np.ascontiguousarray(u))
+        used = ~np.isnan(y)
+        rows = rows[used]
+        return X, rows[:, 0], y[used] - rows[:, 0], rows[:, 1:]
+
+    def _learn(self, outputs: Array, e: Array) -> None:
+        """Learn R̂ from the window, at samples in which the axis moves."""
+        moves = outputs**2 > MOVING**2 * self.noise_variance
+        enough = moves.sum() >= KNOWN or (moves.any() and self._taken < self._length)
+        if enough and self._design.noise == 0:
+            self.noise_variance = float(np.mean((e**2 + (FINEST * outputs) ** 2)[moves]))
+
+    def _minimum(self, e: Array, J: Array) -> tuple[Array, Array]:
+        """
+        Return a root of the covariance after the data, and the minimum ξ, as linearised at ξ̂.
+
+        With ξ = ξ̄ + Sᵀz the arrival cost is |z|², so that P̄ needs no inverse.
+        """
+        R = np.linalg.qr(np.vstack([np.eye(len(self.root)), J @ self.root.T]))[1]
+        half = np.linalg.solve(R.T, self.root)
+        pull = J.T @ (e + J @ (self._xi - self._mean))
+        return half, self._mean + half.T @ (half @ pull)
+
+    def _move_on(self) -> None:
+        """Drop the oldest samples from the window, and take ξ̄ and S through them."""
+        p, every = len(self.names), self._every
+        X, _, e, J = self._follow(every)
+        half, xi = self._minimum(e, J)
+        known = self.noise_variance > 0  # nothing is forgotten before anything is seen
+        growth = self._design.forgetting ** (-0.5 * every) if known else 1.0
+        F = np.vstack([np.eye(len(xi))[:p], X[1:, :-1].T])  # takes a deviation through the samples
+        self._mean = np.concatenate([xi[:p], X[0, :-1] + (xi - self._xi) @ X[1:, :-1]])
+        self._xi = np.concatenate([self._xi[:p], X[0, :-1]])
+        self.root = np.linalg.qr(growth * half @ F.T)[1]
+        variance = self.noise_variance * np.sum(self.root[:, :p] ** 2, axis=0)
+        self.root[:, :p] /= np.sqrt(np.maximum(variance / self._ceiling, 1.0))
+        del self._window[:every]
 
 
 def _horizon(
@@ -168,7 +213,7 @@ def _horizon(
     forgetting: float | None = None,
     window: float = 1.0,
     every: float = 0.05,
-) -> CompiledFilter:
+) -> MovingHorizon:
     """
     Make the least-squares fit over a moving window.
 
@@ -179,7 +224,7 @@ def _horizon(
     window, every : float
         Length of a window, and from one to the next, of which it is a multiple [s].
     """
-    forgetting = problem.factor("moving-horizon", forgetting)
+    design = problem.forgetting_design("moving-horizon", forgetting)
     samples = round(
         above_zero("every", every, "the time between windows, in seconds") / problem.period
     )
@@ -187,14 +232,7 @@ def _horizon(
         raise EstimatorError(
             f"every is {every}, less than a sample of {problem.period} s; give more"
         )
-    return moving_horizon(
-        problem.model,
-        **problem.asked,
-        P0=problem.forgetting_P(forgetting),
-        forgetting=forgetting,
-        window=samples * _multiple(window, every),
-        every=samples,
-    )
+    return MovingHorizon(design, window=samples * _multiple(window, every), every=samples)
 
 
 def _multiple(window: float, every: float) -> int:

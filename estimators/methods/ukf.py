@@ -1,23 +1,20 @@
 """Joint unscented Kalman filter for state and parameters, in square-root form."""
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.covariance import padded
-from flexaxis.estimators.filters.design import Design, make_design
+from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.joint import state_covariance
 from flexaxis.estimators.filters.loop import Record, joined, on_lanes, record
 from flexaxis.estimators.filters.noise import level
 from flexaxis.estimators.filters.square_root import triangular_root
 from flexaxis.estimators.filters.unscented import ukf_loop
 from flexaxis.estimators.models.discretisation import Pattern, split
-from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
 
 Array = NDArray[np.float64]
@@ -25,21 +22,7 @@ Array = NDArray[np.float64]
 WALK = 0.002  # 1/√s, of θ/θ(0), where no tuning is known
 
 
-def joint_ukf(
-    model: Model,
-    *,
-    identify: Sequence[str] | None = None,
-    theta0: ArrayLike | None = None,
-    P0: ArrayLike,
-    drift: ArrayLike,
-    period: float,
-    noise: float | None = None,
-    spread: float = 1.0,
-    x0: ArrayLike | None = None,
-    x0_covariance: ArrayLike | None = None,
-    bounds: tuple[ArrayLike, ArrayLike] | None = None,
-    output: str = "speed",
-) -> CompiledFilter:
+def joint_ukf(design: Design, *, spread: float = 1.0) -> CompiledFilter:
     """
     Make a square-root unscented Kalman filter for ξ = [θ; x], with θ a random walk.
 
@@ -59,7 +42,7 @@ def joint_ukf(
 
     Parameters
     ----------
-    model, identify, theta0, P0, drift, period, noise, x0, x0_covariance, bounds, output
+    design : Design
         As for `flexaxis.estimators.methods.ekf.joint_ekf`.
     spread : float
         α in [0.52, 1.93], how far out the sigma points lie.
@@ -72,27 +55,15 @@ def joint_ukf(
     v0 = 4 - 1 / spread**2 - spread**2 if spread > 0 else -1.0
     if not v0 >= 0:
         raise EstimatorError(f"spread is {spread}; α must lie in [0.52, 1.93], for weights ≥ 0")
-    design = make_design(
-        model,
-        identify=identify,
-        theta0=theta0,
-        P0=P0,
-        drift=drift,
-        period=period,
-        noise=noise,
-        x0=x0,
-        bounds=bounds,
-        output=output,
-    )
     if design.model.laws is not None:
         raise EstimatorError(
-            f"model {model.name!r} has nonlinear laws, which the unscented filter here cannot take "
+            "the model has nonlinear laws, which the unscented filter here cannot take "
             "over a sample; take ekf, imm or Rpem"
         )
     pattern, _ = split(design.model)
     known, level_start = level(design)
     tuning = joined(_tuning(design, pattern, spread, v0), known)
-    start = _start(design, pattern, tuning, state_covariance(design, x0_covariance))
+    start = _start(design, pattern, tuning)
     return CompiledFilter(
         ukf_loop(pattern), tuning, joined(start, level_start), design, partial(_read, pattern.p)
     )
@@ -125,10 +96,10 @@ def _filled(values: Array, width: int) -> Array:
     return np.pad(values, (0, width - len(values)))
 
 
-def _start(design: Design, pattern: Pattern, tuning: Record, covariance: Array) -> Record:
+def _start(design: Design, pattern: Pattern, tuning: Record) -> Record:
     p, n, m = pattern.p, pattern.n, pattern.p + pattern.n
     S = np.zeros((m, m))
-    S[:p, :p], S[p:, p:] = np.linalg.cholesky(design.P0).T, triangular_root(covariance)
+    S[:p, :p], S[p:, p:] = np.linalg.cholesky(design.P0).T, triangular_root(design.x0_covariance)
     xi = np.concatenate([design.theta0, design.x0, [0.0]])
     width, reach = padded(1 + n + 2 * p), tuning["reach"][0] * S
     theta = np.tile(design.theta0[:, None], width)
@@ -174,8 +145,7 @@ def _unscented(
     walk, spread
         As for `flexaxis.estimators.methods.ekf._extended`.
     """
-    prior, drift = problem.random_walk("ukf", WALK, walk=walk, spread=spread)
-    return joint_ukf(problem.model, **problem.asked, P0=prior, drift=drift)
+    return joint_ukf(problem.walk_design("ukf", WALK, walk=walk, spread=spread))
 
 
 ENTRIES = (

@@ -117,21 +117,26 @@ def plan(
     return min(choices, key=math.prod)
 
 
+def law_steps(model: Parametrization, period: float) -> int:
+    """Return in how many steps of a sample of some period [s] the laws of a model are solved."""
+    A, _, _ = model.matrices(model.theta)
+    fastest = float(max(abs(np.linalg.eigvals(A))))
+    longest = math.ceil(period / LAW_LONGEST - 1e-9)  # not one more for a rounded period
+    return max(LAW_STEPS, longest, math.ceil(fastest * period / LAW_STEP))
+
+
 def law_plan(
     model: Parametrization, lower: NDArray[np.float64], upper: NDArray[np.float64], period: float
 ) -> tuple[int, int, int]:
     """
-    Return steps in a sample for a model with laws, and order and substeps of each.
+    Return `law_steps` of a model with laws, and order and substeps of each.
 
     Parameters
     ----------
     model, lower, upper, period
         As for `plan`.
     """
-    A, _, _ = model.matrices(model.theta)
-    fastest = float(max(abs(np.linalg.eigvals(A))))
-    longest = math.ceil(period / LAW_LONGEST - 1e-9)  # not one more for a rounded period
-    steps = max(LAW_STEPS, longest, math.ceil(fastest * period / LAW_STEP))
+    steps = law_steps(model, period)
     # wherever θ may go the series converges, if not to the last digit, which the laws lack anyway
     ends = np.sort([model.theta / LAW_RANGE, model.theta * LAW_RANGE], axis=0)
     size = _perron_root(model, np.maximum(lower, ends[0]), np.minimum(upper, ends[1]))

@@ -3,8 +3,8 @@ A model over a sample as straight-line source, written from its pattern and comp
 
 A quantity and its derivatives, [a, ∂a/∂θ_1, …, ∂a/∂θ_p], are the lanes of a row, and go through a
 model by the product rule, eq. (17)–(23). Only places where the matrices are not zero are written,
-and only derivatives that an entry has. `flexaxis.estimators.models.sampled` does the same in plain
-loops.
+and only derivatives that an entry has. `flexaxis.estimators.models.sampled` is the same at fixed
+parameters, by a matrix exponential.
 """
 
 from collections import defaultdict
@@ -82,8 +82,9 @@ def advance(pattern: Pattern) -> Compiled:
     """
     Return ``advance(M, X, u, weights, order, substeps)``, `inlined`: X over a sample.
 
-    As `flexaxis.estimators.models.sampled.step`: the series Σ (A T/s)^k/k! acts on the lanes of X
-    (n+1, lanes), x and its derivatives; the last row, the output, is written only.
+    The series Σ (A T/s)^k/k! acts on the lanes of X (n+1, lanes), x and its derivatives, so that no
+    matrix exponential is formed, eq. (20)–(23); the last row, the output, is written only. The held
+    input is one more state that never changes; its powers vanish after the first.
 
     Parameters
     ----------

@@ -291,9 +291,9 @@ def acting(
     identify : sequence of str
         The identified parameters.
     """
-    own = np.cumsum([law.remembers for law in laws])
+    own = np.cumsum([law.remembers for law in laws], dtype=int)
     memory = np.where([law.remembers for law in laws], len(states) + own - 1, -1)
-    drive = np.zeros((len(laws), len(states) + int(own[-1]) + 1))
+    drive = np.zeros((len(laws), len(states) + sum(law.remembers for law in laws) + 1))
     value, index = np.zeros((len(laws), MOST_ROLES)), np.full((len(laws), MOST_ROLES), -1)
     for i, law in enumerate(laws):
         for state, factor in law.drive.items():

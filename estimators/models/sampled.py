@@ -1,267 +1,170 @@
 """
-Values and their derivatives side by side, and how they go through a model and over a sample.
+A model at fixed parameters, taken over samples with its sensitivities: linear or with laws.
 
-A row of lanes [a, ∂a/∂θ_1, …, ∂a/∂θ_p] follows the product rule, a·v for the value and a·∂v + ∂a·v
-for each derivative. `fill` and `step` do the whole of eq. (17)–(23) in such rows, for any model and
-any of its parameters; `flexaxis.estimators.models.kernel` writes the same out for a pattern.
+Over a sample with the torque held it is a matrix and its derivatives. Of a model with laws that is
+the matrix of a part of a sample, in which their torques are held; `travel` solves them in each.
+Filters, whose parameters move, have `flexaxis.estimators.models.kernel` in its place.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.models.compiler import compiled
-from flexaxis.estimators.models.discretisation import MAX_ORDER, law_plan, plan
+from flexaxis.estimators.models.compiler import compiled, inlined
+from flexaxis.estimators.models.discretisation import law_steps
+from flexaxis.estimators.models.laws import acting
 from flexaxis.estimators.models.parametrization import Parametrization
+from flexaxis.estimators.models.reaction import assign, couple, drives, react, room
 
 Array = NDArray[np.float64]
 
+_NO_LAWS = acting((), (), {}, ())
 
-@compiled
-def fill(entry, exponents, coefficients, theta, active, M):  # noqa: PLR0917
+
+class Prepared(NamedTuple):
     """
-    Write entries Σ c·Πθ^e of [A B; C 0], with derivatives, into their rows; right at θ = 0 as well.
-
-    Parameters
-    ----------
-    entry : (t,) int array
-        Row of M that each term belongs to.
-    exponents : (t, p) int array
-    coefficients : (t,) array
-    theta : (p,) array
-    active : (q,) int array
-        Parameters to differentiate by.
-    M : (entries, ≥ 1+q) array
-        Rows that a term belongs to are overwritten.
-    """
-    for t in range(len(entry)):
-        for a in range(M.shape[1]):
-            M[entry[t], a] = 0.0
-    for t in range(len(entry)):
-        for a in range(-1, len(active)):
-            lowered = active[a] if a >= 0 else -1
-            value = coefficients[t]
-            for i in range(len(theta)):
-                e = exponents[t, i]
-                if i == lowered:  # d θ^e/dθ = e θ^(e−1)
-                    value *= e
-                    e -= 1
-                if value != 0.0:
-                    for _ in range(abs(e)):
-                        value = value * theta[i] if e > 0 else value / theta[i]
-            M[entry[t], 1 + a] += value
-
-
-@compiled
-def _product(row, column, M, V, W):
-    """W ← [A B; C 0] V by the product rule, rows of lanes (n+1, lanes)."""
-    for i in range(len(W)):
-        for a in range(W.shape[1]):
-            W[i, a] = 0.0
-    for e in range(len(row)):
-        i, j = row[e], column[e]
-        W[i, 0] += M[e, 0] * V[j, 0]
-        for a in range(1, W.shape[1]):
-            W[i, a] += M[e, 0] * V[j, a] + M[e, a] * V[j, 0]
-
-
-@compiled
-def step(row, column, reset, M, X, u, weights, order, substeps):  # noqa: PLR0917
-    """
-    Propagate x, its sensitivities and the output over one sample, with u held, eq. (20)–(23).
-
-    The series Σ (A T/s)^k/k! acts on X itself, so no matrix exponential is formed. The held input
-    is one more state that never changes; its powers vanish after the first.
-
-    Parameters
-    ----------
-    row, column : (entries,) int arrays
-        Places of the entries.
-    reset : (r,) int array
-        States that are zero when a sample begins.
-    M : (entries, lanes) array
-        Entries and derivatives, those of A and B times T/s.
-    X : (n+1, lanes) array
-        x and sensitivities; the last row is the output [ŷ ψ] and is written only.
-    u : float
-    weights : (≥ order,) array
-        1/1!, 1/2!, …
-    order, substeps : int
-        Terms of the series, and substeps s of the sample.
-    """
-    n, lanes = len(X) - 1, X.shape[1]
-    V, W = np.zeros((n + 1, lanes)), np.zeros((n + 1, lanes))
-    for i in reset:
-        for a in range(lanes):
-            X[i, a] = 0.0
-    for part in range(substeps + 1):
-        for i in range(n + 1):
-            for a in range(lanes):
-                V[i, a] = X[i, a] if i < n else 0.0
-        if part == substeps:  # the output is read at the end
-            _product(row, column, M, V, W)
-            for a in range(lanes):
-                X[n, a] = W[n, a]
-            break
-        V[n, 0] = u
-        for k in range(order):
-            _product(row, column, M, V, W)
-            for i in range(n):
-                for a in range(lanes):
-                    X[i, a] += weights[k] * W[i, a]
-                    V[i, a] = W[i, a]
-            V[n, 0] = 0.0
-
-
-class _Solved(NamedTuple):
-    """
-    The laws of a model, and how they are solved.
+    A model at fixed parameters, as `travel` takes it.
 
     Attributes
     ----------
-    kind, memory, drive, value, parameter
+    D : (1+p, n+1, n+1) array
+        As from `sampled`, of a part of a sample.
+    laws : tuple (kind, memory, drive, value, parameter)
         As in `flexaxis.estimators.models.laws.Acting`.
-    steps : int
-        Parts of a sample, in each of which the torques of the laws are held.
-    h : float
-        Length of a part [s].
     cleared : (r,) int array
         States that are zero before the first part.
+    steps : int
+        Parts of a sample.
+    h : float
+        Length of a part [s].
+    response : (L, n+1, rows) array
+        What a torque of one of each law adds in a part.
+    X : (rows, n+1) array
+        Room for states and sensitivities.
+    work : tuple of arrays
+        Room, as `flexaxis.estimators.models.reaction.room` has it.
     """
 
-    kind: NDArray[np.int64]
-    memory: NDArray[np.int64]
-    drive: Array
-    value: Array
-    parameter: NDArray[np.int64]
+    D: Array
+    laws: tuple[Any, ...]
+    cleared: NDArray[np.int64]
     steps: int
     h: float
-    cleared: NDArray[np.int64]
+    response: Array
+    X: Array
+    work: tuple[Array, ...]
 
 
-class Terms(NamedTuple):
+def sampled(blocks: Array, period: float) -> Array:
     """
-    The terms c·Πθ^e of the block matrix [A B; C 0], as compiled code takes them.
+    Return what a sample makes of states and torque, with derivatives, eq. (17)–(23).
 
-    Attributes
+    Parameters
     ----------
-    row, column : (entries,) int arrays
-        Places that are not zero.
-    entry : (t,) int array
-        Which of them a term belongs to.
-    coefficient : (t,) array
-        Factors of the terms, those of A and B times T/s.
-    exponent : (t, p) int array
-    reset : (r,) int array
-        States that are zero at the start of every sample.
-    n, order, substeps : int
-        States; terms and substeps of the Taylor series, as from
-        `flexaxis.estimators.models.discretisation.plan`.
-    weights : (order,) array
-        1/1!, 1/2!, …
-    laws : Solved or None
-        None for a linear model: its type tells the compiler to leave the laws out.
+    blocks : (1+p, n+1, n+1) array
+        [A B; C 0] and its derivatives.
+    period : float
+        Of the sample [s].
+
+    Returns
+    -------
+    (1+p, n+1, n+1) array
+        D[0] takes [x[k]; u[k]] to [x[k+1]; y[k+1]]; D[1+i] is its derivative by θ_i. By C. F. Van
+        Loan, *Computing integrals involving the matrix exponential*, IEEE Trans. AC 23 (1978).
     """
+    from scipy.linalg import expm  # takes a tenth of a second to import
 
-    row: NDArray[np.int64]
-    column: NDArray[np.int64]
-    entry: NDArray[np.int64]
-    coefficient: Array
-    exponent: NDArray[np.int64]
-    reset: NDArray[np.int64]
-    n: int
-    order: int
-    substeps: int
-    weights: Array
-    laws: _Solved | None
+    n, output = blocks.shape[1] - 1, blocks[:, -1]
+    pairs = np.zeros((max(len(blocks) - 1, 1), 2, n + 1, 2, n + 1))
+    pairs[:, 0, :n, 0] = pairs[:, 1, :n, 1] = blocks[0, :n] * period
+    pairs[: len(blocks) - 1, 0, :n, 1] = blocks[1:, :n] * period
+    both = expm(pairs.reshape(len(pairs), 2 * n + 2, -1)).reshape(pairs.shape)
+    D = np.concatenate([both[:1, 0, :, 0], both[: len(blocks) - 1, 0, :, 1]])
+    D[:, n] = output[0] @ D
+    D[1:, n] += output[1:] @ D[0]
+    return D
 
 
-def planned(model: Parametrization, lower: Array, upper: Array, period: float) -> Terms:
+def prepare(
+    model: Parametrization,
+    theta: ArrayLike,
+    period: float,
+    *,
+    steps: int | None = None,
+    further: int = 0,
+) -> Prepared:
     """
-    Return the terms of a model, to be sampled with a period [s] while θ stays in a box.
+    Return a model at θ (p,), with derivatives by it, ready to `travel`.
 
     Parameters
     ----------
     model : Parametrization
-    lower, upper : (p,) arrays
+    theta : (p,) array_like
     period : float
+        Sampling period [s].
+    steps : int, optional
+        Parts of a sample, of a model with laws; as many as filters take by default.
+    further : int
+        Rows of the states to come beyond 1+p, which `_move` has a word for.
     """
-    if model.laws is None:
-        return terms(model, *plan(model, lower, upper, period), period)
-    steps, order, substeps = law_plan(model, lower, upper, period)
-    return terms(model, order, substeps, period / steps, steps=steps)
-
-
-def terms(
-    model: Parametrization, order: int, substeps: int, period: float, *, steps: int = 1
-) -> Terms:
-    """Return the terms of a model; period is that of a part [s], of which a sample has some."""
-    places = np.column_stack([model.row, model.column])
-    entries, entry = np.unique(places, axis=0, return_inverse=True)
-    scale = np.where(model.row < model.n, period / substeps, 1.0)  # the output is read, not run
-    return Terms(
-        np.ascontiguousarray(entries[:, 0]),
-        np.ascontiguousarray(entries[:, 1]),
-        np.ascontiguousarray(entry.ravel()),
-        model.coefficient * scale,
-        np.ascontiguousarray(model.exponent),
-        np.zeros(0, np.int64) if model.forces else _reset(model),
-        model.n,
-        order,
-        substeps,
-        1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1)),
-        None if model.laws is None else _Solved(*model.laws, steps, period, _reset(model)),
-    )
-
-
-def _reset(model: Parametrization) -> NDArray[np.int64]:
-    return np.array(model.reset, np.int64)
+    theta, n, L = np.asarray(theta, float), model.n, model.forces
+    steps = 1 if model.laws is None else steps or law_steps(model, period)
+    D, reset = sampled(model.blocks(theta), period / steps), np.array(model.reset, np.int64)
+    if not L:
+        D[:, :, reset] = 0.0
+    rows = len(D) + further
+    response = np.zeros((L, n + 1, rows))
+    response[..., : len(D)] = D[:, :, n - L : n].T
+    response[:, n - L : n] = 0.0
+    laws, work = model.laws or _NO_LAWS, tuple(room(L, rows).values())
+    assign(laws.value, laws.parameter, theta, work[3])
+    couple(laws.drive, response, work[5])
+    X = np.zeros((rows, n + 1))
+    return Prepared(D, tuple(laws), reset, steps, period / steps, response, X, work)
 
 
 @compiled
-def sample(terms, theta, active):
+def travel(prepared, X, moved, u):
     """
-    Return the sampled system and its derivatives by some parameters.
+    Take states and sensitivities [x; y] over one sample.
 
     Parameters
     ----------
-    terms : Terms
-    theta : (p,) array
-    active : (q,) int array
-        Which parameters to differentiate by.
-
-    Returns
-    -------
-    (1+q, n+1, n+1) array
-        D[0] takes [x[k]; u[k]] to [x[k+1]; y[k+1]] for a torque held over the sample; D[1+i] is
-        its derivative by parameter active[i]. Eq. (17)–(23): what a sample makes of each state,
-        and of a torque, of one.
+    prepared : Prepared
+    X, moved : (rows, n+1) arrays
+        Before and after it; the place of y in X lends itself to u. With laws the last states are
+        their torques, which are of no account.
+    u : float
     """
-    n, q = terms.n, len(active)
-    M, D = np.zeros((len(terms.row), 1 + q)), np.zeros((1 + q, n + 1, n + 1))
-    X = np.zeros((n + 1, 1 + q))
-    fill(terms.entry, terms.exponent, terms.coefficient, theta, active, M)
-    for column in range(n + 1):
-        for i in range(n):
-            for a in range(1 + q):
-                X[i, a] = 1.0 if i == column and a == 0 else 0.0
-        u = 1.0 if column == n else 0.0
-        step(
-            terms.row,
-            terms.column,
-            terms.reset,
-            M,
-            X,
-            u,
-            terms.weights,
-            terms.order,
-            terms.substeps,
-        )
-        for i in range(n + 1):
-            for a in range(1 + q):
-                D[a, i, column] = X[i, a]
-    return D
+    kind, _, drive, _, _ = prepared.laws
+    L, n = len(kind), X.shape[1] - 1
+    if L == 0:
+        move(prepared.D, X, moved, u)
+        return
+    now = prepared.X
+    copy(X, now)
+    for i in prepared.cleared:
+        _clear(now, i, i + 1)
+    for part in range(prepared.steps):
+        _clear(now, n - L, n)
+        drives(drive, now.T, u, prepared.work[8])
+        move(prepared.D, now, moved, u)
+        react(prepared.laws, prepared.h, prepared.response, u, moved.T, prepared.work)
+        if part + 1 < prepared.steps:
+            copy(moved, now)
+
+
+@compiled
+def along(prepared, X, u):
+    """Return output and sensitivities (N, rows) after each of N torques; X goes along."""
+    moved, found = np.zeros_like(X), np.zeros((len(u), len(X)))
+    for k in range(len(u)):
+        travel(prepared, X, moved, u[k])
+        copy(moved, X)
+        for a in range(len(X)):
+            found[k, a] = X[a, X.shape[1] - 1]
+    return found
 
 
 @compiled
@@ -277,17 +180,27 @@ def move(D, X, moved, u):
     for a in range(1, len(X)):
         X[a, size - 1] = 0.0
     for i in range(size):
-        total = 0.0
-        for j in range(size):
-            total += D[0, i, j] * X[0, j]
-        moved[0, i] = total
-        for a in range(1, len(D)):
-            total = 0.0
-            for j in range(size):
-                total += D[0, i, j] * X[a, j] + D[a, i, j] * X[0, j]
-            moved[a, i] = total
-        for a in range(len(D), len(X)):
+        for a in range(len(X)):
             total = 0.0
             for j in range(size):
                 total += D[0, i, j] * X[a, j]
+            if 0 < a < len(D):
+                for j in range(size):
+                    total += D[a, i, j] * X[0, j]
             moved[a, i] = total
+
+
+@inlined
+def _clear(X, first, end):
+    """Set some columns to zero; a slice would take the compiler seconds."""
+    for a in range(X.shape[0]):
+        for j in range(first, end):
+            X[a, j] = 0.0
+
+
+@inlined
+def copy(X, Y):
+    """Y ← X."""
+    for a in range(X.shape[0]):
+        for j in range(X.shape[1]):
+            Y[a, j] = X[a, j]

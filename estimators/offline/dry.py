@@ -5,11 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.compiler import compiled
 from flexaxis.estimators.models.discretisation import plan
 from flexaxis.estimators.models.forces import BRISTLE
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.offline.reversals import advance, read
+from flexaxis.estimators.models.sampled import sampled
 
 Array = NDArray[np.float64]
 
@@ -95,7 +94,9 @@ def dry(model: Parametrization, theta: Array, period: float) -> _Dry:
     assert laws is not None
     speed = int(np.argmax(laws.drive[0]))
     order, parts = plan(model, theta, theta, period)
-    output = generator[:, n].copy()
+    output, stuck = generator[:, n].copy(), generator.copy()
+    stuck[:, speed] = 0.0
+    sliding, sticking = sampled(generator, period), sampled(stuck, period)
     generator[:, n] = 0.0
     row, column = np.nonzero(np.any(generator != 0, axis=0))
     slides = np.ascontiguousarray(generator[:, row, column].T)
@@ -108,8 +109,8 @@ def dry(model: Parametrization, theta: Array, period: float) -> _Dry:
         column,
         slides,
         sticks,
-        _sampled(row, column, slides, output, *options),
-        _sampled(row, column, sticks, output, *options),
+        sliding,
+        sticking,
         output,
         generator[0, speed].copy(),
         speed,
@@ -121,21 +122,3 @@ def dry(model: Parametrization, theta: Array, period: float) -> _Dry:
         np.array(model.reset, np.int64),
         *options,
     )
-
-
-@compiled
-def _sampled(row, column, entries, output, parts, order, h):  # noqa: PLR0917
-    """Return what a sample makes of every state of one, with derivatives; outputs come last."""
-    size, lanes = output.shape[1], output.shape[0]
-    D = np.zeros((lanes, size, size))
-    X, term, rest = np.zeros((lanes, size)), np.zeros((lanes, size)), np.zeros((lanes, size))
-    for j in range(size):
-        X[:] = 0.0
-        X[0, j] = 1.0
-        for _ in range(parts):
-            advance(row, column, entries, X, h, order, term, rest)
-        read(output, X)
-        for a in range(lanes):
-            for i in range(size):
-                D[a, i, j] = X[a, i]
-    return D

@@ -7,10 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.compiler import compiled
-from flexaxis.estimators.models.discretisation import sampled_system
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.prepared import copy, prepare, travel
-from flexaxis.estimators.models.sampled import planned
+from flexaxis.estimators.models.sampled import along, prepare
 
 Array = NDArray[np.float64]
 
@@ -58,26 +56,10 @@ def predict(
     EstimatorError
         If u is no torque.
     """
-    if model.laws is not None:
-        at = np.asarray(theta, float)
-        ready = prepare(planned(model, at, at, period), at, np.arange(len(at)))
-        rows = _along(ready, np.zeros((1 + len(at), model.n + 1)), as_torque(u))
-        return rows[:, 0].copy(), rows[:, 1:].copy()
-    transition, gain, output = sampled_system(model, theta, period)
-    outputs = respond(transition, gain, output, as_torque(u))
-    return outputs[:, -1], outputs[:, :-1]
-
-
-@compiled
-def _along(ready, X, u):
-    """Return output and gradient (N, 1+p) along a record, from rest; X is lost."""
-    moved, rows = np.zeros_like(X), np.zeros((len(u), len(X)))
-    for k in range(len(u) - 1):
-        travel(ready, X, moved, u[k])
-        copy(moved, X)
-        for a in range(len(X)):
-            rows[k + 1, a] = X[a, X.shape[1] - 1]
-    return rows
+    ready = prepare(model, theta, period)
+    rows = along(ready, np.zeros((len(ready.D), model.n + 1)), as_torque(u)[:-1])
+    rows = np.vstack([np.zeros(len(ready.D)), rows])
+    return rows[:, 0].copy(), rows[:, 1:].copy()
 
 
 @compiled

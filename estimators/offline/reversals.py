@@ -12,6 +12,7 @@ have no steps to depend on, and the sum of squares is smooth in them.
 import numpy as np
 
 from flexaxis.estimators.models.compiler import compiled, inlined
+from flexaxis.estimators.models.sampled import move
 
 MOST_EVENTS = 40  # in a part of a sample
 GRID = np.r_[1e-6, 1e-4, 1e-2, np.linspace(0.1, 1.0, 10)]  # of a part, where events are looked for
@@ -44,19 +45,17 @@ def follow(dry, X, torque, slopes, offset, begin, first):  # noqa: PLR0917
         for j in range(len(slopes) - 1):
             X[first + j, offset] = slopes[j, k]
         X[-1, offset] = slopes[-1, k]
-        X[:, size - 1] = 0.0
-        X[0, size - 1] = torque[k]
         _push(dry, X, way)
         if way == 0.0:
-            _take(dry.sticking, X, moved)
+            move(dry.sticking, X, moved, torque[k])
             met = _breaks(dry, X) or _breaks_late(dry, moved, torque[k])
         else:
-            _take(dry.sliding, X, moved)
+            move(dry.sliding, X, moved, torque[k])
             met = _turns(dry, X, moved, torque[k], way)
         if met:
             for _ in range(dry.parts):
                 way = _part(dry, X, way, series, term, rest)
-            read(dry.output, X)
+            _read(dry.output, X)
         else:
             X[:] = moved
         for a in range(lanes):
@@ -72,21 +71,6 @@ def _push(dry, X, way):
     X[0, dry.torque] = dry.sense * way * dry.level
     if dry.lane > 0:
         X[dry.lane, dry.torque] = dry.sense * way * dry.gain
-
-
-@inlined
-def _take(D, X, moved):
-    """Write what a sample makes of a state and its derivatives."""
-    size = X.shape[1]
-    for i in range(size):
-        for a in range(len(X)):
-            total = 0.0
-            for j in range(size):
-                total += D[0, i, j] * X[a, j]
-            if 0 < a < len(D):
-                for j in range(size):
-                    total += D[a, i, j] * X[0, j]
-            moved[a, i] = total
 
 
 @inlined
@@ -141,7 +125,7 @@ def _part(dry, X, way, series, term, rest):  # noqa: PLR0917
         entries = dry.sticks if way == 0.0 else dry.slides
         _expand(dry, entries, X, left, series)
         share = _first_event(dry, series, way)
-        advance(dry.row, dry.column, entries, X, share * left, dry.order, term, rest)
+        _advance(dry.row, dry.column, entries, X, share * left, dry.order, term, rest)
         left *= 1.0 - share
         if share == 1.0:
             break
@@ -216,7 +200,7 @@ def _first_event(dry, series, way):
 
 
 @inlined
-def advance(row, column, entries, X, time, order, term, rest):  # noqa: PLR0917
+def _advance(row, column, entries, X, time, order, term, rest):  # noqa: PLR0917
     """Take states and derivatives over a time, by their series."""
     lanes, size = X.shape
     own = entries.shape[1]
@@ -240,7 +224,7 @@ def advance(row, column, entries, X, time, order, term, rest):  # noqa: PLR0917
 
 
 @inlined
-def read(output, X):
+def _read(output, X):
     """Write outputs and their derivatives into the last place of a state."""
     lanes, size = X.shape
     for a in range(lanes - 1, -1, -1):

@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.compiler import compiled
-from flexaxis.estimators.models.discretisation import LAW_STEPS, law_plan
+from flexaxis.estimators.models.discretisation import LAW_STEPS, law_steps
 from flexaxis.estimators.models.forces import BRISTLE, STATIC
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.prepared import copy, prepare, travel
-from flexaxis.estimators.models.sampled import Terms, planned, terms
+from flexaxis.estimators.models.sampled import copy, prepare, travel
 from flexaxis.estimators.offline.delay import delay_slope, delayed
 from flexaxis.estimators.offline.dry import dry, is_dry
 from flexaxis.estimators.offline.reversals import follow
@@ -139,24 +138,14 @@ class Course:
         if self.dry:
             rows = follow(dry(self.model, theta, self.period), X, torque, slopes, *places)
             return rows[0], rows[1:]
-        active = np.arange(p)
-        ready = prepare(self._planned(theta, 1), theta, active, further)
-        reversing = ready
-        if self.model.laws is not None:
-            often = self._planned(theta, COARSE if coarse else FINE)
-            reversing = prepare(often, theta, active, further)
+        here = replace(self.model, theta=theta)
+        least = -(-law_steps(here, self.period) // LAW_STEPS)  # more than one if the axis is fast
+        ready = reversing = prepare(here, theta, self.period, steps=least, further=further)
+        if here.laws is not None:
+            often = max(COARSE if coarse else FINE, least)
+            reversing = prepare(here, theta, self.period, steps=often, further=further)
         rows = _along(ready, reversing, X, torque, slopes, *places)
         return rows[0], rows[1:]
-
-    def _planned(self, theta: Array, steps: int) -> Terms:
-        """Return the sampled model; with laws that many steps a sample, or more if it is fast."""
-        here = replace(self.model, theta=theta)
-        if here.laws is None:
-            return planned(here, theta, theta, self.period)
-        usual, order, substeps = law_plan(here, theta, theta, self.period)
-        steps = max(steps, -(-usual // LAW_STEPS))
-        substeps *= -(-usual // steps)
-        return terms(here, order, substeps, self.period / steps, steps=steps)
 
 
 def course(
@@ -219,7 +208,7 @@ def _along(ready, reversing, X, u, slopes, offset, begin, first):  # noqa: PLR09
     the error is what friction does in a step, so that these are many.
     """
     moved, rows = np.zeros_like(X), np.zeros((len(X), len(u)))
-    laws = _number(ready.laws)
+    laws = len(ready.response)
     peak, last = np.zeros(laws), np.zeros(laws)
     for k in range(begin, len(u) - 1):
         for j in range(len(slopes) - 1):
@@ -235,13 +224,6 @@ def _along(ready, reversing, X, u, slopes, offset, begin, first):  # noqa: PLR09
 
 
 @compiled
-def _number(laws):
-    if laws is None:
-        return 0
-    return len(laws.kind)
-
-
-@compiled
 def _turns(laws, X, moved, peak, last):
     """
     Return whether some friction reverses in a sample, or sticks.
@@ -252,15 +234,14 @@ def _turns(laws, X, moved, peak, last):
     step.
     """
     found = False
-    if laws is None:
-        return found
-    for i in range(len(laws.kind)):
-        if laws.kind[i] != BRISTLE and laws.kind[i] != STATIC:
+    kind, _, drive, _, _ = laws
+    for i in range(len(kind)):
+        if kind[i] != BRISTLE and kind[i] != STATIC:
             continue
         before, after = 0.0, 0.0
         for m in range(X.shape[1] - 1):
-            before += laws.drive[i, m] * X[0, m]
-            after += laws.drive[i, m] * moved[0, m]
+            before += drive[i, m] * X[0, m]
+            after += drive[i, m] * moved[0, m]
         change = max(abs(after - before), 2.0 * abs(before - last[i]))
         peak[i], last[i] = max(peak[i], abs(before)), before
         near = before * after <= 0.0 or min(abs(before), abs(after)) < 0.5 * change

@@ -20,12 +20,11 @@ from flexaxis.estimators.models.axes import (
     with_angle,
 )
 from flexaxis.estimators.models.compiler import compiled
-from flexaxis.estimators.models.discretisation import law_plan, sampled_system
+from flexaxis.estimators.models.discretisation import law_steps, sampled_system
 from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.prepared import Prepared, copy, prepare, travel
-from flexaxis.estimators.models.sampled import terms
+from flexaxis.estimators.models.sampled import Prepared, copy, prepare, travel
 from flexaxis.experiments.scoring.theta import physical, true_theta
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
@@ -196,7 +195,7 @@ def jump_gradient(
     """
     u = np.ascontiguousarray(u, float)
     if model.laws is not None:
-        prepared = _prepared(model, np.asarray(theta, float), range(len(model.names)), period)
+        prepared = _prepared(model, theta, period)
         return _travelled(prepared, _start(model, x, len(model.names)), u)[0]
     transition, gain, output = sampled_system(model, theta, period)
     X = np.zeros(len(transition))
@@ -229,11 +228,8 @@ def _travelled(prepared, X, u):
     return gradient, X
 
 
-def _prepared(model: Parametrization, theta: Array, active: range, period: float) -> Prepared:
-    steps, order, substeps = law_plan(model, theta, theta, period)
-    steps *= FINER
-    parts = terms(model, order, substeps, period / steps, steps=steps)
-    return prepare(parts, theta, np.array(active, np.int64))
+def _prepared(model: Parametrization, theta: ArrayLike, period: float) -> Prepared:
+    return prepare(model, theta, period, steps=FINER * law_steps(model, period))
 
 
 def _start(model: Parametrization, x: ArrayLike, q: int) -> Array:
@@ -259,8 +255,8 @@ def state_at(scenario: Scenario, truth: Array, u: Array, index: int) -> Array:
 def _after(model: Parametrization, u: Array, x: Array, period: float) -> Array:
     """Return the state (n,) to which a torque (N,) takes a model."""
     if model.laws is not None:
-        X = _start(model, x, 0)
-        prepared = _prepared(model, model.theta, range(0), period)
+        X = _start(model, x, len(model.names))
+        prepared = _prepared(model, model.theta, period)
         return _travelled(prepared, X, np.ascontiguousarray(u))[1][0, : model.states]
     transition, gain, _ = sampled_system(model, model.theta, period)
     A, b = transition[model.n :, model.n :].copy(), gain[model.n :].copy()

@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, three_mass
+from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.methods.ekf import joint_ekf
 from flexaxis.estimators.models.axes import LIMIT, with_angle
 
@@ -61,7 +62,9 @@ def test_against_the_textbook(nominal, loop, by_hand, output):
     expected = textbook(
         by_hand, nominal, loop, N, P0=P0, W=W, sigma=0.1, increments=output == "increment"
     )
-    ekf = joint_ekf(three_mass(nominal), P0=P0, drift=W, noise=0.1, period=T, output=output)
+    ekf = joint_ekf(
+        make_design(three_mass(nominal), P0=P0, drift=W, noise=0.1, period=T, output=output)
+    )
     y = loop.y if output == "speed" else loop.increment
     theta = ekf.run(loop.u[:N], y[:N])
     # central differences of step 1e-5 are good to some 1e-9
@@ -71,7 +74,7 @@ def test_against_the_textbook(nominal, loop, by_hand, output):
 def make(nominal, **options):
     theta0 = np.array([1.0, 1.25, 0.05])
     given = {"P0": (0.2 * theta0) ** 2, "drift": (2e-4 * theta0) ** 2, "period": T, "noise": 0.1}
-    return joint_ekf(three_mass(nominal), **(given | options))
+    return joint_ekf(make_design(three_mass(nominal), **(given | options)))
 
 
 def test_converges_from_20_per_cent_and_claims_what_it_reaches(nominal, loop):
@@ -112,7 +115,7 @@ def test_a_law_that_does_nothing_changes_nothing(nominal, loop):
     limited = replace(with_angle(three_mass(nominal | {"torque_limit": 1e3})), laws=(LIMIT,))
     options = {"P0": (0.2, 0.2, 0.01), "drift": (4e-8, 6e-8, 1e-10), "period": T, "noise": 0.1}
     one, other = (
-        joint_ekf(model, identify=("k_T", "1/J_a", "f_m"), **options).run(
+        joint_ekf(make_design(model, identify=("k_T", "1/J_a", "f_m"), **options)).run(
             loop.u[:400], loop.y[:400]
         )
         for model in (linear, limited)
@@ -135,10 +138,11 @@ def test_the_covariance_stays_positive_definite(nominal, loop):
 def test_other_parameters(nominal, loop):
     names = ("J_m", "1/k_a")
     truth = np.array([nominal["J_m"], 1 / nominal["k_a"]])
-    ekf = joint_ekf(
+    design = make_design(
         three_mass(nominal), identify=names, theta0=1.1 * truth, P0=(0.1 * truth) ** 2,
         drift=(5e-5 * truth) ** 2, period=T, noise=0.1,
     )  # fmt: skip
+    ekf = joint_ekf(design)
     np.testing.assert_allclose(ekf.run(loop.u, loop.y)[-1], truth, rtol=0.01)
 
 

@@ -6,7 +6,8 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 
 from flexaxis.estimators import EstimatorError, three_mass
-from flexaxis.estimators.methods.moving_horizon import moving_horizon
+from flexaxis.estimators.filters.design import make_design
+from flexaxis.estimators.methods.moving_horizon import MovingHorizon
 from flexaxis.estimators.offline.priors import known_P
 
 TRUTH = np.array([1.0, 1.25, 0.05])
@@ -33,9 +34,8 @@ def test_the_first_window_is_the_least_squares_fit(nominal, loop, by_hand):
 
     exact = {"jac": "3-point", "xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
     fit = least_squares(residuals, np.zeros(3), **exact)
-    ours = moving_horizon(
-        three_mass(nominal), theta0=1.1 * TRUTH, P0=P0, period=T, window=N, every=20, iterations=12
-    )
+    design = make_design(three_mass(nominal), theta0=1.1 * TRUTH, P0=P0, period=T)
+    ours = MovingHorizon(design, window=N, every=20, iterations=12)
     theta = ours.run(loop.u[: N + 1], loop.y[: N + 1])[-1]
     # the solver's own differences leave some 1e-7
     np.testing.assert_allclose(theta, 1.1 * TRUTH + root * fit.x, rtol=2e-6)
@@ -51,9 +51,8 @@ def test_the_first_window_is_the_least_squares_fit(nominal, loop, by_hand):
 def test_the_next_window_has_the_arrival_cost_of_a_kalman_filter(nominal, loop, by_hand):
     """ξ̄ and P̄ by central differences and full matrices, after 20 samples have left the window."""
     N, every, lam = 60, 20, 0.99
-    ours = moving_horizon(
-        three_mass(nominal), P0=P0, period=T, window=N, every=every, iterations=12, forgetting=lam
-    )
+    design = make_design(three_mass(nominal), P0=P0, period=T, forgetting=lam)
+    ours = MovingHorizon(design, window=N, every=every, iterations=12)
     fitted = ours.run(loop.u[: N + 1], loop.y[: N + 1])[-1]
 
     def moved(theta):
@@ -81,8 +80,8 @@ def test_the_next_window_has_the_arrival_cost_of_a_kalman_filter(nominal, loop, 
 
 
 def test_converges_and_is_as_exact_as_it_claims(nominal, loop):
-    filter_ = moving_horizon(
-        three_mass(nominal), theta0=1.2 * TRUTH, P0=P0, period=T, forgetting=0.995
+    filter_ = MovingHorizon(
+        make_design(three_mass(nominal), theta0=1.2 * TRUTH, P0=P0, period=T, forgetting=0.995)
     )
     theta = filter_.run(loop.u, loop.y)
     error = theta[-8000:] - TRUTH
@@ -93,9 +92,8 @@ def test_converges_and_is_as_exact_as_it_claims(nominal, loop):
 
 def test_increments_gaps_and_parts(nominal, loop):
     def make():
-        return moving_horizon(
-            three_mass(nominal), P0=P0, period=T, forgetting=0.995, output="increment", window=50
-        )
+        options = {"P0": P0, "period": T, "forgetting": 0.995, "output": "increment"}
+        return MovingHorizon(make_design(three_mass(nominal), **options), window=50)
 
     valid = np.arange(3000) % 5 > 0
     valid[1000:1200] = False
@@ -118,4 +116,5 @@ def test_increments_gaps_and_parts(nominal, loop):
 )
 def test_wrong_options(nominal, options, words):
     with pytest.raises(EstimatorError, match=words):
-        moving_horizon(three_mass(nominal), P0=P0, period=T, **options)
+        given = {name: options.pop(name) for name in [*options] if name == "forgetting"}
+        MovingHorizon(make_design(three_mass(nominal), P0=P0, period=T, **given), **options)

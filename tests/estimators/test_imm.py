@@ -5,8 +5,9 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, three_mass
+from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.methods.ekf import joint_ekf
-from flexaxis.estimators.methods.imm import joint_imm, mode_probabilities
+from flexaxis.estimators.methods.imm import joint_imm
 
 TRUTH = np.array([1.0, 1.25, 0.05])
 T, SIGMA = 0.005, 0.1
@@ -19,6 +20,11 @@ OPTIONS = {
     "period": T,
     "noise": SIGMA,
 }
+
+
+def imm_of(nominal, **options):
+    modes = {name: options.pop(name) for name in ("jump", "rate", "hold")}
+    return joint_imm(make_design(three_mass(nominal), **options), **modes)
 
 
 def kalman(by_hand, nominal, xi, P, y, u, W):  # noqa: PLR0917
@@ -82,10 +88,10 @@ def test_against_the_textbook(nominal, simulated, by_hand):
     loop = simulated(0.5, seed=1, faults={0.2: nominal | {"f_m": 0.2}})
     N = 80
     theta, claimed, mu = textbook(by_hand, nominal, loop, N)
-    ours = joint_imm(three_mass(nominal), **OPTIONS)
+    ours = imm_of(nominal, **OPTIONS)
     # central differences of step 1e-5 are good to some 1e-9
     np.testing.assert_allclose(ours.run(loop.u[:N], loop.y[:N]), theta, rtol=1e-6)
-    np.testing.assert_allclose(mode_probabilities(ours), mu, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(ours.state["probability"], mu, rtol=1e-5, atol=1e-9)
     # ours has mixed already, which keeps mean and covariance of the mixture
     np.testing.assert_allclose(ours.theta, theta[-1], rtol=1e-6)
     np.testing.assert_allclose(ours.covariance, claimed, rtol=1e-5, atol=1e-12)
@@ -94,26 +100,24 @@ def test_against_the_textbook(nominal, simulated, by_hand):
 
 def test_modes_that_are_the_same_are_one_filter(nominal, loop):
     options = OPTIONS | {"jump": 1e-30 * TRUTH}
-    mixed = joint_imm(three_mass(nominal), **options).run(loop.u[:2000], loop.y[:2000])
-    single = joint_ekf(
-        three_mass(nominal), P0=options["P0"], drift=options["drift"], period=T, noise=SIGMA
-    )
+    mixed = imm_of(nominal, **options).run(loop.u[:2000], loop.y[:2000])
+    same = {name: options[name] for name in ("P0", "drift", "period", "noise")}
+    single = joint_ekf(make_design(three_mass(nominal), **same))
     np.testing.assert_allclose(mixed, single.run(loop.u[:2000], loop.y[:2000]), rtol=1e-9)
 
 
 def test_a_jump_is_followed_and_named(nominal, simulated):
     loop = simulated(14.0, seed=2, faults={8.0: nominal | {"f_m": 0.075}})
     options = OPTIONS | {"drift": T * (0.002 * TRUTH) ** 2, "rate": 1e-3}
-    imm = joint_imm(three_mass(nominal), **options)
-    single = joint_ekf(
-        three_mass(nominal), P0=options["P0"], drift=options["drift"], period=T, noise=SIGMA
-    )
+    imm = imm_of(nominal, **options)
+    same = {name: options[name] for name in ("P0", "drift", "period", "noise")}
+    single = joint_ekf(make_design(three_mass(nominal), **same))
     before = imm.run(loop.u[:1600], loop.y[:1600])
-    assert mode_probabilities(imm)[0] > 0.9
+    assert imm.state["probability"][0] > 0.9
     seen, after = np.zeros(4), []
     for u, y in zip(loop.u[1600:1700], loop.y[1600:1700], strict=True):
         after.append(imm.step(u, y))
-        seen = np.maximum(seen, mode_probabilities(imm))
+        seen = np.maximum(seen, imm.state["probability"])
     assert seen[3] > 0.5
     lag = abs(np.array(after)[:, 2] - 0.075).sum()
     alone = single.run(loop.u, loop.y)
@@ -124,7 +128,7 @@ def test_a_jump_is_followed_and_named(nominal, simulated):
 def test_the_mixture_claims_the_spread_of_its_modes(nominal, simulated):
     """ŷ and S of the mixture, by the records of its modes before the sample."""
     loop = simulated(2.0, seed=1, faults={0.2: nominal | {"f_m": 0.2}})
-    imm, apart = joint_imm(three_mass(nominal), **OPTIONS), 0.0
+    imm, apart = imm_of(nominal, **OPTIONS), 0.0
     for k in range(100):
         weights, y = imm.state["predicted"].copy(), imm.state["X"][:, -1, 0].copy()
         h, P = imm.state["X"][:, -1, 1:9].copy(), imm.state["P"].copy()
@@ -138,7 +142,7 @@ def test_the_mixture_claims_the_spread_of_its_modes(nominal, simulated):
 
 
 def test_a_gap_keeps_the_estimate_and_forgets_the_mode(nominal, loop):
-    imm = joint_imm(three_mass(nominal), **OPTIONS)
+    imm = imm_of(nominal, **OPTIONS)
     imm.run(loop.u[:1000], loop.y[:1000])
     theta, spread = imm.theta, imm.covariance.diagonal()
     for u in loop.u[1000:1100]:
@@ -146,7 +150,7 @@ def test_a_gap_keeps_the_estimate_and_forgets_the_mode(nominal, loop):
     np.testing.assert_allclose(imm.theta, theta, rtol=1e-9)
     assert (imm.covariance.diagonal() > spread).all()
     # of rate 2/s and hold 0.1 s: a sixth of the time in jumps, a third of that each
-    np.testing.assert_allclose(mode_probabilities(imm), [5 / 6, *[1 / 18] * 3], rtol=0.02)
+    np.testing.assert_allclose(imm.state["probability"], [5 / 6, *[1 / 18] * 3], rtol=0.02)
 
 
 @pytest.mark.parametrize(
@@ -160,4 +164,4 @@ def test_a_gap_keeps_the_estimate_and_forgets_the_mode(nominal, loop):
 )
 def test_wrong_options(nominal, options, words):
     with pytest.raises(EstimatorError, match=words):
-        joint_imm(three_mass(nominal), **(OPTIONS | options))
+        imm_of(nominal, **(OPTIONS | options))

@@ -2,16 +2,17 @@
 
 import re
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, three_mass
+from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.methods.ekf import joint_ekf
 from flexaxis.estimators.methods.imm import joint_imm
-from flexaxis.estimators.methods.moving_horizon import moving_horizon
+from flexaxis.estimators.methods.moving_horizon import MovingHorizon
 from flexaxis.estimators.methods.ukf import joint_ukf
 from flexaxis.estimators.registry import REGISTRY
 
@@ -108,15 +109,15 @@ def test_how_far_off_a_burst_is_does_not_matter(nominal, simulated, name):
 
 def deviation(filter_):
     """σ̂ of a filter."""
-    state = filter_.state
-    return np.sqrt(state.level[0] if hasattr(state, "level") else state["noise"][0])
+    known = getattr(filter_, "noise_variance", None)
+    return np.sqrt(filter_.state["noise"][0] if known is None else known)
 
 
 def test_the_horizon_forgets_nothing_before_it_has_seen_anything(nominal):
     filter_ = make("moving-horizon", nominal)
-    before = filter_.state.root.copy()
+    before = filter_.root.T @ filter_.root
     filter_.run(np.zeros(12_000), np.zeros(12_000))
-    np.testing.assert_allclose(filter_.state.root, before, rtol=1e-9)
+    np.testing.assert_allclose(filter_.root.T @ filter_.root, before, rtol=1e-9, atol=1e-20)
 
 
 FAST = ("ekf", "moving-horizon")  # of them that judge their noise in other ways
@@ -371,11 +372,13 @@ def build(name, model, **options):
     """The class itself, with θ practically known."""
     small = (1e-7 * TRUTH) ** 2
     if name == "moving-horizon":
-        return moving_horizon(model, P0=small, period=T, forgetting=1.0, **options)
-    kind = {"ekf": joint_ekf, "ukf": joint_ukf, "imm": joint_imm}[name]
-    jump = {"jump": 1e-20 * TRUTH} if name == "imm" else {}
-    drift = (1e-12 * TRUTH) ** 2
-    return kind(model, P0=small, drift=drift, period=T, **jump, **options)
+        own = {n: options.pop(n) for n in ("window", "every", "iterations") if n in options}
+        return MovingHorizon(
+            make_design(model, P0=small, period=T, forgetting=1.0, **options), **own
+        )
+    design = make_design(model, P0=small, drift=(1e-12 * TRUTH) ** 2, period=T, **options)
+    kind = {"ekf": joint_ekf, "ukf": joint_ukf, "imm": partial(joint_imm, jump=1e-20 * TRUTH)}
+    return kind[name](design)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -430,7 +433,7 @@ def test_the_horizon_forgets_no_further_than_that(nominal, loop):
     filter_ = make("moving-horizon", nominal)
     filter_.run(loop.u[:2000], loop.y[:2000])
     filter_.run(np.zeros(5000), np.zeros(5000), np.zeros(5000, bool))
-    P = filter_.state.level[0] * filter_.state.root.T @ filter_.state.root
+    P = filter_.noise_variance * filter_.root.T @ filter_.root
     np.testing.assert_allclose(np.diag(P)[:3], 1.0, rtol=1e-6)
 
 
@@ -438,8 +441,7 @@ def test_the_horizon_forgets_no_further_than_that(nominal, loop):
 def test_until_it_acts_the_ceiling_is_not_there(nominal, loop, name):
     bounded, free = make(name, nominal), make(name, nominal)
     if name == "moving-horizon":
-        terms, setting = free._tuning
-        free._tuning = terms, setting._replace(ceiling=np.full(3, np.inf))
+        free._ceiling = np.full(3, np.inf)
     else:
         free._tuning = free._tuning.copy()
         free._tuning["ceiling"] = np.inf
@@ -458,9 +460,9 @@ def test_until_it_acts_the_ceiling_is_not_there(nominal, loop, name):
         ({"noise": np.nan}, "noise is nan"),
         ({"x0": [1.0]}, "x0 is"),
         ({"x0": np.full(5, np.nan)}, "x0 is"),
-        ({"x0_covariance": [1.0]}, "x0_covariance is"),
+        ({"x0_covariance": [1.0]}, "x0_covariance has the shape"),
         ({"x0_covariance": np.full(5, -1.0)}, "x0_covariance must be"),
-        ({"x0_covariance": np.full(5, np.inf)}, "x0_covariance is"),
+        ({"x0_covariance": np.full(5, np.inf)}, "x0_covariance must be"),
         ({"x0_covariance": np.arange(25.0).reshape(5, 5)}, "x0_covariance must be"),
     ],
 )
@@ -513,9 +515,8 @@ def test_a_jump_does_not_depend_on_the_rate(nominal):
 def test_a_window_is_in_seconds(nominal, period):
     options = {"P0": [1e-4] * 3, "window": 0.6, "every": 0.03}
     filter_ = make("moving-horizon", nominal, period=period, **options)
-    assert len(filter_.state.u) * period == pytest.approx(0.6)
-    _, setting = filter_._tuning
-    assert setting.every * period == pytest.approx(0.03)
+    assert filter_._length * period == pytest.approx(0.6)
+    assert filter_._every * period == pytest.approx(0.03)
 
 
 @pytest.mark.parametrize("name", JOINT)

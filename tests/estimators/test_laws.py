@@ -14,7 +14,7 @@ from flexaxis.estimators import Rpem
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.filters.loop import on_lanes, over_sample
-from flexaxis.estimators.models import forces
+from flexaxis.estimators.models import discretisation, forces
 from flexaxis.estimators.models.axes import (
     BRISTLES,
     COGGING,
@@ -29,8 +29,7 @@ from flexaxis.estimators.models.compiler import Compiled
 from flexaxis.estimators.models.discretisation import split
 from flexaxis.estimators.models.laws import KINDS, Law
 from flexaxis.estimators.models.model import increment
-from flexaxis.estimators.models.prepared import prepare, travel
-from flexaxis.estimators.models.sampled import planned, terms
+from flexaxis.estimators.models.sampled import prepare, travel
 from flexaxis.sim.nonlinear import (
     CoggingConfig,
     LuGreConfig,
@@ -74,10 +73,7 @@ def travelled(model, u, *, steps=None, changes=None, theta=None):
     one = model.parametrize(names)
     design = one.relative(one.theta)
     eta = np.ones(len(names)) if theta is None else theta
-    laid = planned(design, 0.5 * np.ones(len(names)), 2 * np.ones(len(names)), T)
-    if steps is not None:
-        laid = terms(design, laid.order, laid.substeps, T / steps, steps=steps)
-    ready = prepare(laid, eta, np.arange(len(names)))
+    ready = prepare(design, eta, T, steps=steps)
     X = np.zeros((1 + len(names), design.n + 1))
     moved, out = np.zeros_like(X), []
     for value in u:
@@ -168,12 +164,12 @@ def test_the_search_ends_where_the_laws_hold():
     for name in ("static", "bristle"):
         model = axis(name, beta=8.0, sigma_0=1e4, v_0=0.0)
         one = model.parametrize(["k_T"])
-        ready = prepare(planned(one, one.theta, one.theta, T), one.theta, np.arange(1))
+        ready = prepare(one, one.theta, T)
         X, moved = np.zeros((2, one.n + 1)), np.zeros((2, one.n + 1))
         for value in u:
             travel(ready, X, moved, value)
             X, moved = moved, X
-            _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.laws.work
+            _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.work
             left = mean[0, 0] - offset[0] - gain[0, 0] * local[0, 0]
             assert abs(left) < 1e-9 * scale[0]
 
@@ -186,13 +182,13 @@ def test_friction_that_falls_steeply_is_solved_for_and_amplifies_no_rounding():
         decades |= {"sigma_0": (2, 3.5), "sigma_1": (-1, 0.5)}
         one = axis("bristle", **{n: 10 ** rng.uniform(*r) for n, r in decades.items()})
         one = one.parametrize(["k_T"])
-        ready = prepare(planned(one, one.theta, one.theta, T), one.theta, np.arange(1))
+        ready = prepare(one, one.theta, T)
         for rounding in (0.0, 1e-14):
             X, moved = np.zeros((2, one.n + 1)), np.zeros((2, one.n + 1))
             for value in 0.8 * np.random.default_rng(case).standard_normal(400):
                 travel(ready, X, moved, value * (1 + rounding))
                 X, moved = moved, X
-                _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.laws.work
+                _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.work
                 left = mean[0, 0] - offset[0] - gain[0, 0] * local[0, 0]
                 assert abs(left) < 1e-6 * scale[0], case
             ends.append(X[0].copy())
@@ -252,7 +248,9 @@ def laid_out(model):
 
 
 @pytest.mark.parametrize("output", [pytest.param("speed", marks=pytest.mark.slow), "increment"])
-def test_a_filter_moves_as_a_model_at_fixed_parameters(output):
+def test_a_filter_moves_as_a_model_at_fixed_parameters(output, monkeypatch):
+    # their series end at a part in 1e9 where there are laws; that of the other is not cut
+    monkeypatch.setattr(discretisation, "LAW_TOLERANCE", discretisation.TOLERANCE)
     model, u = axis("all"), torque(100)
     model = model if output == "speed" else increment(model, T)
     run, tuning, state, shape = laid_out(model)
@@ -302,10 +300,7 @@ def test_against_the_engine(name):
         plant.step(np.array([value]))
         speed.append(plant.speed_m[0])
     laws = model.parametrize(["k_T"])
-    laid = planned(laws, laws.theta, laws.theta, T)
-    ready = prepare(
-        terms(laws, laid.order, laid.substeps, T / 16, steps=16), laws.theta, np.arange(1)
-    )
+    ready = prepare(laws, laws.theta, T, steps=16)
     X, moved, ours = np.zeros((2, laws.n + 1)), np.zeros((2, laws.n + 1)), []
     for value in u:
         travel(ready, X, moved, value)
@@ -320,7 +315,7 @@ def test_against_the_engine(name):
 
 
 def plain(linear, u):
-    ready = prepare(planned(linear, linear.theta, linear.theta, T), linear.theta, np.arange(1))
+    ready = prepare(linear, linear.theta, T)
     X, moved, out = np.zeros((2, linear.n + 1)), np.zeros((2, linear.n + 1)), []
     for value in u:
         travel(ready, X, moved, value)
@@ -341,8 +336,8 @@ def test_a_filter_against_a_textbook_loop():
 
     def sample(x, theta, u):
         one = model.parametrize(names)
-        ready = prepare(planned(one, 0.1 * theta0, 10 * theta0, T), theta, np.arange(0))
-        X, moved = np.zeros((1, one.n + 1)), np.zeros((1, one.n + 1))
+        ready = prepare(one, theta, T)
+        X, moved = np.zeros((1 + p, one.n + 1)), np.zeros((1 + p, one.n + 1))
         X[0, :n] = x
         travel(ready, X, moved, u)
         return moved[0, :n]

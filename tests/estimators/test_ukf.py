@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, three_mass
+from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.methods.ekf import joint_ekf
 from flexaxis.estimators.methods.ukf import joint_ukf
 
@@ -63,7 +64,7 @@ def test_against_the_textbook(nominal, loop, by_hand, output, spread):
     N = 40
     increments = output == "increment"
     expected = textbook(by_hand, nominal, loop, N, spread=spread, increments=increments)
-    ours = joint_ukf(three_mass(nominal), spread=spread, output=output, **TIGHT)
+    ours = joint_ukf(make_design(three_mass(nominal), output=output, **TIGHT), spread=spread)
     theta = ours.run(loop.u[:N], (loop.increment if increments else loop.y)[:N])
     # the textbook's Cholesky factors need a little covariance of x, which ours does not
     np.testing.assert_allclose(theta, expected, rtol=1e-6)
@@ -88,15 +89,15 @@ def test_against_filterpy(nominal, loop, by_hand):
         rival.predict(u=next(u))
         rival.update(loop.y[k : k + 1])
         expected.append(rival.x[:3].copy())
-    theta = joint_ukf(three_mass(nominal), **TIGHT).run(loop.u[:N], loop.y[:N])
+    theta = joint_ukf(make_design(three_mass(nominal), **TIGHT)).run(loop.u[:N], loop.y[:N])
     np.testing.assert_allclose(theta, expected, rtol=1e-5)
 
 
 def test_with_nearly_certain_parameters_both_are_the_kalman_filter(nominal, loop):
     """Near a known θ all is linear, and what is left goes with the deviation, 1e-4, squared."""
     small = {"P0": (1e-4 * TRUTH) ** 2, "drift": (1e-6 * TRUTH) ** 2, "period": T, "noise": 0.1}
-    unscented = joint_ukf(three_mass(nominal), **small)
-    extended = joint_ekf(three_mass(nominal), **small)
+    unscented = joint_ukf(make_design(three_mass(nominal), **small))
+    extended = joint_ekf(make_design(three_mass(nominal), **small))
     a, b = (f.run(loop.u[:1000], loop.y[:1000]) / TRUTH - 1 for f in (unscented, extended))
     assert abs(a).max() > 2e-5
     np.testing.assert_allclose(a, b, atol=1e-7)
@@ -104,7 +105,7 @@ def test_with_nearly_certain_parameters_both_are_the_kalman_filter(nominal, loop
 
 
 def test_a_gap_lets_the_covariance_grow(nominal, loop):
-    ukf = joint_ukf(three_mass(nominal), **TIGHT)
+    ukf = joint_ukf(make_design(three_mass(nominal), **TIGHT))
     ukf.run(loop.u[:1000], loop.y[:1000])
     before, theta = ukf.covariance, ukf.theta
     for u in loop.u[1000:1050]:
@@ -116,9 +117,8 @@ def test_a_gap_lets_the_covariance_grow(nominal, loop):
 
 def test_the_box_holds_and_the_filter_lasts(nominal, loop):
     theta0 = 1.2 * TRUTH
-    boxed = joint_ukf(
-        three_mass(nominal), theta0=theta0, bounds=(0.9 * theta0, 1.1 * theta0), **TIGHT
-    )
+    box = 0.9 * theta0, 1.1 * theta0
+    boxed = joint_ukf(make_design(three_mass(nominal), theta0=theta0, bounds=box, **TIGHT))
     theta = boxed.run(loop.u, loop.y)
     assert (theta >= 0.9 * theta0).all() and (theta <= 1.1 * theta0).all()
     assert np.isclose(theta[-1], 0.9 * theta0).any()  # the truth is outside
@@ -136,4 +136,6 @@ def test_the_box_holds_and_the_filter_lasts(nominal, loop):
 )
 def test_wrong_options(nominal, options, words):
     with pytest.raises(EstimatorError, match=words):
-        joint_ukf(three_mass(nominal), **(TIGHT | options))
+        own = {name: options[name] for name in options if name == "spread"}
+        given = TIGHT | {name: options[name] for name in options if name not in own}
+        joint_ukf(make_design(three_mass(nominal), **given), **own)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexaxis.estimators.models.prepared import travel
+from flexaxis.estimators.models.sampled import travel
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.scoring import bounds, true_model
 from flexaxis.experiments.scoring.bounds import cramer_rao, jump_bound, lag_bound
@@ -83,7 +83,7 @@ def test_every_step_along_a_path_with_dry_friction_is_solved_for(monkeypatch):
 
     def watched(prepared, X, moved, u):
         travel(prepared, X, moved, u)
-        _, offset, _, _, local, gain, _, _, _, mean, _, scale = prepared.laws.work
+        _, offset, _, _, local, gain, _, _, _, mean, _, scale = prepared.work
         left.append(max(abs(mean[:, 0] - offset - gain @ local[:, 0]) / scale))
 
     monkeypatch.setattr(true_model, "_travelled", true_model._travelled.function)
