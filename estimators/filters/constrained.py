@@ -24,6 +24,7 @@ from flexaxis.estimators.filters.loop import Record, record
 from flexaxis.estimators.models.compiler import inlined
 
 LEVEL = 0.95  # of χ², at which what was told and what was learnt weigh the same
+SETTLED = 1e-9  # of a variance, below which nothing is left of it
 
 
 def told_records(
@@ -57,9 +58,9 @@ def told_records(
         given=np.zeros(len(union)),
         given_P=np.zeros((len(union), len(union))),
         given_between=np.zeros((len(union), len(union))),
-        factor=np.zeros((most, most)),
-        towards=np.zeros((most, len(union))),
-        apart_told=np.zeros(most),
+        told_mean=np.zeros(len(union)),
+        told_P=np.zeros((len(union), len(union))),
+        column=np.zeros(len(union)),
         told_share=np.zeros(len(limit)),
     )
     return tuning, state
@@ -87,61 +88,37 @@ def draw_estimates(tuning, state, P, theta, estimates):
 
 @inlined
 def _draw(tuning, state, g):
-    """Draw what is thought towards one group as it was told, and return how far."""
-    members, told, L = tuning["members"], tuning["told"], state["factor"]
-    given, P, W = state["given"], state["given_P"], state["towards"]
-    e = state["apart_told"]
-    k = 0
-    while k < len(L) and members[g, k] >= 0:
-        k += 1
-    square = 0.0
-    for i in range(k):  # L Lᵀ = Σ_ss, W = L⁻¹ Σ_s·, and e = L⁻¹ (s₀ − μ_s)
-        _factorize(members[g], P, L, i)
-        known = L[i, i] <= 0.0  # it is as it was told already
-        e[i] = 0.0 if known else told[g, i] - given[members[g, i]]
-        for a in range(len(given)):
-            W[i, a] = 0.0 if known else P[members[g, i], a]
-        for c in range(0 if known else i):
-            e[i] -= L[i, c] * e[c]
-            for a in range(len(given)):
-                W[i, a] -= L[i, c] * W[c, a]
-        if not known:
-            e[i] /= L[i, i]
-            for a in range(len(given)):
-                W[i, a] /= L[i, i]
-        square += e[i] ** 2
-    share = 1.0 / (1.0 + np.exp(min(0.5 * (square - tuning["limit"][g]), 100.0)))
-    _draw_to(state, k, share)
-    return share
+    """
+    Draw what is thought towards one group as it was told, and return how far.
 
-
-@inlined
-def _draw_to(state, k, share):
-    """Take the estimates a share of the way, and what is known of them."""
+    The group is a measurement without noise of one parameter after the other; what varies no more
+    given those before is as it was told already.
+    """
     given, P, between = state["given"], state["given_P"], state["given_between"]
-    W, e = state["towards"], state["apart_told"]
-    spread = share * (1.0 - share)
-    for i in range(k):
-        for j in range(k):
-            for a in range(len(given)):
-                for b in range(len(given)):
-                    between[a, b] += spread * e[i] * e[j] * W[i, a] * W[j, b]
-    for i in range(k):
+    mean, C, column = state["told_mean"], state["told_P"], state["column"]
+    for a in range(len(given)):
+        mean[a] = given[a]
+        for b in range(len(given)):
+            C[a, b] = P[a, b]
+    square = 0.0
+    for i in range(tuning["members"].shape[1]):
+        m = tuning["members"][g, i]
+        if m < 0 or C[m, m] <= SETTLED * P[m, m]:
+            continue
         for a in range(len(given)):
-            given[a] += share * W[i, a] * e[i]
+            column[a] = C[a, m]
+        e, variance = tuning["told"][g, i] - mean[m], column[m]
+        square += e**2 / variance
+        for a in range(len(given)):
+            mean[a] += column[a] * e / variance
             for b in range(len(given)):
-                P[a, b] -= share * W[i, a] * W[i, b]
-
-
-@inlined
-def _factorize(members, P, L, i):
-    """Write row i of the Cholesky factor of Σ_ss; zero where nothing is left to vary."""
-    for j in range(i):
-        total = P[members[i], members[j]]
-        for c in range(j):
-            total -= L[i, c] * L[j, c]
-        L[i, j] = total / L[j, j] if L[j, j] > 0.0 else 0.0
-    left = P[members[i], members[i]]
-    for c in range(i):
-        left -= L[i, c] ** 2
-    L[i, i] = np.sqrt(left) if left > 1e-9 * P[members[i], members[i]] else 0.0
+                C[a, b] -= column[a] * column[b] / variance
+    share = 1.0 / (1.0 + np.exp(min(0.5 * (square - tuning["limit"][g]), 100.0)))
+    for a in range(len(given)):
+        for b in range(len(given)):
+            apart = (mean[a] - given[a]) * (mean[b] - given[b])
+            between[a, b] += share * (1.0 - share) * apart
+            P[a, b] += share * (C[a, b] - P[a, b])
+    for a in range(len(given)):
+        given[a] += share * (mean[a] - given[a])
+    return share

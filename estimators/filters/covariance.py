@@ -1,5 +1,5 @@
 """
-Covariances of ξ = [θ; x], compiled: over a sample, through a measurement, and mixed.
+Covariances of ξ = [θ; x], compiled: over a sample, through a measurement, mixed and bounded.
 
 P is (m, w) for p parameters and n states, m = p + n, with w from `padded`; what pads a row is zero.
 In a sample θ stays and x moves, ξ⁺ = F ξ with F = [I 0; G], so that its block θθ only gains W.
@@ -9,7 +9,7 @@ derivative of the output. What is symmetric is computed once and stays so to the
 
 import numpy as np
 
-from flexaxis.estimators.models.compiler import fused
+from flexaxis.estimators.models.compiler import fused, inlined
 
 
 def padded(m: int) -> int:
@@ -106,3 +106,24 @@ def merge(share, P, other, apart):
         for b in range(len(apart)):
             mine = rest * P[a, b] + share * other[a, b]
             P[a, b] = mine + (root * apart[a]) * (root * apart[b])
+
+
+@inlined
+def bound(P, ceiling):
+    """Scale rows and columns of P (m, m) whose variance is above its ceiling (p,) down to it."""
+    for i in range(len(ceiling)):
+        if P[i, i] > ceiling[i]:
+            factor = np.sqrt(ceiling[i] / P[i, i])
+            for j in range(len(P)):
+                P[i, j] *= factor
+                P[j, i] *= factor
+
+
+@inlined
+def project(theta, lower, upper):
+    """Put the first of θ back into the box."""
+    for i in range(len(lower)):
+        if theta[i] < lower[i]:  # not min and max, which would hide a NaN
+            theta[i] = lower[i]
+        elif theta[i] > upper[i]:
+            theta[i] = upper[i]

@@ -8,7 +8,7 @@ from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.loop import joined, on_lanes, record, sample_loop
 from flexaxis.estimators.filters.prediction_error import (
-    bound,
+    bound_P,
     correct_state,
     measure,
     measured,
@@ -65,7 +65,7 @@ def _loop(pattern: Pattern, rule: Compiled) -> Compiled:
         if tuning["correct"] > 0.0:
             correct_state(state)
         rule(tuning, state, valid[k])
-        bound(tuning, state)
+        bound_P(tuning, state)
         publish(state, k, estimates, trace)
         return state["anew"] > tuning["heeds"]
 

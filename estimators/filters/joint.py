@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.covariance import carry, padded
+from flexaxis.estimators.filters.covariance import bound, carry, padded, project
 from flexaxis.estimators.filters.covariance import look as look_at
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.loop import Record, joined, on_lanes, record
-from flexaxis.estimators.filters.noise import bound, level
+from flexaxis.estimators.filters.noise import level
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.discretisation import Pattern
 
@@ -104,13 +104,3 @@ def correct(tuning, state, y, noise):
             X[i, 0] += gain[p + i] * innovation
     bound(P, tuning["ceiling"])
     project(theta, tuning["lower"], tuning["upper"])
-
-
-@inlined
-def project(theta, lower, upper):
-    """Put the first of θ back into the box."""
-    for i in range(len(lower)):
-        if theta[i] < lower[i]:  # not min and max, which would hide a NaN
-            theta[i] = lower[i]
-        elif theta[i] > upper[i]:
-            theta[i] = upper[i]

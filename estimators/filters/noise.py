@@ -27,9 +27,6 @@ from flexaxis.estimators.models.compiler import inlined
 MEMORY = 2.0  # s, of R; 400 samples at 5 ms give a relative standard deviation of 5 %
 KNOWN = 50.0  # samples from which on R can judge a sample; its deviation is √(2/50) = 20 %
 CLIP = 3.0  # standard deviations beyond which an innovation counts as one of that size for R
-CONSISTENCY = (
-    erf(CLIP / sqrt(2)) * (1 - CLIP**2) + CLIP**2 - CLIP * sqrt(2 / pi) * exp(-(CLIP**2) / 2)
-)  # E min(z², CLIP²) of a normal z: what clipping leaves of the variance
 SURE = 2.0  # times the mean over the last KNOWN, above which R falls to it: 7 of its deviations
 SMOOTH = 0.25  # squared differences over squares, of white noise 1 ± .2, below which it is a model
 # that is wrong, from which R is learnt more slowly
@@ -38,6 +35,14 @@ ODD = 100.0  # standard deviations beyond which a sample that stands alone is no
 # reaches that. A fault that does lasts; from its second sample on it counts as one of that size
 FINEST = 1e-6  # of y, below which its noise is that of the arithmetic
 MOVING = 0.5  # ŷ over its noise from which on a sample counts for R: an encoder at rest is exact
+
+
+def clipped_variance(clip: float) -> float:
+    """Return E min(z², c²) of a standard normal z: what clipping leaves of the variance."""
+    return erf(clip / sqrt(2)) * (1 - clip**2) + clip**2 - clip * sqrt(2 / pi) * exp(-(clip**2) / 2)
+
+
+CONSISTENCY = clipped_variance(CLIP)
 
 
 def level(design: Design, *, rests: bool = False) -> tuple[Record, Record]:
@@ -158,17 +163,6 @@ def _learn(tuning, state, spread, square, rough):
     for i in range(2):
         levels[i] = min(levels[i], SURE * levels[2])
     state["noise"] = min(levels[0], levels[1])
-
-
-@inlined
-def bound(P, ceiling):
-    """Scale rows and columns of P (m, m) whose variance is above its ceiling (p,) down to it."""
-    for i in range(len(ceiling)):
-        if P[i, i] > ceiling[i]:
-            factor = np.sqrt(ceiling[i] / P[i, i])
-            for j in range(len(P)):
-                P[i, j] *= factor
-                P[j, i] *= factor
 
 
 @inlined

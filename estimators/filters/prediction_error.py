@@ -6,12 +6,11 @@ estimate really has for a unit noise variance, Σ ← (I − Kψᵀ) Σ (I − K
 in slow, steady adaptation it is P/2; after a reset of P it is not.
 """
 
-from math import erf, exp, pi, sqrt
-
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.filters.covariance import bound, project
 from flexaxis.estimators.filters.design import Design, at_least_zero
 from flexaxis.estimators.filters.fault_monitor import (
     HEEDS_ALL,
@@ -22,12 +21,11 @@ from flexaxis.estimators.filters.fault_monitor import (
     repeats,
 )
 from flexaxis.estimators.filters.loop import Record, joined, record
+from flexaxis.estimators.filters.noise import FINEST, KNOWN, MEMORY, clipped_variance
 from flexaxis.estimators.models.compiler import inlined
 
 Array = NDArray[np.float64]
 
-KNOWN = 50.0  # samples from which on R̂ judges a residual; its relative deviation is √(2/50) = 20 %
-MEMORY = 2.0  # s, of R̂; 400 samples at 5 ms give a relative standard deviation of 5 %
 ASLEEP = 1e-2  # Σψ²/R̂, ψ by relative parameters, below which a sample tells nothing: doubling a
 # parameter would move y by less than a tenth of its noise
 CEILING = 1.0  # (Δθ/θ(0))², of R̂ P_ii: no parameter is more uncertain than by its own size
@@ -37,7 +35,6 @@ LINEAR = (
 )
 # is less is no outlier, and no noise to reckon with after a reset. With less one reset in three
 # ended elsewhere (σ = 7e-5 of y, 20 runs), with this none
-FINEST = 1e-6  # of y, the least deviation of its noise: below lies the arithmetic of the model
 EARLY = 100.0  # times P(0), the ceiling while R̂ is not known
 ROBUST = 30.0  # standard deviations from which on a residual can only be an outlier: a fault that
 # the suite knows makes ten at most, and one outlier at this limit moves no parameter by 2 %
@@ -55,7 +52,7 @@ def measured(
     watch: bool = False,
 ) -> tuple[Record, Record]:
     """
-    Return tuning and state for `measure`, `correct_state`, `predict` and `bound`.
+    Return tuning and state for `measure`, `correct_state`, `predict` and `bound_P`.
 
     Parameters
     ----------
@@ -85,7 +82,7 @@ def measured(
         correct=float(correct),
         clip=float(clip),
         watched=float(watch and clip > 0),
-        consistency=_consistency(clip),
+        consistency=clipped_variance(clip) if clip else 1.0,
         ceiling=float(ceiling),
         floor=GRANTED * np.diag(design.P0),
         early=np.full(p, np.inf) if np.isinf(ceiling) else EARLY * np.diag(design.P0),
@@ -112,14 +109,6 @@ def measured(
     tracks = HEEDS_LOST if watch and clip > 0 else HEEDS_NOTHING
     more, sensor = astray(design.period, HEEDS_ALL if once else tracks)
     return joined(tuning, more), joined(state, sensor)
-
-
-def _consistency(clip: float) -> float:
-    """Return E min(z², c²) of a standard normal z: what clipping leaves of the variance."""
-    if not clip:
-        return 1.0
-    inside = erf(clip / sqrt(2))
-    return inside - clip * sqrt(2 / pi) * exp(-(clip**2) / 2) + clip**2 * (1 - inside)
 
 
 @inlined
@@ -154,11 +143,8 @@ def measure(tuning, state, y, valid):
         excited = _learn(tuning, state, surprise**2 / spread)
         if excited and tuning["heeds"] < HEEDS_NOTHING:
             explains(tuning, state, y, state["epsilon"])
+    project(theta, tuning["lower"], tuning["upper"])
     for i in range(p):
-        if theta[i] < tuning["lower"][i]:  # not min and max, which would hide a NaN
-            theta[i] = tuning["lower"][i]
-        elif theta[i] > tuning["upper"][i]:
-            theta[i] = tuning["upper"][i]
         moved[i] = theta[i] - moved[i]
 
 
@@ -262,28 +248,24 @@ def predict(tuning, state):
             for i in range(p):
                 column[i] = P[i, axis]
             subtract(P, column, mu / (1.0 + mu * P[axis, axis]))
-    bound(tuning, state)
+    bound_P(tuning, state)
 
 
 @inlined
-def bound(tuning, state):
+def bound_P(tuning, state):
     """
     Keep R̂ P below the ceiling, and P below its early one until R̂ is known: scale it down.
 
     A reset grants more, until the data have brought P down again.
     """
-    P, granted = state["P"], state["granted"]
+    P, granted, most = state["P"], state["granted"], state["gain"]  # which lends its place
+    early = state["samples"] < KNOWN and tuning["known"] <= 0.0
     for i in range(len(P)):
-        most = max(tuning["ceiling"] / state["noise"], granted[i])
-        if state["samples"] < KNOWN and tuning["known"] <= 0.0:
-            most = max(tuning["early"][i], granted[i])
-        if P[i, i] > most:
-            factor = np.sqrt(most / P[i, i])
-            for j in range(len(P)):
-                P[i, j] *= factor
-                P[j, i] *= factor
-        elif P[i, i] < granted[i]:
+        ceiling = tuning["early"][i] if early else tuning["ceiling"] / state["noise"]
+        most[i] = max(ceiling, granted[i])
+        if P[i, i] < granted[i]:
             granted[i] = max(P[i, i], tuning["floor"][i])
+    bound(P, most)
 
 
 @inlined

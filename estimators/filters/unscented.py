@@ -9,7 +9,7 @@ for 1+2(p+n) points. In the array that is triangularised a pair z ± d makes the
 
 import numpy as np
 
-from flexaxis.estimators.filters.joint import project
+from flexaxis.estimators.filters.covariance import project
 from flexaxis.estimators.filters.noise import judge, show
 from flexaxis.estimators.filters.square_root import bound_root, triangularize
 from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
@@ -106,11 +106,11 @@ def _draw(tuning, state):
         for j in range(1 + n):
             state["theta"][i, j] = xi[i]
         for j in range(p):
-            apart(tuning, state, i, j)
+            _apart(tuning, state, i, j)
 
 
 @inlined
-def apart(tuning, state, i, j):
+def _apart(tuning, state, i, j):
     """Write θ_i of the points on both sides of the mean in direction j, and its deviations."""
     n, p = len(state["X"]) - 1, len(tuning["lower"])
     lower, upper, theta = tuning["lower"][i], tuning["upper"][i], state["theta"]

@@ -61,20 +61,8 @@ def _rpem_friction(
     robust, ceiling
         As for `Rpem`.
     """
-    model, tracked, learn, known = _known(problem)
-    return Rpem(
-        model,
-        **problem.asked | {"identify": tracked, "bounds": known.bounds},
-        learn=learn,
-        theta0=known.start,
-        P0=known.P0 / _variance(model, problem),
-        scale=known.scale,
-        settle=SETTLE,
-        forgetting=forgetting_factor(forgetting, problem.period),
-        state_correction=True,
-        robust=robust,
-        ceiling=ceiling,
-    )
+    weight = forgetting_factor(forgetting, problem.period)
+    return _made(problem, forgetting=weight, robust=robust, ceiling=ceiling)
 
 
 def _rpem_friction_drift(
@@ -95,8 +83,20 @@ def _rpem_friction_drift(
         Standard deviation of the random walk of what is tracked after a second, relative to θ(0).
     """
     above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
+    return _made(problem, walk=walk, robust=robust, ceiling=ceiling)
+
+
+def _made(
+    problem: Problem,
+    *,
+    forgetting: float | None = None,
+    walk: float = 0.0,
+    robust: float,
+    ceiling: float,
+) -> Rpem:
     model, tracked, learn, known = _known(problem)
     variance = _variance(model, problem)
+    walked = problem.period * (walk * known.scale[: len(tracked)]) ** 2 / variance
     return Rpem(
         model,
         **problem.asked | {"identify": tracked, "bounds": known.bounds},
@@ -105,7 +105,8 @@ def _rpem_friction_drift(
         P0=known.P0 / variance,
         scale=known.scale,
         settle=SETTLE,
-        drift=problem.period * (walk * known.scale[: len(tracked)]) ** 2 / variance,
+        forgetting=forgetting,
+        drift=walked if forgetting is None else None,
         state_correction=True,
         robust=robust,
         ceiling=ceiling,

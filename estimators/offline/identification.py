@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.filters.design import DEFAULT_BOX, OUTPUTS
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.filters.design import DEFAULT_BOX, finite_vector
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.signals import check_signals
@@ -52,8 +51,6 @@ class Identified:
         Relative change of the parameters, of length one, that the data see least.
     weakest_std : float
         Standard deviation of the estimate along it, as a fraction.
-    evaluations : int
-        Simulations of the record that it took.
     warnings : tuple of str
         What speaks against the result, in words; empty if nothing does.
     """
@@ -66,18 +63,12 @@ class Identified:
     condition: float
     weakest: Array
     weakest_std: float
-    evaluations: int
     warnings: tuple[str, ...]
 
     @property
     def standard_deviations(self) -> Array:
         """Standard deviation (p,) of each estimate."""
         return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def identifiability(self) -> str:
-        """What the data see least, in words."""
-        return _in_words(self.names, self.weakest, self.weakest_std)
 
 
 def output_error(
@@ -86,11 +77,8 @@ def output_error(
     y: ArrayLike,
     *,
     identify: Sequence[str],
-    start: ArrayLike | None = None,
+    start: ArrayLike,
     period: float,
-    output: str = "speed",
-    valid: ArrayLike | None = None,
-    bounds: tuple[ArrayLike, ArrayLike] | None = None,
     max_evaluations: int = 60,
 ) -> Identified:
     """
@@ -104,16 +92,10 @@ def output_error(
         Torque, and the output measured at the same times.
     identify : sequence of str
         Parameters to fit, or their inverses; all others stay at the model's nominal values.
-    start : (p,) array_like, optional
-        Where to start; the model's nominal values by default.
+    start : (p,) array_like
+        Where to start; the search goes from a tenth of it to ten times.
     period : float
         Sampling period T [s].
-    output : {"speed", "increment"}
-        What y is: the motor speed, or the increment (φ[k]−φ[k−1])/T of the motor angle.
-    valid : (N,) array_like of bool, optional
-        False where y is missing.
-    bounds : (lower, upper), optional
-        Box to search in; 0.1 to 10 times the start by default.
     max_evaluations : int
         Steps after which the search gives up.
 
@@ -132,61 +114,25 @@ def output_error(
     The misfit has local minima. For the paper's three parameters the search finds the truth from
     0.85 to 1.7 times it; from 0.7 or 2 times it does not, and says so.
     """
-    if output not in OUTPUTS:
-        raise EstimatorError(f"unknown output {output!r}: {did_you_mean(str(output), OUTPUTS)}")
-    u, y, present = check_signals(u, y, valid)
-    chosen = increment(model, period) if output == "increment" else model
-    parametrization = chosen.parametrize(identify)
-    initial = _start(parametrization, start)
-    if present.sum() <= len(initial):
-        raise EstimatorError(
-            f"{present.sum()} valid samples cannot determine {len(initial)} parameters; give more"
-        )
-    misfit, slope = _misfit(parametrization, u, y, present, period=period, scale=initial)
-    box = _box(initial, bounds)
+    u, y, _ = check_signals(u, y)
+    parametrization = model.parametrize(identify)
+    initial = finite_vector("start", start, len(parametrization.names))
+    misfit, slope = _misfit(parametrization, u, y, period=period, scale=initial)
     search = least_squares(
-        misfit, np.ones_like(initial), jac=slope, bounds=box, max_nfev=max_evaluations
+        misfit, np.ones_like(initial), jac=slope, bounds=DEFAULT_BOX, max_nfev=max_evaluations
     )
     return _result(parametrization.names, initial, search)
 
 
-def _start(model: Parametrization, start: ArrayLike | None) -> Array:
-    initial = model.theta if start is None else np.array(start, float)
-    if initial.shape != model.theta.shape or not np.all(np.isfinite(initial) & (initial != 0)):
-        raise EstimatorError(
-            f"start is {initial}; give {len(model.names)} finite values other than zero, for "
-            + ", ".join(model.names)
-        )
-    return initial
-
-
-def _box(start: Array, bounds: tuple[ArrayLike, ArrayLike] | None) -> tuple[Array, Array]:
-    """Return the box in units of the start, which is the scale of the search."""
-    if bounds is None:
-        lower, upper = np.outer(DEFAULT_BOX, np.ones_like(start))
-    else:
-        sides = [np.broadcast_to(np.asarray(side, float), start.shape) / start for side in bounds]
-        lower, upper = np.minimum(*sides), np.maximum(*sides)
-    if not np.all((lower < 1) & (upper > 1)):
-        raise EstimatorError(f"bounds {bounds} do not enclose the start {start}; widen them")
-    return lower, upper
-
-
 def _misfit(
-    model: Parametrization,
-    u: Array,
-    y: Array,
-    present: NDArray[np.bool_],
-    *,
-    period: float,
-    scale: Array,
+    model: Parametrization, u: Array, y: Array, *, period: float, scale: Array
 ) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
     """Return ŷ − y and its derivative as functions of θ/scale."""
 
     @lru_cache(maxsize=1)  # both come from one simulation
     def simulated(x: tuple[float, ...]) -> tuple[Array, Array]:
         predicted, psi = predict(model, np.array(x) * scale, u, period=period)
-        return (predicted - y)[present], psi[present] * scale
+        return predicted - y, psi * scale
 
     return (lambda x: simulated(tuple(x))[0]), (lambda x: simulated(tuple(x))[1])
 
@@ -214,7 +160,6 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
         condition=float(singular[0] / singular[-1]),
         weakest=weakest,
         weakest_std=float(deviations[-1]),
-        evaluations=int(search.nfev),
         warnings=tuple(problems),
     )
 

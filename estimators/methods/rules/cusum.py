@@ -13,7 +13,8 @@ from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.filters.design import above_zero
 from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.forgetful import forgetful_filter
-from flexaxis.estimators.filters.prediction_error import CEILING, KNOWN, LINEAR, ROBUST
+from flexaxis.estimators.filters.noise import KNOWN
+from flexaxis.estimators.filters.prediction_error import CEILING, LINEAR, ROBUST
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
 
