@@ -1,10 +1,7 @@
 """
 The loop of `methods.ukf`: sigma points through the exact sampled model, in compiled code.
 
-The model is linear in the state. So of the points that lie apart in the state only, which have the
-same θ, those on both sides of the mean go over a sample as that and one difference: 1+n+2p lanes do
-for 1+2(p+n) points. In the array that is triangularised a pair z ± d makes the rows √(2v) d and
-√(2v) (z − z̄), of which all of the second kind are one with that of the mean's.
+Points lie side by side: the mean, what lies apart from it one way, and the other.
 """
 
 import numpy as np
@@ -26,8 +23,7 @@ def ukf_loop(pattern: Pattern) -> Compiled:
         tuning, state = tunings[0], states[0]
         for k in range(len(u)):
             _correct(tuning, state, y[k], valid[k])
-            _draw(tuning, state)
-            _drive(tuning, state, u[k])
+            _draw(tuning, state, u[k])
             entries(tuning["coefficients"], state["theta"], state["M"])
             series(
                 state["M"],
@@ -49,14 +45,14 @@ def ukf_loop(pattern: Pattern) -> Compiled:
 def _correct(tuning, state, y, valid):
     """Take ξ̂ and S from the points as they have moved, and through the measurement."""
     xi, S, A, R = state["xi"], state["S"], state["array"], state["upper"]
-    m, p = len(S), len(tuning["lower"])
+    m = len(S)
     spread = _gather(tuning, state)
     y = judge(tuning, state, y, valid, xi[m], spread)
     use = not np.isnan(y)
     if not use:
-        for j in range(state["X"].shape[1]):
+        for j in range(1 + 2 * m):
             A[0, j] = 0.0
-    A[0, 1 + m + 2 * p] = np.sqrt(state["noise"])
+    A[0, 1 + 2 * m] = np.sqrt(state["noise"])
     triangularize(A.copy(), R)  # √W stays in it
     for i in range(m):
         for j in range(i, m):
@@ -74,55 +70,37 @@ def _gather(tuning, state):
 
     What of the array are deviations of θ was written with the points, and √W before the first.
     """
-    xi, A, X, scale = state["xi"], state["array"], state["X"], tuning["scale"]
+    xi, A, X, root = state["xi"], state["array"], state["X"], tuning["root"]
     n, p = len(X) - 1, len(tuning["lower"])
     spread = 0.0
     for i in range(n + 1):
-        apart, first, row = 0.0, X[i, 0], 0 if i == n else 1 + p + i
-        for j in range(1 + n, 1 + n + 2 * p):
-            apart += X[i, j] - first
-        mean = first + tuning["weight"] * apart
-        xi[p + i] = mean
-        for j in range(X.shape[1]):
-            A[row, j] = scale[j] * (X[i, j] - tuning["whole"][j] * mean)
-    for j in range(X.shape[1]):
+        apart, row = 0.0, 0 if i == n else 1 + p + i
+        for j in range(1, len(root)):
+            apart += X[i, j] - X[i, 0]
+        xi[p + i] = X[i, 0] + tuning["weight"] * apart
+        for j in range(len(root)):
+            A[row, j] = root[j] * (X[i, j] - xi[p + i])
+    for j in range(len(root)):
         spread += A[0, j] ** 2
     return spread
 
 
 @inlined
-def _draw(tuning, state):
-    """Place the points: the mean, what lies apart from it in x, and both sides of it in θ."""
-    xi, S, X = state["xi"], state["S"], state["X"]
-    n, p, reach = len(X) - 1, len(tuning["lower"]), tuning["reach"]
-    for i in range(n):
-        for j in range(n):
-            X[i, 1 + j] = reach * S[p + j, p + i] if j <= i else 0.0
-        X[i, 0] = xi[p + i]
-        for j in range(p):
-            step = reach * S[j, p + i]
-            X[i, 1 + n + j], X[i, 1 + n + p + j] = xi[p + i] + step, xi[p + i] - step
-    for i in range(p):
-        for j in range(1 + n):
-            state["theta"][i, j] = xi[i]
-        for j in range(p):
-            _apart(tuning, state, i, j)
-
-
-@inlined
-def _apart(tuning, state, i, j):
-    """Write θ_i of the points on both sides of the mean in direction j, and its deviations."""
-    n, p = len(state["X"]) - 1, len(tuning["lower"])
-    lower, upper, theta = tuning["lower"][i], tuning["upper"][i], state["theta"]
-    step = tuning["reach"] * state["S"][j, i] if j <= i else 0.0
-    for side in range(2):
-        deviation, lane = step if side == 0 else -step, 1 + n + side * p + j
-        theta[i, lane] = min(max(state["xi"][i] + deviation, lower), upper)
-        state["array"][1 + i, lane] = tuning["scale"][lane] * deviation
-
-
-@inlined
-def _drive(tuning, state, u):
-    """Write the torque of every point: differences have none."""
-    for j in range(len(tuning["whole"])):
-        state["inputs"][j] = tuning["whole"][j] * u
+def _draw(tuning, state, u):
+    """Place the points, with the torque of each; θ of those outside the box is at its border."""
+    xi, S, p = state["xi"], state["S"], len(tuning["lower"])
+    m = len(S)
+    for j in range(1 + 2 * m):
+        state["inputs"][j] = u
+        for i in range(m):
+            step = 0.0
+            if j > 0:
+                step = tuning["reach"] * S[(j - 1) % m, i]
+            if j > m:
+                step = -step
+            if i < p:
+                inside = min(max(xi[i] + step, tuning["lower"][i]), tuning["upper"][i])
+                state["theta"][i, j] = inside
+                state["array"][1 + i, j] = tuning["root"][j] * step
+            else:
+                state["X"][i - p, j] = xi[i] + step

@@ -70,56 +70,40 @@ def joint_ukf(design: Design, *, spread: float = 1.0) -> CompiledFilter:
 
 
 def _tuning(design: Design, pattern: Pattern, spread: float, v0: float) -> Record:
-    lanes, _ = on_lanes(design, pattern)
-    n, p, m = pattern.n, pattern.p, pattern.p + pattern.n
+    m = pattern.p + pattern.n
     weight = 1 / (2 * spread**2 * m)  # of each point but the first
-    # √v of the mean and of all pairs beside it in x, of their differences, of points apart in θ
-    roots = np.sqrt(np.r_[v0 + 2 * n * weight, np.full(n, 2 * weight), np.full(2 * p, weight)])
-    width = padded(1 + n + 2 * p)
-    return joined(
-        lanes,
-        record(
-            reach=spread * np.sqrt(m),  # of the sigma points, in standard deviations
-            weight=weight,
-            scale=_filled(roots, width),
-            # 1 for points, 0 for differences of points
-            whole=_filled(np.r_[1.0, np.zeros(n), np.ones(2 * p)], width),
-            lower=design.lower,
-            upper=design.upper,
-            ceiling=design.theta0**2,  # of the variance of θ
-        ),
+    own = record(
+        reach=spread * np.sqrt(m),  # of the sigma points, in standard deviations
+        weight=weight,
+        root=np.sqrt(np.r_[v0, np.full(2 * m, weight)]),  # √v
+        lower=design.lower,
+        upper=design.upper,
+        ceiling=design.theta0**2,  # of the variance of θ
     )
-
-
-def _filled(values: Array, width: int) -> Array:
-    """Return values with zeros behind them."""
-    return np.pad(values, (0, width - len(values)))
+    return joined(on_lanes(design, pattern)[0], own)
 
 
 def _start(design: Design, pattern: Pattern, tuning: Record) -> Record:
     p, n, m = pattern.p, pattern.n, pattern.p + pattern.n
-    S = np.zeros((m, m))
-    S[:p, :p], S[p:, p:] = np.linalg.cholesky(design.P0).T, triangular_root(design.x0_covariance)
-    xi = np.concatenate([design.theta0, design.x0, [0.0]])
-    width, reach = padded(1 + n + 2 * p), tuning["reach"][0] * S
-    theta = np.tile(design.theta0[:, None], width)
-    theta[:, 1 + n : 1 + n + 2 * p] += np.vstack([reach[:p, :p], -reach[:p, :p]]).T
-    inside = np.clip(theta.T, design.lower, design.upper)
-    X = np.zeros((n + 1, width))
-    X[:n, : 1 + n] = np.vstack([design.x0, reach[p:, p:]]).T
-    X[:n, 1 + n : 1 + n + 2 * p] = design.x0[:, None]
-    X[n] = [design.model.blocks(at)[0, n, :n] @ x for at, x in zip(inside, X[:n].T, strict=True)]
-    array = np.zeros((1 + m, padded(2 + n + 3 * p)))
-    deviation = (theta - design.theta0[:, None]) * tuning["scale"][0]
-    array[1 : 1 + p, :width] = deviation
-    array[1 : 1 + p, 1 + n + 2 * p : 1 + n + 3 * p] = np.linalg.cholesky(design.drift)
-    lanes = on_lanes(design, pattern)[1]
+    S, width = np.zeros((m, m)), padded(1 + 2 * m)
+    S[:p, :p] = np.linalg.cholesky(design.P0).T
+    S[p:, p:] = triangular_root(design.x0_covariance)
+    xi = np.concatenate([design.theta0, design.x0])
+    steps = np.zeros((width, m))
+    steps[1 : 1 + 2 * m] = tuning["reach"][0] * np.vstack([S, -S])
+    theta = np.clip(design.theta0 + steps[:, :p], design.lower, design.upper)
+    x = design.x0 + steps[:, p:]
+    y = [design.model.blocks(a)[0, n, :n] @ b for a, b in zip(theta, x, strict=True)]
+    array = np.zeros((1 + m, padded(2 + 2 * m + p)))
+    array[1 : 1 + p, : 1 + 2 * m] = (steps[: 1 + 2 * m, :p] * tuning["root"][0][:, None]).T
+    array[1 : 1 + p, 2 + 2 * m : 2 + 2 * m + p] = np.linalg.cholesky(design.drift)
+    M = on_lanes(design, pattern)[1]["M"][0, :, :1]
     return record(
-        xi=xi,  # θ, x and, last, what y is expected to be
+        xi=np.append(xi, 0.0),  # θ, x and, last, what y is expected to be
         S=S,  # P = SᵀS, upper triangular
-        theta=inside.T,  # of the points, side by side
-        M=np.tile(lanes["M"][0, :, :1], width),  # [A B; C 0] at each
-        X=X,  # x and y of each
+        theta=theta.T,  # of the points, side by side
+        M=np.tile(M, width),  # [A B; C 0] at each
+        X=np.vstack([x.T, y]),  # x and y of each
         inputs=np.zeros(width),
         array=array,  # columns side by side: y, θ and x
         upper=np.zeros((1 + m, 1 + m)),

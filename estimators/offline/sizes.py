@@ -80,29 +80,38 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     u = as_torque(torque)
     if not np.all(np.isfinite(u)) or not u.any():
         raise EstimatorError("torque must be that of a run in which the axis moves, not all 0")
-    return [(law, _sizes(model, law, (*_linear(model), period), u)) for law in model.laws]
-
-
-def _linear(model: Model) -> tuple[Array, Array]:
-    """Return A (n, n) and B (n,) of a model without its laws."""
     A, B, _ = _matrices(model)
-    return A, B[:, 0]
-
-
-def _output(model: Model) -> Array:
-    """Return C (n,) of a model, for an output in the unit of the motor speed."""
-    return _scaled(_matrices(model)[2])
-
-
-def _scaled(C: Array) -> Array:
-    return C.ravel() / np.abs(C.ravel()).sum()
+    fastest = float(max(abs(np.linalg.eigvals(A))))  # a slow reference says nothing of contacts
+    found = []
+    for law in model.laws:
+        drive = _drive(model, law)
+        w, change = _respond(model, B, np.array([drive, drive @ A]), u, period)
+        size = _moved_by(law, w, u)
+        rate = float(np.sqrt(np.mean((change + (drive @ B) * u) ** 2))) / size
+        force = _force(model, law, B) * float(np.sqrt(np.mean(u**2)))
+        found.append((law, Sizes(size, force, max(rate, fastest))))
+    return found
 
 
 def _matrices(model: Model) -> tuple[Array, Array, Array]:
+    """Return A (n, n), B (n,) and C (n,) of a model without its laws, its output as a speed."""
     linear = replace(model, laws=())
     one = linear.parametrize(linear.parameters[:1])
     A, B, C = one.matrices(one.theta)
-    return A, B, C
+    return A, B[:, 0], C[0] / np.abs(C).sum()
+
+
+def _drive(model: Model, law: Law) -> Array:
+    """Return what of the states (n,) drives a law."""
+    return np.array([law.drive.get(state, 0.0) for state in model.states])
+
+
+def _moved_by(law: Law, w: Array, u: Array) -> float:
+    """Return how far states w (N,) and the torque move what drives a law."""
+    size = float(np.std(w + law.drive.get(INPUT, 0.0) * u))
+    if not size > 0:
+        raise EstimatorError(f"the torque does not move {', '.join(law.drive)}, that drives a law")
+    return size
 
 
 class Motion(NamedTuple):
@@ -153,8 +162,7 @@ def moved(
     EstimatorError
         If no torque moves what drives a law.
     """
-    A, B, C = _matrices(model)  # once: a model takes a while to say them
-    B, output = B[:, 0], _scaled(C)
+    A, B, output = _matrices(model)
     fastest = float(max(abs(np.linalg.eigvals(A))))
     rate = max(moves.speed / moves.angle if moves.angle > 0 else 0.0, fastest)
     u = np.zeros(0) if torque is None else as_torque(torque)
@@ -170,7 +178,7 @@ def moved(
 def _seen(model: Model, law: Law, moves: Motion, linear: tuple[Array, Array]) -> float | None:
     """Return how far what drives a law moves, if that is measured itself; None if it is not."""
     A, speed = linear
-    drive = np.array([law.drive.get(state, 0.0) for state in model.states])
+    drive = _drive(model, law)
     if set(law.drive) == {INPUT}:
         return abs(law.drive[INPUT]) * moves.torque
     if INPUT in law.drive:
@@ -187,26 +195,23 @@ def _seen(model: Model, law: Law, moves: Motion, linear: tuple[Array, Array]) ->
 
 def _beside_the_output(model: Model, law: Law, u: Array, period: float) -> float:
     """Return how far what drives a law moves over how far the output does, by a torque (N,)."""
-    _, B = _linear(model)
-    drive = np.array([law.drive.get(state, 0.0) for state in model.states])
+    _, B, output = _matrices(model)
     if not u.any():
         u, period = _impulse(model)
-    w, y = _respond(model, B, np.array([drive, _output(model)]), u, period)
-    ratio = float(np.std(w + law.drive.get(INPUT, 0.0) * u) / np.std(y)) if y.any() else 0.0
-    if not ratio > 0:
-        raise EstimatorError(f"the torque does not move {', '.join(law.drive)}, that drives a law")
-    return ratio
+    w, y = _respond(model, B, np.array([_drive(model, law), output]), u, period)
+    moves = float(y.any())  # else it is as if nothing moved what drives the law either
+    return _moved_by(law, moves * w, moves * u) / float(np.std(y) or 1.0)
 
 
 def _impulse(model: Model) -> tuple[Array, float]:
     """Return an impulse (N,) and its period [s]: it moves all modes, and lets all but creep end."""
-    A, _ = _linear(model)
+    A, _, _ = _matrices(model)
     return np.eye(1, SETTLED)[0], 1.0 / float(max(abs(np.linalg.eigvals(A))))
 
 
 def _respond(model: Model, B: Array, rows: Array, u: Array, period: float) -> Array:
     """Return rows @ x (m, N) of the linear model, driven by u (N,) through B (n,), from rest."""
-    transition, gain = discretize(_linear(model)[0], B[:, None], period)
+    transition, gain = discretize(_matrices(model)[0], B[:, None], period)
     return respond(transition.copy(), gain[:, 0].copy(), rows, u).T
 
 
@@ -218,27 +223,10 @@ def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
     """
     if torque is None:
         return np.array([NOMINAL_STATES.get(state, 0.0) for state in model.states])
-    A, B = _linear(model)
-    transition, gain = discretize(A, B[:, None], period)
-    u = as_torque(torque)
-    moved = np.std(respond(transition.copy(), gain[:, 0].copy(), np.eye(len(A)), u), axis=0)
+    A, B, _ = _matrices(model)
+    moved = np.std(_respond(model, B, np.eye(len(A)), as_torque(torque), period), axis=1)
     integrates = ~np.any(A, axis=0)  # on which nothing depends
     return np.where(integrates, 0.0, moved)
-
-
-def _sizes(model: Model, law: Law, linear: tuple[Array, Array, float], u: Array) -> Sizes:
-    A, B, period = linear
-    drive = np.array([law.drive.get(state, 0.0) for state in model.states])
-    transition, gain = discretize(A, B[:, None], period)
-    rows = np.array([drive, drive @ A])
-    w, change = respond(transition.copy(), gain[:, 0].copy(), rows, u).T
-    driven = float(np.std(w + law.drive.get(INPUT, 0.0) * u))
-    force = _force(model, law, B) * float(np.sqrt(np.mean(u**2)))
-    if not driven > 0:
-        raise EstimatorError(f"the torque does not move {', '.join(law.drive)}, that drives a law")
-    changes = float(np.sqrt(np.mean((change + (drive @ B) * u) ** 2))) / driven
-    fastest = float(max(abs(np.linalg.eigvals(A))))  # a slow reference says nothing of contacts
-    return Sizes(driven, force, max(changes, fastest))
 
 
 def _force(model: Model, law: Law, B: Array) -> float:
@@ -253,7 +241,7 @@ def _force(model: Model, law: Law, B: Array) -> float:
         if B[i] and acts[i]:
             return abs(float(B[i] / acts[i]))
     u, period = _impulse(model)
-    output = _output(model)[None]
+    output = _matrices(model)[2][None]
     ours, theirs = (np.std(_respond(model, b, output, u, period)) for b in (acts, B))
     return float(theirs / ours) if ours > 0 and theirs > 0 else 1.0
 

@@ -23,25 +23,6 @@ from flexaxis.estimators.offline.sizes import Motion, Sizes, measured, moved
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class _Guess:
-    """
-    What is thought of a parameter of a law before it is seen, in its unit.
-
-    Attributes
-    ----------
-    start, deviation : float
-        Where an estimate starts, and the standard deviation of that.
-    lower, upper : float
-        The box.
-    """
-
-    start: float
-    deviation: float
-    lower: float
-    upper: float
-
-
 TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
 """What changes while an axis is in use: the paper's three, and dry friction."""
 
@@ -145,7 +126,7 @@ def guessed(
         As for `with_laws`.
     """
     start = {
-        name: _guess(role, law, sizes).start
+        name: _guess(role, law, sizes)[0]
         for law, sizes in _sized(model, torque, period, motion)
         for role, name in law.parameters.items()
         if isinstance(name, str) and name not in told
@@ -204,7 +185,7 @@ def prior(
     spread : float
         Deviation of the tracked parameters of the linear model, relative to θ(0).
     """
-    guesses: dict[str, _Guess] = {}
+    guesses: dict[str, Array] = {}
     if any(name in model.law_parameters for name in names):
         for law, sizes in _sized(model, torque, period, motion):
             for role, name in law.parameters.items():
@@ -236,16 +217,14 @@ def _relative(model: Model, name: str, spread: float) -> float:
     return DAMPING if physical in model.nonnegative else FIRM
 
 
-def _of_law(guess: _Guess, start: float, told: bool) -> tuple[float, float, float, float, float]:
-    deviation = guess.deviation
-    if told and start:
-        deviation = min(deviation, TOLD * abs(start))
-    lower, upper = min(guess.lower, start), max(guess.upper, 10 * start)
-    return start, deviation, lower, upper, guess.deviation
+def _of_law(guess: Array, start: float, told: bool) -> tuple[float, ...]:
+    _, deviation, lower, upper = guess.tolist()
+    known = min(deviation, TOLD * abs(start)) if told and start else deviation
+    return start, known, min(lower, start), max(upper, 10 * start), deviation
 
 
-def _guess(role: str, law: Law, sizes: Sizes) -> _Guess:
-    """Return what is thought of a parameter of a law, in its unit."""
+def _guess(role: str, law: Law, sizes: Sizes) -> Array:
+    """Return what is thought of a parameter of a law, in its unit: start, deviation, and box."""
     known = law.roles[role]
     if not known.size:  # a data-sheet value, such as a number of poles
         raise EstimatorError(
@@ -261,4 +240,4 @@ def _guess(role: str, law: Law, sizes: Sizes) -> _Guess:
         "force/drive": sizes.force / sizes.drive,
         "force*rate/drive": sizes.force * sizes.rate / sizes.drive,
     }[known.size]
-    return _Guess(*(unit * x for x in known.guess))
+    return unit * np.array(known.guess)
