@@ -48,8 +48,8 @@ KEPT = (
 )  # what is known of the sensor, whatever comes
 
 
-def astray(period: float, heeds: float = HEEDS_ALL) -> tuple[Record, Record]:
-    """Return what `repeats` and `explains` need of tuning and state, and what a filter heeds."""
+def monitor_records(period: float, heeds: float = HEEDS_ALL) -> tuple[Record, Record]:
+    """Return what `is_stuck` and `check_residual` need, with what a filter heeds."""
     tracks = heeds >= HEEDS_LOST
     tuning = record(
         astray_memory=MEMORY / period,
@@ -77,7 +77,7 @@ def astray(period: float, heeds: float = HEEDS_ALL) -> tuple[Record, Record]:
 
 
 @inlined
-def repeats(state, y, prediction, variance):
+def is_stuck(state, y, prediction, variance):
     """Return whether y is that of a stuck sensor; ``variance`` is that of y − ŷ, or NaN."""
     rails = state["rails"]
     if y < rails[0]:  # it can read less
@@ -101,7 +101,7 @@ def repeats(state, y, prediction, variance):
 
 
 @inlined
-def explains(tuning, state, y, epsilon):
+def check_residual(tuning, state, y, epsilon):
     """Take a residual, and mark a filter that is lost; it is asked again after twice the time."""
     if y**2 > ABSURD**2 * max(state["signal"], state["expected"] ** 2, state["noise"]):
         return  # a mean of squares would not forget it for minutes

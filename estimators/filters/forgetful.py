@@ -11,7 +11,7 @@ from flexaxis.estimators.filters.prediction_error import (
     bound_P,
     correct_state,
     measure,
-    measured,
+    measurement_records,
     publish,
     read_claim,
 )
@@ -47,10 +47,8 @@ def forgetful_filter(
         What the rule needs besides, and remembers, as it is at the start.
     """
     pattern, _ = split(design.model)
-    lanes, parts = (
-        on_lanes(design, pattern),
-        measured(design, clip=robust, correct=correct, ceiling=ceiling, watch=True),
-    )
+    lanes = on_lanes(design, pattern)
+    parts = measurement_records(design, clip=robust, correct=correct, ceiling=ceiling)
     tunings = joined(lanes[0], parts[0], record(**tuning))
     states = joined(lanes[1], parts[1], record(**(state or {})))
     return CompiledFilter(_loop(pattern, rule), tunings, states, design, read_claim, restarts=True)

@@ -20,7 +20,7 @@ from math import erf, exp, pi, sqrt
 import numpy as np
 
 from flexaxis.estimators.filters.design import Design
-from flexaxis.estimators.filters.fault_monitor import astray, repeats
+from flexaxis.estimators.filters.fault_monitor import is_stuck, monitor_records
 from flexaxis.estimators.filters.loop import Record, joined, record
 from flexaxis.estimators.models.compiler import inlined
 
@@ -72,7 +72,7 @@ def level(design: Design, *, rests: bool = False) -> tuple[Record, Record]:
         run=0.0,  # samples in a row that were used
         odd=0.0,  # 1 where the last sample was beyond ODD
     )
-    more, sensor = astray(design.period)
+    more, sensor = monitor_records(design.period)
     return joined(tuning, more), joined(state, sensor)
 
 
@@ -92,7 +92,7 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     judged = state["samples"] >= KNOWN or tuning["known"] > 0.0
     if not valid:
         state["reading"] = np.nan
-    elif repeats(state, y, prediction, S if judged else spread + state["earlier"]):
+    elif is_stuck(state, y, prediction, S if judged else spread + state["earlier"]):
         valid = False
     if not valid:
         state["run"], state["innovation_variance"] = 0.0, np.nan

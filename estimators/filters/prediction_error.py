@@ -16,9 +16,9 @@ from flexaxis.estimators.filters.fault_monitor import (
     HEEDS_ALL,
     HEEDS_LOST,
     HEEDS_NOTHING,
-    astray,
-    explains,
-    repeats,
+    check_residual,
+    is_stuck,
+    monitor_records,
 )
 from flexaxis.estimators.filters.loop import Record, joined, record
 from flexaxis.estimators.filters.noise import FINEST, KNOWN, MEMORY, clipped_variance
@@ -43,13 +43,12 @@ CALM = 1e-3  # (Δθ/θ(0))², ceiling of R̂ P_ii: a deviation of 3 %, from whi
 # of 320 from 3 % none did (two axes, five kinds of standstill, seeds 0 to 15)
 
 
-def measured(
+def measurement_records(
     design: Design,
     *,
     clip: float = 0.0,
     correct: bool = False,
     ceiling: float = CEILING,
-    watch: bool = False,
 ) -> tuple[Record, Record]:
     """
     Return tuning and state for `measure`, `correct_state`, `predict` and `bound_P`.
@@ -58,13 +57,12 @@ def measured(
     ----------
     design : Design
     clip : float
-        Standard deviations beyond which a residual counts as one of that size; 0 for never.
+        Standard deviations beyond which a residual counts as one of that size, and nothing is taken
+        from a stuck sensor; 0 for never.
     correct : bool
         Whether the state moves with θ.
     ceiling : float
         Largest variance of an estimate relative to θ(0)²; infinite for none.
-    watch : bool
-        Whether nothing is taken from a stuck sensor, if outliers are not believed either.
     """
     at_least_zero("robust", clip, "standard deviations, such as 3, or 0 for never")
     if not (isinstance(ceiling, int | float) and ceiling > 0):
@@ -81,7 +79,6 @@ def measured(
         known=float(design.noise > 0),
         correct=float(correct),
         clip=float(clip),
-        watched=float(watch and clip > 0),
         consistency=clipped_variance(clip) if clip else 1.0,
         ceiling=float(ceiling),
         floor=GRANTED * np.diag(design.P0),
@@ -106,8 +103,8 @@ def measured(
         signal=0.0,  # mean square of ŷ
     )
     once = len(design.theta0) > design.tracked  # something is learnt, and never forgotten
-    tracks = HEEDS_LOST if watch and clip > 0 else HEEDS_NOTHING
-    more, sensor = astray(design.period, HEEDS_ALL if once else tracks)
+    tracks = HEEDS_LOST if clip > 0 else HEEDS_NOTHING
+    more, sensor = monitor_records(design.period, HEEDS_ALL if once else tracks)
     return joined(tuning, more), joined(state, sensor)
 
 
@@ -123,7 +120,7 @@ def measure(tuning, state, y, valid):
     state["epsilon"] = state["variance"] = np.nan
     if valid:
         state["scale"] = 1.0 + _form(state["P"], psi, gain)
-        valid = not (tuning["watched"] > 0.0 and _sticks(tuning, state, y))
+        valid = not (tuning["clip"] > 0.0 and _sticks(tuning, state, y))
     else:
         state["reading"] = np.nan
     if valid:
@@ -142,7 +139,7 @@ def measure(tuning, state, y, valid):
         _carry(state["claim"], gain, weight, state["spread"], spread)
         excited = _learn(tuning, state, surprise**2 / spread)
         if excited and tuning["heeds"] < HEEDS_NOTHING:
-            explains(tuning, state, y, state["epsilon"])
+            check_residual(tuning, state, y, state["epsilon"])
     project(theta, tuning["lower"], tuning["upper"])
     for i in range(p):
         moved[i] = theta[i] - moved[i]
@@ -169,7 +166,7 @@ def _sticks(tuning, state, y):
     """Return whether y is that of a sensor that is stuck; the first samples are believed."""
     known = state["samples"] >= KNOWN or tuning["known"] > 0.0
     noise = state["noise"] if known else state["earlier"]
-    if repeats(state, y, state["expected"], noise * state["scale"]):
+    if is_stuck(state, y, state["expected"], noise * state["scale"]):
         return True
     if not np.isfinite(state["scale"]):  # ψ is none, or its square: as lost as where ŷ is none
         state["anew"] = 2.0

@@ -1,7 +1,7 @@
 """Follow a filter sample by sample and keep what figures and studies need."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,22 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.signals import check_signals
 
 Array = NDArray[np.float64]
-
-
-class _Traceable(Protocol):
-    """A filter that shows its residual, gradient, P and claimed covariance after a step."""
-
-    names: tuple[str, ...]
-
-    @property
-    def epsilon(self) -> float: ...
-    @property
-    def psi(self) -> Array: ...
-    @property
-    def P(self) -> Array: ...
-    @property
-    def covariance(self) -> Array: ...
-    def step(self, u: float, y: float | None) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -53,15 +37,13 @@ class Trace:
     covariance: Array
 
 
-def trace(
-    estimator: _Traceable, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
-) -> Trace:
+def trace(estimator: Any, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
     """
     Run an estimator from its current state by steps and keep its insides.
 
     Parameters
     ----------
-    estimator : a filter with epsilon, psi, P and covariance
+    estimator : a filter with epsilon, psi, P and covariance after each step
         Left in the state after the last sample, as by ``run``.
     u, y : (N,) array_like
     valid : (N,) array_like of bool, optional

@@ -6,7 +6,6 @@ Slow and written for reading; the compiled filter is checked against it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,34 +41,6 @@ def regularize(P: Array, regularization: ArrayLike) -> Array:
 def _symmetrize(P: Array) -> Array:
     """Drop the antisymmetric part of P: rounding leaves some, and (9) lets it grow as λ⁻ᵏ."""
     return (P + P.T) / 2
-
-
-@dataclass
-class _NoiseVariance:
-    """
-    The noise variance that turns P into a claimed covariance: mean of ε²/(1+ψᵀPψ), with a memory.
-
-    Attributes
-    ----------
-    memory : float
-        In samples.
-    given : float
-        The variance, if it is known; else 0.
-    """
-
-    memory: float
-    given: float = 0.0
-    value: float = 1.0  # the paper's unit, until something is measured
-    count: float = 0.0
-
-    def __post_init__(self) -> None:
-        self.value = self.given or self.value
-
-    def add(self, sample: float) -> None:
-        """Take one squared residual, divided by what the uncertainty of θ̂ adds to it."""
-        self.count = min(self.count + 1, self.memory)
-        if not self.given:
-            self.value += (sample - self.value) / self.count
 
 
 class LiteralRpem(RecursiveEstimator):
@@ -126,7 +97,7 @@ class LiteralRpem(RecursiveEstimator):
         self.P = self._design.P0.copy()
         self.psi = np.zeros(p)
         self.epsilon = np.nan
-        self._noise = _NoiseVariance(MEMORY / self._design.period, self._design.noise**2)
+        self._noise, self._count = self._design.noise**2 or 1.0, 0.0  # the paper's unit at first
         self._X = np.zeros((p + 1, n))  # z_1 … z_p and x, a row each
         self._X[-1] = self._design.x0
         self._system = extended_system(self._design.model, self._theta)
@@ -137,7 +108,7 @@ class LiteralRpem(RecursiveEstimator):
 
     @property
     def covariance(self) -> Array:  # noqa: D102
-        return self._noise.value * self.P / 2
+        return self._noise * self.P / 2
 
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
@@ -150,7 +121,7 @@ class LiteralRpem(RecursiveEstimator):
         """Take u[k], y[k]; return ŷ, the innovation, and its claimed variance."""
         predicted = self._predict()
         self.epsilon = np.nan if y is None else float(y - predicted)  # (6)
-        claimed = float(self._noise.value * (1 + self.psi @ self.P @ self.psi / 2))
+        claimed = float(self._noise * (1 + self.psi @ self.P @ self.psi / 2))
         if y is not None:
             self._measure()
         d = self._design
@@ -170,7 +141,10 @@ class LiteralRpem(RecursiveEstimator):
         return output[-1]
 
     def _measure(self) -> None:
-        self._noise.add(float(self.epsilon**2 / (1 + self.psi @ self.P @ self.psi)))
+        if not self._design.noise:  # R̂, a mean with a memory
+            self._count = min(self._count + 1, MEMORY / self._design.period)
+            square = float(self.epsilon**2 / (1 + self.psi @ self.P @ self.psi))
+            self._noise += (square - self._noise) / self._count
         self.P = _symmetrize(measurement_update(self.P, self.psi))
         self._theta = self._theta + self.P @ self.psi * self.epsilon  # (5)
 

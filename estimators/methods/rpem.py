@@ -17,7 +17,7 @@ from flexaxis.estimators.filters.prediction_error import (
     CEILING,
     correct_state,
     measure,
-    measured,
+    measurement_records,
     predict,
     publish,
     read_claim,
@@ -169,7 +169,7 @@ class Rpem(CompiledFilter):
             scale=scale,
         )
         pattern, _ = split(design.model)
-        parts = measured(design, clip=robust, correct=state_correction, ceiling=ceiling, watch=True)
+        parts = measurement_records(design, clip=robust, correct=state_correction, ceiling=ceiling)
         lanes, later = on_lanes(design, pattern), _settling(design, settle)
         tuning, start = map(joined, lanes, parts, later)
         if settle:

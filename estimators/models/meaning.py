@@ -19,7 +19,7 @@ LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
 """The structure of the three-mass axis, in the order of estimates; that of others follows it."""
 
 
-def named(laws: Sequence[Law], roles: Sequence[str]) -> tuple[str, ...]:
+def _named(laws: Sequence[Law], roles: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters that laws have in some roles, in the order of laws and roles."""
     found = (law.parameters.get(role) for law in laws for role in roles)
     return tuple(dict.fromkeys(name for name in found if isinstance(name, str)))
@@ -27,7 +27,7 @@ def named(laws: Sequence[Law], roles: Sequence[str]) -> tuple[str, ...]:
 
 def dry_friction(model: Model) -> tuple[str, ...]:
     """Return the levels of dry friction, such as f_c."""
-    return named(model.laws, ("coulomb",))
+    return _named(model.laws, ("coulomb",))
 
 
 def fixable(model: Model) -> tuple[str, ...]:
@@ -37,7 +37,7 @@ def fixable(model: Model) -> tuple[str, ...]:
     Friction is tracked, and cogging shows at any speed.
     """
     roles = [name for kind in LAWS.values() for name, role in kind.roles.items() if role.fixable]
-    return (*structure(model), *named(model.laws, roles))
+    return (*structure(model), *_named(model.laws, roles))
 
 
 def structure(model: Model) -> tuple[str, ...]:
@@ -113,7 +113,7 @@ def is_axis(model: Model, name: str, identify: Sequence[str]) -> bool:
     identify : sequence of str
         Parameters, or inverses, whose values are where an estimate starts.
     """
-    named = _named(name)
+    named = _axis(name)
     tables = ("states", "A", "B", "C", "reset")
     if any(getattr(model, table) != getattr(named, table) for table in tables):
         return False
@@ -135,7 +135,7 @@ def moves_as(model: Model, name: str) -> bool:
     name : str
         As for `is_axis`.
     """
-    ours, theirs = _rates(model), _rates(_named(name))
+    ours, theirs = _rates(model), _rates(_axis(name))
     if len(ours) != len(theirs) or not ours.all():
         return False
     return bool(np.abs(np.log(ours / theirs)).max() <= np.log(NEAR))
@@ -143,7 +143,7 @@ def moves_as(model: Model, name: str) -> bool:
 
 def named_values(name: str, identify: Sequence[str]) -> NDArray[np.float64]:
     """Return θ (p,) of a named axis [SI]; NaN for what it has not."""
-    values = _named(name).nominal
+    values = _axis(name).nominal
     return np.array(
         [
             values.get(n.removeprefix("1/"), np.nan) ** (-1.0 if n.startswith("1/") else 1.0)
@@ -152,7 +152,7 @@ def named_values(name: str, identify: Sequence[str]) -> NDArray[np.float64]:
     )
 
 
-def _named(name: str) -> Model:
+def _axis(name: str) -> Model:
     return next(m.factory(m.known[name]) for m in MODELS.values() if name in m.known)
 
 

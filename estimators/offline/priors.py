@@ -29,26 +29,6 @@ FOLLOWS_MEAN = 0.56
 AXIS, PERIOD = "n1", 0.005  # where these hold: axis, T [s]
 
 
-def gradient(model: Parametrization, theta: ArrayLike, u: ArrayLike, period: float) -> Array:
-    """
-    Return ψ (N, p) along a torque u (N,) at fixed parameters, eq. (16)–(23).
-
-    Parameters
-    ----------
-    model : Parametrization
-    theta : (p,) array_like
-    u : (N,) array_like
-    period : float
-        Sampling period [s].
-
-    Raises
-    ------
-    EstimatorError
-        If u is no torque.
-    """
-    return predict(model, theta, u, period=period)[1]
-
-
 def nominal_P(
     model: Model,
     u: ArrayLike,
@@ -103,7 +83,7 @@ def nominal_P(
 
 
 def _gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: float) -> Array:
-    """Return `gradient`, made once for the same axis and torque; errors as from that."""
+    """Return ψ (N, p) along a torque u (N,), made once for the same axis and torque."""
     asked = model, theta, as_torque(u), period
     return _remembered(_Asked(pickle.dumps(asked), asked))
 
@@ -121,7 +101,7 @@ def _steady(psi: Array, design: Design) -> Array:
 
 @dataclass(frozen=True)
 class _Asked:
-    """Arguments of `gradient`, told apart by their content."""
+    """Model, parameters, torque and period, told apart by their content."""
 
     content: bytes
     arguments: tuple = field(compare=False)
@@ -130,7 +110,8 @@ class _Asked:
 # A benchmark makes each of many estimators anew for every record, all with the same gradient.
 @lru_cache(maxsize=32)
 def _remembered(asked: _Asked) -> Array:
-    return gradient(*asked.arguments)
+    model, theta, u, period = asked.arguments
+    return predict(model, theta, u, period=period)[1]
 
 
 @compiled

@@ -84,9 +84,12 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     fastest = float(max(abs(np.linalg.eigvals(A))))  # a slow reference says nothing of contacts
     found = []
     for law in model.laws:
-        drive = _drive(model, law)
+        drive = np.array([law.drive.get(state, 0.0) for state in model.states])
         w, change = _respond(model, B, np.array([drive, drive @ A]), u, period)
-        size = _moved_by(law, w, u)
+        size = float(np.std(w + law.drive.get(INPUT, 0.0) * u))
+        if not size > 0:
+            given = ", ".join(law.drive)
+            raise EstimatorError(f"the torque does not move {given}, that drives a law")
         rate = float(np.sqrt(np.mean((change + (drive @ B) * u) ** 2))) / size
         force = _force(model, law, B) * float(np.sqrt(np.mean(u**2)))
         found.append((law, Sizes(size, force, max(rate, fastest))))
@@ -99,19 +102,6 @@ def _matrices(model: Model) -> tuple[Array, Array, Array]:
     one = linear.parametrize(linear.parameters[:1])
     A, B, C = one.matrices(one.theta)
     return A, B[:, 0], C[0] / np.abs(C).sum()
-
-
-def _drive(model: Model, law: Law) -> Array:
-    """Return what of the states (n,) drives a law."""
-    return np.array([law.drive.get(state, 0.0) for state in model.states])
-
-
-def _moved_by(law: Law, w: Array, u: Array) -> float:
-    """Return how far states w (N,) and the torque move what drives a law."""
-    size = float(np.std(w + law.drive.get(INPUT, 0.0) * u))
-    if not size > 0:
-        raise EstimatorError(f"the torque does not move {', '.join(law.drive)}, that drives a law")
-    return size
 
 
 class Motion(NamedTuple):
@@ -138,69 +128,22 @@ def motion(u: Array, speed: Array, period: float) -> Motion:
     return Motion(torque, moves, float(np.std(angle)))
 
 
-def moved(
-    model: Model, moves: Motion, torque: ArrayLike | None = None, period: float = 1.0
-) -> list[tuple[Law, Sizes]]:
+def moved(model: Model, moves: Motion) -> list[tuple[Law, Sizes]]:
     """
     Return the laws of an axis with their sizes, from how it moves rather than how it would.
-
-    What is measured is taken as it is: the output, its angle, the torque. How far anything else
-    moves beside the output, the linear model says, and how fast contacts are. The gear of the
-    three-mass axis twists as a torque at rest twists it.
 
     Parameters
     ----------
     model : Model
+        With laws that its output drives, such as friction of the motor.
     moves : Motion
-    torque : (N,) array_like, optional
-        By which the axis moved so [N m]; without it that of an impulse, which has all frequencies.
-    period : float
-        Sampling period of the torque [s].
-
-    Raises
-    ------
-    EstimatorError
-        If no torque moves what drives a law.
     """
-    A, B, output = _matrices(model)
-    fastest = float(max(abs(np.linalg.eigvals(A))))
+    A, B, _ = _matrices(model)
+    fastest = float(max(abs(np.linalg.eigvals(A))))  # as fast as contacts are
     rate = max(moves.speed / moves.angle if moves.angle > 0 else 0.0, fastest)
-    u = np.zeros(0) if torque is None else as_torque(torque)
-    found = []
-    for law in model.laws:
-        drive = _seen(model, law, moves, (A, output))
-        if drive is None:
-            drive = moves.speed * _beside_the_output(model, law, u, period)
-        found.append((law, Sizes(drive, _force(model, law, B) * moves.torque, rate)))
-    return found
-
-
-def _seen(model: Model, law: Law, moves: Motion, linear: tuple[Array, Array]) -> float | None:
-    """Return how far what drives a law moves, if that is measured itself; None if it is not."""
-    A, speed = linear
-    drive = _drive(model, law)
-    if set(law.drive) == {INPUT}:
-        return abs(law.drive[INPUT]) * moves.torque
-    if INPUT in law.drive:
-        return None
-    if set(law.drive) == {"twist_gear"} and {"k_T", "k_g", "r"} <= set(model.nominal):
-        stiffness = abs(model.nominal["r"]) * model.nominal["k_g"]
-        return abs(law.drive["twist_gear"] * model.nominal["k_T"]) * moves.torque / stiffness
-    for row, size in ((drive, moves.speed), (drive @ A, moves.angle)):
-        factor = float(row @ speed) / float(speed @ speed)
-        if factor and np.array_equal(row, factor * speed):
-            return abs(factor) * size
-    return None
-
-
-def _beside_the_output(model: Model, law: Law, u: Array, period: float) -> float:
-    """Return how far what drives a law moves over how far the output does, by a torque (N,)."""
-    _, B, output = _matrices(model)
-    if not u.any():
-        u, period = _impulse(model)
-    w, y = _respond(model, B, np.array([_drive(model, law), output]), u, period)
-    moves = float(y.any())  # else it is as if nothing moved what drives the law either
-    return _moved_by(law, moves * w, moves * u) / float(np.std(y) or 1.0)
+    return [
+        (law, Sizes(moves.speed, _force(model, law, B) * moves.torque, rate)) for law in model.laws
+    ]
 
 
 def _impulse(model: Model) -> tuple[Array, float]:

@@ -71,7 +71,6 @@ def with_laws(
     *,
     torque: ArrayLike | None = None,
     period: float,
-    motion: Motion | None = None,
 ) -> Model:
     """
     Return the axis with all that a real one has, each parameter that is not told at its start.
@@ -85,13 +84,11 @@ def with_laws(
         Torque of a run [N m], for the sizes; without it those of the nominal axis.
     period : float
         Sampling period [s].
-    motion : Motion, optional
-        How the axis moves, where that was measured; ``torque`` is then that by which it did.
 
     Raises
     ------
     EstimatorError
-        If there is neither torque nor motion, and the axis is not the nominal one of the benchmark.
+        If there is no torque, and the axis is not the nominal one of the benchmark.
     """
     if isinstance(nominal, Model):
         return nominal
@@ -99,7 +96,7 @@ def with_laws(
     missing |= {"kappa": 0.0, "gap": 0.0}
     missing |= {"c_sin": 0.0, "c_cos": 0.0} if "poles" in nominal else {}
     empty = real_axis(missing | dict(nominal))
-    return guessed(empty, told_of(nominal), torque=torque, period=period, motion=motion)
+    return guessed(empty, told_of(nominal), torque=torque, period=period)
 
 
 def told_of(nominal: Mapping[str, float] | Model) -> tuple[str, ...]:
@@ -122,8 +119,10 @@ def guessed(
     ----------
     model : Model
     told : sequence of str
-    torque, period, motion
+    torque, period
         As for `with_laws`.
+    motion : Motion, optional
+        How the axis moves, in the place of a torque, where its output drives all laws.
     """
     start = {
         name: _guess(role, law, sizes)[0]
@@ -178,7 +177,7 @@ def prior(
     names : sequence of str
         Parameters or their inverses; the paper's three have the deviation ``spread``.
     torque, period, motion
-        As for `with_laws`.
+        As for `guessed`.
     told : sequence of str
         Parameters of laws that are known; they have the deviation `TOLD` or that of their size,
         whichever is smaller.
@@ -205,9 +204,7 @@ def prior(
 def _sized(
     model: Model, torque: ArrayLike | None, period: float, motion: Motion | None
 ) -> list[tuple[Law, Sizes]]:
-    return (
-        measured(model, torque, period) if motion is None else moved(model, motion, torque, period)
-    )
+    return measured(model, torque, period) if motion is None else moved(model, motion)
 
 
 def _relative(model: Model, name: str, spread: float) -> float:

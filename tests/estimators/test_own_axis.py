@@ -11,7 +11,7 @@ from flexaxis.estimators.models.axes import N1, one_mass, two_mass
 from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import predict
-from flexaxis.estimators.offline.sizes import measured, motion, moved
+from flexaxis.estimators.offline.sizes import measured
 from flexaxis.estimators.offline.structure import with_laws
 from flexaxis.estimators.registry import REGISTRY
 
@@ -65,24 +65,6 @@ def run(model, torque, **changed):
     return predict(one, one.theta, torque, period=PERIOD)[0]
 
 
-def of_motion(model, speed, torque=None):
-    moves = motion(TORQUE, speed, PERIOD)
-    return [sizes for _, sizes in moved(model, moves, torque, PERIOD)]
-
-
-def test_sizes_of_a_motion_are_those_of_the_linear_model_of_any_axis():
-    expected = [sizes for _, sizes in measured(BELT, TORQUE, PERIOD)]
-    speed = run(replace(BELT, laws=()), TORQUE)
-    for found, model in zip(of_motion(BELT, speed, TORQUE), expected, strict=True):
-        assert found.drive == pytest.approx(model.drive, rel=0.1)  # the rms speed has its mean
-        assert found.force == pytest.approx(model.force, rel=0.01)
-    for found, model in zip(of_motion(BELT, speed), expected, strict=True):  # by an impulse
-        assert found.drive == pytest.approx(model.drive, rel=0.5)
-    # that moves twice as far as the linear model would
-    for found, model in zip(of_motion(BELT, 2 * speed, TORQUE), expected, strict=True):
-        assert found.drive == pytest.approx(2 * model.drive, rel=0.1)
-
-
 def test_friction_of_a_load_has_the_size_that_the_gear_makes_of_a_torque():
     load, motor = measured(BELT, TORQUE, PERIOD)[1:]
     # the motor turns 1/r as far as the load: so many torques are as one behind the gear
@@ -99,7 +81,7 @@ def test_what_no_torque_moves_has_no_size():
         laws=(Law("static", {"loose": 1.0}, {"loose": "-1"}, FRICTION),),
     )
     with pytest.raises(EstimatorError, match="does not move loose"):
-        of_motion(loose, TORQUE)
+        measured(loose, TORQUE, PERIOD)
 
 
 @pytest.mark.slow

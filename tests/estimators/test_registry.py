@@ -7,9 +7,9 @@ import pytest
 
 from flexaxis.estimators import EstimatorError, registry
 from flexaxis.estimators.methods.paper import REGULARIZATION
+from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.priors import (
     default_drift,
-    gradient,
     known_P,
     nominal_P,
     stored_P,
@@ -192,7 +192,7 @@ def test_recipe_is_the_paper_word_for_word(nominal, loop, options):
     from flexaxis.estimators.methods import literal as reference
 
     model = three_mass(nominal).parametrize(["k_T", "1/J_a", "f_m"])
-    gradients, kept = gradient(model, model.theta, loop.u[:401], 0.005), []
+    gradients, kept = predict(model, model.theta, loop.u[:401], period=0.005)[1], []
     Q, drift = np.mean(gradients**2, axis=0), np.array(options.get("drift", np.zeros(3)))
     forgotten = 1 - options.get("forgetting", 0.995)
     P = np.diag(np.sqrt(drift / Q) if "drift" in options else forgotten / Q)
@@ -215,7 +215,7 @@ def test_gradient_is_that_of_the_filter(nominal, loop, output):
     still = Rpem(model, P0=np.full(3, 1e-300), output=output, period=0.005)
     expected = still.trace(loop.u[:500], loop.y[:500]).psi
     chosen = (increment(model, 0.005) if output == "increment" else model).parametrize(still.names)
-    psi = gradient(chosen, chosen.theta, loop.u[:500], 0.005)
+    psi = predict(chosen, chosen.theta, loop.u[:500], period=0.005)[1]
     np.testing.assert_allclose(psi, expected, atol=1e-11 * np.abs(expected).max())
 
 

@@ -1,12 +1,20 @@
 """What is thought of friction, play and cogging beforehand: sizes, whatever the units."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.axes import N1, three_mass
+from flexaxis.estimators.models.axes import BRISTLES, N1, three_mass
 from flexaxis.estimators.offline.sizes import NOMINAL, Motion, motion, moved
-from flexaxis.estimators.offline.structure import TRACKED, prior, structure_names, with_laws
+from flexaxis.estimators.offline.structure import (
+    TRACKED,
+    guessed,
+    prior,
+    structure_names,
+    with_laws,
+)
 
 PERIOD = 0.005
 RNG = np.random.default_rng(0)
@@ -55,13 +63,11 @@ def test_the_stored_sizes_are_those_of_the_nominal_reference():
 
 
 def test_sizes_of_a_measured_motion_are_about_those_of_the_model():
-    model = with_laws(N1 | {"poles": 24.0, "torque_limit": 1.75}, period=PERIOD)
-    reference = Motion(torque=0.85, speed=5.0, angle=5.0 / 118)
-    for law, sizes in moved(model, reference):
-        assert sizes.drive == pytest.approx(NOMINAL[law.kind].drive, rel=0.3)
-        assert sizes.force == pytest.approx(NOMINAL[law.kind].force, rel=0.01)
-    bristles = moved(model, reference)[0][1]
-    assert bristles.rate == pytest.approx(NOMINAL["bristle"].rate, rel=0.2)
+    model = replace(with_laws(N1, period=PERIOD), laws=(BRISTLES,))
+    ((_, sizes),) = moved(model, Motion(torque=0.85, speed=5.0, angle=5.0 / 118))
+    assert sizes.drive == pytest.approx(NOMINAL["bristle"].drive, rel=0.3)
+    assert sizes.force == pytest.approx(NOMINAL["bristle"].force, rel=0.01)
+    assert sizes.rate == pytest.approx(NOMINAL["bristle"].rate, rel=0.2)
 
 
 def test_a_motion_is_measured_from_its_speed():
@@ -72,14 +78,15 @@ def test_a_motion_is_measured_from_its_speed():
 
 
 def test_a_measured_prior_has_the_units_of_the_axis():
-    names = ("f_m", "f_c", "sigma_0", "v_s", "kappa", "gap", "c_sin")
+    names = ("f_m", "f_c", "sigma_0", "v_s")
     found = []
     for torque in (1.0, 100.0):
-        nominal = in_other_units(N1, torque) | {"poles": 24.0}
+        model = replace(with_laws(N1, period=PERIOD), laws=(BRISTLES,))
+        model = replace(model, nominal=dict(model.nominal) | in_other_units(N1, torque))
         moves = Motion(0.85 * torque, 5.0, 0.04)
-        model = with_laws(nominal, period=PERIOD, motion=moves)
+        model = guessed(model, tuple(N1), period=PERIOD, motion=moves)
         found.append(prior(model, names, period=PERIOD, motion=moves))
-    unit = np.array([100.0, 100.0, 100.0, 1.0, 1.0, 1.0, 100.0])
+    unit = np.array([100.0, 100.0, 100.0, 1.0])
     for field in ("start", "deviation", "lower", "upper"):
         here, there = (getattr(one, field) for one in found)
         np.testing.assert_allclose(here * unit, there, rtol=1e-9)
