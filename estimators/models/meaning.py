@@ -19,7 +19,7 @@ LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
 """The structure of the three-mass axis, in the order of estimates; that of others follows it."""
 
 
-def _named(laws: Sequence[Law], roles: Sequence[str]) -> tuple[str, ...]:
+def named(laws: Sequence[Law], roles: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters that laws have in some roles, in the order of laws and roles."""
     found = (law.parameters.get(role) for law in laws for role in roles)
     return tuple(dict.fromkeys(name for name in found if isinstance(name, str)))
@@ -27,7 +27,7 @@ def _named(laws: Sequence[Law], roles: Sequence[str]) -> tuple[str, ...]:
 
 def dry_friction(model: Model) -> tuple[str, ...]:
     """Return the levels of dry friction, such as f_c."""
-    return _named(model.laws, ("coulomb",))
+    return named(model.laws, ("coulomb",))
 
 
 def fixable(model: Model) -> tuple[str, ...]:
@@ -37,7 +37,7 @@ def fixable(model: Model) -> tuple[str, ...]:
     Friction is tracked, and cogging shows at any speed.
     """
     roles = [name for kind in LAWS.values() for name, role in kind.roles.items() if role.fixable]
-    return (*structure(model), *_named(model.laws, roles))
+    return (*structure(model), *named(model.laws, roles))
 
 
 def structure(model: Model) -> tuple[str, ...]:
