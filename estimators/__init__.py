@@ -12,7 +12,7 @@ from flexaxis.estimators.models.axes import one_mass, three_mass, two_mass
 from flexaxis.estimators.models.model import Model, increment
 
 if TYPE_CHECKING:
-    from flexaxis.estimators.methods.frozen import Frozen
+    from flexaxis.estimators.methods.controls import Frozen
     from flexaxis.estimators.methods.literal import LiteralRpem, literal_rpem
     from flexaxis.estimators.methods.rpem import Rpem
 
@@ -35,7 +35,7 @@ RECOMMENDED = "glr"
 
 # numba and scipy take most of a second to import, so what needs them is loaded when it is used
 _LATER = {
-    "Frozen": "methods.frozen",
+    "Frozen": "methods.controls",
     "LiteralRpem": "methods.literal",
     "literal_rpem": "methods.literal",
     "Rpem": "methods.rpem",

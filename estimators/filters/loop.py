@@ -222,27 +222,26 @@ def sample_loop(pattern: Pattern, correct: Callable, label: str) -> Compiled:
     ----------
     pattern : Pattern
     correct : callable
-        ``correct(tunings, states, k, u, y, valid, estimates, trace, *more)``, `inlined`: takes
+        ``correct(tunings, states, k, u, y, valid, estimates, trace)``, `inlined`: takes
         ŷ[k], which is the output in X, and y[k], moves θ, P and x, writes row k of ``estimates``
         (η[k]) and of ``trace`` (ŷ[k], y[k] − ŷ[k] and its variance; NaN in a gap), and returns
-        whether to stop after this sample. u[k] is not yet in x then; ``more`` are arrays of its
-        own.
+        whether to stop after this sample. u[k] is not yet in x then.
     label : str
         What the filter is, for the user who waits for the compiler.
 
     Returns
     -------
     callable
-        ``run(tunings, states, u, y, valid, estimates, trace, *more)`` takes samples, from
+        ``run(tunings, states, u, y, valid, estimates, trace)`` takes samples, from
         ``states`` and back into them, and returns how many. Records have the fields of
         `flexaxis.estimators.filters.loop.on_lanes`.
     """
     over = over_sample(pattern)
 
-    def run(tunings, states, u, y, valid, estimates, trace, *more):  # noqa: PLR0917
+    def run(tunings, states, u, y, valid, estimates, trace):  # noqa: PLR0917
         taken = 0
         for k in range(len(u)):
-            stop = correct(tunings, states, k, u, y, valid, estimates, trace, *more)
+            stop = correct(tunings, states, k, u, y, valid, estimates, trace)
             for j in range(len(states)):
                 over(tunings[j], states[j], u[k])
             taken += 1

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.filters.design import make_design
-from flexaxis.estimators.filters.filter import RecursiveEstimator
+from flexaxis.estimators.filters.filter import RecursiveEstimator, Trace, trace
 from flexaxis.estimators.filters.noise import MEMORY
-from flexaxis.estimators.filters.trace import Trace, trace
 from flexaxis.estimators.models.discretisation import discretize, extended_system
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem

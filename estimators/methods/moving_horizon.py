@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.filters.covariance import triangular_root
 from flexaxis.estimators.filters.design import Design, above_zero
 from flexaxis.estimators.filters.filter import RecursiveEstimator
 from flexaxis.estimators.filters.noise import FINEST, KNOWN, MOVING, ODD
-from flexaxis.estimators.filters.square_root import triangular_root
 from flexaxis.estimators.models.sampled import along, move, prepare
 from flexaxis.estimators.problem import Problem
 

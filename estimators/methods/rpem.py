@@ -11,7 +11,7 @@ from flexaxis.estimators.filters.design import (
     covariance_matrix,
     make_design,
 )
-from flexaxis.estimators.filters.filter import CompiledFilter
+from flexaxis.estimators.filters.filter import CompiledFilter, Trace, trace
 from flexaxis.estimators.filters.loop import Record, joined, on_lanes, record, sample_loop
 from flexaxis.estimators.filters.prediction_error import (
     CEILING,
@@ -22,7 +22,6 @@ from flexaxis.estimators.filters.prediction_error import (
     publish,
     read_claim,
 )
-from flexaxis.estimators.filters.trace import Trace, trace
 from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.models.discretisation import Pattern, split
 from flexaxis.estimators.models.model import Model

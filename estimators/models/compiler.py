@@ -8,17 +8,21 @@ user's cache folder: an edit of any function that is reached, or of a constant i
 module, and nothing else does.
 """
 
+import gc
 import os
 import pickle
 import sys
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cached_property, lru_cache, update_wrapper, wraps
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from flexaxis.estimators.models.cache import Loaded, first_call, load, remove
-from flexaxis.estimators.models.source import Rendered, rendered, written
+from flexaxis.estimators.models.source import Rendered, digest, rendered, written
 
 
 class Compiled:
@@ -58,12 +62,12 @@ class Compiled:
         """Call the compiled function; it is compiled now if it has to be."""
         if self._called:
             return self.dispatcher(*arguments)
-        with first_call(self._loaded, self.label):
+        with _first_call(self._loaded[1], self.label):
             try:
                 result = self.dispatcher(*arguments)
             except (EOFError, pickle.UnpicklingError, ImportError, AttributeError):
                 # what is kept of it is torn, or names types of another version of flexaxis
-                remove(self.dispatcher)
+                _remove(self.dispatcher)
                 result = self.dispatcher(*arguments)
         self._called = True
         return result
@@ -83,11 +87,11 @@ class Compiled:
     @cached_property
     def dispatcher(self) -> Any:
         """What numba calls a compiled function, for Python to call."""
-        return self._loaded.function
+        return self._loaded[0]
 
     @cached_property
-    def _loaded(self) -> Loaded:
-        return load(self.rendered.name, written(self), cache_folder())
+    def _loaded(self) -> tuple[Any, Path | None]:
+        return _load(self.rendered.name, written(self), cache_folder())
 
 
 def compiled(function: Callable) -> Compiled:
@@ -150,3 +154,145 @@ def user_cache() -> Path:
     if folder := os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA"):
         return Path(folder)
     return Path("~/Library/Caches" if sys.platform == "darwin" else "~/.cache").expanduser()
+
+
+TOLD = 1.0  # s of waiting for another process after which the user hears of it
+PATIENCE = 60.0  # s, longer than a loop takes to compile: who holds it then may have been stopped
+PAUSE = 0.02  # s between two looks
+VECTORS = (0, 68)  # the numba from which on they are faster: with 0.61 `imm` takes 7 times as long
+
+
+def _load(name: str, text: str, folder: Path | None) -> tuple[Any, Path | None]:
+    """
+    Return a function of a module, for numba to compile, and the file; None if it is kept nowhere.
+
+    Parameters
+    ----------
+    name : str
+        Of the function.
+    text : str
+        Of the module.
+    folder : Path or None
+        Where the module is kept, and what numba makes of it; None for nowhere.
+    """
+    import numba
+
+    path = folder / f"flexaxis_{name}_{digest(text, numba.__version__)}.py" if folder else None
+    if path is None or not _kept(path, text):
+        return getattr(_unkept(name, text), name), None
+    return getattr(_imported(path), name), path
+
+
+def _remove(function: Any) -> None:
+    """Remove what numba keeps of a function, which nobody can read."""
+    for path in Path(function.stats.cache_path).glob(f"*.{function.__name__}-*.nb?"):
+        with suppress(OSError):
+            path.unlink()
+
+
+def _kept(path: Path, text: str) -> bool:
+    """Write a module unless it is there; return whether it is there then."""
+    with suppress(OSError, UnicodeError):
+        if path.read_text(encoding="utf-8") == text:
+            return True
+    aside = path.with_suffix(f".{os.getpid()}")
+    try:
+        aside.write_text(text, encoding="utf-8")
+        os.replace(aside, path)
+    except OSError:  # a full disk
+        with suppress(OSError):
+            aside.unlink(missing_ok=True)
+        return False
+    return True
+
+
+def _imported(path: Path) -> ModuleType:
+    if path.stem not in sys.modules:
+        spec = spec_from_file_location(path.stem, path)
+        assert spec is not None and spec.loader is not None
+        module = sys.modules[path.stem] = module_from_spec(spec)
+        spec.loader.exec_module(module)
+    return sys.modules[path.stem]
+
+
+def _unkept(name: str, text: str) -> ModuleType:
+    module = ModuleType(f"flexaxis_{name}")
+    exec(text.replace("cache=True, ", ""), vars(module))
+    return module
+
+
+@contextmanager
+def _first_call(path: Path | None, label: str) -> Iterator[None]:
+    """
+    Tell the user what is compiled in a first call, and let other processes wait for it.
+
+    Parameters
+    ----------
+    path : Path or None
+        Of the module.
+    label : str
+        What it is.
+    """
+    with _claimed(path, label):
+        done = path and path.with_suffix(".compiled")
+        if done and done.exists():
+            yield
+            return
+        where = f"once, into {done.parent}" if done else "as no cache folder can be written"
+        print(f"flexaxis: compiling {label} {where} …", file=sys.stderr, flush=True)
+        with _all_for_speed():
+            yield
+        if done:
+            with suppress(OSError):
+                done.touch()
+
+
+@contextmanager
+def _all_for_speed() -> Iterator[None]:
+    """Let numba make vector instructions of lanes that are written out, and take no longer."""
+    import numba
+
+    config: Any = numba.config
+    before, collecting = config.SLP_VECTORIZE, gc.isenabled()
+    version = tuple(int(part) for part in numba.__version__.split(".")[:2])
+    config.SLP_VECTORIZE = int(version >= VECTORS)
+    gc.disable()  # looking for garbage takes a sixth of the time, and finds next to none
+    try:
+        yield
+    finally:
+        config.SLP_VECTORIZE = before
+        if collecting:
+            gc.enable()
+
+
+@contextmanager
+def _claimed(path: Path | None, label: str) -> Iterator[None]:
+    """
+    Hold what nobody else holds meanwhile; first wait for it, but not for ever.
+
+    Where files cannot be locked several processes may compile the same.
+    """
+    try:
+        import fcntl
+
+        claim = path.open("rb") if path else None
+    except (ImportError, OSError):
+        claim = None
+    if claim is None:
+        yield
+        return
+    began, told = time.monotonic(), False
+    with claim:
+        while (waited := time.monotonic() - began) <= PATIENCE:
+            try:
+                fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if waited > TOLD and not told:
+                    words = f"flexaxis: waiting for another process to compile {label} …"
+                    print(words, file=sys.stderr, flush=True)
+                    told = True
+                time.sleep(PAUSE)
+            except OSError:
+                break
+        yield

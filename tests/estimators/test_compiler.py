@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import registry
-from flexaxis.estimators.models import cache, compiler
+from flexaxis.estimators.models import compiler
 from flexaxis.estimators.models.compiler import compiled, inlined, remembered
 
 PROGRAM = """
@@ -140,8 +140,8 @@ time.sleep(600)
 @pytest.mark.skipif(sys.platform == "win32", reason="files are not locked there")
 def test_a_stopped_process_holds_up_nobody_for_ever(folder, monkeypatch, capsys):
     made = doubled()
-    monkeypatch.setattr(cache, "TOLD", 0.05)
-    monkeypatch.setattr(cache, "PATIENCE", 0.2)
+    monkeypatch.setattr(compiler, "TOLD", 0.05)
+    monkeypatch.setattr(compiler, "PATIENCE", 0.2)
     assert made.dispatcher.py_func(3.0) == 6.0
     (path,) = folder.glob("*.py")
     command = [sys.executable, "-c", HOLDS, str(path)]
@@ -150,7 +150,7 @@ def test_a_stopped_process_holds_up_nobody_for_ever(folder, monkeypatch, capsys)
             assert holder.stdout.readline() == "held\n"
             began = time.monotonic()
             assert made(3.0) == 6.0
-            assert time.monotonic() - began > cache.PATIENCE
+            assert time.monotonic() - began > compiler.PATIENCE
         finally:
             holder.kill()
     told = capsys.readouterr().err.splitlines()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError, Rpem, three_mass
-from flexaxis.estimators.methods.oracle_reset import OracleReset
+from flexaxis.estimators.methods.controls import OracleReset
 from flexaxis.estimators.models.discretisation import discretize, extended_system
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.estimators.registry import REGISTRY

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.methods.oracle_reset import OracleReset
+from flexaxis.estimators.methods.controls import OracleReset
 from flexaxis.estimators.models.discretisation import plan
 from flexaxis.estimators.registry import REGISTRY
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.filters.square_root import triangularize
+from flexaxis.estimators.filters.covariance import triangularize
 
 RNG = np.random.default_rng(0)
 
