@@ -13,14 +13,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    TypeAdapter,
-    ValidationError,
-)
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from flexaxis.experiments.comparison.tracks import NUISANCE, track_of
@@ -243,13 +236,12 @@ def read(folder: Path) -> Entry:
     text = read_text(folder / ENTRY, EntryError)
     content = json_value(text, source=str(folder / ENTRY), refuse=EntryError)
     try:
-        entry = TypeAdapter(Entry).validate_python({**content, "folder": folder})
+        entry = Entry(**content, folder=folder)
     except (TypeError, ValidationError) as error:
         found = error.errors()[:10] if isinstance(error, ValidationError) else []
         lines = [f"{shown('.'.join(map(str, e['loc'])))}: {e['msg']}" for e in found]
-        raise EntryError(
-            *(f"{folder / ENTRY}: {line}" for line in lines or ["is no table"])
-        ) from error
+        problems = [f"{folder / ENTRY}: {line}" for line in lines or ["is no table"]]
+        raise EntryError(*problems) from error
     turns = {str(turn) for line in entry.turns.values() for turn in line}
     if entry.knob and turns - entry.knob.keys():
         raise EntryError(f"{folder / ENTRY}: knob: lacks turns that were run")

@@ -176,10 +176,10 @@ class _Process:
         """End it as soon as it takes more time, processes or memory than it may."""
         while not self._over.wait(LOOKING):
             processes, size = usage(self._process.pid)
+            now, patience = time.monotonic(), self.wire.patience
             taken = {
-                f"gave no answer within {self.wire.patience:g} s": self.wire.until
-                < time.monotonic(),
-                "gave no end": self._last < time.monotonic(),
+                f"gave no answer within {patience:g} s": self.wire.until < now,
+                "gave no end": self._last < now,
                 f"has {processes} processes; {PROCESSES} are allowed": processes > PROCESSES,
                 f"holds {size >> 20} MB; {MEMORY >> 20} are allowed": size > MEMORY,
             }
