@@ -173,8 +173,7 @@ class Page:
         clock.on_click(_clicked(self._wind))
         self._rows = broken, clock
         self._said = gui.add_markdown("")
-        self._left = gui.add_html("")
-        self._table = gui.add_markdown("")
+        self._left, self._table = gui.add_html(""), gui.add_html("")
         bench = Bench(gui, check, session, self._guarded)
         with gui.add_folder("Dry friction: f_c, Stribeck, LuGre", expand_by_default=False):
             FrictionKnobs(bench)
@@ -258,6 +257,7 @@ def _style() -> str:
         files("flexaxis.experiments.demo") / "page.css",
     )
     colours = "".join(f"--style-{each.place}: {each.light}; " for each in styles.NINE)
+    colours += f"--theory: {curves.GREY};"
     text = "".join(sheet.read_text(encoding="utf-8") for sheet in sheets)
     who = dict(curves.STYLES)
     return (

@@ -125,6 +125,11 @@ def packed(pick: Pick) -> str:
     return base64.b64encode(zlib.compress(html.encode(), 7)).decode()
 
 
+def macros(template: str) -> Any:
+    """Return the macros of a template, as functions that give HTML."""
+    return _environment().get_template(template).module
+
+
 def charted(charts: Iterable[Chart | Heat]) -> list[Charted]:
     """Return charts as a template takes them: `id`, `title`, `words`, and `html` to put inside."""
     return [Charted(chart) for chart in charts]
