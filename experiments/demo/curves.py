@@ -39,6 +39,7 @@ STYLES: Mapping[str, Style] = {
     },
 }
 """Of the two racers, whoever they are; of their points in the trade-off, one for each parameter."""
+KEY = ", ".join(f"{sign} {name}" for sign, name in zip("■▲●", NAMES, strict=True))
 COLOURS = tuple(STYLES[who].light for who in RACERS)
 THEORY = "theory allows"
 TABLES = "demo/tables.html"
@@ -196,7 +197,9 @@ def tradeoff(points: Sequence[Point], allowed: tuple[float | None, float | None]
         title="A point a fault",
         words="",
         x="std before the fault [% of nominal]",
-        panels=[Panel(y="lag after it [s]", lines=lines, y_log=True, y_range=(0.01, 8.0))],
+        panels=[
+            Panel(y="lag after it [s]", title=KEY, lines=lines, y_log=True, y_range=(0.01, 8.0))
+        ],
         windows=[("", 0.01, 80.0)],
         x_log=True,
     )

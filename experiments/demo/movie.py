@@ -194,5 +194,5 @@ def _draw(chart: Chart, ax: Any, panel: int = 0) -> Any:
         axis.label.set_size(SMALL)
         axis.labelpad = 1
     ax.tick_params(labelsize=TINY, pad=1)
-    ax.set_title("")
+    ax.set_title(ax.get_title(loc="left"), loc="left", size=TINY, pad=2)
     return ax

@@ -68,7 +68,7 @@ def figure(chart: Chart) -> Figure:
     found = Figure(figsize=(8.0, 0.8 + (3.6 if count == 1 else 2.6 * count)), layout="constrained")
     axes = found.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     for place in range(count):
-        draw(chart, axes[place], panel=place)
+        draw(chart, axes[place], panel=place).label_outer()
     handles = {
         label: line
         for ax in axes
