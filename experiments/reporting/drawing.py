@@ -8,6 +8,7 @@ per cent of the width beside it. What reads a chart (`assets/chart.js`) has its 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -38,14 +39,14 @@ WORD = 1.35  # per cent of a narrow view that a letter takes
 ORDER = ("data", "estimate", "bound", "truth")  # truth and bounds are seen upon estimates
 
 
-def drawn(chart: Chart | Heat, place: str, *, high: int | None = None) -> Markup:
+def drawn(chart: Chart | Heat, place: str = "", *, high: int | None = None) -> Markup:
     """Return a chart as a figure.
 
     Parameters
     ----------
     chart : Chart or Heat
     place : str
-        Its name in the page.
+        Its name in the page; by default its own, or its title's.
     high : int, optional
         Pixels of a panel; by default as many as pages give it.
     """
@@ -56,6 +57,7 @@ def drawn(chart: Chart | Heat, place: str, *, high: int | None = None) -> Markup
     else:
         legend, views = _legend(chart), "".join(_view(chart, n, x, high) for n, x in across(chart))
     unit = chart.unit if isinstance(chart, Heat) else ""
+    place = place or chart.name or re.sub(r"[^a-z0-9]+", "-", chart.title.lower()).strip("-")
     return Markup(
         f'<figure class="chart" id="{escape(place)}" data-title="{escape(chart.title)}" '
         f'data-x="{escape(chart.x)}" data-unit="{escape(unit)}"><div class="views">{views}</div>'

@@ -10,8 +10,8 @@ import hashlib
 import json
 import re
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache, cached_property
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from html import unescape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup, escape
 
 from flexaxis.experiments.reporting import styles
-from flexaxis.experiments.reporting.charts import Chart, ChartError, Heat, Pick, Picks
+from flexaxis.experiments.reporting.charts import ChartError, Pick, Picks
 from flexaxis.experiments.reporting.drawing import drawn, swatch
 from flexaxis.experiments.reporting.tables import TERMS, number, pair, settled, symbols
 
@@ -32,19 +32,6 @@ SCRIPT = ("dom", "state", "chart", "read", "table", "save", "pick", "bar", "star
 """The parts of `assets/`, in order: each uses those before it, and `start` sets all up."""
 
 
-class Charted:
-    """A chart as a template sees it: `id`, `title`, `words`, and `html`."""
-
-    def __init__(self, chart: Chart | Heat) -> None:
-        self.id = chart.name or re.sub(r"[^a-z0-9]+", "-", chart.title.lower()).strip("-")
-        self.title, self.words, self._chart = chart.title, chart.words, chart
-
-    @cached_property
-    def html(self) -> Markup:
-        """The figure."""
-        return drawn(self._chart, self.id)
-
-
 def render(template: str, content: Mapping[str, Any]) -> str:
     """Return a page as HTML: one file, readable without a network, that asks for nothing.
 
@@ -54,9 +41,9 @@ def render(template: str, content: Mapping[str, Any]) -> str:
         Such as ``"reporting/templates/run.html"``.
     content : mapping of str to object
         What the template names; whatever text is in it is escaped. A name that is missing is an
-        error. Charts come from `charted`; `Picks` are found in it wherever they stand. What stands
-        under ``glossary``, by term, is shown by hover where something has that ``data-term``;
-        estimators under ``aside`` are hidden in charts at first.
+        error. The filter ``drawn`` draws a chart; `Picks` are found wherever they stand. What
+        stands under ``glossary``, by term, is shown by hover where something has that
+        ``data-term``; estimators under ``aside`` are hidden in charts at first.
 
     Raises
     ------
@@ -130,11 +117,6 @@ def macros(template: str) -> Any:
     return _environment().get_template(template).module
 
 
-def charted(charts: Iterable[Chart | Heat]) -> list[Charted]:
-    """Return charts as a template takes them: `id`, `title`, `words`, and `html` to put inside."""
-    return [Charted(chart) for chart in charts]
-
-
 def term(text: str, name: str = "") -> Markup:
     """Return a word with what it means behind it, by the glossary; `name` where it reads so."""
     known = name or text
@@ -179,7 +161,7 @@ def _environment() -> Environment:
         loader=FunctionLoader(_source),
     )
     found.filters |= {"number": number, "pair": pair, "settled": settled}
-    found.filters |= {"symbols": symbols, "term": term, "look": swatch}
+    found.filters |= {"symbols": symbols, "term": term, "look": swatch, "drawn": drawn}
     return found
 
 

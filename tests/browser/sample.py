@@ -37,7 +37,7 @@ TEMPLATE = """{% extends "reporting/templates/page.html" %}
 </table></div>
 {% for chart in charts %}
 <h2>{{ chart.title }}</h2>
-{{ chart.html }}
+{{ chart|drawn }}
 <p class="muted">{{ chart.words }}</p>
 {% endfor %}
 <details><summary>Definition</summary><p>hidden words</p></details>
@@ -76,7 +76,7 @@ def render(monkeypatch, changed=None):
 def content():
     return {
         "rows": list(zip(WHO, GROUPS, LAGS, strict=True)),
-        "charts": page.charted([estimates(), tradeoff(), lags()]),
+        "charts": [estimates(), tradeoff(), lags()],
         "picks": Picks({"1003": page.packed(picked())}),
     }
 

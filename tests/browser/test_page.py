@@ -162,7 +162,7 @@ def test_a_button_that_does_nothing_is_found_out(browser):
     with demo("--speed", "3", code=dead) as address:
         browser.open(address)
         with pytest.raises(AssertionError, match="column 1 of f_m"):
-            break_and_watch(browser, seconds=8)
+            break_and_watch(browser, seconds=3)
 
 
 def test_two_viewers_see_the_same(browser, tmp_path):

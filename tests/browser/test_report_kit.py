@@ -39,7 +39,7 @@ class Page:
     def open(self, fragment: str = "") -> None:
         self.browser.open("about:blank")
         self.browser.open((self.folder / "page.html").as_uri() + fragment)
-        self.until("document.documentElement.dataset.ready", "ready", seconds=15)
+        self.until("document.documentElement.dataset.ready", "ready", seconds=6)
 
     def until(self, script: str, what: str, seconds: float = 1.5):
         end = time.monotonic() + seconds

@@ -152,8 +152,8 @@ def _content(run: Run) -> dict[str, Any]:
         "findings": ranking.in_words(summary["as_set"]),
         "equal": equal,
         "equal_noise": tables.equal_noise(equal) if equal else None,
-        "board": page.charted(_on_the_board(run, equal)),
-        "figures": page.charted(chart for each in CHARTS for chart in each(run)),
+        "board": list(_on_the_board(run, equal)),
+        "figures": [chart for each in CHARTS for chart in each(run)],
         "sections": [_section(name, run) for name in run.scenarios],
         "further": _further(run),
         "tracks": speed.tracks(run.scenarios),
@@ -244,8 +244,8 @@ def _singles(
         points = singles.scatter(run.singles, name, shown, run.order, run.wrong)
         mine = [one for one in chosen if one.scenario == name]
         places[name] = {
-            "over_time": page.charted(over_time.opening(chart, opening) for chart in over),
-            "points": page.charted([] if points is None else [points]),
+            "over_time": [over_time.opening(chart, opening) for chart in over],
+            "points": [] if points is None else [points],
             "table": tables.single_runs(name, mine) if mine else None,
         }
     return {
