@@ -189,7 +189,7 @@ class Frame:
 def _draw(chart: Chart, ax: Any, panel: int = 0) -> Any:
     """Draw a panel anew, in small letters."""
     ax.clear()
-    draw(chart, ax, panel=panel)
+    draw(chart, ax, panel=panel, looks=curves.STYLES)
     for axis in (ax.xaxis, ax.yaxis):
         axis.label.set_size(SMALL)
         axis.labelpad = 1

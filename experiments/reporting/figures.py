@@ -7,6 +7,8 @@ burn-in is shaded.
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -30,14 +32,9 @@ def colour(estimator: str) -> str:
     return styles.style(estimator).light
 
 
-def marker(estimator: str) -> str:
-    """Return the marker of an estimator, the same in every figure of points."""
-    return styles.style(estimator).marker
-
-
-def dash(estimator: str) -> Any:
-    """Return the line style of an estimator, as matplotlib takes it."""
-    lengths = [float(part) for part in styles.style(estimator).dash.split()]
+def _dash(style: styles.Style) -> Any:
+    """Return a line style as matplotlib takes it."""
+    lengths = [float(part) for part in style.dash.split()]
     return (0, lengths) if lengths else "-"
 
 
@@ -80,7 +77,13 @@ def figure(chart: Chart) -> Figure:
     return found
 
 
-def draw(chart: Chart, ax: Axes, *, panel: int = 0) -> Axes:
+def draw(
+    chart: Chart,
+    ax: Axes,
+    *,
+    panel: int = 0,
+    looks: Mapping[str, styles.Style] = MappingProxyType({}),
+) -> Axes:
     """Draw a panel of a chart on given axes, as pages have it.
 
     Parameters
@@ -89,10 +92,12 @@ def draw(chart: Chart, ax: Axes, *, panel: int = 0) -> Axes:
     ax : Axes
     panel : int
         Which.
+    looks : mapping of str to Style, optional
+        Of those that look otherwise here than in other figures.
     """
     shown = chart.panels[panel]
     for line in shown.lines:
-        _draw_line(ax, line)
+        _draw_line(ax, line, looks.get(line.who) or styles.style(line.who))
     _mark(ax, chart.spans, chart.marks)
     x, y = across(chart)[0][1], upward(shown, across(chart)[0][1])
     ax.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear")
@@ -108,16 +113,16 @@ def draw(chart: Chart, ax: Axes, *, panel: int = 0) -> Axes:
     return ax
 
 
-def _draw_line(ax: Axes, line: Line) -> None:
+def _draw_line(ax: Axes, line: Line, style: styles.Style) -> None:
     """Draw a curve or points as `drawing` does: truth dashed, bounds dotted, others in style."""
     role = _ROLES.get(line.role, {})
-    own = {"color": colour(line.who)} if line.who else {}
-    solid = {"color": "0.4", "lw": 1.3, "ls": dash(line.who) if line.who else "-"}
+    own = {"color": style.light} if line.who else {}
+    solid = {"color": "0.4", "lw": 1.3, "ls": _dash(style) if line.who else "-"}
     look: dict[str, Any] = {**solid, **role, **own, "label": _shortened(line.label or line.who)}
     if line.kind == "steps":
         look["drawstyle"] = "steps-post"
     if line.kind in {"points", "both"}:
-        look |= {"marker": marker(line.who) if line.who else "o", "ms": 5, "capsize": 2}
+        look |= {"marker": style.marker if line.who else "o", "ms": 5, "capsize": 2}
         look |= {"ls": "none"} if line.kind == "points" else {}
         bars = [_bars(line.x, line.x_low, line.x_high), _bars(line.y, line.low, line.high)]
         ax.errorbar(line.x, line.y, xerr=bars[0], yerr=bars[1], **look)
