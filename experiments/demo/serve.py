@@ -10,7 +10,7 @@ import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from flexaxis.experiments.demo.page import Pace, Page
+from flexaxis.experiments.demo.page import Page
 from flexaxis.experiments.demo.server import DemoServer
 from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.sim.timing import PERIOD, sample_index
@@ -96,7 +96,7 @@ def serve(
 
 def _loop(page: Page, stop: threading.Event) -> None:
     """Advance and draw, in real time, until told to stop."""
-    pace, meter = page.pace, Meter()
+    pace = page.pace
     before, owed, next_curves = time.monotonic(), 0.0, 0.0
     while not stop.wait(max(0.0, before + 1 / FRAMES - time.monotonic())):
         now = time.monotonic()
@@ -108,31 +108,10 @@ def _loop(page: Page, stop: threading.Event) -> None:
         if due:
             page.advance(due)
             page.draw_axis()
-        meter.count(pace, due)
+        pace.count(due)
         if now >= next_curves:
             next_curves = now + 1 / CURVES
             page.draw_curves()
-
-
-class Meter:
-    """How many pictures and seconds of the axis a second has, and what they cost."""
-
-    def __init__(self) -> None:
-        self._frames, self._samples = 0, 0
-        self._start()
-
-    def count(self, pace: Pace, due: int) -> None:
-        """Count a picture and its samples; put what was reached down every other second."""
-        self._frames, self._samples = self._frames + (due > 0), self._samples + due
-        if (elapsed := time.monotonic() - self._since) >= 2.0:
-            pace.frames = self._frames / elapsed
-            pace.reached = self._samples * PERIOD / elapsed
-            pace.load = 100 * (time.process_time() - self._cpu) / elapsed
-            self._start()
-
-    def _start(self) -> None:
-        self._since, self._cpu = time.monotonic(), time.process_time()
-        self._frames = self._samples = 0
 
 
 @contextmanager

@@ -7,7 +7,7 @@ are plain text; a symbol such as ``f_m`` in them is typeset there.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -171,21 +171,6 @@ class Pick:
     facts: Sequence[tuple[str, str]] = ()
     command: str = ""
     charts: Sequence[Chart | Heat] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Picks:
-    """All that a click on the page can open, by the name that lines carry as `pick`.
-
-    Stands in the content of a page under any name; the page finds it there.
-
-    Attributes
-    ----------
-    found : mapping of str to str
-        What is shown, as `flexaxis.experiments.reporting.page.packed` packs a `Pick`.
-    """
-
-    found: Mapping[str, str] = field(default_factory=dict)
 
 
 def ends(rows: Sequence[Mapping[str, Any]], key: str, unit: float = 1.0) -> Any:

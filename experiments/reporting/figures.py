@@ -21,7 +21,6 @@ from flexaxis.experiments.reporting.charts import Array, Chart, Line
 from flexaxis.experiments.reporting.run.over_time import around
 from flexaxis.experiments.reporting.scales import across, upward
 from flexaxis.experiments.reporting.tables import SYMBOL
-from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 
 LONGEST = 40  # characters of a name in a legend
@@ -38,21 +37,13 @@ def _dash(style: styles.Style) -> Any:
     return (0, lengths) if lengths else "-"
 
 
-def symbol(name: str) -> str:
-    """Return the mathematical symbol of a parameter, for an axis."""
-    parameter, exponent = physical(name)
-    letter, _, index = parameter.partition("_")
-    text = f"{letter}_{index}" if index else letter
-    return f"$1/{text}$" if exponent < 0 else f"${text}$"
-
-
 def mark(ax: Axes, scenario: Scenario) -> None:
     """Mark burn-in, pauses of the excitation and faults, as charts over time do."""
-    _mark(ax, **around(scenario))
+    found = around(scenario)
+    _mark(ax, found["spans"], found["marks"])
 
 
-def _mark(ax: Axes, spans: Any, marks: Any, windows: Any = ()) -> None:
-    del windows
+def _mark(ax: Axes, spans: Any, marks: Any) -> None:
     for begin, end, _ in spans:
         ax.axvspan(begin, end, color="0.5", alpha=0.12, lw=0)
     for at, _ in marks:
@@ -107,9 +98,9 @@ def draw(
         axis.set_major_formatter(FixedFormatter([text for _, text in scale.ticks]))
         axis.set_minor_formatter(NullFormatter())
     ax.grid(alpha=0.25)
-    ax.set_xlabel(_typeset(chart.x))
-    ax.set_ylabel(_typeset(shown.y))
-    ax.set_title(_typeset(shown.title), fontsize=10, loc="left")
+    ax.set_xlabel(typeset(chart.x))
+    ax.set_ylabel(typeset(shown.y))
+    ax.set_title(typeset(shown.title), fontsize=10, loc="left")
     return ax
 
 
@@ -155,7 +146,8 @@ def _shortened(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[:rest]} … {text[-rest:]}"
 
 
-def _typeset(text: str) -> str:
+def typeset(text: str) -> str:
+    """Return a text with its symbols as matplotlib sets them."""
     return SYMBOL.sub(r"$\1_{\2}$", text)
 
 

@@ -10,7 +10,7 @@ import hashlib
 import json
 import re
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from html import unescape
 from importlib.resources import files
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup, escape
 
 from flexaxis.experiments.reporting import styles
-from flexaxis.experiments.reporting.charts import ChartError, Pick, Picks
+from flexaxis.experiments.reporting.charts import ChartError, Pick
 from flexaxis.experiments.reporting.drawing import drawn, swatch
 from flexaxis.experiments.reporting.tables import TERMS, number, pair, settled, symbols
 
@@ -41,9 +41,10 @@ def render(template: str, content: Mapping[str, Any]) -> str:
         Such as ``"reporting/templates/run.html"``.
     content : mapping of str to object
         What the template names; whatever text is in it is escaped. A name that is missing is an
-        error. The filter ``drawn`` draws a chart; `Picks` are found wherever they stand. What
-        stands under ``glossary``, by term, is shown by hover where something has that
-        ``data-term``; estimators under ``aside`` are hidden in charts at first.
+        error. The filter ``drawn`` draws a chart. What stands under ``picks``, as from `packed`,
+        opens by a click on what names it; what stands under ``glossary``, by term, is shown by
+        hover where something has that ``data-term``; estimators under ``aside`` are hidden in
+        charts at first.
 
     Raises
     ------
@@ -71,9 +72,6 @@ def _completed(text: str, content: Mapping[str, Any]) -> str:
             raise ChartError(f"two charts of a page are named {place!r}: give one a `name`")
     names = re.findall(r' data-(?:who|toggle)="([^"]+)"', text)
     found = styles.assigned(unescape(name) for name in names)
-    picks: dict[str, str] = {}
-    for each in _picks(content):
-        picks |= each.found
     aside = [name for name in content.get("aside", ()) if name in found]
     rules = styles.rules(found) + "".join(
         f"\nhtml:not(.scripted) svg .{styles.css_class(name)} {{ display: none; }}"
@@ -81,7 +79,7 @@ def _completed(text: str, content: Mapping[str, Any]) -> str:
     )
     terms = {**TERMS, **content.get("glossary", {})}
     data = {
-        "picks": picks,
+        "picks": content.get("picks", {}),
         "aside": aside,
         "everyone": list(found),
         "terms": {n: w for n, w in terms.items() if f'data-term="{escape(n)}"' in text},
@@ -90,18 +88,6 @@ def _completed(text: str, content: Mapping[str, Any]) -> str:
     for place, what in ((RULES, rules), (MARKS, styles.marks(found)), (DATA, block)):
         text = text.replace(place, what, 1)
     return text
-
-
-def _picks(content: Any) -> Iterator[Picks]:
-    """Yield every set of picks in what a page is given."""
-    if isinstance(content, Picks):
-        yield content
-    elif isinstance(content, Mapping):
-        for value in content.values():
-            yield from _picks(value)
-    elif isinstance(content, list | tuple):
-        for value in content:
-            yield from _picks(value)
 
 
 def packed(pick: Pick) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexaxis.experiments.reporting import page
-from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel, Pick, Picks
+from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel, Pick
 
 HOSTILE = '<img src=x onerror=alert(1)>"&|=#'
 WHO = ("rpem-forgetting", "rpem-drift", "ekf", "glr", HOSTILE)
@@ -77,7 +77,7 @@ def content():
     return {
         "rows": list(zip(WHO, GROUPS, LAGS, strict=True)),
         "charts": [estimates(), tradeoff(), lags()],
-        "picks": Picks({"1003": page.packed(picked())}),
+        "picks": {"1003": page.packed(picked())},
     }
 
 

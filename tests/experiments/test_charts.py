@@ -14,7 +14,6 @@ from flexaxis.experiments.reporting.charts import (
     Line,
     Panel,
     Pick,
-    Picks,
 )
 from flexaxis.experiments.reporting.drawing import drawn
 from flexaxis.experiments.reporting.scales import Scale
@@ -138,8 +137,8 @@ def made(monkeypatch):
 
 
 def test_a_page_has_its_charts_picks_styles_and_terms(made):
-    picks = Picks({"7": page.packed(Pick(title="Seed 7", charts=[chart("inside", "imm")]))})
-    html = made(charts=[chart("One & Two")], deep=[{"picks": picks}])
+    picks = {"7": page.packed(Pick(title="Seed 7", charts=[chart("inside", "imm")]))}
+    html = made(charts=[chart("One & Two")], picks=picks)
     data = page_data(html)
     (view,) = charts_of(html)["one-two"]
     ((line,),) = lines(view, "ekf")

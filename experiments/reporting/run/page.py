@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from flexaxis.experiments.catalogue.card import happens, in_a_line
 from flexaxis.experiments.comparison import mismatch, ranking
 from flexaxis.experiments.comparison.tracks import track_of
 from flexaxis.experiments.reporting import page
-from flexaxis.experiments.reporting.charts import Chart, Picks
+from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.run import first, measures, over_time, singles, speed, tables
 from flexaxis.experiments.reporting.terminal import failures_in_words
 from flexaxis.experiments.results.pooled import Pooled
@@ -30,6 +29,7 @@ AT_FIRST = 9  # estimators that are shown unless others are asked for: more cann
 ON_THE_BOARD = 2  # of the best, in the first picture beside the reference and the recommended one
 SMALL, LARGE = 3.0, 12.0  # MB: of a report of a few scenarios, and of the whole catalogue
 FEW = 12  # scenarios
+ALL = "1000"  # MB: nobody has a report as large
 A_ROW = 1100  # bytes of a single run beside what opens: a row of a table, a point of a chart
 
 
@@ -118,9 +118,7 @@ def render(results: Pooled, *, size: float | None = None) -> str:
         chosen[one] = packed
     left = _left(len(chosen), len(wanted), drawn < len(run.order))
     if left:
-        each = [len(text) + A_ROW for text in chosen.values()] or [20 * A_ROW]
-        enough = 1.3 * (1.5 * bare + len(wanted) * sum(each) / len(each)) / 1e6
-        words = ["flexaxis", "report", str(results.folder), "--size", str(math.ceil(enough))]
+        words = ["flexaxis", "report", str(results.folder), "--size", ALL]
         left += f" All of it: {shlex.join(words)}"
     return page.render(TEMPLATE, content | _singles(run, charts, chosen, left))
 
@@ -250,7 +248,7 @@ def _singles(
         }
     return {
         "singles": places,
-        "picks": Picks({one.name: text for one, text in chosen.items()}),
+        "picks": {one.name: text for one, text in chosen.items()},
         "left": left,
     }
 
