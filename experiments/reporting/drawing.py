@@ -7,7 +7,6 @@ per cent of the width beside it. What reads a chart (`assets/chart.js`) has its 
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.reporting import styles
 from flexaxis.experiments.reporting.charts import Chart, Heat, Line
-from flexaxis.experiments.reporting.scales import Scale, Tick, across, upward
+from flexaxis.experiments.reporting.scales import Scale, across, upward
 from flexaxis.experiments.reporting.shapes import (
     UNITS,
     heat_legend,
@@ -32,7 +31,6 @@ from flexaxis.experiments.reporting.tables import in_svg, symbols
 Array = NDArray[np.float64]
 
 HIGH = {True: 300, False: 165}  # pixels of a panel: of one that is alone, of one of several
-LETTERS = 20  # pixels that a number at the side takes
 MANY = 150  # points from which on markers would be a blot, and are dots
 SPARSE = 4  # markers along a line: they tell it from others where colours do not
 WORD = 1.35  # per cent of a narrow view that a letter takes
@@ -157,26 +155,15 @@ def _panel(chart: Chart, place: int, x: Scale, high: int) -> str:
 
 
 def _grid(x: Scale, y: Scale, high: int) -> str:
-    across = "".join(f"M0,{UNITS - p}H{UNITS}" for p in units(_places_of(y, high)))
-    up = "".join(f"M{p},0V{UNITS}" for p in units(_places_of(x)))
+    across = "".join(f"M0,{UNITS * (1 - p):.0f}H{UNITS}" for p, _ in y.marks(high))
+    up = "".join(f"M{UNITS * p:.0f},0V{UNITS}" for p, _ in x.marks())
     return f'<path class="grid" d="{across}"/><path class="grid x" d="{up}"/>'
-
-
-def _few(scale: Scale, high: int) -> list[Tick]:
-    """Return the ticks that have room: all across, and up as many as the letters of a panel."""
-    return scale.ticks[:: max(1, math.ceil(len(scale.ticks) * LETTERS / high))]
-
-
-def _places_of(scale: Scale, high: int = 1000) -> Array:
-    return scale.share([value for value, _ in _few(scale, high)])
 
 
 def _ticks(x: Scale, y: Scale, high: int, *, written: bool) -> str:
     """Return what stands at the ticks of y, and in the last panel at those of x."""
-    up = [f'<text y="{100 - 100 * p:.1f}%">{escape(text)}</text>'
-          for p, (_, text) in zip(_places_of(y, high), _few(y, high), strict=True)]  # fmt: skip
-    below = [f'<text x="{100 * p:.1f}%">{escape(text)}</text>'
-             for p, (_, text) in zip(_places_of(x), x.ticks, strict=True)]  # fmt: skip
+    up = [f'<text y="{100 - 100 * p:.1f}%">{escape(text)}</text>' for p, text in y.marks(high)]
+    below = [f'<text x="{100 * p:.1f}%">{escape(text)}</text>' for p, text in x.marks()]
     found = f'<g class="up" transform="translate(-6)">{"".join(up)}</g>'
     if written:
         found += f'<g class="below" transform="translate(0,{high + 16})">{"".join(below)}</g>'
