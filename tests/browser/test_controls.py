@@ -1,28 +1,16 @@
 """Every control of the demo in a real browser, and each found out where it is dead."""
 
-import importlib.util
 import json
 import time
 import tomllib
-from pathlib import Path
 
 import pytest
 
 from flexaxis.experiments.demo.lesson import parse_lesson
+from tests.browser import test_page as page
 
 pytestmark = pytest.mark.browser
 
-
-def load():
-    """The module of the page's tests."""
-    path = Path(__file__).with_name("test_page.py")
-    spec = importlib.util.spec_from_file_location("page_of_the_demo", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-page = load()
 
 # Where a control acts on the demo; a dead one does nothing there.
 PLACES = {

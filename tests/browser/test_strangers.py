@@ -1,13 +1,13 @@
 """A page of another origin, in a real browser, cannot reach the demo; the owner's page can."""
 
-import importlib.util
 import re
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 
 import pytest
 import viser
+
+from tests.browser.test_page import demo
 
 pytestmark = pytest.mark.browser
 
@@ -37,11 +37,7 @@ def exploit(address):
 @pytest.fixture(scope="module")
 def address():
     """That of a demo."""
-    path = Path(__file__).with_name("test_page.py")
-    spec = importlib.util.spec_from_file_location("page_of_the_demo", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    with module.demo() as address:
+    with demo() as address:
         yield address
 
 
