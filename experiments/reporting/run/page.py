@@ -106,8 +106,7 @@ def render(results: Pooled, *, size: float | None = None) -> str:
     most = 1e6 * ((SMALL if len(run.scenarios) <= FEW else LARGE) if size is None else size)
     content = _content(run)
     for drawn in (len(run.order), AT_FIRST):
-        charts = _trajectories(run, drawn)
-        bare = len(page.render(TEMPLATE, content | _singles(run, charts, {}, "")).encode())
+        bare = len(page.render(TEMPLATE, content | _singles(run, drawn, {}, "")).encode())
         if bare <= 0.85 * most:
             break
     wanted, chosen, room = list(run.singles.wanted()), {}, most - bare
@@ -120,7 +119,7 @@ def render(results: Pooled, *, size: float | None = None) -> str:
     if left:
         words = ["flexaxis", "report", str(results.folder), "--size", ALL]
         left += f" All of it: {shlex.join(words)}"
-    return page.render(TEMPLATE, content | _singles(run, charts, chosen, left))
+    return page.render(TEMPLATE, content | _singles(run, drawn, chosen, left))
 
 
 def _left(count: int, all_of_them: int, thinned: bool) -> str:
@@ -219,30 +218,24 @@ def _section(name: str, run: Run) -> dict[str, Any]:
     }
 
 
-def _trajectories(run: Run, drawn: int) -> dict[str, Chart]:
-    """Return the chart over time of each scenario that has one, of so many estimators."""
-    found = {name: run.curves(name)[:drawn] for name in run.scenarios}
-    return {
-        name: over_time.trajectories(curves, run.scenarios[name], name=f"curves-{name}")
-        for name, curves in found.items()
-        if curves
-    }
-
-
 def _singles(
-    run: Run, drawn: Mapping[str, Chart], chosen: Mapping[singles.Single, str], left: str
+    run: Run, drawn: int, chosen: Mapping[singles.Single, str], left: str
 ) -> dict[str, Any]:
-    """Return what can be opened of single runs, and for each scenario what opens them."""
+    """Return what can be opened of single runs, and for each scenario what opens them.
+
+    That are its curves over time, of so many estimators, its single runs as points, and a table.
+    """
     shown: Set[str] = {one.name for one in chosen}
     medians = {key: runs[len(runs) // 2].name for key, runs in run.singles.runs.items()}
     places = {}
-    for name in run.scenarios:
-        opening = {e: m for (s, e), m in medians.items() if s == name and m in shown}
-        over = [drawn[name]] if name in drawn else []
+    for name, scenario in run.scenarios.items():
+        picks = {e: m for (s, e), m in medians.items() if s == name and m in shown}
+        curves, place = run.curves(name)[:drawn], f"curves-{name}"
+        over = [over_time.trajectories(curves, scenario, name=place, picks=picks)]
         points = singles.scatter(run.singles, name, shown, run.order, run.wrong)
         mine = [one for one in chosen if one.scenario == name]
         places[name] = {
-            "over_time": [over_time.opening(chart, opening) for chart in over],
+            "over_time": over if curves else [],
             "points": [] if points is None else [points],
             "table": tables.single_runs(name, mine) if mine else None,
         }
