@@ -13,7 +13,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from flexaxis.experiments.comparison.tracks import NUISANCE, track_of
 from flexaxis.experiments.storage.files import dumps, write_json
@@ -132,32 +133,23 @@ def _turns(turns: list[float]) -> list[float]:
 _Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 
 
-class _Form(BaseModel):
-    """What stands in entry.json."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-    form: Literal[2]
-    about: dict[str, Any]
-    estimator: str
-    suite: str
-    quick: bool
-    knob: dict[str, dict[_Name, float]]
-    turns: dict[str, Annotated[list[float], AfterValidator(_turns)]]
-    left_out: dict[str, str]
-    environment: dict[str, str]
-    command: str
-    files: Annotated[dict[str, str], Field(max_length=MOST_FILES)]
-    digest: str
+def _about(given: Any) -> About:
+    return given if isinstance(given, About) else checked(given)
 
 
-@dataclass(frozen=True, kw_only=True)
+@pydantic_dataclass(
+    frozen=True,
+    kw_only=True,
+    config=ConfigDict(extra="forbid", strict=True, hide_input_in_errors=True),
+)
 class Entry:
-    """An entry that is as it was written.
+    """An entry that is as it was written: what stands in entry.json, and where that lies.
 
     Attributes
     ----------
     folder : Path
+    form : 2
+        Of the file.
     about : About
     estimator : str
         As for `--estimator`, seen from the folder.
@@ -174,20 +166,24 @@ class Entry:
     environment : mapping of str to str
     command : str
         The line that made it.
+    files : mapping of str to str
+        The SHA-256 of each file beside entry.json.
     digest : str
-        SHA-256 of all of it.
+        That of all of it.
     """
 
     folder: Path
-    about: About
+    form: Literal[2] = 2
+    about: Annotated[About, BeforeValidator(_about)]
     estimator: str
     suite: str
     quick: bool
-    knob: Mapping[str, Mapping[str, float]]
-    turns: Mapping[str, list[float]]
-    left_out: Mapping[str, str]
-    environment: Mapping[str, str]
+    knob: dict[str, dict[_Name, float]]
+    turns: dict[str, Annotated[list[float], AfterValidator(_turns)]]
+    left_out: dict[str, str]
+    environment: dict[str, str]
     command: str
+    files: Annotated[dict[str, str], Field(max_length=MOST_FILES)] = Field(default_factory=dict)
     digest: str
 
     @property
@@ -240,24 +236,24 @@ def read(folder: Path) -> Entry:
     text = read_text(folder / ENTRY, EntryError)
     content = json_value(text, source=str(folder / ENTRY), refuse=EntryError)
     try:
-        form = _Form.model_validate(content)
-    except ValidationError as error:
-        lines = [(".".join(map(str, e["loc"])), e["msg"]) for e in error.errors()[:10]]
-        raise EntryError(*(f"{folder / ENTRY}: {shown(k)}: {msg}" for k, msg in lines)) from error
-    turns = {str(turn) for line in form.turns.values() for turn in line}
-    if form.knob and turns - form.knob.keys():
+        entry = Entry(**content, folder=folder)
+    except (TypeError, ValidationError) as error:
+        found = error.errors()[:10] if isinstance(error, ValidationError) else []
+        lines = [f"{shown('.'.join(map(str, e['loc'])))}: {e['msg']}" for e in found]
+        problems = [f"{folder / ENTRY}: {line}" for line in lines or ["is no table"]]
+        raise EntryError(*problems) from error
+    turns = {str(turn) for line in entry.turns.values() for turn in line}
+    if entry.knob and turns - entry.knob.keys():
         raise EntryError(f"{folder / ENTRY}: knob: lacks turns that were run")
     if problems := list(_of_files(folder, content)):
         raise EntryError(*(f"{folder}: {problem}" for problem in problems))
-    own = {f.name: getattr(form, f.name) for f in fields(Entry) if f.name in _Form.model_fields}
-    own["about"] = checked(form.about)
-    return Entry(folder=folder, **own)
+    return entry
 
 
 def _of_files(folder: Path, content: Mapping[str, Any]) -> Iterator[str]:
     if _digest(content) != content["digest"]:
         yield f"{ENTRY} is not as it was written (its digest is another one)"
-    wanted = content["files"]
+    wanted = content.get("files", {})
     strange = [path for path in wanted if not _PATH.fullmatch(path) or ".." in path.split("/")]
     if strange:
         yield f"{shown(strange[0])} is no name of a file in an entry"

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import json
 import os
-import select
 import shutil
 import socket
-import struct
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from math import inf
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -29,55 +29,42 @@ from flexaxis.experiments.board.entry import EntryError
 Array = NDArray[np.float64]
 Torques = Callable[[Any], Array]
 
-_HEAD = struct.Struct("<cI")
-_JSON, _NUMBERS = b"J", b"N"
 TEXTS = 65536  # bytes of an answer in words: of what it is, and what it has found
 NAMES = 100  # that an estimator may have
 SAID = 200  # characters of an error that are passed on: they may be shown to anybody
 STARTING = 120.0  # s that a process may take to start
-IN_ALL = 10.0  # times the patience, for a case
-LOOKING = 0.2  # s between looks at what a case takes
 MEMORY, FILE, OPEN = 8 << 30, 64 << 20, 128  # of one process: bytes, bytes of a file, open files
 FINDINGS = 500  # that are listened to, of a case
 FINDING = ("alarm", "onset", "parameters", "ratio")
 
 
 class Wire:
-    """Two descriptors, one to read from and one to write to.
+    """One end of two pipes: numbers go as they are, anything else as JSON.
 
     Parameters
     ----------
-    back, to : int
+    back, to : Connection
     patience : float, optional
-        How long an answer may take [s], and all of a case ten times that; for ever by default.
-    watch : callable, optional
-        Called every now and then while messages come; it raises where enough is enough.
+        How long an answer may take [s]: whoever watches ends the other process at `until`.
+
+    Attributes
+    ----------
+    until : float
+        When that is, by `time.monotonic`.
+    why : str
+        What is said where nobody is there any more.
     """
 
-    def __init__(
-        self, back: int, to: int, patience: float | None = None, watch: Any = lambda: None
-    ) -> None:
-        self._back, self._to, self._patience, self._watch = back, to, patience, watch
-        self._last = float("inf")
-        self._looked = time.monotonic()
-
-    def begin(self) -> None:
-        """Let the time of a case begin."""
-        self._last = time.monotonic() + IN_ALL * (self._patience or float("inf"))
+    def __init__(self, back: Connection, to: Connection, patience: float = inf) -> None:
+        self._back, self._to, self.patience, self.until = back, to, patience, inf
+        self.why = "the process that ran the code has ended"
 
     def send(self, content: Any) -> None:
-        """Send numbers as they are, anything else as JSON; EntryError if nobody takes it."""
-        if isinstance(content, np.ndarray):
-            kind, text = _NUMBERS, np.ascontiguousarray(content, "<f8").tobytes()
-        else:
-            kind, text = _JSON, json.dumps(content).encode()
-        left, end = memoryview(_HEAD.pack(kind, len(text)) + text), self._end(None)
-        while left:
-            self._wait(end, to=True)
-            try:  # what is ready takes as many bytes at once; of more it might never take the rest
-                left = left[os.write(self._to, left[: select.PIPE_BUF]) :]
-            except BrokenPipeError as error:
-                raise EntryError("the process that ran the code has ended") from error
+        """Send numbers, or what JSON knows; EntryError if nobody takes it."""
+        numbers = isinstance(content, np.ndarray)
+        text = content.astype("<f8").tobytes() if numbers else _json(content)
+        with self._waiting(self.patience):
+            self._to.send_bytes((b"N" if numbers else b"J") + text)
 
     def receive(self, most: int = TEXTS, *, patience: float | None = None) -> Any:
         """Return a table, or numbers (n,).
@@ -94,45 +81,30 @@ class Wire:
         EntryError
             If nothing comes, in time or at all, or something else.
         """
-        end = self._end(patience)
-        kind, size = _HEAD.unpack(self._read(_HEAD.size, end))
-        if size > most:
-            raise EntryError(f"the code sent {size} bytes for an answer; {most} are allowed")
-        content = self._read(size, end)
-        if kind == _NUMBERS and size % 8 == 0:
-            return np.frombuffer(content, "<f8").astype(float)
+        with self._waiting(patience or self.patience, most):
+            content = self._back.recv_bytes(most + 1)
         try:
-            return json.loads(content)
+            if content[:1] == b"N":
+                return np.frombuffer(content[1:], "<f8").astype(float)
+            return json.loads(content[1:])
         except (ValueError, RecursionError) as error:
             raise EntryError("the code sent something that is no answer") from error
 
-    def _read(self, size: int, end: float) -> bytes:
-        found = b""
-        while len(found) < size:
-            self._wait(end)
-            part = os.read(self._back, size - len(found))
-            if not part:
-                raise EntryError("the process that ran the code has ended")
-            found += part
-        return found
+    @contextmanager
+    def _waiting(self, patience: float, most: int = 0) -> Iterator[None]:
+        self.until = time.monotonic() + patience
+        try:
+            yield
+        except (EOFError, OSError) as error:
+            if isinstance(error, OSError) and not error.errno:  # its length is that of no answer
+                self.why = f"the code sent more than {most} bytes for an answer"
+            raise EntryError(self.why) from error
+        finally:
+            self.until = inf
 
-    def _end(self, patience: float | None) -> float:
-        given = patience or self._patience
-        return time.monotonic() + given if given else float("inf")
 
-    def _wait(self, end: float, *, to: bool = False) -> None:
-        """Wait until a descriptor is ready, and look at what the other end takes meanwhile."""
-        back, there = ([], [self._to]) if to else ([self._back], [])
-        while True:
-            now = time.monotonic()
-            if now > self._looked + LOOKING:
-                self._watch()
-                self._looked = now
-            if now > min(end, self._last):
-                late = f"no answer within {self._patience:g} s" if end <= self._last else "no end"
-                raise EntryError(f"the code gave {late}")
-            if any(select.select(back, there, [], LOOKING)):
-                return
+def _json(content: Any) -> bytes:
+    return json.dumps(content, default=lambda value: value.tolist()).encode()
 
 
 class Remote:
@@ -154,7 +126,6 @@ class Remote:
 
     def __init__(self, wire: Wire, asked: Mapping[str, Any], torques: Torques) -> None:
         self._wire, self._text = wire, str(asked["estimator"])
-        wire.begin()
         wire.send(dict(asked))
         made = self._answer()
         if isinstance(made, dict) and "torque" in made:
@@ -253,23 +224,17 @@ def serve(wire: Wire, asked: Mapping[str, Any]) -> None:
             wire.send(np.asarray(theta, float).reshape(-1))
         else:
             found = getattr(estimator, "findings", None)
-            told = None if found is None else [_described(f) for f in list(found)[:FINDINGS]]
-            wire.send({"findings": told})
-
-
-def _described(found: Any) -> dict[str, Any]:
-    return {name: _as_json(getattr(found, name)) for name in FINDING if hasattr(found, name)}
-
-
-def _as_json(value: Any) -> Any:
-    if isinstance(value, str | None):
-        return value
-    return [_as_json(each) for each in value] if hasattr(value, "__iter__") else float(value)
+            if found is not None:
+                found = [
+                    {name: getattr(each, name) for name in FINDING if hasattr(each, name)}
+                    for each in list(found)[:FINDINGS]
+                ]
+            wire.send({"findings": found})
 
 
 def _own_wire() -> Wire:
     """Return what was given as standard input and output; nothing is left there."""
-    back, to = os.dup(0), os.dup(1)
+    back, to = (Connection(os.dup(descriptor)) for descriptor in (0, 1))
     nothing = os.open(os.devnull, os.O_RDWR)
     for descriptor in (0, 1):
         os.dup2(nothing, descriptor)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.board.entry import Entry, EntryError
@@ -20,7 +18,7 @@ from flexaxis.experiments.logs.identification.validate import validate
 from flexaxis.experiments.logs.track import track
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import DEFAULT_IDENTIFY
-from flexaxis.sim.record import Record, load_record
+from flexaxis.sim.record import Record, count_samples, record_pieces
 
 SHARE = 0.7  # of a log, which an entry may follow
 START = 1.2  # where it begins, over the values of the axis: who does nothing is not right
@@ -79,16 +77,13 @@ def log_scores(entries: Sequence[Entry], folder: Path, *, run_code: bool = False
         raise EntryError(f"--logs {folder}: has no NAME.nc with a NAME.toml of `flexaxis identify`")
     found: list[LogScore] = []
     for path in paths:
-        record, axis = load_record(path), find_axis(str(path.with_suffix(".toml").resolve()))
-        found += _marked(list(_of_log(entries, path.stem, record, axis, run_code)))
+        found += _marked(list(_of_log(entries, path, run_code)))
     return found
 
 
-def _of_log(
-    entries: Sequence[Entry], name: str, record: Record, axis: Axis, run_code: bool
-) -> Iterator[LogScore]:
-    begin = int(SHARE * len(record.time))
-    first, rest = _part(record, slice(0, begin)), _part(record, slice(begin, None))
+def _of_log(entries: Sequence[Entry], path: Path, run_code: bool) -> Iterator[LogScore]:
+    axis = find_axis(str(path.with_suffix(".toml").resolve()))
+    first, rest = record_pieces(path, samples=int(SHARE * count_samples(path)))
     identify = [n for n in DEFAULT_IDENTIFY if n.removeprefix("1/") in axis.model.nominal]
     begun = dict(zip(identify, START * axis.model.parametrize(identify).theta, strict=True))
     nominal = error_of(rest, with_values(axis, begun))
@@ -106,7 +101,7 @@ def _of_log(
                 raise
             except (EstimatorError, FlexaxisError) as problem:
                 remark = str(problem)
-        yield LogScore(entry.about.name, entry.label, name, error, nominal, remark)
+        yield LogScore(entry.about.name, entry.label, path.stem, error, nominal, remark)
 
 
 @contextmanager
@@ -145,18 +140,6 @@ def with_values(axis: Axis, theta: Mapping[str, float]) -> Axis:
         for name, value in theta.items()
     }
     return axis.having(values)
-
-
-def _part(record: Record, span: slice) -> Record:
-    """Return a piece of a record."""
-    own = {field.name: getattr(record, field.name) for field in fields(record)}
-    samples = len(record.time)
-    cut: dict[str, Any] = {
-        name: value[span]
-        for name, value in own.items()
-        if isinstance(value, np.ndarray) and len(value) == samples
-    }
-    return replace(record, **cut, first=record.first + (span.start or 0))
 
 
 def _marked(scores: list[LogScore]) -> list[LogScore]:

@@ -13,11 +13,15 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, cached_property
 from importlib.resources import files
+from math import inf
+from multiprocessing import Pipe
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any, Self
 
 from flexaxis.estimators.models.compiler import cache_folder
@@ -32,7 +36,8 @@ OWN = ("--unshare-all", "--unshare-user", "--as-pid-1", "--new-session", "--die-
        "--clearenv", "--cap-drop", "ALL", "--hostname", "board")  # fmt: skip
 MEMORY, PROCESSES, ROOM = 4 << 30, 64, 256 << 20
 """Bytes that all processes of a case may hold, how many they may be, and bytes of its /tmp."""
-UNCONFINED = "unconfined"
+IN_ALL = 10.0  # times the patience, for a case
+LOOKING = 0.2  # s between looks at what a case takes
 INSTALL = (
     "install bubblewrap (apt install bubblewrap, dnf install bubblewrap, pacman -S bubblewrap) on "
     "Linux; `--form` looks at the files only, and `--unconfined` runs code of your own with all "
@@ -78,9 +83,9 @@ class Sandbox:
         if self._confined and shutil.which("bwrap") is None:
             raise SandboxError("bubblewrap (bwrap) is missing, without which no code of an entry "
                                f"is run: {INSTALL}")  # fmt: skip
-        self._next = _Process(self._entry, self._patience, self._confined)
+        self._next = self._process()
         try:
-            self.reached = self._next.hello()
+            self.reached = self._next.reached
             lacks = [what for what, holds in self.reached.items() if not holds]
             if self._confined and lacks:
                 raise SandboxError(f"bubblewrap does not give a case: {', '.join(lacks)}")
@@ -90,6 +95,9 @@ class Sandbox:
             self._next.end()
             raise
         return self
+
+    def _process(self) -> _Process:
+        return _Process(self._entry, self._patience, self._confined)
 
     def __exit__(self, *error: object) -> None:
         self._next.end()
@@ -114,9 +122,10 @@ class Sandbox:
         EntryError
             If its process gives no answer, or takes more than it may.
         """
-        mine, self._next = self._next, _Process(self._entry, self._patience, self._confined)
+        mine, self._next = self._next, self._process()
         try:
-            mine.hello()
+            assert mine.reached  # it is there
+            mine.begin()
             yield Remote(mine.wire, asked, torques)
         finally:
             mine.end()
@@ -128,43 +137,55 @@ class _Process:
     def __init__(self, entry: Path, patience: float, confined: bool) -> None:
         self._home = "" if confined else tempfile.mkdtemp(prefix="flexaxis-")
         words, cwd = (command(entry), "/") if confined else (python(), str(entry))
+        (back, out), (given, to) = Pipe(duplex=False), Pipe(duplex=False)
         self._process = subprocess.Popen(
             words, cwd=cwd, env=_environment(self._home), start_new_session=True,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0,
+            stdin=given.fileno(), stdout=out.fileno(), stderr=subprocess.PIPE,
         )  # fmt: skip
-        assert self._process.stdin and self._process.stdout
-        back, to = self._process.stdout.fileno(), self._process.stdin.fileno()
-        self.wire, self._told = Wire(back, to, patience, self._watch), False
+        given.close()
+        out.close()
+        self.wire, self._last, self._over = Wire(back, to, patience), inf, Event()
+        Thread(target=self._watch, daemon=True).start()
 
-    def hello(self) -> dict[str, bool]:
-        """Return what holds in it, as it has found itself."""
-        if self._told:
-            return {}
-        self._told = True
+    @cached_property
+    def reached(self) -> dict[str, bool]:
+        """What holds in it, as it has found itself."""
         return {str(k): v is True for k, v in self.wire.receive(patience=STARTING).items()}
+
+    def begin(self) -> None:
+        """Let the time of a case begin."""
+        self._last = time.monotonic() + IN_ALL * self.wire.patience
 
     def end(self) -> str:
         """End it with all that it has started, and return what it has said last."""
-        with suppress(OSError):
-            os.killpg(self._process.pid, signal.SIGKILL)  # the first of its world ends that
-        assert self._process.stdin and self._process.stdout and self._process.stderr
-        last = b""
-        with suppress(OSError):
-            os.set_blocking(self._process.stderr.fileno(), False)
+        self._over.set()
+        self._kill()
+        assert self._process.stderr
+        os.set_blocking(self._process.stderr.fileno(), False)
+        with self._process:
             last = self._process.stderr.read(500) or b""
-        for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
-            pipe.close()
-        self._process.wait()
         if self._home:
             shutil.rmtree(self._home, ignore_errors=True)
         return last.decode(errors="replace").strip()
 
+    def _kill(self) -> None:
+        with suppress(OSError):
+            os.killpg(self._process.pid, signal.SIGKILL)  # the first of its world ends that
+
     def _watch(self) -> None:
-        processes, size = usage(self._process.pid)
-        if processes > PROCESSES:
-            raise EntryError(f"the code has {processes} processes; {PROCESSES} are allowed")
-        if size > MEMORY:
-            raise EntryError(f"the code holds {size >> 20} MB; {MEMORY >> 20} are allowed")
+        """End it as soon as it takes more time, processes or memory than it may."""
+        while not self._over.wait(LOOKING):
+            processes, size = usage(self._process.pid)
+            now, patience = time.monotonic(), self.wire.patience
+            taken = {
+                f"gave no answer within {patience:g} s": self.wire.until < now,
+                "gave no end": self._last < now,
+                f"has {processes} processes; {PROCESSES} are allowed": processes > PROCESSES,
+                f"holds {size >> 20} MB; {MEMORY >> 20} are allowed": size > MEMORY,
+            }
+            if why := [what for what, much in taken.items() if much]:
+                self.wire.why = f"the code {why[0]}"
+                return self._kill()
 
 
 def command(entry: Path) -> list[str]:

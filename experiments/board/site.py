@@ -26,7 +26,7 @@ from flexaxis.experiments.board.verification import Ask, of_form
 from flexaxis.experiments.comparison.matching import NOISIER, QUIETER
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel, ends
-from flexaxis.experiments.reporting.page import charted, render
+from flexaxis.experiments.reporting.page import render
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.storage.files import json_table, make_folder, write_json, write_text
 
@@ -249,7 +249,7 @@ def _index(shown: Shown, last: Sequence[Taken], tracks: Mapping[str, Any]) -> st
             "signs": SIGNS,
             "entries": {t.entry.label: _about(t) for t in last},
             "versions": [_about(t) for t in in_order(shown.taken)],
-            "charts": charted(_history(shown)),
+            "charts": list(_history(shown)),
             "first": _first(tracks, {t.entry.label: t.state for t in last}),
         },
     )

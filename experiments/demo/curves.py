@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from html import escape
-from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +17,7 @@ from flexaxis.experiments.demo.racer import NAMES, SHOWN, Racer
 from flexaxis.experiments.demo.session import SPAN, Curves, DemoSession
 from flexaxis.experiments.demo.tracking import LENGTH, Point
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel, Role
+from flexaxis.experiments.reporting.page import macros
 from flexaxis.experiments.reporting.styles import NINE, Style, style
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.experiments.scoring.windows import WINDOW
@@ -40,8 +39,10 @@ STYLES: Mapping[str, Style] = {
     },
 }
 """Of the two racers, whoever they are; of their points in the trade-off, one for each parameter."""
+KEY = ", ".join(f"{sign} {name}" for sign, name in zip("■▲●", NAMES, strict=True))
 COLOURS = tuple(STYLES[who].light for who in RACERS)
 THEORY = "theory allows"
+TABLES = "demo/tables.html"
 
 POINTS = np.unique(np.geomspace(1, LENGTH, 160).astype(int)) - 1
 """Samples after the change that are drawn: evenly on a logarithmic axis."""
@@ -196,7 +197,9 @@ def tradeoff(points: Sequence[Point], allowed: tuple[float | None, float | None]
         title="A point a fault",
         words="",
         x="std before the fault [% of nominal]",
-        panels=[Panel(y="lag after it [s]", lines=lines, y_log=True, y_range=(0.01, 8.0))],
+        panels=[
+            Panel(y="lag after it [s]", title=KEY, lines=lines, y_log=True, y_range=(0.01, 8.0))
+        ],
         windows=[("", 0.01, 80.0)],
         x_log=True,
     )
@@ -209,89 +212,15 @@ ROWS = 40
 
 
 def estimates_table(session: DemoSession) -> str:
-    """Return truth, estimates and the lags of the last change, as Markdown."""
-    lines = [
-        "| | truth | " + " | ".join(_heads(session)) + f" | {_grey('theory allows')} |",
-        "|---|---|---|---|---|",
-    ]
+    """Return truth, estimates and the lags of the last change, as HTML."""
     truth = session.axis.theta(SHOWN)
-    estimates = [racer.shown(racer.theta) for racer in session.racers]
-    for i, name in enumerate(SHOWN):
-        if i < len(NAMES) or truth[i]:
-            cells = [truth[i], *(estimate[i] for estimate in estimates)]
-            lines.append(f"| {name} | " + " | ".join(map(_value, cells)) + " | |")
-    if (last := session.history.last) is not None and last.tracking and last.tracking.changed:
-        cells = [_seconds(lag) for lag in last.lags]
-        lines.append(f"| **lag** [s] | | {' | '.join(cells)} | {_grey(_range(last))} |")
-    return "\n".join(lines)
+    columns = [truth, *(racer.shown(racer.theta) for racer in session.racers)]
+    rows = dict(zip(SHOWN, np.transpose(columns).tolist(), strict=True))
+    if not truth[-1]:
+        del rows[SHOWN[-1]]
+    return str(macros(TABLES).estimates(session, rows))
 
 
 def history_table(history: History) -> str:
     """Return what was done, the last on top, as HTML."""
-    if not history.entries:
-        return "<p>Nothing has been done yet: break it.</p>"
-    rows = "".join(map(_row, list(history.entries)[: -ROWS - 1 : -1]))
-    heads = ("t [s]", "what", "A says", "B says", "lag A", "lag B", "allowed")
-    cells = "".join(
-        f'<th style="text-align:left;padding:2px 3px;white-space:nowrap;color:{colour}">{head}</th>'
-        for head, colour in zip(
-            heads, ("inherit", "inherit", *COLOURS, *COLOURS, GREY), strict=True
-        )
-    )
-    return (
-        '<div style="overflow-x:auto">'
-        '<table class="history" style="font-size:12px;border-collapse:collapse;width:100%">'
-        f"<tr>{cells}</tr>{rows}</table></div>"
-    )
-
-
-def _row(entry: Entry) -> str:
-    cells = [f"{entry.time:.1f}", entry.what]
-    if entry.tracking is None:
-        cells += 5 * [""]
-    else:
-        cells += [_says(entry, racer) for racer in range(len(entry.racers))]
-        cells += [_seconds(lag) for lag in entry.lags] + [_range(entry)]
-    style = "padding:2px 4px;border-top:1px solid #ddd;vertical-align:top"
-    return "<tr>" + "".join(f'<td style="{style}">{escape(cell)}</td>' for cell in cells) + "</tr>"
-
-
-def _says(entry: Entry, racer: int) -> str:
-    """Return what an estimator said of a change: what it found and when, or where it got to."""
-    found = entry.found[racer] if racer < len(entry.found) else []
-    if found:
-        after, what = found[0]
-        return f"{what} after {after:.2g} s"
-    if not entry.estimates or entry.tracking is None:
-        return "nothing"
-    value = entry.estimates[racer]
-    if isnan(value):
-        return f"has no {entry.tracking.changed}"
-    return f"{entry.tracking.changed} = {value:.3g}"
-
-
-def _range(entry: Entry) -> str:
-    single, unknown = entry.allowed
-    if single is None or unknown is None:
-        return "–"
-    low, high = f"{single:.2g}", f"{unknown:.2g}"
-    return low if low == high else f"{low}–{high}"
-
-
-def _heads(session: DemoSession) -> list[str]:
-    return [
-        f'<span style="color:{colour}">{letter}: {racer.text}</span>'
-        for colour, letter, racer in zip(COLOURS, "AB", session.racers, strict=True)
-    ]
-
-
-def _grey(text: str) -> str:
-    return f'<span style="color:{GREY}">{text}</span>'
-
-
-def _value(value: float) -> str:
-    return "–" if np.isnan(value) else f"{value:.4g}"
-
-
-def _seconds(lag: float | None) -> str:
-    return "–" if lag is None else f"{lag:.2g}"
+    return str(macros(TABLES).history(list(history.entries)[: -ROWS - 1 : -1]))

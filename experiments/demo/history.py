@@ -74,6 +74,21 @@ class Entry:
         allowed = self.tracking.allowed if self.tracking else None
         return allowed.lag if allowed else (None, None)
 
+    @property
+    def says(self) -> list[str]:
+        """What each estimator said of a change: what it found and when, or where it got to."""
+        return [self._said(racer) for racer in range(len(self.racers))]
+
+    def _said(self, racer: int) -> str:
+        if self.found and self.found[racer]:
+            after, what = self.found[racer][0]
+            return f"{what} after {after:.2g} s"
+        changed = self.tracking.changed if self.tracking else None
+        if not self.estimates or changed is None:
+            return "nothing"
+        value = self.estimates[racer]
+        return f"has no {changed}" if isnan(value) else f"{changed} = {value:.3g}"
+
 
 class History:
     """All that was done to a session.
@@ -160,7 +175,7 @@ def _rows(entry: Entry) -> Iterable[list[Any]]:
     column = SHOWN.index(changed) if changed else 0
     single, unknown = entry.allowed
     for racer, name in enumerate(entry.racers):
-        found = entry.found[racer][0] if racer < len(entry.found) and entry.found[racer] else None
+        found = entry.found[racer][0] if entry.found and entry.found[racer] else None
         yield [
             f"{entry.time:.3f}",
             entry.what,

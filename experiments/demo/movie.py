@@ -189,10 +189,10 @@ class Frame:
 def _draw(chart: Chart, ax: Any, panel: int = 0) -> Any:
     """Draw a panel anew, in small letters."""
     ax.clear()
-    draw(chart, ax, panel=panel)
+    draw(chart, ax, panel=panel, looks=curves.STYLES)
     for axis in (ax.xaxis, ax.yaxis):
         axis.label.set_size(SMALL)
         axis.labelpad = 1
     ax.tick_params(labelsize=TINY, pad=1)
-    ax.set_title("")
+    ax.set_title(ax.get_title(loc="left"), loc="left", size=TINY, pad=2)
     return ax

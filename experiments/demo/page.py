@@ -36,7 +36,7 @@ HIGH, LEFT_HIGH = 86, 170  # pixels of a panel of the curves, and of what is lef
 
 @dataclass
 class Pace:
-    """How fast the demo runs: what was asked for, and what was reached."""
+    """How fast the demo runs: what was asked for, and what was reached; what that costs."""
 
     speed: float = 1.0
     frames: float = 0.0
@@ -44,6 +44,18 @@ class Pace:
     load: float = 0.0
     paused: bool = False
     steps: int = 0
+    _counted: tuple[int, int] = 0, 0
+    _since: tuple[float, float] = 0.0, 0.0
+
+    def count(self, due: int) -> None:
+        """Count a picture and its samples; put what was reached down every other second."""
+        now = time.monotonic(), time.process_time()
+        elapsed, work = now[0] - self._since[0], now[1] - self._since[1]
+        frames, samples = self._counted[0] + (due > 0), self._counted[1] + due
+        self._counted = frames, samples
+        if elapsed >= 2.0:
+            self.frames, self.reached = frames / elapsed, samples * PERIOD / elapsed
+            self.load, self._counted, self._since = 100 * work / elapsed, (0, 0), now
 
 
 class Page:
@@ -173,8 +185,7 @@ class Page:
         clock.on_click(_clicked(self._wind))
         self._rows = broken, clock
         self._said = gui.add_markdown("")
-        self._left = gui.add_html("")
-        self._table = gui.add_markdown("")
+        self._left, self._table = gui.add_html(""), gui.add_html("")
         bench = Bench(gui, check, session, self._guarded)
         with gui.add_folder("Dry friction: f_c, Stribeck, LuGre", expand_by_default=False):
             FrictionKnobs(bench)
@@ -258,6 +269,7 @@ def _style() -> str:
         files("flexaxis.experiments.demo") / "page.css",
     )
     colours = "".join(f"--style-{each.place}: {each.light}; " for each in styles.NINE)
+    colours += f"--theory: {curves.GREY};"
     text = "".join(sheet.read_text(encoding="utf-8") for sheet in sheets)
     who = dict(curves.STYLES)
     return (

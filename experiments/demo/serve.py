@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import threading
 import time
 import webbrowser
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
-from flexaxis.experiments.demo.page import Pace, Page
+from flexaxis.experiments.demo.page import Page
 from flexaxis.experiments.demo.server import DemoServer
 from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.sim.timing import PERIOD, sample_index
@@ -61,13 +60,10 @@ def serve(
     FlexaxisError
         As from `DemoServer`.
     """
-    with _stop_signals() as stop:
-        server = DemoServer(port, warned)
-        said(f"the live axis is at {server.token.address}  (Ctrl-C ends it)")
-        page = Page(server, session, exaggerate=exaggerate, speed=speed)
-        stop.farewell = page.end
-        if browser:
-            webbrowser.open(server.token.address)
+    failed: list[BaseException] = []
+
+    def run() -> None:
+        """Go on until told to stop: in a thread, for a compiler takes seconds for a loop."""
         try:
             if play is None:
                 page.advance(sample_index(WARM, PERIOD))
@@ -75,15 +71,32 @@ def serve(
                 page.play(play)
             page.draw_curves()
             _loop(page, stop)
-        finally:
-            page.end()
-            time.sleep(FAREWELL)
-            server.stop()
+        except BaseException as error:
+            failed.append(error)
+            stop.set()
+
+    with _signals() as stop:
+        server = DemoServer(port, warned)
+        said(f"the live axis is at {server.token.address}  (Ctrl-C ends it)")
+        page = Page(server, session, exaggerate=exaggerate, speed=speed)
+        if browser:
+            webbrowser.open(server.token.address)
+        worker = threading.Thread(target=run, daemon=True)
+        worker.start()
+        stop.wait()
+        worker.join(PATIENCE)
+        page.end()
+        time.sleep(FAREWELL)
+        server.stop()
+    if failed:
+        raise failed[0]
+    if worker.is_alive():  # nothing is lost: what is compiled is written whole or not
+        os._exit(0)
 
 
 def _loop(page: Page, stop: threading.Event) -> None:
     """Advance and draw, in real time, until told to stop."""
-    pace, meter = page.pace, Meter()
+    pace = page.pace
     before, owed, next_curves = time.monotonic(), 0.0, 0.0
     while not stop.wait(max(0.0, before + 1 / FRAMES - time.monotonic())):
         now = time.monotonic()
@@ -95,73 +108,19 @@ def _loop(page: Page, stop: threading.Event) -> None:
         if due:
             page.advance(due)
             page.draw_axis()
-        meter.count(pace, due)
+        pace.count(due)
         if now >= next_curves:
             next_curves = now + 1 / CURVES
             page.draw_curves()
 
 
-class Meter:
-    """How many pictures and seconds of the axis a second has, and what they cost."""
-
-    def __init__(self) -> None:
-        self._frames, self._samples = 0, 0
-        self._start()
-
-    def count(self, pace: Pace, due: int) -> None:
-        """Count a picture and its samples; put what was reached down every other second."""
-        self._frames, self._samples = self._frames + (due > 0), self._samples + due
-        if (elapsed := time.monotonic() - self._since) >= 2.0:
-            pace.frames = self._frames / elapsed
-            pace.reached = self._samples * PERIOD / elapsed
-            pace.load = 100 * (time.process_time() - self._cpu) / elapsed
-            self._start()
-
-    def _start(self) -> None:
-        self._since, self._cpu = time.monotonic(), time.process_time()
-        self._frames = self._samples = 0
-
-
-class Stop(threading.Event):
-    """What SIGINT and SIGTERM set; `farewell` is said where nobody heeds it."""
-
-    farewell: Callable[[], None] = staticmethod(lambda: None)
-
-
 @contextmanager
-def _stop_signals() -> Iterator[Stop]:
-    """Give an event that SIGINT and SIGTERM set; where nobody heeds it, they end the process."""
-    stop, over = Stop(), threading.Event()
-    kinds = [signal.SIGINT, signal.SIGTERM]
-    old = [signal.signal(kind, lambda *_: stop.set()) for kind in kinds]
-    ours, theirs = socket.socketpair()
-    theirs.setblocking(False)
-    before = signal.set_wakeup_fd(theirs.fileno(), warn_on_full_buffer=False)
-    threading.Thread(target=_end_if_late, args=(ours, over, stop), daemon=True).start()
+def _signals() -> Iterator[threading.Event]:
+    """Give an event that SIGINT and SIGTERM set."""
+    stop = threading.Event()
+    old = [(k, signal.signal(k, lambda *_: stop.set())) for k in (signal.SIGINT, signal.SIGTERM)]
     try:
         yield stop
     finally:
-        over.set()
-        signal.set_wakeup_fd(before)
-        theirs.close()
-        for kind, handler in zip(kinds, old, strict=True):
+        for kind, handler in old:
             signal.signal(kind, handler)
-
-
-def _end_if_late(told: socket.socket, over: threading.Event, stop: Stop) -> None:
-    """End the process where a signal was not heeded in time: a compiler takes seconds for a loop.
-
-    Python calls no handler while code that is not its own runs; the system writes to `told` even
-    then. Nothing is lost: the demo keeps nothing, and what is compiled is written whole or not.
-    """
-
-    def farewell() -> None:
-        with suppress(Exception):  # the server may be about to stop by itself
-            stop.farewell()
-
-    with told:
-        if told.recv(1) and not over.wait(PATIENCE):
-            # In its own thread, for what it waits for may be what is late.
-            threading.Thread(target=farewell, daemon=True).start()
-            if not over.wait(FAREWELL):
-                os._exit(0)

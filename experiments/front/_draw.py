@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexaxis.experiments.reporting.figures import mark, symbol
+from flexaxis.experiments.reporting.figures import mark, typeset
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.law_parameters import LAW_UNITS
 from flexaxis.sim.parameters import PARAMETER_UNITS
@@ -101,7 +101,7 @@ def estimates(
             )
         if fresh and truth is not None:
             ax.plot(time, truth, "k--", lw=1.0, label="truth")
-        ax.set_ylabel(f"{symbol(name)} [{_unit(name)}]")
+        ax.set_ylabel(f"{typeset(name)} [{_unit(name)}]")
         limits = _limits(ax, theta, truth, fresh=fresh)
         ax.set_ylim(*limits)
         _mark_beyond(ax, time, theta, limits, colour)

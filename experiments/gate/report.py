@@ -79,7 +79,7 @@ def comparison_page(
         "meaning": meaning(found),
         "knobs": knobs(found),
         "table": Table("All scores", _COLUMNS, rows, explanation(found)),
-        "charts": page.charted([] if chart is None else [chart]),
+        "charts": [] if chart is None else [chart],
         "again": row_command(found, focus, sources),
         "command": command,
     }

@@ -90,7 +90,7 @@ def render(e: Evidence, claims: Sequence[Claim], charts: Mapping[str, Chart], co
     content = {
         "claims": claims,
         "about": lambda *words, but=None: _about(claims, words, but),
-        "figures": {chart.id: chart for chart in page.charted(charts.values())},
+        "figures": charts,
         "seeds": [record.seed for record in e.data.nominal],
         "runs": {"long": len(e.data.long), "few": len(e.data.pause)},
         "measured": {claim.id: claim.measured for claim in claims},

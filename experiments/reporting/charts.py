@@ -7,7 +7,7 @@ are plain text; a symbol such as ``f_m`` in them is typeset there.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -60,22 +60,6 @@ class Line:
     x_high: Array | None = None
     pick: str = ""
 
-    def __post_init__(self) -> None:
-        if np.ndim(self.x) != 1:
-            raise ChartError(f"x of a line has {np.ndim(self.x)} dimensions: give one")
-        sides = ("y", "low", "high", "x_low", "x_high")
-        for name in sides:
-            side = getattr(self, name)
-            if side is not None and np.shape(side) != np.shape(self.x):
-                raise ChartError(
-                    f"{name} of line {self.who or self.label!r} has shape {np.shape(side)} and x "
-                    f"{np.shape(self.x)}: give one value of each for each point"
-                )
-        if (self.low is None) != (self.high is None) or (self.x_low is None) != (
-            self.x_high is None
-        ):
-            raise ChartError(f"line {self.who or self.label!r}: give both ends or neither")
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Panel:
@@ -94,10 +78,6 @@ class Panel:
     title: str = ""
     y_log: bool = False
     y_range: tuple[float, float] | None = None
-
-    def __post_init__(self) -> None:
-        if self.y_range is not None and not self.y_range[0] < self.y_range[1]:
-            raise ChartError(f"y_range of panel {self.y!r} is {self.y_range}: low before high")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -132,13 +112,6 @@ class Chart:
     x_log: bool = False
     x_from: str = ""
     name: str = ""
-
-    def __post_init__(self) -> None:
-        if not self.panels:
-            raise ChartError(f"chart {self.title!r} has no panels")
-        for name, begin, end in self.windows:
-            if not begin < end:
-                raise ChartError(f"window {name!r} is {begin} … {end}: the end comes later")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -179,15 +152,6 @@ class Heat:
     log: bool = False
     name: str = ""
 
-    def __post_init__(self) -> None:
-        shape = len(self.ys), len(self.xs)
-        for cells in self.panels:
-            if np.shape(cells.values) != shape:
-                raise ChartError(
-                    f"values of {cells.who or cells.title!r} in {self.title!r} have shape "
-                    f"{np.shape(cells.values)}: give {shape}, a row for each of ys"
-                )
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Pick:
@@ -207,21 +171,6 @@ class Pick:
     facts: Sequence[tuple[str, str]] = ()
     command: str = ""
     charts: Sequence[Chart | Heat] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Picks:
-    """All that a click on the page can open, by the name that lines carry as `pick`.
-
-    Stands in the content of a page under any name; the page finds it there.
-
-    Attributes
-    ----------
-    found : mapping of str to str
-        What is shown, as `flexaxis.experiments.reporting.page.packed` packs a `Pick`.
-    """
-
-    found: Mapping[str, str] = field(default_factory=dict)
 
 
 def ends(rows: Sequence[Mapping[str, Any]], key: str, unit: float = 1.0) -> Any:

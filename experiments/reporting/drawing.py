@@ -7,7 +7,7 @@ per cent of the width beside it. What reads a chart (`assets/chart.js`) has its 
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.reporting import styles
 from flexaxis.experiments.reporting.charts import Chart, Heat, Line
-from flexaxis.experiments.reporting.scales import Scale, Tick, across, upward
+from flexaxis.experiments.reporting.scales import Scale, across, upward
 from flexaxis.experiments.reporting.shapes import (
     UNITS,
     heat_legend,
@@ -31,21 +31,20 @@ from flexaxis.experiments.reporting.tables import in_svg, symbols
 Array = NDArray[np.float64]
 
 HIGH = {True: 300, False: 165}  # pixels of a panel: of one that is alone, of one of several
-LETTERS = 20  # pixels that a number at the side takes
 MANY = 150  # points from which on markers would be a blot, and are dots
 SPARSE = 4  # markers along a line: they tell it from others where colours do not
 WORD = 1.35  # per cent of a narrow view that a letter takes
 ORDER = ("data", "estimate", "bound", "truth")  # truth and bounds are seen upon estimates
 
 
-def drawn(chart: Chart | Heat, place: str, *, high: int | None = None) -> Markup:
+def drawn(chart: Chart | Heat, place: str = "", *, high: int | None = None) -> Markup:
     """Return a chart as a figure.
 
     Parameters
     ----------
     chart : Chart or Heat
     place : str
-        Its name in the page.
+        Its name in the page; by default its own, or its title's.
     high : int, optional
         Pixels of a panel; by default as many as pages give it.
     """
@@ -56,6 +55,7 @@ def drawn(chart: Chart | Heat, place: str, *, high: int | None = None) -> Markup
     else:
         legend, views = _legend(chart), "".join(_view(chart, n, x, high) for n, x in across(chart))
     unit = chart.unit if isinstance(chart, Heat) else ""
+    place = place or chart.name or re.sub(r"[^a-z0-9]+", "-", chart.title.lower()).strip("-")
     return Markup(
         f'<figure class="chart" id="{escape(place)}" data-title="{escape(chart.title)}" '
         f'data-x="{escape(chart.x)}" data-unit="{escape(unit)}"><div class="views">{views}</div>'
@@ -155,26 +155,15 @@ def _panel(chart: Chart, place: int, x: Scale, high: int) -> str:
 
 
 def _grid(x: Scale, y: Scale, high: int) -> str:
-    across = "".join(f"M0,{UNITS - p}H{UNITS}" for p in units(_places_of(y, high)))
-    up = "".join(f"M{p},0V{UNITS}" for p in units(_places_of(x)))
+    across = "".join(f"M0,{UNITS * (1 - p):.0f}H{UNITS}" for p, _ in y.marks(high))
+    up = "".join(f"M{UNITS * p:.0f},0V{UNITS}" for p, _ in x.marks())
     return f'<path class="grid" d="{across}"/><path class="grid x" d="{up}"/>'
-
-
-def _few(scale: Scale, high: int) -> list[Tick]:
-    """Return the ticks that have room: all across, and up as many as the letters of a panel."""
-    return scale.ticks[:: max(1, math.ceil(len(scale.ticks) * LETTERS / high))]
-
-
-def _places_of(scale: Scale, high: int = 1000) -> Array:
-    return scale.share([value for value, _ in _few(scale, high)])
 
 
 def _ticks(x: Scale, y: Scale, high: int, *, written: bool) -> str:
     """Return what stands at the ticks of y, and in the last panel at those of x."""
-    up = [f'<text y="{100 - 100 * p:.1f}%">{escape(text)}</text>'
-          for p, (_, text) in zip(_places_of(y, high), _few(y, high), strict=True)]  # fmt: skip
-    below = [f'<text x="{100 * p:.1f}%">{escape(text)}</text>'
-             for p, (_, text) in zip(_places_of(x), x.ticks, strict=True)]  # fmt: skip
+    up = [f'<text y="{100 - 100 * p:.1f}%">{escape(text)}</text>' for p, text in y.marks(high)]
+    below = [f'<text x="{100 * p:.1f}%">{escape(text)}</text>' for p, text in x.marks()]
     found = f'<g class="up" transform="translate(-6)">{"".join(up)}</g>'
     if written:
         found += f'<g class="below" transform="translate(0,{high + 16})">{"".join(below)}</g>'

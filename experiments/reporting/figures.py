@@ -7,6 +7,8 @@ burn-in is shaded.
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,6 @@ from flexaxis.experiments.reporting.charts import Array, Chart, Line
 from flexaxis.experiments.reporting.run.over_time import around
 from flexaxis.experiments.reporting.scales import across, upward
 from flexaxis.experiments.reporting.tables import SYMBOL
-from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 
 LONGEST = 40  # characters of a name in a legend
@@ -30,32 +31,19 @@ def colour(estimator: str) -> str:
     return styles.style(estimator).light
 
 
-def marker(estimator: str) -> str:
-    """Return the marker of an estimator, the same in every figure of points."""
-    return styles.style(estimator).marker
-
-
-def dash(estimator: str) -> Any:
-    """Return the line style of an estimator, as matplotlib takes it."""
-    lengths = [float(part) for part in styles.style(estimator).dash.split()]
+def _dash(style: styles.Style) -> Any:
+    """Return a line style as matplotlib takes it."""
+    lengths = [float(part) for part in style.dash.split()]
     return (0, lengths) if lengths else "-"
-
-
-def symbol(name: str) -> str:
-    """Return the mathematical symbol of a parameter, for an axis."""
-    parameter, exponent = physical(name)
-    letter, _, index = parameter.partition("_")
-    text = f"{letter}_{index}" if index else letter
-    return f"$1/{text}$" if exponent < 0 else f"${text}$"
 
 
 def mark(ax: Axes, scenario: Scenario) -> None:
     """Mark burn-in, pauses of the excitation and faults, as charts over time do."""
-    _mark(ax, **around(scenario))
+    found = around(scenario)
+    _mark(ax, found["spans"], found["marks"])
 
 
-def _mark(ax: Axes, spans: Any, marks: Any, windows: Any = ()) -> None:
-    del windows
+def _mark(ax: Axes, spans: Any, marks: Any) -> None:
     for begin, end, _ in spans:
         ax.axvspan(begin, end, color="0.5", alpha=0.12, lw=0)
     for at, _ in marks:
@@ -68,7 +56,7 @@ def figure(chart: Chart) -> Figure:
     found = Figure(figsize=(8.0, 0.8 + (3.6 if count == 1 else 2.6 * count)), layout="constrained")
     axes = found.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     for place in range(count):
-        draw(chart, axes[place], panel=place)
+        draw(chart, axes[place], panel=place).label_outer()
     handles = {
         label: line
         for ax in axes
@@ -80,7 +68,13 @@ def figure(chart: Chart) -> Figure:
     return found
 
 
-def draw(chart: Chart, ax: Axes, *, panel: int = 0) -> Axes:
+def draw(
+    chart: Chart,
+    ax: Axes,
+    *,
+    panel: int = 0,
+    looks: Mapping[str, styles.Style] = MappingProxyType({}),
+) -> Axes:
     """Draw a panel of a chart on given axes, as pages have it.
 
     Parameters
@@ -89,10 +83,12 @@ def draw(chart: Chart, ax: Axes, *, panel: int = 0) -> Axes:
     ax : Axes
     panel : int
         Which.
+    looks : mapping of str to Style, optional
+        Of those that look otherwise here than in other figures.
     """
     shown = chart.panels[panel]
     for line in shown.lines:
-        _draw_line(ax, line)
+        _draw_line(ax, line, looks.get(line.who) or styles.style(line.who))
     _mark(ax, chart.spans, chart.marks)
     x, y = across(chart)[0][1], upward(shown, across(chart)[0][1])
     ax.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear")
@@ -102,22 +98,22 @@ def draw(chart: Chart, ax: Axes, *, panel: int = 0) -> Axes:
         axis.set_major_formatter(FixedFormatter([text for _, text in scale.ticks]))
         axis.set_minor_formatter(NullFormatter())
     ax.grid(alpha=0.25)
-    ax.set_xlabel(_typeset(chart.x))
-    ax.set_ylabel(_typeset(shown.y))
-    ax.set_title(_typeset(shown.title), fontsize=10, loc="left")
+    ax.set_xlabel(typeset(chart.x))
+    ax.set_ylabel(typeset(shown.y))
+    ax.set_title(typeset(shown.title), fontsize=10, loc="left")
     return ax
 
 
-def _draw_line(ax: Axes, line: Line) -> None:
+def _draw_line(ax: Axes, line: Line, style: styles.Style) -> None:
     """Draw a curve or points as `drawing` does: truth dashed, bounds dotted, others in style."""
     role = _ROLES.get(line.role, {})
-    own = {"color": colour(line.who)} if line.who else {}
-    solid = {"color": "0.4", "lw": 1.3, "ls": dash(line.who) if line.who else "-"}
+    own = {"color": style.light} if line.who else {}
+    solid = {"color": "0.4", "lw": 1.3, "ls": _dash(style) if line.who else "-"}
     look: dict[str, Any] = {**solid, **role, **own, "label": _shortened(line.label or line.who)}
     if line.kind == "steps":
         look["drawstyle"] = "steps-post"
     if line.kind in {"points", "both"}:
-        look |= {"marker": marker(line.who) if line.who else "o", "ms": 5, "capsize": 2}
+        look |= {"marker": style.marker if line.who else "o", "ms": 5, "capsize": 2}
         look |= {"ls": "none"} if line.kind == "points" else {}
         bars = [_bars(line.x, line.x_low, line.x_high), _bars(line.y, line.low, line.high)]
         ax.errorbar(line.x, line.y, xerr=bars[0], yerr=bars[1], **look)
@@ -150,7 +146,8 @@ def _shortened(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[:rest]} … {text[-rest:]}"
 
 
-def _typeset(text: str) -> str:
+def typeset(text: str) -> str:
+    """Return a text with its symbols as matplotlib sets them."""
     return SYMBOL.sub(r"$\1_{\2}$", text)
 
 

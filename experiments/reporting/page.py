@@ -10,8 +10,8 @@ import hashlib
 import json
 import re
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache, cached_property
+from collections.abc import Callable, Mapping
+from functools import cache
 from html import unescape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup, escape
 
 from flexaxis.experiments.reporting import styles
-from flexaxis.experiments.reporting.charts import Chart, ChartError, Heat, Pick, Picks
+from flexaxis.experiments.reporting.charts import ChartError, Pick
 from flexaxis.experiments.reporting.drawing import drawn, swatch
 from flexaxis.experiments.reporting.tables import TERMS, number, pair, settled, symbols
 
@@ -32,19 +32,6 @@ SCRIPT = ("dom", "state", "chart", "read", "table", "save", "pick", "bar", "star
 """The parts of `assets/`, in order: each uses those before it, and `start` sets all up."""
 
 
-class Charted:
-    """A chart as a template sees it: `id`, `title`, `words`, and `html`."""
-
-    def __init__(self, chart: Chart | Heat) -> None:
-        self.id = chart.name or re.sub(r"[^a-z0-9]+", "-", chart.title.lower()).strip("-")
-        self.title, self.words, self._chart = chart.title, chart.words, chart
-
-    @cached_property
-    def html(self) -> Markup:
-        """The figure."""
-        return drawn(self._chart, self.id)
-
-
 def render(template: str, content: Mapping[str, Any]) -> str:
     """Return a page as HTML: one file, readable without a network, that asks for nothing.
 
@@ -54,9 +41,10 @@ def render(template: str, content: Mapping[str, Any]) -> str:
         Such as ``"reporting/templates/run.html"``.
     content : mapping of str to object
         What the template names; whatever text is in it is escaped. A name that is missing is an
-        error. Charts come from `charted`; `Picks` are found in it wherever they stand. What stands
-        under ``glossary``, by term, is shown by hover where something has that ``data-term``;
-        estimators under ``aside`` are hidden in charts at first.
+        error. The filter ``drawn`` draws a chart. What stands under ``picks``, as from `packed`,
+        opens by a click on what names it; what stands under ``glossary``, by term, is shown by
+        hover where something has that ``data-term``; estimators under ``aside`` are hidden in
+        charts at first.
 
     Raises
     ------
@@ -84,9 +72,6 @@ def _completed(text: str, content: Mapping[str, Any]) -> str:
             raise ChartError(f"two charts of a page are named {place!r}: give one a `name`")
     names = re.findall(r' data-(?:who|toggle)="([^"]+)"', text)
     found = styles.assigned(unescape(name) for name in names)
-    picks: dict[str, str] = {}
-    for each in _picks(content):
-        picks |= each.found
     aside = [name for name in content.get("aside", ()) if name in found]
     rules = styles.rules(found) + "".join(
         f"\nhtml:not(.scripted) svg .{styles.css_class(name)} {{ display: none; }}"
@@ -94,7 +79,7 @@ def _completed(text: str, content: Mapping[str, Any]) -> str:
     )
     terms = {**TERMS, **content.get("glossary", {})}
     data = {
-        "picks": picks,
+        "picks": content.get("picks", {}),
         "aside": aside,
         "everyone": list(found),
         "terms": {n: w for n, w in terms.items() if f'data-term="{escape(n)}"' in text},
@@ -105,18 +90,6 @@ def _completed(text: str, content: Mapping[str, Any]) -> str:
     return text
 
 
-def _picks(content: Any) -> Iterator[Picks]:
-    """Yield every set of picks in what a page is given."""
-    if isinstance(content, Picks):
-        yield content
-    elif isinstance(content, Mapping):
-        for value in content.values():
-            yield from _picks(value)
-    elif isinstance(content, list | tuple):
-        for value in content:
-            yield from _picks(value)
-
-
 def packed(pick: Pick) -> str:
     """Return what opens at a click as HTML, deflated, in base64: the script unpacks it then."""
     html = _environment().get_template("reporting/templates/pick.html").render(
@@ -125,9 +98,9 @@ def packed(pick: Pick) -> str:
     return base64.b64encode(zlib.compress(html.encode(), 7)).decode()
 
 
-def charted(charts: Iterable[Chart | Heat]) -> list[Charted]:
-    """Return charts as a template takes them: `id`, `title`, `words`, and `html` to put inside."""
-    return [Charted(chart) for chart in charts]
+def macros(template: str) -> Any:
+    """Return the macros of a template, as functions that give HTML."""
+    return _environment().get_template(template).module
 
 
 def term(text: str, name: str = "") -> Markup:
@@ -174,7 +147,7 @@ def _environment() -> Environment:
         loader=FunctionLoader(_source),
     )
     found.filters |= {"number": number, "pair": pair, "settled": settled}
-    found.filters |= {"symbols": symbols, "term": term, "look": swatch}
+    found.filters |= {"symbols": symbols, "term": term, "look": swatch, "drawn": drawn}
     return found
 
 

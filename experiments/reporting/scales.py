@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -16,6 +17,7 @@ from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 Array = NDArray[np.float64]
 Tick = tuple[float, str]
 
+LETTERS = 20  # pixels that a number at the side takes
 MOST = 7  # ticks that have room on a phone
 NARROW = 0.7  # decades of a logarithmic scale below which round values are better than 1, 2, 5
 FAR = 2.0  # ranges of what is certain by which an estimate may leave it and still be shown
@@ -45,6 +47,17 @@ class Scale:
             return np.asarray((given - self.low) / ((self.high - self.low) or 1.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.log(given / self.low) / (np.log(self.high / self.low) or 1.0))
+
+    def marks(self, high: float = np.inf) -> list[Tick]:
+        """Return where along the axis its ticks stand, and their words: as many as have room.
+
+        Parameters
+        ----------
+        high : float
+            Pixels of the axis, up.
+        """
+        few = self.ticks[:: max(1, math.ceil(len(self.ticks) * LETTERS / high))]
+        return [(float(self.share(value)), text) for value, text in few]
 
     @cached_property
     def ticks(self) -> list[Tick]:

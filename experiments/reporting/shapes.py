@@ -19,8 +19,6 @@ UNITS = 10_000  # across and up, of the inner picture
 COLUMNS = 500  # of a view, of which least and greatest are drawn
 WIDE = 1200  # columns of a wide screen
 SLACK = 30  # units by which a drawn line may pass a point: half a pixel
-# After cividis (Nuñez, Anderton and Renslow, 2018): reads the same to the colour-blind.
-STOPS = np.array([[0, 34, 78], [61, 78, 107], [124, 123, 120], [187, 173, 108], [254, 232, 56]])
 
 
 def units(shares: Array) -> list[int]:
@@ -164,9 +162,11 @@ def _cell(value: float, scale: Scale, unit: str) -> str:
 
 
 def _colour(share: float) -> str:
-    at = np.linspace(0, 1, len(STOPS))
-    red, green, blue = (round(float(np.interp(share, at, column))) for column in STOPS.T)
-    return f"rgb({red} {green} {blue})"
+    """Return the colour of a share; it reads the same to the colour-blind."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return to_hex(colormaps["cividis"](share))
 
 
 def heat_legend(heat: Heat) -> str:

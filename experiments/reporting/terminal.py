@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from typing import Any
 
 from rich.console import Console
@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from flexaxis.estimators import RECOMMENDED
+from flexaxis.experiments.comparison.mismatch import misled
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.reporting.tables import Table as Page
 from flexaxis.experiments.reporting.tables import number, pair, settled
@@ -19,10 +20,12 @@ from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.score import Score
 from flexaxis.experiments.scoring.table import SCORES
 from flexaxis.experiments.streams import visible
+from flexaxis.sim.scenario import stored_scenario
 
 LEGENDS = (
     {
-        "lag": "lag after the fault, ± 95 % half-width over seeds",
+        "lag": "lag after the fault, ± 95 % half-width over seeds; in brackets where the bias "
+        "before it is over half its size",
         "std": "std and bias before it [% of nominal]",
     },
     {"score": "score: 0 for doing nothing, 100 on the Cramér–Rao bound with all θ unknown "
@@ -101,20 +104,36 @@ def show_run(summary: Mapping[str, Any]) -> None:
     if swept.get("matched"):
         show(equal_noise_table(swept["matched"], swept["overall"]))
         Console(width=_width()).print("\nas set, not at equal noise")
-    show(score_table(summary["rows"]))
+    scenarios = {
+        name: stored_scenario(entry["definition"], source=name)
+        for name, entry in summary["scenarios"].items()
+    }
+    show(score_table(summary["rows"], misled(summary["rows"], scenarios)))
 
 
-def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+def score_table(
+    rows: Sequence[Mapping[str, Any]], wrong: Set[tuple[str, str, str]] = frozenset()
+) -> Table:
     """Return a line per scenario and estimator, on the parameter that changed.
 
     Without a fault, or for who does not estimate what changed, there is one for each parameter. In
     a narrow terminal the last columns but that of lost runs are left out, and named below.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Pooled.
+    wrong : set of (str, str, str)
+        As from `flexaxis.experiments.comparison.mismatch.misled`: their lags stand in brackets.
     """
     found = {(row["scenario"], row["estimator"]) for row in rows if row["changed"]}
     shown = [r for r in rows if r["changed"] or (r["scenario"], r["estimator"]) not in found]
     adapted = any(row.get("recovered") is not None for row in shown)
     scores = [score for score in SHOWN if adapted or score.name != "recovered"]
     lines = [_cells(row, scores, _cross_talk(rows, row)) for row in shown]
+    for row, cells in zip(shown, lines, strict=True):
+        if (row["scenario"], row["parameter"], row["estimator"]) in wrong:
+            cells[2] = f"({cells[2]})"
     units = ["[s]" if score.unit == "s" else score.unit or "" for score in scores]
     short = [
         f"{score.short or score.name} {unit}".strip()

@@ -27,6 +27,9 @@ FLAGS = (
 )
 
 
+# Ten pictures a second are enough: a machine without a graphics card would draw all the time.
+SLOWLY = "window.requestAnimationFrame = f => setTimeout(() => f(performance.now()), 100)"
+
 KEYS = {"Tab": 9, "Enter": 13, "Escape": 27, " ": 32, "ArrowLeft": 37, "ArrowUp": 38}
 KEYS |= {"ArrowRight": 39, "ArrowDown": 40}
 
@@ -49,22 +52,20 @@ def find() -> str | None:
     return next(filter(None, map(shutil.which, names)), None)
 
 
-@pytest.fixture
-def browser(tmp_path):
-    """A fresh Chromium."""
-    if find() is None:
-        pytest.skip("no Chromium on the path")
-    with Browser(tmp_path / "profile") as page:
-        yield page
-
-
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def chromium(tmp_path_factory):
-    """A Chromium that the tests of a module share."""
+    """A Chromium that all tests of a process share."""
     if find() is None:
         pytest.skip("no Chromium on the path")
     with Browser(tmp_path_factory.mktemp("profile") / "profile") as page:
         yield page
+
+
+@pytest.fixture
+def browser(chromium):
+    """That Chromium, as if it had just begun."""
+    chromium.fresh()
+    return chromium
 
 
 SERIOUS = """
@@ -110,6 +111,7 @@ class Browser:
         self._socket = connect(pages[0]["webSocketDebuggerUrl"], max_size=2**27, proxy=None)
         for domain in ("Network", "Page", "Runtime"):
             self._call(f"{domain}.enable")
+        self._call("Page.addScriptToEvaluateOnNewDocument", source=SLOWLY)
 
     def __enter__(self):
         return self
@@ -118,6 +120,17 @@ class Browser:
         self._socket.close()
         self._process.terminate()
         self._process.wait(30)
+
+    def fresh(self) -> None:
+        """Leave nothing of what was there before."""
+        self.scripts(True)
+        self.media()
+        self._call("Emulation.clearDeviceMetricsOverride")
+        self._call("Network.clearBrowserCookies")
+        self.open("about:blank")
+        self.wait("location.href === 'about:blank'", seconds=20, what="nothing")
+        self.requests.clear()
+        self.errors.clear()
 
     def open(self, address: str) -> None:
         self._call("Page.navigate", url=address)
@@ -134,7 +147,7 @@ class Browser:
         end = time.monotonic() + seconds
         while not (value := self.run(script)):
             assert time.monotonic() < end, f"not within {seconds} s: {what}"
-            time.sleep(0.25)
+            time.sleep(0.05)
         return value
 
     def size(self, width: int, height: int, *, mobile: bool = False) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexaxis.experiments.reporting import page
-from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel, Pick, Picks
+from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel, Pick
 
 HOSTILE = '<img src=x onerror=alert(1)>"&|=#'
 WHO = ("rpem-forgetting", "rpem-drift", "ekf", "glr", HOSTILE)
@@ -37,7 +37,7 @@ TEMPLATE = """{% extends "reporting/templates/page.html" %}
 </table></div>
 {% for chart in charts %}
 <h2>{{ chart.title }}</h2>
-{{ chart.html }}
+{{ chart|drawn }}
 <p class="muted">{{ chart.words }}</p>
 {% endfor %}
 <details><summary>Definition</summary><p>hidden words</p></details>
@@ -76,8 +76,8 @@ def render(monkeypatch, changed=None):
 def content():
     return {
         "rows": list(zip(WHO, GROUPS, LAGS, strict=True)),
-        "charts": page.charted([estimates(), tradeoff(), lags()]),
-        "picks": Picks({"1003": page.packed(picked())}),
+        "charts": [estimates(), tradeoff(), lags()],
+        "picks": {"1003": page.packed(picked())},
     }
 
 

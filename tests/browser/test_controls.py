@@ -1,28 +1,16 @@
 """Every control of the demo in a real browser, and each found out where it is dead."""
 
-import importlib.util
 import json
 import time
 import tomllib
-from pathlib import Path
 
 import pytest
 
 from flexaxis.experiments.demo.lesson import parse_lesson
+from tests.browser import test_page as page
 
 pytestmark = pytest.mark.browser
 
-
-def load():
-    """The module of the page's tests."""
-    path = Path(__file__).with_name("test_page.py")
-    spec = importlib.util.spec_from_file_location("page_of_the_demo", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-page = load()
 
 # Where a control acts on the demo; a dead one does nothing there.
 PLACES = {
@@ -198,27 +186,19 @@ def test_a_control_that_is_dead_is_found_out(name, dead):
     act(dead)
     with pytest.raises(AssertionError, match="not within"):
         dead.wait(reached, seconds=1.5, what=name)
-    dead.open(dead.address)
-    dead.wait(page.READY, seconds=60, what="charts")
 
 
 @pytest.fixture(scope="module")
-def dead(tmp_path_factory):
-    """A page whose controls do nothing."""
-    conftest = Path(__file__).with_name("conftest.py")
-    spec = importlib.util.spec_from_file_location("browser_of_the_demo", conftest)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    if module.find() is None:
-        pytest.skip("no Chromium on the path")
-    with (
-        page.demo("--speed", "2", code=DEAD) as address,
-        module.Browser(tmp_path_factory.mktemp("dead") / "profile") as browser,
-    ):
-        browser.size(1400, 900)
-        browser.address = address
-        page.opened(browser, address)
-        yield browser
+def lifeless():
+    """The address of a demo whose controls do nothing."""
+    with page.demo("--speed", "2", code=DEAD) as address:
+        yield address
+
+
+@pytest.fixture
+def dead(opened, lifeless):
+    """Its page."""
+    return opened(lifeless)
 
 
 def test_dead_sliders_of_friction_are_found_out(opened):

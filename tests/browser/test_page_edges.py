@@ -1,17 +1,12 @@
 """A page at its edges: cut links, unknown names, old browsers, no script, keyboard, a phone."""
 
 import csv
-import importlib.util
-from pathlib import Path
 
 import pytest
 
-spec = importlib.util.spec_from_file_location("kit", Path(__file__).with_name("test_report_kit.py"))
-assert spec is not None and spec.loader is not None
-kit = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(kit)
-opened = kit.opened
-ROWS = kit.ROWS
+from tests.browser import test_report_kit as kit
+
+opened, ROWS = kit.opened, kit.ROWS
 
 pytestmark = pytest.mark.browser
 

@@ -57,7 +57,7 @@ def pages(tmp_path_factory):
         "3", "--jobs", "1", "-o", home / "compare")  # fmt: skip
     for name in ("trend", "study", "compare"):
         shutil.copy(home / name / "report.html", home / f"{name}.html")
-    reproduce(home / "paper", size=Size(first=0, runs=8, long=2, few=8), command="flexaxis paper")
+    reproduce(home / "paper", size=Size(first=0, runs=2, long=2, few=2), command="flexaxis paper")
     (home / "paper" / "index.html").rename(home / "paper.html")
     return home
 

@@ -1,7 +1,6 @@
 """What a page can do, in Chromium; each of it is seen to fail when its code is dead."""
 
 import csv
-import importlib.util
 import json
 import re
 import time
@@ -12,11 +11,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.reporting.tables import TERMS
-
-spec = importlib.util.spec_from_file_location("sample", Path(__file__).with_name("sample.py"))
-assert spec is not None and spec.loader is not None
-sample = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(sample)
+from tests.browser import sample
 
 pytestmark = pytest.mark.browser
 
@@ -39,7 +34,7 @@ class Page:
     def open(self, fragment: str = "") -> None:
         self.browser.open("about:blank")
         self.browser.open((self.folder / "page.html").as_uri() + fragment)
-        self.until("document.documentElement.dataset.ready", "ready", seconds=15)
+        self.until("document.documentElement.dataset.ready", "ready", seconds=6)
 
     def until(self, script: str, what: str, seconds: float = 1.5):
         end = time.monotonic() + seconds

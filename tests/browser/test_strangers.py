@@ -1,13 +1,13 @@
 """A page of another origin, in a real browser, cannot reach the demo; the owner's page can."""
 
-import importlib.util
 import re
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 
 import pytest
 import viser
+
+from tests.browser.test_page import demo
 
 pytestmark = pytest.mark.browser
 
@@ -34,14 +34,11 @@ def exploit(address):
     return text.replace("ADDRESSES", repr(addresses))
 
 
-@pytest.fixture
-def demo():
-    """How tests/browser/test_page.py starts it."""
-    path = Path(__file__).with_name("test_page.py")
-    spec = importlib.util.spec_from_file_location("page_of_the_demo", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.demo
+@pytest.fixture(scope="module")
+def address():
+    """That of a demo."""
+    with demo() as address:
+        yield address
 
 
 @pytest.fixture
@@ -70,25 +67,22 @@ def attempts(browser, address):
     return sorted(browser.run("window.said"))
 
 
-def test_a_page_of_another_origin_is_refused(browser, demo, elsewhere):
-    with demo() as address:
-        browser.open(elsewhere)
-        browser.wait("document.body?.innerText == 'elsewhere'", seconds=30, what="the page")
-        assert attempts(browser, address) == 4 * ["refused"]
+def test_a_page_of_another_origin_is_refused(browser, address, elsewhere):
+    browser.open(elsewhere)
+    browser.wait("document.body?.innerText == 'elsewhere'", seconds=30, what="the page")
+    assert attempts(browser, address) == 4 * ["refused"]
 
 
-def test_the_same_from_its_own_page_is_let_in(browser, demo):
+def test_the_same_from_its_own_page_is_let_in(browser, address):
     """The attempts above fail for who makes them: with the token both ways are open."""
-    with demo() as address:
-        browser.open(address)
-        browser.wait("document.body?.innerText.includes('f_m × 2')", seconds=60, what="the page")
-        assert attempts(browser, address) == ["open", "read", "read", "refused"]
+    browser.open(address)
+    browser.wait("document.body?.innerText.includes('f_m × 2')", seconds=60, what="the page")
+    assert attempts(browser, address) == ["open", "read", "read", "refused"]
 
 
-def test_a_name_that_somebody_points_here_is_refused(browser, demo):
+def test_a_name_that_somebody_points_here_is_refused(browser, address):
     """DNS rebinding: the browser takes it for one origin, the one of the attacker."""
-    with demo() as address:
-        browser.open(re.sub(r"//[^:]+:", "//rebound.test:", address))
-        text = "document.body?.innerText.trim()"
-        said = "refused: this is not the address of the demo"
-        browser.wait(f"{text} == {said!r}", seconds=30, what=said)
+    browser.open(re.sub(r"//[^:]+:", "//rebound.test:", address))
+    text = "document.body?.innerText.trim()"
+    said = "refused: this is not the address of the demo"
+    browser.wait(f"{text} == {said!r}", seconds=30, what=said)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 from contextlib import suppress
+from multiprocessing import Pipe
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.board import protocol, sandbox
+from flexaxis.experiments.board import sandbox
 from flexaxis.experiments.board.entry import EntryError
 from flexaxis.experiments.board.protocol import Wire, plain
 from flexaxis.experiments.board.sandbox import Sandbox, SandboxError, usage
@@ -213,7 +214,7 @@ def test_the_memory_of_all_processes_together_is_limited(greedy, monkeypatch):
 
 
 def test_a_case_has_a_time_in_all(greedy, monkeypatch):
-    monkeypatch.setattr(protocol, "IN_ALL", 0.75)
+    monkeypatch.setattr(sandbox, "IN_ALL", 0.75)
     with (
         Sandbox(greedy, patience=4.0, confined=False) as place,
         pytest.raises(EntryError, match="no end"),
@@ -236,19 +237,21 @@ def test_all_that_a_process_has_started_is_counted():
 
 
 def test_what_comes_back_is_read_with_care():
-    one, other = os.pipe()
-    wire = Wire(one, other, 1.0)
-    for content, said in ((b"N\7\0\0\0" + b"x" * 7, "no answer"), (b"J\3\0\0\0{,}", "no answer"),
-                          (b"N\0\0\0\x40", "bytes for an answer")):  # fmt: skip
-        os.write(other, content)
-        with pytest.raises(EntryError, match=said):
+    one, other = Pipe(duplex=False)
+    wire = Wire(one, other)
+    for content in (b"N" + b"x" * 7, b"J{,}", b""):
+        other.send_bytes(content)
+        with pytest.raises(EntryError, match="no answer"):
             wire.receive()
     wire.send(np.arange(3.0))
     assert wire.receive().tolist() == [0, 1, 2]
-    os.close(other)
-    with pytest.raises(EntryError, match="has ended"):
+    os.write(other.fileno(), b"\x40\0\0\0N")  # a length that nobody waits for
+    with pytest.raises(EntryError, match="more than 65536 bytes for an answer"):
         wire.receive()
-    os.close(one)
+    one, other = Pipe(duplex=False)
+    other.close()
+    with pytest.raises(EntryError, match="has ended"):
+        Wire(one, other).receive()
 
 
 def test_a_text_of_somebody_else_is_short_and_does_nothing():

@@ -14,7 +14,6 @@ from flexaxis.experiments.reporting.charts import (
     Line,
     Panel,
     Pick,
-    Picks,
 )
 from flexaxis.experiments.reporting.drawing import drawn
 from flexaxis.experiments.reporting.scales import Scale
@@ -116,28 +115,6 @@ def test_a_map_is_a_table_with_its_first_row_at_the_bottom():
     assert html.count("<td></td>") == 1 and 'data-value="3" title="3 s">3</td>' in html
 
 
-def test_a_line_needs_as_many_of_each():
-    x = np.arange(3.0)
-    with pytest.raises(ChartError, match=r"^low of line 'ekf' has shape \(2,\) and x \(3,\)"):
-        Line(who="ekf", x=x, y=x, low=x[:2], high=x)
-    with pytest.raises(ChartError, match=r"^line 'ekf': give both ends or neither$"):
-        Line(who="ekf", x=x, y=x, low=x)
-
-
-def test_ranges_go_upwards():
-    x = np.arange(3.0)
-    with pytest.raises(ChartError, match="low before high"):
-        Panel(y="f_m", lines=[Line(x=x, y=x)], y_range=(2, 1))
-    with pytest.raises(ChartError, match="'whole' is 3 … 1"):
-        chart("t", windows=[("whole", 3, 1)])
-
-
-def test_a_map_has_a_value_for_each_cell():
-    with pytest.raises(ChartError, match=r"have shape \(3, 2\): give \(2, 3\)"):
-        Heat(title="t", words="", x="x", y="y", xs=(1, 2, 3), ys=(1, 2),
-             panels=[Cells(values=np.zeros((3, 2)))])  # fmt: skip
-
-
 def chart(title, who="ekf", **more):
     x = np.arange(3.0)
     line = Line(who=who, x=x, y=x)
@@ -145,7 +122,7 @@ def chart(title, who="ekf", **more):
 
 
 TEMPLATE = """{% extends "reporting/templates/page.html" %}{% block body %}
-{% for c in charts %}{{ c.html }}{% endfor %}
+{% for c in charts %}{{ c|drawn }}{% endfor %}
 <tr data-who="a&amp;b">{{ "lag"|term }}{% endblock %}"""
 
 
@@ -160,8 +137,8 @@ def made(monkeypatch):
 
 
 def test_a_page_has_its_charts_picks_styles_and_terms(made):
-    picks = Picks({"7": page.packed(Pick(title="Seed 7", charts=[chart("inside", "imm")]))})
-    html = made(charts=page.charted([chart("One & Two")]), deep=[{"picks": picks}])
+    picks = {"7": page.packed(Pick(title="Seed 7", charts=[chart("inside", "imm")]))}
+    html = made(charts=[chart("One & Two")], picks=picks)
     data = page_data(html)
     (view,) = charts_of(html)["one-two"]
     ((line,),) = lines(view, "ekf")
@@ -174,19 +151,19 @@ def test_a_page_has_its_charts_picks_styles_and_terms(made):
 
 
 def test_who_is_aside_is_hidden_without_a_script_too(made):
-    html = made(charts=page.charted([chart("One")]), aside=["ekf", "nobody"])
+    html = made(charts=[chart("One")], aside=["ekf", "nobody"])
     assert page_data(html)["aside"] == ["ekf"]
     assert f"html:not(.scripted) svg .{css_class('ekf')} {{ display: none; }}" in html
 
 
 def test_text_of_a_chart_is_escaped(made):
-    html = made(charts=page.charted([chart("<b>", "</svg><script>")]))
+    html = made(charts=[chart("<b>", "</svg><script>")])
     assert "</svg><script>" not in html.partition("<script type")[0] and "<b>" not in html
 
 
 def test_two_charts_of_one_name_are_refused(made):
     with pytest.raises(ChartError, match="two charts of a page are named 'same'"):
-        made(charts=page.charted([chart("Same"), chart("same")]))
+        made(charts=[chart("Same"), chart("same")])
 
 
 def test_an_unknown_term_is_refused():

@@ -115,8 +115,12 @@ def test_curves_show_what_the_session_has_and_a_recording_the_same():
     left = curves.left(session.history.last)
     assert left.title == "f_m × 2: left to be found" and len(left.panels[0].lines) == 3
     session.inject("f_m", 1.5)  # ends what was scored
-    points = curves.tradeoff(session.points, (0.02, 0.03)).panels[0].lines
-    assert [line.who for line in points] == ["", "A f_m", "B f_m"]
+    points = curves.tradeoff(session.points, (0.02, 0.03))
+    assert [line.who for line in points.panels[0].lines] == ["", "A f_m", "B f_m"]
+    assert points.panels[0].title == "■ k_T, ▲ 1/J_a, ● f_m"
+    dots = draw(points, Figure().subplots(), looks=curves.STYLES).containers
+    looks = [(dot[0].get_color(), dot[0].get_marker()) for dot in dots]
+    assert looks == [(curves.COLOURS[0], "o"), (curves.COLOURS[1], "o")]
 
 
 def test_the_bank_of_hypotheses_is_seen_at_work():

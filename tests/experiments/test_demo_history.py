@@ -101,7 +101,9 @@ def test_what_an_estimator_found_is_told():
     assert 0 < after < 0.5 and not entry.found[0]
     text = history_table(session.history)
     assert f"{what} after" in text and "f_m = 0.0" in text
-    assert "theory allows" in estimates_table(session) and "**lag** [s]" in estimates_table(session)
+    assert "theory allows" in estimates_table(session) and "<b>lag</b> [s]" in estimates_table(
+        session
+    )
 
 
 def test_text_is_shown_as_text():

@@ -15,7 +15,7 @@ from flexaxis.experiments.comparison.ranking import (
     overall,
     worse,
 )
-from flexaxis.experiments.reporting.figures import colour, marker
+from flexaxis.experiments.reporting.styles import style
 
 RECORD = np.random.default_rng(0).standard_normal(16)
 """What the record does to every estimator alike."""
@@ -272,9 +272,9 @@ def test_a_short_lag_bought_with_noise_or_knowledge_wins_nothing():
 
 
 def test_registered_estimators_look_different():
-    looks = [(colour(name), marker(name)) for name in REGISTRY]
+    looks = [(style(name).light, style(name).marker) for name in REGISTRY]
     assert len(set(looks)) == len(looks)
-    assert colour("mine.py:Mine") == colour("mine.py:Mine")
+    assert style("mine.py:Mine") == style("mine.py:Mine")
 
 
 def test_who_is_ahead_of_the_best_is_not_behind_it():

@@ -39,6 +39,12 @@ def test_the_table_of_scores(monkeypatch, width, columns):
     assert ("left out, for the terminal is narrow: " in text) == (columns < 11)
 
 
+def test_a_lag_that_nobody_ranks_stands_in_brackets():
+    wrong = {("fm_step-v1", "1/J_a", NAMES[0])}
+    (_, *lags) = terminal.score_table(rows(), wrong).columns[2].cells
+    assert [lag[0] == "(" for lag in lags] == [True, False]
+
+
 def test_what_tracking_buys_has_a_column_where_it_is_defined():
     table = terminal.score_table([row | {"recovered": 97.0} for row in rows()])
     assert "recov %" in [column.header for column in table.columns]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.reporting.charts import Chart, Heat, Line, Panel
-from flexaxis.experiments.reporting.page import charted, render
+from flexaxis.experiments.reporting.page import render
 from flexaxis.experiments.reporting.shapes import extremes
 from flexaxis.experiments.reporting.tables import Table
 from flexaxis.experiments.storage.files import write_text
@@ -134,7 +134,7 @@ class LogPage:
 
 def write_page(page: LogPage, path: Path) -> None:
     """Write a page as one HTML file that needs no network."""
-    content = vars(page) | {"version": version("flexaxis"), "charts": charted(page.charts)}
+    content = vars(page) | {"version": version("flexaxis")}
     write_text(path, render("logs/templates/log.html", content))
 
 

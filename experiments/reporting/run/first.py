@@ -11,6 +11,8 @@ from flexaxis.experiments.comparison.matching import MATCHED
 from flexaxis.experiments.scoring.intervals import LEAST
 
 Row = Mapping[str, Any]
+Fault = tuple[str, str]  # scenario and parameter
+Rows = dict[str, dict[Fault, Row]]
 
 FASTEST = "Who is fastest at equal noise?"
 DISTANCE = "How far from the bound?"
@@ -131,96 +133,63 @@ def answers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the questions that a newcomer has, each with its answer; none without a sweep."""
     swept = summary.get("tradeoff") or {"matched": [], "overall": []}
     rows = [r for r in swept["matched"] if r["lag"]]
-    if not rows:
-        return []
-    if too_few(rows):
-        return [(FASTEST, TOO_FEW)]
-    why = _why(rows, swept["overall"])
-    return [
-        (FASTEST, _fastest(rows, swept["overall"])),
-        (DISTANCE, _distance(rows, swept["overall"])),
-        *([(WHY, why)] if why else []),
-    ]
-
-
-def _why(rows: Sequence[Row], overall: Sequence[Row]) -> str:
-    """Return why who leads is ahead of constant forgetting, where that is what came out."""
-    wins = _wins(rows)
-    first = _best(wins, overall) if wins else ""
-    waits = any(
-        r["estimator"] == first and r.get("false_alarms_per_1000_s") is not None for r in rows
-    )
-    behind = ranking.REFERENCE not in wins and any(
-        r["estimator"] == ranking.REFERENCE for r in rows
-    )
-    return BECAUSE.format(slow=ranking.REFERENCE, quick=first) if waits and behind else ""
-
-
-def _fastest(rows: Sequence[Row], overall: Sequence[Row]) -> str:
-    faults = list(dict.fromkeys((r["scenario"], r["parameter"]) for r in rows))
-    wins = _wins(rows)
-    if not wins:
-        return "Nobody can be ranked: no setting is as noisy as the reference."
-    first = _best(wins, overall)
-    equal = [first, *(name for name in wins if name != first and wins[name] == wins[first])]
-    each = "each " if len(equal) > 1 else ""
-    text = (
-        f"{_and(equal)}: {each}ahead, or tied for it, in {wins[first]} of {_count(faults, 'fault')}"
-        f"{_tied(rows, first)}."
-    )
-    gain = _gain(rows, first)
-    return text + (f" {gain}" if gain else "")
-
-
-def _tied(rows: Sequence[Row], first: str) -> str:
-    """Return with whom one shares how many of the faults in which it leads."""
-    mine = {(r["scenario"], r["parameter"]) for r in rows if r["leads"] and r["estimator"] == first}
-    shared = _wins([r for r in rows if (r["scenario"], r["parameter"]) in mine])
-    ties = [f"{name} in {n} of {len(mine)}" for name, n in shared.items() if name != first]
-    return (
-        f"; {first} is tied with {_and(ties)} (these seeds cannot tell them apart)" if ties else ""
-    )
-
-
-def _wins(rows: Sequence[Row]) -> dict[str, int]:
-    """Return in how many faults each leads, the most first."""
-    wins: dict[str, int] = {}
+    if not rows or too_few(rows):
+        return [(FASTEST, TOO_FEW)] if rows else []
+    mine: Rows = {}
     for row in rows:
-        if row["leads"]:
-            wins[row["estimator"]] = wins.get(row["estimator"], 0) + 1
-    return dict(sorted(wins.items(), key=lambda item: -item[1]))
+        mine.setdefault(row["estimator"], {})[row["scenario"], row["parameter"]] = row
+    led = {who: {f for f, row in own.items() if row["leads"]} for who, own in mine.items()}
+    place = {row["estimator"]: i for i, row in enumerate(swept["overall"])}
+    order = sorted(
+        (who for who in led if led[who]), key=lambda w: (-len(led[w]), place.get(w, len(place)))
+    )
+    first = order[0] if order else ranking.REFERENCE
+    found = [(FASTEST, _fastest(order, led, mine)), (DISTANCE, _distance(first, mine))]
+    own = mine.get(first, {}).values()
+    waits = any(row.get("false_alarms_per_1000_s") is not None for row in own)
+    if waits and led.get(ranking.REFERENCE) == set():
+        found.append((WHY, BECAUSE.format(slow=ranking.REFERENCE, quick=first)))
+    return found
 
 
-def _best(wins: Mapping[str, int], overall: Sequence[Row]) -> str:
-    """Return who leads most often; of several, who comes first in the ranking."""
-    most = max(wins.values())
-    able = [name for name, count in wins.items() if count == most]
-    ranked = [row["estimator"] for row in overall if row["estimator"] in able]
-    return (ranked or able)[0]
-
-
-def _gain(rows: Sequence[Row], first: str) -> str:
-    """Return how much quicker than the reference one is, over the faults where both are matched."""
-    lags = {(r["scenario"], r["estimator"]): r["lag"] for r in rows if r["how"] == MATCHED}
-    mine = [(lags.get((s, ranking.REFERENCE)), lag) for (s, e), lag in lags.items() if e == first]
-    ratios = sorted(reference / lag for reference, lag in mine if reference and lag)
+def _fastest(order: Sequence[str], led: Mapping[str, set[Fault]], mine: Rows) -> str:
+    """Return who leads most often, with whom it is tied, and how much it gains."""
+    if not order:
+        return "Nobody can be ranked: no setting is as noisy as the reference."
+    first, count = order[0], len(led[order[0]])
+    equal = [who for who in order if len(led[who]) == count]
+    faults = len({fault for own in mine.values() for fault in own})
+    text = (
+        f"{_and(equal)}: {'each ' * (len(equal) > 1)}ahead, or tied for it, in {count} of {faults} "
+        f"fault{'s'[: faults != 1]}"
+    )
+    shared = {who: len(led[who] & led[first]) for who in order[1:]}
+    if ties := [f"{who} in {n} of {count}" for who, n in shared.items() if n]:
+        text += f"; {first} is tied with {_and(ties)} (these seeds cannot tell them apart)"
+    paper = mine.get(ranking.REFERENCE, {})
+    ratios = sorted(
+        paper[fault]["lag"] / row["lag"]
+        for fault, row in mine[first].items()
+        if fault in paper and row["how"] == paper[fault]["how"] == MATCHED
+    )
     if first == ranking.REFERENCE or not ratios:
-        return ""
-    paper = f"that of {ranking.REFERENCE}, the paper's method"
-    return f"The lag of {first} is {_between(ratios)} times shorter than {paper}."
+        return f"{text}."
+    return (
+        f"{text}. The lag of {first} is {_between(ratios)} times shorter than that of "
+        f"{ranking.REFERENCE}, the paper's method."
+    )
 
 
-def _distance(rows: Sequence[Row], overall: Sequence[Row]) -> str:
-    wins = _wins(rows)
-    asked = list(dict.fromkeys([*([_best(wins, overall)] if wins else []), ranking.REFERENCE]))
+def _distance(first: str, mine: Rows) -> str:
+    """Return how far from the bound who leads and the reference are."""
     told = []
-    for name in asked:
-        over = sorted(r["over_bound"] for r in rows if r["estimator"] == name and r["over_bound"])
-        if over:
-            told.append(f"{name} takes {_between(over)} times the lag of the bound")
+    for who in dict.fromkeys([first, ranking.REFERENCE]):
+        over = sorted(r["over_bound"] for r in mine.get(who, {}).values() if r["over_bound"])
+        told += [f"{who} takes {_between(over)} times the lag of the bound"] if over else []
     if not told:
         return "No bound is defined for these faults."
-    below = any(r["over_bound"] and r["over_bound"] < 1 for r in rows if r["leads"])
+    leading = [row for own in mine.values() for row in own.values() if row["leads"]]
+    below = any(row["over_bound"] and row["over_bound"] < 1 for row in leading)
     return "; ".join(told) + "." + (
         " Below 1 is who finds out that only one parameter has changed; the bound takes all for "
         "unknown." if below else ""
@@ -241,10 +210,6 @@ def _between(values: Sequence[float]) -> str:
 
 def _and(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _count(things: Sequence[Any], name: str) -> str:
-    return f"{len(things)} {name}{'s'[: len(things) != 1]}"
 
 
 def not_compared(swept: Mapping[str, Any], estimators: Iterable[str]) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.floating]
 
 BEFORE, BANDS = 1.0, 5  # s before a fault that the first picture shows; estimators with a band
+OPENS = " A click on a curve opens the median run of its estimator."
 RAMP = 600  # changes of the truth from which on every tenth sample of it will do
 
 
@@ -53,7 +55,12 @@ def at_a_fault(curves: Sequence[Curve], scenario: Scenario) -> Chart | None:
 
 
 def trajectories(
-    curves: Sequence[Curve], scenario: Scenario, *, name: str, bands: int = BANDS
+    curves: Sequence[Curve],
+    scenario: Scenario,
+    *,
+    name: str,
+    bands: int = BANDS,
+    picks: Mapping[str, str] = MappingProxyType({}),
 ) -> Chart:
     """Return the estimates of all estimators over time on one scenario, a panel a parameter.
 
@@ -66,6 +73,8 @@ def trajectories(
         Of its place in the page.
     bands : int
         How many have a band about their median.
+    picks : mapping of str to str, optional
+        What a click on the curve of an estimator opens.
     """
     banded = {curve.estimator for curve in curves[:bands]}
     changed = {event.parameter for event in scenario.events()}
@@ -73,29 +82,17 @@ def trajectories(
     names = dict.fromkeys(n for curve in curves for n in curve.names)
     for parameter in sorted(names, key=lambda name: physical(name)[0] not in changed):
         mine = [c for c in curves if parameter in c.names]
-        lines = [_line(c, parameter, band=c.estimator in banded) for c in mine]
+        lines = [_line(c, parameter, c.estimator in banded, picks) for c in mine]
         lines.insert(0, truth_line(scenario, parameter))
         panels.append(Panel(y=f"{parameter} / nominal", lines=lines))
     return Chart(
         name=name,
         title=f"Estimates over time on {scenario.name}",
-        words=_words(scenario),
+        words=_words(scenario) + OPENS * bool(picks),
         x="time [s]",
         panels=panels,
         **around(scenario),
     )
-
-
-def opening(chart: Chart, names: Mapping[str, str]) -> Chart:
-    """Return a chart whose curves open something, by estimator; without any, as it is."""
-    if not names:
-        return chart
-    panels = [
-        replace(p, lines=[replace(line, pick=names.get(line.who, "")) for line in p.lines])
-        for p in chart.panels
-    ]
-    words = f"{chart.words} A click on a curve opens the median run of its estimator."
-    return replace(chart, panels=panels, words=words)
 
 
 def _words(scenario: Scenario) -> str:
@@ -146,10 +143,10 @@ def spliced(whole: Sequence[Array], near: Sequence[Array] | None = None) -> Any:
     )
 
 
-def _line(curve: Curve, parameter: str, *, band: bool) -> Line:
+def _line(curve: Curve, parameter: str, band: bool, picks: Mapping[str, str]) -> Line:
     """Return a parameter over time: about the fault in every sample."""
     i = curve.names.index(parameter)
     parts = [(c.time, c.low[:, i], c.median[:, i], c.high[:, i]) for c in (curve, curve.near) if c]
     time, low, median, high = spliced(*parts)
-    found = Line(who=curve.estimator, x=time, y=median)
+    found = Line(who=curve.estimator, x=time, y=median, pick=picks.get(curve.estimator, ""))
     return replace(found, low=low, high=high) if band else found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from flexaxis.experiments.catalogue.card import happens, in_a_line
 from flexaxis.experiments.comparison import mismatch, ranking
 from flexaxis.experiments.comparison.tracks import track_of
 from flexaxis.experiments.reporting import page
-from flexaxis.experiments.reporting.charts import Chart, Picks
+from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.run import first, measures, over_time, singles, speed, tables
 from flexaxis.experiments.reporting.terminal import failures_in_words
 from flexaxis.experiments.results.pooled import Pooled
@@ -30,6 +29,7 @@ AT_FIRST = 9  # estimators that are shown unless others are asked for: more cann
 ON_THE_BOARD = 2  # of the best, in the first picture beside the reference and the recommended one
 SMALL, LARGE = 3.0, 12.0  # MB: of a report of a few scenarios, and of the whole catalogue
 FEW = 12  # scenarios
+ALL = "1000"  # MB: nobody has a report as large
 A_ROW = 1100  # bytes of a single run beside what opens: a row of a table, a point of a chart
 
 
@@ -106,8 +106,7 @@ def render(results: Pooled, *, size: float | None = None) -> str:
     most = 1e6 * ((SMALL if len(run.scenarios) <= FEW else LARGE) if size is None else size)
     content = _content(run)
     for drawn in (len(run.order), AT_FIRST):
-        charts = _trajectories(run, drawn)
-        bare = len(page.render(TEMPLATE, content | _singles(run, charts, {}, "")).encode())
+        bare = len(page.render(TEMPLATE, content | _singles(run, drawn, {}, "")).encode())
         if bare <= 0.85 * most:
             break
     wanted, chosen, room = list(run.singles.wanted()), {}, most - bare
@@ -118,11 +117,9 @@ def render(results: Pooled, *, size: float | None = None) -> str:
         chosen[one] = packed
     left = _left(len(chosen), len(wanted), drawn < len(run.order))
     if left:
-        each = [len(text) + A_ROW for text in chosen.values()] or [20 * A_ROW]
-        enough = 1.3 * (1.5 * bare + len(wanted) * sum(each) / len(each)) / 1e6
-        words = ["flexaxis", "report", str(results.folder), "--size", str(math.ceil(enough))]
+        words = ["flexaxis", "report", str(results.folder), "--size", ALL]
         left += f" All of it: {shlex.join(words)}"
-    return page.render(TEMPLATE, content | _singles(run, charts, chosen, left))
+    return page.render(TEMPLATE, content | _singles(run, drawn, chosen, left))
 
 
 def _left(count: int, all_of_them: int, thinned: bool) -> str:
@@ -152,8 +149,8 @@ def _content(run: Run) -> dict[str, Any]:
         "findings": ranking.in_words(summary["as_set"]),
         "equal": equal,
         "equal_noise": tables.equal_noise(equal) if equal else None,
-        "board": page.charted(_on_the_board(run, equal)),
-        "figures": page.charted(chart for each in CHARTS for chart in each(run)),
+        "board": list(_on_the_board(run, equal)),
+        "figures": [chart for each in CHARTS for chart in each(run)],
         "sections": [_section(name, run) for name in run.scenarios],
         "further": _further(run),
         "tracks": speed.tracks(run.scenarios),
@@ -221,36 +218,30 @@ def _section(name: str, run: Run) -> dict[str, Any]:
     }
 
 
-def _trajectories(run: Run, drawn: int) -> dict[str, Chart]:
-    """Return the chart over time of each scenario that has one, of so many estimators."""
-    found = {name: run.curves(name)[:drawn] for name in run.scenarios}
-    return {
-        name: over_time.trajectories(curves, run.scenarios[name], name=f"curves-{name}")
-        for name, curves in found.items()
-        if curves
-    }
-
-
 def _singles(
-    run: Run, drawn: Mapping[str, Chart], chosen: Mapping[singles.Single, str], left: str
+    run: Run, drawn: int, chosen: Mapping[singles.Single, str], left: str
 ) -> dict[str, Any]:
-    """Return what can be opened of single runs, and for each scenario what opens them."""
+    """Return what can be opened of single runs, and for each scenario what opens them.
+
+    That are its curves over time, of so many estimators, its single runs as points, and a table.
+    """
     shown: Set[str] = {one.name for one in chosen}
     medians = {key: runs[len(runs) // 2].name for key, runs in run.singles.runs.items()}
     places = {}
-    for name in run.scenarios:
-        opening = {e: m for (s, e), m in medians.items() if s == name and m in shown}
-        over = [drawn[name]] if name in drawn else []
+    for name, scenario in run.scenarios.items():
+        picks = {e: m for (s, e), m in medians.items() if s == name and m in shown}
+        curves, place = run.curves(name)[:drawn], f"curves-{name}"
+        over = [over_time.trajectories(curves, scenario, name=place, picks=picks)]
         points = singles.scatter(run.singles, name, shown, run.order, run.wrong)
         mine = [one for one in chosen if one.scenario == name]
         places[name] = {
-            "over_time": page.charted(over_time.opening(chart, opening) for chart in over),
-            "points": page.charted([] if points is None else [points]),
+            "over_time": over if curves else [],
+            "points": [] if points is None else [points],
             "table": tables.single_runs(name, mine) if mine else None,
         }
     return {
         "singles": places,
-        "picks": Picks({one.name: text for one, text in chosen.items()}),
+        "picks": {one.name: text for one, text in chosen.items()},
         "left": left,
     }
 

@@ -101,10 +101,6 @@ class Singles:
         for runs in self.runs.values():
             yield from (run for i, run in enumerate(runs) if i not in {0, len(runs) // 2})
 
-    def __len__(self) -> int:
-        """Return their number."""
-        return sum(map(len, self.runs.values()))
-
 
 def _singles(key: Key, group: Mapping[int, list[Row]]) -> list[Single]:
     found = [

@@ -77,7 +77,7 @@ def render(results: Results) -> str:
         "cases": results.cases,
         "failed": len(failed),
         "failures": failures_in_words(failed[:10]),
-        "charts": page.charted(chart for each in CHARTS for chart in each(results, bins)),
+        "charts": [chart for each in CHARTS for chart in each(results, bins)],
     }
     return page.render("reporting/templates/study.html", content)
 
