@@ -39,6 +39,8 @@ class Glr(RecursiveEstimator):
         contradict, see `flexaxis.estimators.recursion.as_told`.
     fixable : mapping of str to str
         What of these is fixed where it is not seen, and how `fixed_because` says so.
+    shapes : mapping of tuple of str to tuple of str
+        Levels of dry friction, and what shapes it where one of these is not zero.
     x0_covariance : (n, n) array
     dictionary : Dictionary
         Shapes of friction that are looked for.
@@ -77,6 +79,7 @@ class Glr(RecursiveEstimator):
         timing: Timing,
         told: Sequence[Mapping[str, float]],
         fixable: Mapping[str, str],
+        shapes: Mapping[tuple[str, ...], tuple[str, ...]],
         x0_covariance: Array,
         dictionary: Dictionary,
         angle: int = 0,
@@ -104,7 +107,11 @@ class Glr(RecursiveEstimator):
             dictionary,
         )
         loop = glr_loop(pattern)
-        self._plain = Kit(design, jumps, timing, values, dict(fixable), records, loop, angle)
+        at = {
+            tuple(names.index(n) for n in levels): tuple(names.index(n) for n in of)
+            for levels, of in shapes.items()
+        }
+        self._plain = Kit(design, jumps, timing, values, dict(fixable), at, records, loop, angle)
         self._rich = richer._plain if richer else None
         self.reset()
         self.run(np.zeros(1), np.zeros(1))  # what has to be compiled is compiled now
@@ -117,7 +124,9 @@ class Glr(RecursiveEstimator):
 
     def _begin_at(self, origin: int, work: Workspace) -> None:
         """Be about to take the first sample, or to go through the first seconds again."""
-        first = FirstSeconds(work, len(self.names), self._kit.told, self._kit.fixable)
+        first = FirstSeconds(
+            work, len(self.names), self._kit.told, self._kit.fixable, self._kit.shapes
+        )
         self._parts = work, Comparison(work, origin), first  # together, as a copy copies them
         self._origin, self.alarm = origin, False
         self.fixed_because: dict[str, str] = {}

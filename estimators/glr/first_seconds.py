@@ -4,7 +4,7 @@ The first seconds of motion, in which the structure of an axis is learnt once.
 The filter goes through them as through any others. What they hardly showed is then fixed as told,
 and they are gone through again from what was learnt, as long as the likelihood grows.
 
-A pass begins near what was learnt: with the information D, a hundredth of that, besides the
+A pass begins near what was learnt: with the information D, a tenth of that, besides the
 prior's P(0)⁻¹. From P(0) alone, a filter is thrown about by its first samples so far that it
 may end anywhere. No sample counts twice for that: in the end P⁻¹ loses D, and the estimate θ, which
 began at θ₀ + δ for the prior's θ₀, moves by P (D (θ − θ₀ − δ) − P(0)⁻¹ δ), with the new P.
@@ -21,7 +21,8 @@ from flexaxis.estimators.offline.roles import seen
 Array = NDArray[np.float64]
 
 NEAR = 0.3  # standard deviations that another pass may still want
-OPEN = 100.0  # times the variance of what is learnt, with which it begins a pass: near enough for
+CLEAR = 3.0  # standard deviations above zero, from which on friction, play and stiffening are there
+OPEN = 10.0  # times the variance of what is learnt, with which it begins a pass: near enough for
 # the model to be linear there, and far enough for the data to decide
 
 
@@ -38,6 +39,8 @@ class FirstSeconds:
         Values at which parameters are fixed.
     fixable : mapping of str to str
         What is fixed where it is not seen, and why, in words.
+    shapes : mapping of tuple of int to tuple of int
+        Levels of dry friction, and what means nothing while all of these are zero.
     """
 
     def __init__(
@@ -46,9 +49,12 @@ class FirstSeconds:
         tracked: int,
         told: Mapping[int, float],
         fixable: Mapping[str, str],
+        shapes: Mapping[tuple[int, ...], tuple[int, ...]],
     ) -> None:
         self._work, self._tracked, self._told, self._fixable = work, tracked, told, fixable
+        self._shapes = shapes
         self._fixed: list[int] = []
+        self._shapeless: list[int] = []  # what friction that is not there would be shaped by
         self._free = np.arange(work.p)
         self._open = np.zeros((work.p, work.p))  # what a start knows besides the prior
         self._from = np.empty(0)
@@ -58,26 +64,28 @@ class FirstSeconds:
 
     def begin(self) -> dict[str, str]:
         """Fix what was not seen, begin the first pass, and return what was fixed, and why."""
-        work = self._work
-        P0 = np.diag(work.design.P0)
-        known = seen(np.diag(work.states["P"][0])[: work.p], P0)
+        work, P = self._work, self._work.states["P"][0]
+        theta, variance = work.states["theta"][0, : work.p], np.diag(P)[: work.p]
+        known, absent = seen(variance, np.diag(work.design.P0)), theta**2 < CLEAR**2 * variance
         fixable = [work.names.index(n) for n in self._fixable if n in work.names[self._tracked :]]
-        told = [i for i in fixable if not known[i]]
+        fixed = [i for i in fixable if not known[i] or (self._told[i] == 0.0 and absent[i])]
+        self._shapeless = [
+            i for levels, of in self._shapes.items() if absent[list(levels)].all() for i in of
+        ]
         held = np.flatnonzero(np.diag(work.begin["P"][0])[: work.p] == 0).tolist()
-        self._fixed = [*told, *held]
-        for i in self._fixed:
-            work.states["P"][0, :, i] = work.states["P"][0, i, :] = 0.0
-        for i in told:
-            work.states["theta"][0, i] = self._told[i]
-        if told:
+        self._fixed = [*fixed, *self._shapeless, *held]
+        P[:, self._fixed] = P[self._fixed] = 0.0
+        for i in (*fixed, *self._shapeless):
+            theta[i] = self._told.get(i, work.begin["theta"][0, i])
+        if fixed:
             work.tuning = work.tuning.copy()
-            work.tuning["variance"][0, np.isin(work.jumps.which, told)] = 0.0
+            work.tuning["variance"][0, np.isin(work.jumps.which, fixed)] = 0.0
         work.bank["mark"] = work.bank["taken"]
         free = np.flatnonzero(np.diag(work.states["P"][0])[: work.p] > 0)
         self._free, learnt = free, work.states["P"][0][np.ix_(free, free)]
         self._open = np.linalg.inv(OPEN * learnt)
         self._pass(work.states["theta"][0, : work.p].copy())
-        return {work.names[i]: self._fixable[work.names[i]] for i in told}
+        return {work.names[i]: self._fixable[work.names[i]] for i in fixed}
 
     def _pass(self, theta: Array) -> None:
         work, begin = self._work, self._work.begin[0]
@@ -110,6 +118,8 @@ class FirstSeconds:
             bank["end"], self._catches_up = bank["taken"], True
         if work.caught_up:
             if np.isfinite(work.states[1]["theta"]).all():
+                P = work.states["P"][1]
+                P[self._shapeless, self._shapeless] = np.diag(work.design.P0)[self._shapeless]
                 work.adopt()
             work.empty()
             bank["awake"] = 1

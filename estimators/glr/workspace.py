@@ -124,6 +124,8 @@ class Kit(NamedTuple):
     told : dict of int to float
         Values by parameter, in units of the scale.
     fixable : dict of str to str
+    shapes : dict of tuple of int to tuple of int
+        Levels of dry friction, and what shapes it.
     records : tuple of Record
         As from `flexaxis.estimators.glr.records.glr_records`.
     loop : Compiled
@@ -136,6 +138,7 @@ class Kit(NamedTuple):
     timing: Timing
     told: dict[int, float]
     fixable: dict[str, str]
+    shapes: dict[tuple[int, ...], tuple[int, ...]]
     records: tuple[Record, Record, Record]
     loop: Compiled
     angle: int

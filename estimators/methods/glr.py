@@ -14,7 +14,7 @@ from flexaxis.estimators.glr.records import Dictionary, Jumps
 from flexaxis.estimators.glr.shapes import fastest_wave
 from flexaxis.estimators.models.axes import with_shape
 from flexaxis.estimators.models.meaning import fixable as fixable_of
-from flexaxis.estimators.models.meaning import structure
+from flexaxis.estimators.models.meaning import shapes_of_friction, structure
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.roles import (
     AS_ABSENT,
@@ -177,6 +177,7 @@ def _made(
             f"suspects names {odd[0]!r}, which is not learnt; of what is learnt there are "
             f"{', '.join(learnt) or 'none'}"
         )
+    shapes = shapes_of_friction(model, names) if learn == "auto" else {}
     sizes = state_sizes(model, torque, period)
     which = (*tracked, *(name for name in suspects if name in learnt))
     rates = np.where(np.arange(len(which)) < len(tracked), 1.0, SUSPECTED)
@@ -192,6 +193,7 @@ def _made(
         timing=lengths(model, period, int(budget), commissioning, deviations is not None),
         told=told_groups(model, names, learnt, stated),
         fixable={n: AS_TOLD if n in stated else AS_ABSENT for n in fixable},
+        shapes=shapes,
         x0_covariance=state_covariance(design, sizes**2),
         dictionary=Dictionary() if richer is None else _dictionary(model, torque, period, sizes),
         angle=model.states.index("angle_motor")

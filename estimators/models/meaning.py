@@ -26,6 +26,19 @@ def dry_friction(model: Model) -> tuple[str, ...]:
     return named(model.laws, ("coulomb",))
 
 
+def shapes_of_friction(
+    model: Model, names: Sequence[str]
+) -> dict[tuple[str, ...], tuple[str, ...]]:
+    """Return levels of dry friction among names, and what shapes it where one is not zero."""
+    found = {}
+    for law in model.laws:
+        levels = [n for n in named([law], ("coulomb", "breakaway")) if n in names]
+        shape = [n for n in law.names if n in names and n not in levels[:1]]
+        if LAWS[law.kind].rubs and levels and shape:
+            found[tuple(levels)] = tuple(shape)
+    return found
+
+
 def fixable(model: Model) -> tuple[str, ...]:
     """
     Return what is fixed where the first seconds do not show it: the structure, play and springs.
