@@ -80,17 +80,14 @@ def import_log(path: str | Path, **options: Any) -> LogResult:
     path : str or Path
     **options
         Columns (``torque="current"``), ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``,
-        ``torque_is``; ``resample``, ``highpass`` [Hz] and ``burn_in`` [s].
+        ``torque_is``; ``resample`` [Hz] and ``burn_in`` [s].
     """
     from flexaxis.experiments.logs.importing import import_log as read
     from flexaxis.experiments.logs.pages.charts import log_chart, spectrum_chart
 
-    treated = {name: options.pop(name, None) for name in ("resample", "highpass", "burn_in")}
+    treated = {name: options.pop(name, None) for name in ("resample", "burn_in")}
     found = read(Path(path), options, **treated)
-    drawn = [
-        replace(check.draw(), title=check.name) for check in found.checks if check.draw is not None
-    ]
-    charts = [log_chart(found.record), spectrum_chart(found.record), *drawn]
+    charts = [log_chart(found.record), spectrum_chart(found.record)]
     return LogResult([c.told() for c in found.checks], found, charts, record=found.record)
 
 
@@ -187,7 +184,7 @@ def trend(
     from flexaxis.experiments.logs.trend.trend import trend_of
     from flexaxis.experiments.logs.trend.words import summary
 
-    treated = {name: options.pop(name, None) for name in ("resample", "highpass", "burn_in")}
+    treated = {name: options.pop(name, None) for name in ("resample", "burn_in")}
     many = [logs] if isinstance(logs, str | Path) else logs
     source, known = Source(options, treated), _axis(axis)
     found = trend_of(

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, ValidationError
 from scipy.signal import lfilter
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import MODELS
-from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import WRITTEN
+from flexaxis.experiments.logs.mapping import explained
 from flexaxis.experiments.storage.files import write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.reading import read_toml
@@ -28,11 +28,9 @@ from flexaxis.sim.toml_text import toml_text
 Array = NDArray[np.float64]
 
 _MODEL = ("model", "name", "states", "A", "B", "C")
-_NUMBERS = ("delay", "offset", "noise", "error", "highpass", "rate")
 _BESIDE = ("g_sin", "g_cos", "f_sided")
 REMEMBERED = 10_000  # samples, after which what a filter of noise remembers counts no more
 SAME_RATE = 0.01  # relative difference up to which a filter of the noise is the same one
-_KEYS = (*_MODEL, "nominal", "deviation", "beside", "law", "whitening", "torque_is", *_NUMBERS)
 
 
 @dataclass(frozen=True)
@@ -122,28 +120,19 @@ class Axis:
         """Write the axis as TOML."""
         content = dict(self.tables) | {"delay": self.delay}
         if self.noise is not None:
-            content |= {"noise": self.noise, "whitening": list(self.whitening)}
-        if self.offset:
-            content["offset"] = self.offset
-        for key in ("error", "highpass", "rate", "torque_is"):
-            if getattr(self, key) is not None:
+            content["whitening"] = list(self.whitening)
+        for key in ("noise", "offset", "error", "highpass", "rate", "torque_is"):
+            if getattr(self, key) not in {None, 0.0}:
                 content[key] = getattr(self, key)
-        content["nominal"] = dict(self.model.nominal)
-        for key in ("deviation", "beside"):
-            if getattr(self, key):
-                content[key] = dict(getattr(self, key))
+        tables = {"nominal": self.model.nominal, "deviation": self.deviation, "beside": self.beside}
+        content |= {key: dict(table) for key, table in tables.items() if table}
         if self.model.laws:
-            content["law"] = [_table(law) for law in self.model.laws]
+            parts = ("drive", "acts", "parameters")
+            content["law"] = [
+                {"kind": law.kind} | {part: dict(getattr(law, part)) for part in parts}
+                for law in self.model.laws
+            ]
         write_text(path, f"# {WRITTEN}\n{toml_text(content)}")
-
-
-def _table(law: Law) -> dict[str, Any]:
-    return {
-        "kind": law.kind,
-        "drive": dict(law.drive),
-        "acts": dict(law.acts),
-        "parameters": dict(law.parameters),
-    }
 
 
 def find_axis(text: str) -> Axis:
@@ -170,38 +159,33 @@ def find_axis(text: str) -> Axis:
         raise LogError(f"{path}: {error}") from error
 
 
+class _Keys(BaseModel):
+    """What a file has besides its model."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    delay: float = 0.0
+    offset: float = 0.0
+    noise: float | None = None
+    error: float | None = None
+    highpass: float | None = None
+    rate: float | None = None
+    torque_is: Literal["held", "smooth"] | None = None
+    whitening: list[float] = [1.0]
+    deviation: dict[str, float] = {}
+    beside: dict[Literal["g_sin", "g_cos", "f_sided"], float] = {}
+
+
 def _from_tables(tables: Mapping[str, Any]) -> Axis:
-    for key in tables:
-        if key not in _KEYS:
-            raise EstimatorError(f"{key}: no such key.{did_you_mean(key, _KEYS)}")
-    whitening = tables.get("whitening", [1.0])
-    deviation, beside = (tables.get(key, {}) for key in ("deviation", "beside"))
-    numbers = [tables[key] for key in _NUMBERS if key in tables]
-    numbers += whitening if isinstance(whitening, list) else [None]
-    for table in (deviation, beside):
-        numbers += table.values() if isinstance(table, Mapping) else [None]
-    if not all(isinstance(x, int | float) and isfinite(x) for x in numbers):
-        raise EstimatorError(
-            f"{', '.join(_NUMBERS)} are numbers, whitening is an array, deviation and beside are "
-            "tables of them"
-        )
-    if not {*beside} <= {*_BESIDE}:
-        raise EstimatorError(f"beside has {', '.join(beside)}; it takes {', '.join(_BESIDE)}")
-    if tables.get("torque_is", "held") not in {"held", "smooth"}:
-        raise EstimatorError(f'torque_is = {tables["torque_is"]!r}: it is "held" or "smooth"')
-    optional = {key: tables.get(key) for key in ("noise", "error", "highpass", "rate")}
-    return Axis(
-        model=model_from_tables(tables),
-        tables={k: tables[k] for k in (*_MODEL, "law") if k in tables},
-        known=True,
-        delay=float(tables.get("delay", 0.0)),
-        whitening=tuple(map(float, whitening)),
-        offset=float(tables.get("offset", 0.0)),
-        torque_is=tables.get("torque_is"),
-        deviation={name: float(value) for name, value in deviation.items()},
-        beside={name: float(value) for name, value in beside.items()},
-        **{key: None if x is None else float(x) for key, x in optional.items()},
-    )
+    kept = {k: tables[k] for k in (*_MODEL, "law") if k in tables}
+    own = {k: tables[k] for k in tables if k not in {*kept, "nominal"}}
+    try:
+        keys = vars(_Keys(**own))
+    except ValidationError as error:
+        known = [*_MODEL, "law", "nominal", *_Keys.model_fields, *_BESIDE]
+        raise EstimatorError("; ".join(explained(error, known))) from error
+    keys["whitening"] = tuple(keys["whitening"])
+    return Axis(model_from_tables(tables), kept, known=True, **keys)
 
 
 def is_smooth(record: Record) -> bool:

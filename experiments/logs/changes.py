@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import median_abs_deviation
 
 from flexaxis.experiments.logs.trend.change_points import FEWEST, Series, explain
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Look = Callable[[Array], Sequence[Array]]
 
 WINDOWS = 40  # that a record is cut into
 FALSE_ALARMS = 0.002  # probability of a change in a record without one
@@ -78,17 +80,13 @@ def find_changes(
     list of Change
         In the order of time.
     """
-    bounds = np.linspace(0, len(time), windows + 1).astype(int)
-    local = np.full((windows, len(names)), np.nan)
-    for i, (start, stop) in enumerate(pairwise(bounds)):
-        if stop - start > 10 * len(names):
-            local[i] = np.linalg.lstsq(psi[start:stop] * theta, error[start:stop])[0]
-    kept = np.isfinite(local).all(axis=1)
-    if kept.sum() < FEWEST:
+    pieces = np.array_split(np.arange(len(time)), max(windows, 1))
+    pieces = [k for k in pieces if len(k) > 10 * len(names)]
+    if len(pieces) < FEWEST:
         return []
-    at = time[bounds[:-1][kept]]
-    found = []
-    for name, values in zip(names, local[kept].T, strict=True):
+    local = np.array([np.linalg.lstsq(psi[k] * theta, error[k])[0] for k in pieces])
+    at, found = time[[k[0] for k in pieces]], []
+    for name, values in zip(names, local.T, strict=True):
         claimed = np.full(len(values), _scatter(values))
         series = Series(at, values, claimed, np.empty((len(values), 0)))
         explained = explain(series, false_alarms=FALSE_ALARMS / len(names))
@@ -100,9 +98,7 @@ def find_changes(
     return sorted(found, key=lambda change: (change.time, -change.scatters))
 
 
-def changes_along(
-    look: Callable[[Array], Sequence[Array]], time: Array, theta: Array, names: Sequence[str]
-) -> list[Change]:
+def changes_along(look: Look, time: Array, theta: Array, names: Sequence[str]) -> list[Change]:
     """Find changes however large they are: the parameters are fitted anew on both sides of each.
 
     A residual is linear in small changes only, and where a motor sticks hardly at all: seen from
@@ -121,42 +117,25 @@ def changes_along(
     list of Change
         In the order of time.
     """
-    return _along(_Record(look, time, names), np.ones(len(time), bool), theta)
+
+    def along(inside: Flags, theta: Array) -> list[Change]:
+        error, psi = (signal[inside] for signal in look(theta))
+        windows = round(WINDOWS * np.mean(inside))
+        first = find_changes(time[inside], error, psi, theta, names, windows=windows)
+        if not first:
+            return []
+        at = max(first, key=lambda change: change.scatters).time
+        sides = inside & (time < at), inside & (time >= at)
+        before, after = (_fitted(look, side, theta) for side in sides)
+        sizes = dict(zip(names, (after / before - 1).tolist(), strict=True))
+        here = [replace(c, relative=sizes[c.name]) for c in first if c.time == at]
+        here = [change for change in here if abs(change.relative) >= SMALLEST]
+        return [*along(sides[0], before), *here, *along(sides[1], after)] if here else []
+
+    return along(np.ones(len(time), bool), theta)
 
 
-@dataclass(frozen=True)
-class _Record:
-    look: Callable[[Array], Sequence[Array]]
-    time: Array
-    names: Sequence[str]
-
-
-def _along(record: _Record, inside: NDArray[np.bool_], theta: Array) -> list[Change]:
-    """Return the changes of a stretch, seen from its own parameters."""
-    error, psi = (signal[inside] for signal in record.look(theta))
-    windows = round(WINDOWS * np.mean(inside))
-    if windows < FEWEST:
-        return []
-    first = find_changes(record.time[inside], error, psi, theta, record.names, windows=windows)
-    if not first:
-        return []
-    at = max(first, key=lambda change: change.scatters).time
-    sides = inside & (record.time < at), inside & (record.time >= at)
-    before, after = (_fitted(record.look, side, theta) for side in sides)
-    here = [
-        replace(change, relative=float((after / before)[record.names.index(change.name)] - 1))
-        for change in first
-        if change.time == at
-    ]
-    here = [change for change in here if abs(change.relative) >= SMALLEST]
-    if not here:
-        return []
-    return [*_along(record, sides[0], before), *here, *_along(record, sides[1], after)]
-
-
-def _fitted(
-    look: Callable[[Array], Sequence[Array]], inside: NDArray[np.bool_], theta: Array
-) -> Array:
+def _fitted(look: Look, inside: Flags, theta: Array) -> Array:
     """Return the parameters (p,) of a stretch: as long as steps of Gauss and Newton help."""
     best, least, at = theta, np.inf, theta
     for _ in range(STEPS + 1):
@@ -172,6 +151,5 @@ def _fitted(
 
 def _scatter(values: Array) -> float:
     """Return the standard deviation of a sequence about a mean that changes now and then."""
-    steps = np.diff(values)
-    # 1.4826 makes the median deviation that of a normal distribution; a step has twice the variance
-    return 1.4826 * float(np.median(abs(steps - np.median(steps)))) / np.sqrt(2) + 1e-12
+    # a step has twice the variance
+    return float(median_abs_deviation(np.diff(values), scale="normal")) / np.sqrt(2) + 1e-12

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from flexaxis.estimators.models.axes import BRISTLES, STATIC, three_mass
 from flexaxis.estimators.models.laws import Law
-from flexaxis.experiments.logs.as_log import FORMATS, LogStyle, logged, write_log
+from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import spare_foreign
@@ -35,7 +36,6 @@ WEATHER = 5.0  # days, over which the temperature forgets
 SEASON = 0.5  # part of the variance of the temperature that is a slow wave over all days
 WITHIN = 0.3  # K, by which a test motion warms the axis
 AXIS, TRUTH = "axis.toml", "truth.json"  # in the folder, besides the logs
-TOLD = ("scenario", "seed", "days")  # in the truth
 SHEET = 0.05  # part by which a value of a data sheet is off, at most
 STIFF = 1e4  # N m/rad, of the bristles that stand for Coulomb's friction
 
@@ -86,16 +86,13 @@ class Days:
 
     def temperatures(self, rng: np.random.Generator) -> Array:
         """Return the temperature (days,) of each day [°C]: a season, and weather upon it."""
-        n = self.days
-        season = np.sqrt(2 * SEASON) * np.sin(2 * np.pi * (np.arange(n) / n + rng.random()))
-        weather, keep = np.empty(n), np.exp(-1 / WEATHER)
-        weather[0] = rng.standard_normal()
-        for day in range(1, n):
-            fresh = np.sqrt(1 - keep**2) * rng.standard_normal()
-            weather[day] = keep * weather[day - 1] + fresh
-        found = season + np.sqrt(1 - SEASON) * weather
-        middle = (found.max() + found.min()) / 2
-        return MEAN + self.span * (found - middle) / (found.max() - found.min())
+        season = np.sqrt(2 * SEASON) * np.sin(
+            2 * np.pi * (np.arange(self.days) / self.days + rng.random())
+        )
+        keep, fresh = np.exp(-1 / WEATHER), rng.standard_normal(self.days)
+        fresh[1:] *= np.sqrt(1 - keep**2)
+        found = season + np.sqrt(1 - SEASON) * lfilter([1.0], [1.0, -keep], fresh)
+        return MEAN + self.span * ((found - found.min()) / np.ptp(found) - 0.5)
 
     def factors(self, temperatures: Array, rng: np.random.Generator) -> dict[str, Array]:
         """Return the factor (days,) on each parameter that changes."""
@@ -167,23 +164,20 @@ def record_of(scenario: Scenario, day: Day, seed: int) -> Record:
     return simulate(todays, [seed], repeat=day.number)[0]
 
 
-def write_day(
-    folder: Path, scenario: Scenario, day: Day, *, seed: int, suffix: str, style: LogStyle
-) -> Path:
+def write_day(folder: Path, scenario: Scenario, day: Day, *, seed: int, style: LogStyle) -> Path:
     """Simulate a day and write its log, with a column `temp` [°C]; return its path."""
-    record = record_of(scenario, day, seed)
     rng = stream(scenario.key, seed, f"days.log.{day.number}")
-    columns = logged(record, style, rng)
+    columns = logged(record_of(scenario, day, seed), style, rng)
     time = columns["time"]
     warming = WITHIN * (time - time[0]) / (time[-1] - time[0])
     read = day.temperature + warming + 0.1 * rng.standard_normal(len(time))
-    path = _path(folder, day, suffix)
+    path = _path(folder, day.date)
     write_log(path, columns | {"temp": np.round(read, 1)}, style, date=day.date)
     return path
 
 
 def write_days(
-    folder: Path, scenario: Scenario, days: Days, *, seed: int, suffix: str, style: LogStyle
+    folder: Path, scenario: Scenario, days: Days, *, seed: int, style: LogStyle
 ) -> Iterator[Path]:
     """Write a folder of logs, one a day, and beside them what is true and the axis; yield paths.
 
@@ -195,8 +189,6 @@ def write_days(
         As from `without_faults`.
     days : Days
     seed : int
-    suffix : str
-        Kind of file, one of `flexaxis.experiments.logs.as_log.FORMATS`.
     style : LogStyle
 
     Raises
@@ -206,20 +198,19 @@ def write_days(
     """
     plan = calendar(scenario, days, seed)
     earlier = _earlier(folder)
-    spare_foreign(folder / AXIS, *earlier, *(_path(folder, day, suffix) for day in plan))
+    spare_foreign(folder / AXIS, *earlier, *(_path(folder, day.date) for day in plan))
     make_folder(folder)
     for path in earlier:  # a trend would take them for logs of the same axis
         path.unlink()
     told_axis(scenario, seed).save(folder / AXIS)
-    told = (scenario.resolved(), seed, [vars(day) for day in plan])
-    truth = dict(zip(TOLD, told, strict=True))
+    truth = {"scenario": scenario.resolved(), "seed": seed, "days": [vars(day) for day in plan]}
     write_text(folder / TRUTH, json.dumps(truth, indent=1) + "\n")
     for day in plan:
-        yield write_day(folder, scenario, day, seed=seed, suffix=suffix, style=style)
+        yield write_day(folder, scenario, day, seed=seed, style=style)
 
 
-def _path(folder: Path, day: Day, suffix: str) -> Path:
-    return folder / f"{day.date[:10]}.{suffix}"
+def _path(folder: Path, date: str) -> Path:
+    return folder / f"{date[:10]}.csv"
 
 
 def _earlier(folder: Path) -> list[Path]:
@@ -228,27 +219,21 @@ def _earlier(folder: Path) -> list[Path]:
         return []
     try:
         truth = json.loads((folder / TRUTH).read_bytes())
-        days = [Day(**day) for day in truth["days"]]
-        paths = [_path(folder, day, suffix) for day in days for suffix in FORMATS]
-        ours = truth.keys() >= set(TOLD)
-    except (OSError, ValueError, AttributeError, KeyError, TypeError):
-        ours = False
-    if not ours:
+        paths = [_path(folder, day["date"]) for day in truth["days"]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise OutputError(
             f"{folder} holds files but no {TRUTH} of `flexaxis days`: they might be logs of a real "
             "axis, and are left as they are. Choose another folder with -o"
-        )
+        ) from error
     return [path for path in paths if path.is_file()]
 
 
 def known_axis(scenario: Scenario) -> Axis:
     """Return the axis as it truly is at 25 °C."""
-    laws = [law for law, there in _LAWS if getattr(scenario, there) is not None]
-    values: dict[str, Any] = dict(scenario.initial)
-    taken = {name for law in laws for name in law.names}
-    kept = {name: float(x) for name, x in values.items() if name in taken or name in _LINEAR}
-    model = replace(three_mass(kept), laws=tuple(laws))
-    return Axis(model, {"model": "three_mass"}, known=True)
+    laws = tuple(law for law, there in _LAWS if getattr(scenario, there) is not None)
+    taken = {*_LINEAR, *(name for law in laws for name in law.names)}
+    kept = {name: float(x) for name, x in dict(scenario.initial).items() if name in taken}
+    return Axis(replace(three_mass(kept), laws=laws), {"model": "three_mass"}, known=True)
 
 
 def told_axis(scenario: Scenario, seed: int) -> Axis:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from flexaxis.experiments.running.progress import is_quiet
-
-if TYPE_CHECKING:
-    from flexaxis.experiments.reporting.charts import Chart
 
 ROUNDING = 1e-6  # of whatever unit a value has: less is that of numbers in a computer
 MARKS = {"problem": "✗", "note": "!", "ok": "✓"}  # of kinds, in the order of their weight
@@ -37,8 +34,6 @@ class Finding:
     unit : str
     command : str
         What to type against it; empty where there is nothing to type.
-    draw : callable or None
-        Returns a chart of what was seen, without title and words.
     """
 
     kind: Kind
@@ -47,7 +42,6 @@ class Finding:
     value: float | None = None
     unit: str = ""
     command: str = ""
-    draw: Callable[[], Chart] | None = field(default=None, compare=False, repr=False)
 
     @property
     def measured(self) -> str:
@@ -92,16 +86,8 @@ def say_problems(path: Path, checks: Sequence[Finding], *, met: Collection[str] 
         print(f"✗ {path}: {text}", file=sys.stderr)
 
 
-@contextmanager
-def waiting(doing: str) -> Iterator[None]:
-    """Show on a terminal that something goes on, and since when; a file is told nothing."""
-    if is_quiet() or not sys.stderr.isatty():
-        yield
-        return
+def waiting(doing: str) -> AbstractContextManager[Any]:
+    """Show on a terminal that something goes on; a file is told nothing."""
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        shown.add_task(doing, total=None)
-        yield
+    return nullcontext() if is_quiet() else Console(stderr=True).status(doing)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.doubts import examine
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-from flexaxis.experiments.logs.doubts.nonsense import refuse_nonsense
+from flexaxis.experiments.logs.doubts.sampled import refuse_nonsense
 from flexaxis.experiments.logs.doubts.torque_kind import (
     AGAINST,
     GIVEN,
@@ -28,10 +28,8 @@ from flexaxis.experiments.logs.prepare import (
     FEWEST,
     Prepared,
     check_time,
-    interval_means,
     prepare,
     unwrapped,
-    without_drift,
 )
 from flexaxis.experiments.logs.reading.log import open_log
 from flexaxis.sim.errors import RecordError
@@ -39,7 +37,6 @@ from flexaxis.sim.record import Record, load_record
 
 Array = NDArray[np.float64]
 
-ON_RECORDS = ("highpass", "torque_is", "burn_in")  # options for what is imported already
 BURN_IN = 1.0  # s, where a log starts in the middle of a motion
 
 
@@ -56,7 +53,6 @@ def import_log(
     tables: Mapping[str, Any],
     *,
     resample: float | None = None,
-    highpass: float | None = None,
     burn_in: float | None = None,
 ) -> Imported:
     """Read a log, check it and make a record of it.
@@ -67,7 +63,7 @@ def import_log(
         CSV, MAT, HDF5, NetCDF or parquet, see `reading.reader.open_log`.
     tables : mapping
         As for `mapping_from`.
-    resample, highpass : float, optional
+    resample : float, optional
         As for `prepare` [Hz].
     burn_in : float, optional
         Time from the start that is not to be fitted [s]; by default none for a log that starts
@@ -84,23 +80,17 @@ def import_log(
         check_time(raw.time)
         refuse_nonsense(raw)
         smooth, because = _kind(raw, chosen)
-        found = prepare(raw, smooth=smooth, resample=resample, highpass=highpass)
-        told = _told(path, smooth, because, highpass) | _units(raw)
-        record = _record(found, burn_in, told)
+        found = prepare(raw, smooth=smooth, resample=resample)
+        told = {
+            "flexaxis": version("flexaxis"),
+            "log": path.name,
+            "torque": "smooth" if smooth else "held",
+            "torque_because": because,
+        }
+        record = _record(found, burn_in, told | _units(raw))
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
     return Imported(record, examine(Evidence(record, raw, found)))
-
-
-def _told(path: Path, smooth: bool, because: str, highpass: float | None) -> dict[str, str]:
-    """Return what a record keeps of its import."""
-    told = {
-        "flexaxis": version("flexaxis"),
-        "log": path.name,
-        "torque": "smooth" if smooth else "held",
-        "torque_because": because,
-    }
-    return told if highpass is None else told | {"highpass": f"{highpass:g}"}
 
 
 def _units(raw: Raw) -> dict[str, str]:
@@ -112,31 +102,21 @@ def _units(raw: Raw) -> dict[str, str]:
 
 def _kind(raw: Raw, chosen: LogMap) -> tuple[bool, str]:
     """Return whether the torque is smooth, and why."""
-    stated = chosen.smooth
-    speed, there = _motion(raw)
+    stated, there = chosen.torque_is, np.isfinite(raw.torque)
+    values = raw.speed if raw.angle is None else raw.angle
+    assert values is not None  # a mapping has one of the two
+    there &= np.isfinite(values)
     if there.sum() < FEWEST:
-        return bool(stated), "too few samples to tell" if stated is None else GIVEN
-    signals = raw.torque[there], float(np.median(np.diff(raw.time)))
+        return stated == "smooth", GIVEN if stated else "too few samples to tell"
+    # the speed but for a factor
+    speed = values[there] if raw.angle is None else np.diff(unwrapped(values[there])[0])
+    signals = raw.torque[there][-len(speed) :], float(np.median(np.diff(raw.time)))
     if stated is None:
-        name = chosen.columns.get("torque", "torque")
-        kind, because = torque_kind(*signals, speed=speed[there], name=name)
+        kind, because = torque_kind(*signals, speed=speed, name=chosen.torque or "torque")
         return kind == "smooth", because
-    seen = kind_seen(*signals, speed=speed[there])
-    against = seen is not None and (seen[0] == "smooth") != stated
-    return stated, f"{AGAINST} {seen[1]}" if against and seen else GIVEN
-
-
-def _motion(raw: Raw) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the speed at the samples of a log, but for a factor, and where all is there."""
-    there = np.isfinite(raw.torque)
-    if raw.angle is None:
-        assert raw.speed is not None  # a mapping has one of the two
-        return raw.speed, there & np.isfinite(raw.speed)
-    there &= np.isfinite(raw.angle)
-    speed = np.zeros(len(raw.time))
-    angle = unwrapped(raw.angle[there])[0] if there.any() else np.zeros(0)
-    speed[there] = np.diff(angle, prepend=angle[:1])
-    return speed, there
+    seen = kind_seen(*signals, speed=speed)
+    against = seen is not None and seen[0] != stated
+    return stated == "smooth", f"{AGAINST} {seen[1]}" if against and seen else GIVEN
 
 
 def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Record:
@@ -165,8 +145,7 @@ def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Rec
 def import_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Imported:
     """Return a record from a record file, or import a log with the options of `import_log`.
 
-    A record that flexaxis wrote takes burn-in and high-pass, and is no log of columns and units:
-    its signals are on an even grid and its torque is a mean over each sample already. What was
+    A record that flexaxis wrote takes a burn-in, and is no log of columns and units. What was
     looked at when it was imported is on the page of that import: it has no checks here.
 
     Raises
@@ -177,32 +156,25 @@ def import_any(path: Path, tables: Mapping[str, Any], **options: float | None) -
         If the record cannot be read.
     """
     asked: dict[str, Any] = {name: v for name, v in options.items() if v is not None}
-    if is_record(path) or (path.suffix == ".nc" and not (tables or asked)):
-        try:
-            record = load_record(path)
-        except RecordError as error:
-            if path.is_file():
-                raise RecordError(f"{error} To import it as a log, name its columns") from error
-            raise
-        try:
-            return Imported(_treated(record, dict(tables) | asked), ())
-        except LogError as error:
-            raise LogError(f"{path}: {error}") from error
-    return import_log(path, tables, **options)
-
-
-def look_again(path: Path, tables: Mapping[str, Any], **options: float | None) -> Imported:
-    """Return a record that flexaxis wrote, treated as by `import_any`, and what to doubt of it.
-
-    What only its log told (jitter, clipping, wrapping) is on the page of its import.
-
-    Raises
-    ------
-    LogError, RecordError
-        As from `import_any`.
-    """
-    record = import_any(path, tables, **options).record
-    return Imported(record, examine(Evidence(record)))
+    if not is_record(path) and (path.suffix != ".nc" or tables or asked):
+        return import_log(path, tables, **options)
+    try:
+        record = load_record(path)
+    except RecordError as error:
+        if path.is_file():
+            raise RecordError(f"{error} To import it as a log, name its columns") from error
+        raise
+    known = {"burn_in": asked.get("burn_in"), "torque_is": record.versions.get("torque", "held")}
+    every = {**tables, **asked}.items()
+    if wrong := [name.replace("_", "-") for name, x in every if known.get(name) != x]:
+        log = record.versions.get("log", "one of `flexaxis simulate … --as-log csv`")
+        raise LogError(
+            f"{path}: is a record that flexaxis wrote, with signals in SI on an even grid; "
+            f"--{', --'.join(wrong)} (and --map) are for logs: import {log} with them"
+        )
+    if "burn_in" in asked:
+        _check_burn_in(asked["burn_in"], len(record.time) * record.period, f"{path}: ")
+    return Imported(replace(record, burn_in=asked.get("burn_in", record.burn_in)), ())
 
 
 def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Record:
@@ -210,65 +182,9 @@ def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> 
     return import_any(path, tables, **options).record
 
 
-def _treated(record: Record, asked: Mapping[str, Any]) -> Record:
-    """Return a record with what can still be done to it: high-pass, kind of torque, burn-in."""
-    wrong = [name for name in asked if name not in ON_RECORDS]
-    if wrong:
-        words = ", ".join(f"--{name.replace('_', '-')}" for name in wrong)
-        raise LogError(
-            f"is a record that flexaxis wrote, with signals in SI on an even grid; {words} "
-            f"{'is' if len(wrong) == 1 else 'are'} for logs (and so in --map). Leave it out, or "
-            f"{_log_of(record)}"
-        )
-    before = record.versions.get("highpass")
-    if "highpass" in asked and before is not None:
-        if float(before) != asked["highpass"]:
-            raise LogError(
-                f"--highpass {asked['highpass']:g} Hz: the record has passed one of {before} Hz "
-                "already; import the log again with another"
-            )
-        asked = {name: value for name, value in asked.items() if name != "highpass"}
-    if "burn_in" in asked:
-        _check_burn_in(asked["burn_in"], len(record.time) * record.period)
-        record = replace(record, burn_in=asked["burn_in"])
-    return _as_imported(record, asked)
-
-
-def _as_imported(record: Record, asked: Mapping[str, Any]) -> Record:
-    """Return a record as the import would have made it with these options."""
-    kind = record.versions.get("torque", "held")
-    wanted = asked.get("torque_is", kind)
-    changed: dict[str, Any] = {}
-    told = dict(record.versions)
-    if wanted != kind:
-        if wanted != "smooth" or "highpass" in told:
-            raise LogError(
-                f"the record holds the means of a {kind} torque; import the log again with "
-                f"--torque-is {wanted}"
-            )
-        time = record.time
-        changed["torque"] = interval_means(time, record.torque, time, record.period, smooth=True)
-        told |= {"torque": "smooth", "torque_because": GIVEN}
-    if "highpass" in asked:
-        names = ("torque", "angle", "speed", "increment", "true_angle_a")
-        signals = {name: changed.get(name, getattr(record, name)) for name in names}
-        there = {name: values for name, values in signals.items() if values is not None}
-        changed = without_drift(there, asked["highpass"], record.period)
-        told["highpass"] = f"{asked['highpass']:g}"
-    return replace(record, **changed, versions=told)
-
-
-def _log_of(record: Record) -> str:
-    """Return what to do to have the log of a record."""
-    log = record.versions.get("log")
-    if log is None:
-        return "simulate it as a log: flexaxis simulate … --as-log csv"
-    return f"import the log {log!r} again with it"
-
-
-def _check_burn_in(burn_in: float, seconds: float) -> None:
+def _check_burn_in(burn_in: float, seconds: float, where: str = "") -> None:
     if not 0 <= burn_in < 0.9 * seconds:
         raise LogError(
-            f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
-            f"{seconds:.4g} s"
+            f"{where}--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the "
+            f"log, {seconds:.4g} s"
         )

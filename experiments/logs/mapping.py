@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.log import Log, shown
 from flexaxis.experiments.logs.units import ENDINGS, LINEAR, UNITS, completed, spelt
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.reading import GREATEST, read_toml
+from flexaxis.sim.reading import shown as limited
 
 Array = NDArray[np.float64]
 
@@ -31,37 +32,53 @@ KINDS = {
 LARGEST = 1e12  # of a rate or a factor
 SLOWEST = 0.01  # Hz, so that the time of a log is a number; what is too slow is said later
 
-_OPTIONS = ("rate", "scale", "unit", "torque_is", "rows")
-_ROWS = re.compile(r"(\d*):(\d*)")
+Signal = Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")]
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
 
-@dataclass(frozen=True)
-class LogMap:
+def _is_factor(value: float) -> float:
+    if value == 0:
+        raise ValueError("a number other than 0")
+    return value
+
+
+class LogMap(BaseModel):
     """Which columns to take.
 
     Attributes
     ----------
-    columns : dict of str to str
-        Column of each signal of `KINDS`; time may be left out where `rate` is given.
+    time, torque, angle, speed, load_angle : str or None
+        Column of each signal; time may be left out where `rate` is given.
     rate : float or None
         Sampling rate [Hz] of a log without time.
     scale : dict of str to float
         Factor on a signal, after its unit; −1 turns a sign.
     unit : dict of str to str
         Unit of a signal, where the file does not say it or is wrong.
-    smooth : bool or None
+    torque_is : {"held", "smooth"} or None
         Whether the torque is a measured, smooth signal such as a current, rather than a command
         that is held until the next sample; None where nobody said.
-    rows : slice
-        Samples to take.
+    rows : str
+        Samples to take, from A to before B, as ``A:B``.
     """
 
-    columns: Mapping[str, str] = field(default_factory=dict)
-    rate: float | None = None
-    scale: Mapping[str, float] = field(default_factory=dict)
-    unit: Mapping[str, str] = field(default_factory=dict)
-    smooth: bool | None = None
-    rows: slice = field(default_factory=lambda: slice(None))
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    time: str | None = None
+    torque: str | None = None
+    angle: str | None = None
+    speed: str | None = None
+    load_angle: str | None = None
+    rate: Annotated[float, Field(ge=SLOWEST, le=LARGEST)] | None = None
+    scale: dict[Signal, Annotated[Number, AfterValidator(_is_factor)]] = {}
+    unit: dict[Signal, str] = {}
+    torque_is: Literal["held", "smooth"] | None = None
+    rows: Annotated[str, Field(pattern=r"^\d*:\d*$")] = ":"
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Column of each signal that has one."""
+        return {name: column for name in KINDS if (column := getattr(self, name)) is not None}
 
 
 @dataclass(frozen=True)
@@ -102,52 +119,22 @@ def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
     LogError
         With a line for each key that is unknown or has a value of the wrong kind.
     """
-    problems = [f"{source}: {text}" for key in tables for text in _wrong(key, tables[key])]
-    if problems:
-        raise LogError("\n".join(problems))
-    return LogMap(
-        columns={name: str(tables[name]) for name in KINDS if name in tables},
-        rate=float(tables["rate"]) if "rate" in tables else None,
-        scale=dict(tables.get("scale", {})),
-        unit=dict(tables.get("unit", {})),
-        smooth=tables["torque_is"] == "smooth" if "torque_is" in tables else None,
-        rows=_rows(str(tables.get("rows", ":"))) or slice(None),
-    )
+    try:
+        return LogMap(**tables)
+    except ValidationError as error:
+        lines = explained(error, tuple(LogMap.model_fields))
+        raise LogError("\n".join(f"{source}: {line}" for line in lines)) from error
 
 
-def _rows(text: str) -> slice | None:
-    """Return samples from A to before B from ``A:B``; None if it is none."""
-    found = _ROWS.fullmatch(text.strip())
-    first, last = (int(part) if part else None for part in found.groups()) if found else (1, 0)
-    return None if last is not None and last <= (first or 0) else slice(first, last)
-
-
-def _wrong(key: str, value: object) -> Iterator[str]:
-    """Yield what is wrong with an entry of a mapping."""
-    known = (*KINDS, *_OPTIONS)
-    if key not in known:
-        yield f"{key}: no such key.{did_you_mean(key, known)} There are {', '.join(known)}"
-    elif key in KINDS and not isinstance(value, str):
-        yield f"{key} is {value!r}; give the name of a column, in quotes"
-    elif key == "rate" and not _is_number(value, least=SLOWEST):
-        yield f"rate is {value!r}; give the sampling rate in Hz, {SLOWEST:g} or more"
-    elif key == "torque_is" and value not in ("held", "smooth"):
-        yield f"torque_is is {value!r}; give 'held' or 'smooth'"
-    elif key == "rows" and not (isinstance(value, str) and _rows(value)):
-        yield f"rows is {value!r}; give samples as A:B, from A to before B, such as 0:5000"
-    elif key in ("scale", "unit"):
-        wanted = "a number other than 0" if key == "scale" else "a unit"
-        for name, entry in value.items() if isinstance(value, Mapping) else [("", value)]:
-            good = _is_number(entry) and entry != 0 if key == "scale" else isinstance(entry, str)
-            if name not in KINDS or not good:
-                others = f"no such signal.{did_you_mean(name, KINDS)} There are {', '.join(KINDS)}"
-                yield f"{key}.{name} = {entry!r}: {f'give {wanted}' if name in KINDS else others}"
-
-
-def _is_number(value: object, *, least: float = -LARGEST) -> bool:
-    """Whether a value is a number within sensible limits."""
-    there = isinstance(value, int | float) and not isinstance(value, bool)
-    return there and least <= value <= LARGEST  # type: ignore[operator]
+def explained(error: ValidationError, known: Collection[str]) -> Iterator[str]:
+    """Yield what is wrong with keys of a table, among names that are known."""
+    for each in error.errors():
+        *_, last = place = [str(part) for part in each["loc"] if part != "[key]"]
+        text = f"{'.'.join(place)} is {limited(each['input'])}: {each['msg']}"
+        if each["type"] == "extra_forbidden" or "[key]" in each["loc"]:
+            there = f"There are {', '.join(known)}"
+            text = f"{'.'.join(place)}: no such key.{did_you_mean(last, known)} {there}"
+        yield text
 
 
 def load_mapping(path: Path) -> dict[str, Any]:
@@ -167,7 +154,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         If a column is missing, lengths differ, or a unit is unknown.
     """
     own = {name: name for name in KINDS if name in log.names}
-    given = completed(own | dict(mapping.columns), log.names)
+    given = completed(own | mapping.columns, log.names)
     if mapping.rate is not None and "time" not in mapping.columns:
         given.pop("time", None)
     _check_columns(log, given, mapping)
@@ -190,7 +177,8 @@ def pick(log: Log, mapping: LogMap) -> Raw:
             f"{log.source}: the columns differ in length: {text}. Columns of one log have a value "
             "each for every sample: are they of different rates?"
         )
-    signals = {name: values[mapping.rows] for name, values in signals.items()}
+    first, last = (int(part) if part else None for part in mapping.rows.split(":"))
+    signals = {name: values[first:last] for name, values in signals.items()}
     return Raw(
         time=signals["time"],
         torque=signals["torque"],

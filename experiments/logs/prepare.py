@@ -1,14 +1,13 @@
-"""From raw samples to an even grid: gaps, jitter, unwrapping, resampling, removal of drift."""
+"""From raw samples to an even grid: gaps, jitter, unwrapping, resampling."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfilt, sosfiltfilt
+from scipy.signal import butter, sosfiltfilt
 
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.mapping import Raw
@@ -24,7 +23,6 @@ MOST_GAPS = 10  # times the samples of a log that its grid may have
 LONGEST_STEP = 3.0  # periods between irregular stamps, beyond which nothing is known between them
 NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
 SLOWEST = 1.01  # s, of a sample; spectra are averaged over four seconds
-LOWEST = 1e-6  # of a high-pass over the rate: that of a log of 1e6 samples
 
 
 @dataclass(frozen=True)
@@ -74,9 +72,7 @@ class Prepared:
     wrap: Wrap
 
 
-def prepare(
-    raw: Raw, *, smooth: bool = False, resample: float | None = None, highpass: float | None = None
-) -> Prepared:
+def prepare(raw: Raw, *, smooth: bool = False, resample: float | None = None) -> Prepared:
     """Bring a log onto an even grid.
 
     Parameters
@@ -88,14 +84,11 @@ def prepare(
         New rate [Hz]; below the log's own, all signals pass the same low-pass without phase.
         The torque is averaged over the new samples: a sample of it here and there would be
         aliased, and ruin the estimates.
-    highpass : float, optional
-        Corner [Hz] of a Butterworth filter of fourth order that all signals pass alike, to take
-        away offset and drift. As the model is linear, it holds for the filtered signals too.
 
     Raises
     ------
     LogError
-        If time does not advance, the log is too short, or a rate or corner is impossible.
+        If time does not advance, the log is too short, or a rate is impossible.
     """
     period, index, uneven = _grid(raw.time)
     length = int(index[-1]) + 1
@@ -136,9 +129,7 @@ def prepare(
             f"a sample every {found.period:.3g} s: nothing of an axis is seen in less than one a "
             "second; is the unit or the scale of the time right, or the rate?"
         )
-    signals, period = found.signals, found.period
-    kept = signals if highpass is None else without_drift(signals, highpass, period)
-    return replace(found, signals=kept)
+    return found
 
 
 def check_time(time: Array) -> None:
@@ -255,29 +246,3 @@ def _resampled(old: Prepared, rate: float, *, smooth: bool) -> Prepared:
     # a new sample is there if the old ones on both sides of it are
     there = np.interp(time, old.time, old.valid.astype(float)) > 1 - 1e-9
     return Prepared(time, new, there, period, old.jitter, old.wrap)
-
-
-def highpass_filter(corner: float, period: float) -> Array:
-    """Return the Butterworth filter of fourth order [Hz, s] that takes drift away.
-
-    Raises
-    ------
-    LogError
-        If the corner is not below half the rate, or so low that the filter cannot be computed.
-    """
-    if not LOWEST / period <= corner < 0.5 / period:
-        raise LogError(
-            f"--highpass {corner:g} Hz: give a corner below half the rate, {0.5 / period:g} Hz, "
-            f"and not below {LOWEST / period:g} Hz"
-        )
-    return np.asarray(butter(4, corner * 2 * period, "highpass", output="sos"))
-
-
-def without_drift(signals: Mapping[str, Array], corner: float, period: float) -> dict[str, Array]:
-    """Return signals above a corner [Hz], all by the same filter; angles from where they start.
-
-    Forward only and from rest, as the estimators: a run that begins at rest stays exact.
-    """
-    sos = highpass_filter(corner, period)
-    starts = {name: values[0] if "angle" in name else 0.0 for name, values in signals.items()}
-    return {name: np.asarray(sosfilt(sos, x - starts[name])) for name, x in signals.items()}

@@ -164,51 +164,44 @@ def track(
     axis.check_rate(record.period)
     log, lawful = log_of(record, axis), bool(axis.model.laws)
     output, period, ok = log.output, log.period, log.ok
-    nominal = axis.model.parametrize(identify)  # refuses unknown names
+    axis.model.parametrize(identify)  # refuses unknown names
     lag = axis.delay if log.smooth else max(axis.delay, 0.0)
     torque = delayed(log.u, lag / period, smooth=log.smooth) + axis.offset
-    measured = log.y
     there = np.ones(len(torque), bool) if record.valid is None else record.valid
     colour = replace(colourless(axis.highpass, period), inverse=np.array(axis.whitening))
     # a law holds for the signals as they are, so that only residuals can be made white
-    u, y = (torque, measured) if lawful else (colour.white(torque), colour.white(measured))
+    u, y = (torque, log.y) if lawful else (colour.white(torque), colour.white(log.y))
     valid = there if lawful else colour.settled(there)
     estimator = _build(spec, axis, identify, start, period=period, output=output, torque=u)
     changed: dict[str, Any] = {output: y}
     theta, claimed, alarms = run_on(estimator, replace(record, torque=u, valid=valid, **changed))
     names = tuple(estimator.names)
-    nominal = axis.model.parametrize(names)
-    model = (increment(axis.model, period) if output == "increment" else axis.model).parametrize(
-        names
-    )
-    good = colour.settled(ok)
+    model = increment(axis.model, period) if output == "increment" else axis.model
     last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
     if not np.isfinite(last).all():
         raise LogError("the estimates diverged: identify first, or choose another estimator")
-    look = _Look(model, torque, measured, colour, ok, period)
+    look = _Look(model.parametrize(names), torque, log.y, colour, ok, period)
     error, residual, _ = look.at(last)
+    good, nominal = colour.settled(ok), axis.model.parametrize(names).theta
     changes = changes_along(
         lambda theta: [s[good] for s in look.at(theta)[1:]], record.time[good], last, names
     )
-    past = correlation(residual[good])
-    white = abs(past) < WHITE
-    fit = fit_of(measured, error, ok, colour)
-    bounds = _limits(estimator, len(names))
-    doubts = at_limits(names, last, bounds, nominal.theta)
+    past, fit = correlation(residual[good]), fit_of(log.y, error, ok, colour)
+    doubts = at_limits(names, last, _limits(estimator, len(names)), nominal)
     # one value does not fit what was before a change and after it
-    if not (doubts or changes or (white and axis.usual is None)):
+    if not (doubts or changes or (abs(past) < WHITE and axis.usual is None)):
         doubts = [said for said in (fit.unlike(axis.usual),) if said]
     return Tracked(
         names=names,
         time=record.time,
         theta=theta,
         deviations=None if claimed is None else _deviations(claimed),
-        nominal=nominal.theta,
+        nominal=nominal,
         usable=good,
         fit=fit.percent,
         residual=residual,
         correlation=past,
-        white=white,
+        white=abs(past) < WHITE,
         alarms=record.time[alarms],
         changes=changes,
         doubts=doubts,

@@ -15,6 +15,7 @@ from numba import njit
 from flexaxis.sim.record import Record
 
 STEPS = 20  # of a sample
+FINE = 60  # the same, where an encoder of 18 bits sees friction turn over
 RAIL = {"k_T": 1.0, "J_m": 95.0, "f_m": 203.0}  # kg, N/(m/s): a prismatic drive
 RAIL_COULOMB = 20.0  # N
 
@@ -91,7 +92,7 @@ def loop(
     gains = 60.0**2 * inertia, 80.0 * inertia
     return _logged(
         values, masses, reference, gains, period=period, f_c=ratio * values["f_m"], top=30.0,
-        troubles=Troubles(), step=2 * np.pi / 2**bits, noise=0.0, rng=rng,
+        troubles=Troubles(), step=2 * np.pi / 2**bits, noise=0.0, rng=rng, steps=FINE,
     )  # fmt: skip
 
 
@@ -122,17 +123,19 @@ def _strokes(N, period, rng):
     return np.concatenate(found)[:N]
 
 
-def _logged(values, masses, reference, gains, *, period, f_c, top, troubles, step, noise, rng):
+def _logged(
+    values, masses, reference, gains, *, period, f_c, top, troubles, step, noise, rng, steps=STEPS
+):
     A, B, motor = _matrices(masses, values)
-    h = period / STEPS
-    whole, fine = (_stepped(A, B, values["k_T"], part) for part in (h, h / STEPS))
+    h = period / steps
+    whole, fine = (_stepped(A, B, values["k_T"], part) for part in (h, h / steps))
     t = troubles
     shape = np.array(
         [f_c, values["f_m"], t.hump, top / 50, t.ripple, 2 * np.pi / t.pitch, t.phase, t.sided,
          t.offset, t.gravity, h]
     )  # fmt: skip
     seen = noise * rng.standard_normal(len(reference))
-    u, angle = _driven(whole, fine, motor, reference, gains, period, shape, step, seen)
+    u, angle = _driven(whole, fine, motor, reference, gains, period, shape, step, seen, steps)
     increment = np.diff(angle, prepend=angle[0]) / period
     return Record(
         time=period * np.arange(len(u)), torque=u, angle=angle, increment=increment,
@@ -141,7 +144,7 @@ def _logged(values, masses, reference, gains, *, period, f_c, top, troubles, ste
 
 
 @njit
-def _driven(whole, fine, motor, reference, gains, period, shape, step, seen):  # noqa: PLR0917
+def _driven(whole, fine, motor, reference, gains, period, shape, step, seen, steps):  # noqa: PLR0917
     N, x = len(reference), np.zeros(len(whole[1]))
     x[-1] = reference[0]
     u, angle = np.zeros(N), np.zeros(N)
@@ -156,11 +159,11 @@ def _driven(whole, fine, motor, reference, gains, period, shape, step, seen):  #
         wanted = (reference[k] - target) / period
         target = reference[k]
         u[k] = gains[0] * (reference[k] - measured) + gains[1] * (wanted - slope)
-        for _ in range(STEPS):
+        for _ in range(steps):
             after = _step(whole, motor, x, u[k], shape)
             if x[motor] * after[motor] <= 0:  # friction turns over: when, matters
                 after = x
-                for _ in range(STEPS):
+                for _ in range(steps):
                     after = _step(fine, motor, after, u[k], shape)
             x = after
     return u, angle

@@ -30,7 +30,6 @@ FULL = "no space left"  # as every system says it
 COMMANDS: dict[str, Words] = {
     "simulate": ("simulate", "fm_step-v1", "-o", "DISK/rec.nc"),
     "simulate --as-log csv": ("simulate", "fm_step-v1", "--as-log", "csv", "-o", "DISK/log.csv"),
-    "simulate --as-log h5": ("simulate", "fm_step-v1", "--as-log", "h5", "-o", "DISK/log.h5"),
     "estimate": ("estimate", "HERE/rec.nc", "--estimator", "rpem-forgetting", "-o", "DISK/e.nc"),
     "run": ("run", "fm_step-v1", "--estimator", "rpem-forgetting", *FEW, "-o", "DISK/run"),
     "study": ("study", "HERE/study.toml", "--jobs", "1", "-o", "DISK/study"),

@@ -138,10 +138,10 @@ def bench(seeds, seconds):
         print("no bench data: FLEXAXIS_FDITOOLS names MultisineTypeA.mat of FdiTools")
         return
     for kind in ("held", "smooth", None):
+        record = read_any(data, MAP | ({} if kind is None else {"torque_is": kind}))
         for corner in (None, 5.0):
-            stated = {} if kind is None else {"torque_is": kind}
-            record = read_any(data, MAP | stated, highpass=corner)
-            row(f"bench, {kind}, high-pass {corner}", record, find_axis("two_mass"), BENCH)
+            title, axis = f"bench, {kind}, high-pass {corner}", find_axis("two_mass")
+            row(title, record, axis, BENCH, highpass=corner)
 
 
 def rails(seeds, seconds):

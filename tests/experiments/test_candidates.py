@@ -16,8 +16,10 @@ from flexaxis.experiments.logs.identification.candidates import (
     answer,
     better,
     candidates_of,
+    deviations_of,
     errors_of,
     held_out,
+    repeats,
     tried,
 )
 from flexaxis.experiments.logs.identification.identify import identify
@@ -77,6 +79,27 @@ def test_errors_are_those_of_what_was_held_out(candidates):
     squares = errors_of(best.setup, replace(best.fitted, residual=residual), held)
     np.testing.assert_allclose(squares, 9.0)
     assert len(squares) == 30
+
+
+@pytest.mark.parametrize(("periods", "factor"), [(1, 1.0), (2, np.sqrt(2)), (5, np.sqrt(5))])
+def test_errors_that_repeat_tell_nothing_new(candidates, periods, factor):
+    """N samples of a motion of P periods are as good as N/P."""
+    white = np.tile(np.random.default_rng(periods).standard_normal(4000 // periods), periods)
+    fitted = replace(candidates[0].fitted, white=white, good=np.ones(len(white), bool))
+    assert repeats(fitted) == pytest.approx(factor, rel=0.05)
+    gap = np.arange(len(white)) % 1000 > 50  # what is missing does not count
+    assert repeats(replace(fitted, good=gap)) == pytest.approx(factor, rel=0.1)
+
+
+def test_a_loop_is_no_surer_than_one_of_its_periods():
+    """An encoder makes the same errors in each period of a periodic motion, of 10 s."""
+    record = loop(1, 13, 0, 0)
+    setup = Setup(
+        log_of(record, find_axis("one_mass")), find_axis("one_mass").model, ("J_m", "f_m")
+    )
+    fitted = setup.solve(np.array([VALUES[1]["J_m"], VALUES[1]["f_m"]]))
+    claimed = deviations_of(setup, fitted)[:2]
+    assert np.all(claimed > 1.3 * fitted.deviations[:2])  # √2, once it goes in its circle
 
 
 def test_better_is_beyond_chance_and_worth_it():

@@ -134,7 +134,7 @@ STARTERS = {
     "experiments/board/sandbox.py": "the process of a case isolated, -I",
     "experiments/building/programs.py": "programs of a user, with their own variables",
     "experiments/demo/movie.py": "ffmpeg",
-    "experiments/logs/reading/apart.py": "readers of logs, -P",
+    "experiments/logs/reading/mat_file.py": "reads MAT files, -P",
     "experiments/running/processes.py": "workers, in safe_path",
     "sim/hdf5_apart.py": "reads HDF5 files, -P",
 }

@@ -30,8 +30,9 @@ def test_hostile_logs(case, tmp_path, capsys):
     before = log.read_bytes() if log.is_file() else b""
     status, _, err = answer(capsys, "import", log, *hostile.words, "-o", tmp_path / "rec.nc")
     assert status == 2, err
+    said = err.replace(str(tmp_path), "")  # which is called after the case
     for word in hostile.says:
-        assert word in err
+        assert word in said
     assert len(err) < 2000
     assert {path.name for path in tmp_path.iterdir()} == {hostile.name}
     assert not log.is_file() or log.read_bytes() == before

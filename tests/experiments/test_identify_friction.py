@@ -12,12 +12,9 @@ from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identification.friction import guessed_level
 from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.identification.validate import Fit, validate
 from flexaxis.experiments.logs.identification.verdict import _bounds, _restless
-from flexaxis.experiments.logs.importing import _as_imported
-from flexaxis.experiments.logs.options import with_forgetting
 from flexaxis.experiments.logs.track import track
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -64,13 +61,6 @@ def test_a_linear_axis_gets_no_law():
     assert "not taken" in " ".join(each.text for each in found.findings)
 
 
-def test_the_guess_of_the_level_needs_no_model(record):
-    level = guessed_level(record.torque, record.speed, period=record.period)
-    assert level == pytest.approx(F_C, rel=0.3)
-    linear = log(1, 0, "moves", seed=0, seconds=20.0)
-    assert guessed_level(linear.torque, linear.speed, period=linear.period) < 0.2 * F_C
-
-
 def test_a_validation_on_another_log_fits_with_the_law_alone(found, record):
     other = log(1, 10, "multisine", seed=1, seconds=20.0)
     good = validate(other, found.axis)
@@ -108,35 +98,9 @@ def test_what_identify_wrote_is_where_track_begins(record, found, tmp_path, caps
     assert "glr" in capsys.readouterr().err
 
 
-def test_friction_needs_the_motion_as_it_was(record):
-    filtered = replace(record, versions={"highpass": "5"})
-    with pytest.raises(LogError, match="slow motion was filtered away"):
-        identify(filtered, find_axis("one_mass"), friction="coulomb")
+def test_a_law_that_there_is_not_is_refused(record):
     with pytest.raises(LogError, match="one of auto, none"):
         identify(record, find_axis("one_mass"), friction="dry")
-
-
-@pytest.mark.parametrize(
-    ("text", "period", "factor"),
-    [("1 s", 0.005, 0.995), ("500ms", 0.001, 0.998), ("0.99", 0.005, 0.99)],
-)
-def test_forgetting_is_a_time_or_a_factor(text, period, factor):
-    spec = with_forgetting(parse("rpem-forgetting"), text, period)
-    assert spec.options["forgetting"] == pytest.approx(factor)
-
-
-@pytest.mark.parametrize("text", ["1", "1 ms", "0 s", "soon", "-1 s"])
-def test_forgetting_that_cannot_be(text):
-    with pytest.raises(LogError, match="'1 s'"):
-        with_forgetting(parse("rpem-forgetting"), text, 0.005)
-
-
-def test_a_log_without_slow_motion_says_that_friction_was_not_looked_for(record, tmp_path, capsys):
-    path = tmp_path / "rec.nc"
-    _as_imported(record, {"highpass": 0.5}).save(path)
-    words = ["identify", str(path), "--model", "one_mass", "-o", str(tmp_path / "axis.toml")]
-    assert main(words) == 1
-    assert "friction was not looked for" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -106,7 +106,6 @@ def test_a_tracked_log_says_first_what_changed():
     )
     estimates = page.charts[0]
     assert estimates.marks == [(8.0, "f_m +50.0 %"), (8.2, "alarm")]
-    assert estimates.windows[0] == ("at the change", 7.0, 13.0)
     line, nominal = estimates.panels[0].lines
     assert line.who == "ekf" and nominal.role == "bound"
     np.testing.assert_allclose(line.high - line.y, 0.2 * line.y)  # ±2σ

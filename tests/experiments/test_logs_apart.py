@@ -3,7 +3,6 @@
 import os
 import sys
 import tempfile
-from datetime import datetime
 from pathlib import Path
 
 import h5py
@@ -13,9 +12,8 @@ import scipy.io
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.reading import apart, hdf5_file, mat_file
+from flexaxis.experiments.logs.reading import mat_file
 from flexaxis.experiments.logs.reading.log import columns_of, open_log
-from flexaxis.experiments.logs.trend.covariates import begun
 
 N = 2000
 TIME = np.arange(N) / 200
@@ -25,8 +23,8 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="signals and limits d
 # What becomes of a process when it reads, instead of what broken bytes would make of it.
 ENDS = {
     "crash": "os.kill(os.getpid(), signal.SIGSEGV)",
-    "memory": f"[numpy.empty(1 << 27) for _ in range({apart.MEMORY >> 30})]",  # none is touched
-    "file": f"given[0].truncate({apart.MEMORY} + 1)",
+    "memory": f"[numpy.empty(1 << 27) for _ in range({mat_file.MEMORY >> 30})]",  # none is touched
+    "file": f"given[0].truncate({mat_file.MEMORY} + 1)",
     "hang": "time.sleep(600)",
     "leave": "os._exit(3)",
 }
@@ -35,7 +33,7 @@ SAYS = {
     "memory": "takes more than the 8 GB of memory",
     "file": "no room for its columns",
     "hang": "not read within 1 s",
-    "leave": "reading it ended with status 3",
+    "leave": "reading it was ended with status 3",
 }
 PLANTED = """
 import os, signal, sys, time
@@ -99,34 +97,34 @@ def temporary(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def plant(log, tmp_path, monkeypatch):
-    """Let the process that reads a log come to an end as soon as it reads or writes."""
-    module, place = "hdf5_file", "h5py.File"
-    if log.name == "log.mat":
-        module, place = "mat_file", "scipy.io.loadmat"
-    module = f"flexaxis.experiments.logs.reading.{module}"
+def plant(tmp_path, monkeypatch):
+    """Let the process that reads a MAT file come to an end as soon as it reads or writes.
+
+    That of HDF5 is tried by tests/sim/test_hdf5_apart.py.
+    """
     folder = tmp_path / "planted"
     folder.mkdir()
 
     def planted(end):
-        at = "numpy.save" if end == "file" else place
-        text = PLANTED.format(module=module, place=at, end=ENDS[end])
+        at = "numpy.save" if end == "file" else "scipy.io.loadmat"
+        text = PLANTED.format(module=mat_file.MODULE, place=at, end=ENDS[end])
         (folder / "sitecustomize.py").write_text(text)
         monkeypatch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
-        monkeypatch.setattr(apart, "PATIENCE", 1.0 if end == "hang" else apart.PATIENCE)
+        monkeypatch.setattr(mat_file, "PATIENCE", 1.0 if end == "hang" else mat_file.PATIENCE)
 
     return planted
 
 
 @linux
 @pytest.mark.parametrize("end", ENDS)
-def test_whatever_ends_it_is_one_line(end, log, plant, temporary, capsys):
+def test_whatever_ends_it_is_one_line(end, tmp_path, plant, temporary, capsys):
     plant(end)
-    out = log.with_name("rec.nc")
+    log, out = tmp_path / "log.mat", tmp_path / "rec.nc"
+    mat(log)
     words = ["--torque", "torque", "--speed", "speed", "-o", str(out)]
     assert main(["import", str(log), *words]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert SAYS[end] in line and str(log) in line
+    assert SAYS[end] in line and line.count(str(log)) == 1 and "lost" not in line
     assert not out.exists() and not any(temporary.iterdir())
 
 
@@ -164,20 +162,6 @@ def test_every_kind_of_number_and_place(tmp_path):
         np.testing.assert_array_equal(values, expected[name])
 
 
-def test_only_what_is_wanted_is_carried(tmp_path, temporary, monkeypatch):
-    path = tmp_path / "log.h5"
-    hdf5(path)
-    with h5py.File(path, "a") as file:
-        file["others"] = np.zeros((100_000, 60))  # 48 MB
-    sizes = []
-    original = np.load
-    monkeypatch.setattr(
-        np, "load", lambda file: [sizes.append(os.fstat(file.fileno()).st_size), original(file)][1]
-    )
-    open_log(path).load(["torque", "others[7]"])
-    assert sizes == [8 * N + 8 * 100_000 + 2 * 128] * 2  # numbers, and a head for each column
-
-
 def test_a_thousand_names_are_no_command_line(tmp_path):
     """One word of it may have 128 kB, and all of them 2 MB."""
     path = tmp_path / "log.h5"
@@ -188,40 +172,21 @@ def test_a_thousand_names_are_no_command_line(tmp_path):
     assert len(found) == 3000 and all(int(name) == values[0] for name, values in found.items())
 
 
-def test_dates_come_from_elsewhere(tmp_path, monkeypatch):
+def test_a_long_unit_is_cut(tmp_path):
+    """The memory of what reads them has an end, and so has what it hands on."""
     path = tmp_path / "log.h5"
     hdf5(path)
     with h5py.File(path, "a") as file:
-        file.attrs["Date"] = "2026-02-03 04:05:06"
-        file.attrs["other"] = "2020-01-01"
-        file.attrs["start"] = 1.7e9
-    monkeypatch.setattr(h5py, "File", None)
-    assert begun(path) == datetime(2026, 2, 3, 4, 5, 6)
-    assert hdf5_file.texts_of(path, ["start", "none"]) == ["1700000000.000000"]
-    path.write_bytes(path.read_bytes()[:200])
-    assert begun(path) is None
-    with pytest.raises(LogError, match="no HDF5 file, or a broken one"):
-        hdf5_file.texts_of(path, ["date"])
-
-
-def test_long_texts_are_cut(tmp_path):
-    """The memory of what reads them has an end, and so has what it hands on."""
-    ours, theirs = tmp_path / "log.mat", tmp_path / "log.h5"
-    scipy.io.savemat(ours, {"date": "x" * 100_000})
-    hdf5(theirs)
-    with h5py.File(theirs, "a") as file:
-        file.attrs["date"] = file["time"].attrs["units"] = "x" * 50_000
-    assert mat_file.texts_of(ours, ["date"]) == hdf5_file.texts_of(theirs, ["date"]) == ["x" * 4096]
-    assert open_log(theirs).units == {"time": "x" * 4096}
+        file["time"].attrs["units"] = "x" * 50_000
+    assert open_log(path).units == {"time": "x" * 4096}
 
 
 def test_no_room_for_columns(tmp_path, monkeypatch):
-    path = tmp_path / "log.h5"
-    hdf5(path)
-    log = open_log(path)
+    path = tmp_path / "log.mat"
+    mat(path)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
-    with pytest.raises(LogError, match=r"log\.h5: lost in the folder for temporary files"):
-        log.load(["time"])
+    with pytest.raises(LogError, match=r"log\.mat: lost in the folder for temporary files"):
+        open_log(path)
 
 
 def test_a_log_that_is_gone(tmp_path):

@@ -37,9 +37,9 @@ def identified(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bench")
     (folder / "map.toml").write_text(MAP, encoding="utf-8")
     rec, axis = folder / "rec.nc", folder / "axis.toml"
-    words = ["--map", folder / "map.toml", "--highpass", 5, "-o", rec]
+    words = ["--map", folder / "map.toml", "-o", rec]
     assert main([str(w) for w in ("import", DATA, *words)]) == 0
-    linear = ("--model", "two_mass", "--friction", "none")  # of a log without its slow motion
+    linear = ("--model", "two_mass", "--friction", "none")
     assert main([str(w) for w in ("identify", rec, *linear, "-o", axis)]) == 0
     return rec, axis
 

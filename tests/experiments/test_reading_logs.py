@@ -255,9 +255,8 @@ def test_irregular_stamps_are_resampled_with_a_warning(tmp_path):
 def test_what_was_stated_is_kept_with_the_record(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(table(), encoding="utf-8")
-    told = import_log(path, {"torque_is": "smooth"}, highpass=5.0).record.versions
+    told = import_log(path, {"torque_is": "smooth"}).record.versions
     assert told["torque"] == "smooth" and told["torque_because"].startswith("as stated")
-    assert told["highpass"] == "5"
     guessed = import_log(path, {}).record.versions
     assert guessed["torque"] == "held" and not guessed["torque_because"].startswith("as stated")
 

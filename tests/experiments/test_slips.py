@@ -10,8 +10,9 @@ import flexaxis as fx
 from flexaxis.estimators.offline.colour import colourless
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.identification.identify import LOWEST
 from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
-from flexaxis.experiments.logs.prepare import LOWEST, highpass_filter, prepare
+from flexaxis.experiments.logs.prepare import prepare
 from flexaxis.experiments.logs.reading.log import Log
 from flexaxis.experiments.running import seeds
 from flexaxis.experiments.running.plan import make_plan
@@ -118,12 +119,6 @@ def test_of_a_study_whose_parts_are_not_too_large():
         make_plan(large)
 
 
-@pytest.mark.parametrize("corner", [-1.0, 0.0, 1e-300, 100.0, 1e9, float("nan")])
-def test_of_a_high_pass(corner):
-    with pytest.raises(LogError, match="give a corner below half the rate, 100 Hz"):
-        highpass_filter(corner, 0.005)
-
-
 def test_the_lowest_high_pass_can_be_computed():
     """What is left after some thousand samples of a constant is the constant, almost."""
     found = colourless(LOWEST / 0.005, 0.005).high(np.ones(5000))
@@ -148,4 +143,4 @@ def test_of_a_torque_that_no_one_could_measure():
     values = {"u": np.array([1e-320, 3e-320, 0.0]), "phi": np.array([0.0, 1.0, 2.0])}
     log = Log("log.csv", ("u", "phi"), lambda names, strict=True: {n: values[n] for n in names})
     with pytest.raises(LogError, match=r"column 'u' is never more than 3e-320"):
-        pick(log, LogMap({"torque": "u", "angle": "phi"}, rate=100.0))
+        pick(log, LogMap(torque="u", angle="phi", rate=100.0))

@@ -65,7 +65,7 @@ def test_a_torque_in_another_unit_or_sign_is_status_1(tmp_path, capsys, times, s
     assert status == 1
     assert told["doubts"] and said in " ".join(told["doubts"])
     page = (tmp_path / "log-track.html").read_text(encoding="utf-8")
-    assert ("the log: dead time" in page) == (times < 0)  # what import says of it
+    assert ("the log: signs of torque" in page) == (times < 0)  # what import says of it
     assert page.count("<h2>Estimates</h2>") == 1 and "no parameter changed" not in page
 
 

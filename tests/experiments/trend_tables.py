@@ -48,7 +48,7 @@ def logs_of(folder, scenario, wear, seed):
             if day.number <= days.from_day and before.exists():
                 shutil.copy(before, path)
             else:
-                write_day(here, scenario, day, seed=seed, suffix="csv", style=STYLE)
+                write_day(here, scenario, day, seed=seed, style=STYLE)
         paths.append(path)
     return paths
 

@@ -2,7 +2,6 @@
 
 import contextlib
 import functools
-import importlib
 import io
 import json
 import os
@@ -24,7 +23,8 @@ import documents
 
 from flexaxis.experiments import cli
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.reading import apart
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.reading import mat_file
 
 SECONDS = 10.0  # an answer to bad input takes no longer, waiting for a free processor aside
 MEMORY = 1 << 30  # bytes, by which the process may grow
@@ -173,17 +173,17 @@ def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> s
 def forks() -> contextlib.AbstractContextManager[Any]:
     """Let files be read in forks of this process, which need not import SciPy or HDF5 again."""
     known = mock.Mock(wraps=subprocess, run=_forked, TimeoutExpired=subprocess.TimeoutExpired)
-    return mock.patch.object(apart, "subprocess", known)
+    return mock.patch.object(mat_file, "subprocess", known)
 
 
-def _forked(command: Sequence[str], *, input: bytes, **_: Any) -> Any:
+def _forked(command: Sequence[str], **_: Any) -> Any:
     """Do what `python -P -m MODULE …` does; it may take its process along, as there."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         child = os.fork()
         if not child:
             os.dup2(out.fileno(), 1)
             os.dup2(err.fileno(), 2)
-            os._exit(_answered(*command[3:], json.loads(input)))
+            os._exit(_answered(*command[4:]))
         try:
             status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         except BaseException:  # time is over
@@ -194,12 +194,11 @@ def _forked(command: Sequence[str], *, input: bytes, **_: Any) -> Any:
     return subprocess.CompletedProcess(list(command), status, *said)
 
 
-def _answered(module: str, what: str, path: str, words: Sequence[Any]) -> int:
+def _answered(path: str, kept: str) -> int:
     """Read a file as the process of its own does; return the exit status."""
     try:
-        answers = importlib.import_module(module).ANSWERS
-        os.write(1, apart.answer(answers, what, path, words).encode())
-    except SystemExit as error:
+        os.write(1, json.dumps(mat_file.keep(path, kept)).encode())
+    except LogError as error:
         os.write(2, str(error).encode(errors="replace"))
         return 1
     except BaseException:  # what the process would show of it ends in its last line

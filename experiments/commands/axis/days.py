@@ -69,7 +69,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="of a test motion; default: 20 s",
     )
-    parser.add_argument("--as-log", choices=("csv", "mat", "h5"), default="csv", help="as what")
     parser.add_argument(
         "--seed", type=at_most(SEED), default=0, help="number of the set (default 0)"
     )
@@ -83,8 +82,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.logs.days import Days, without_faults, write_days
 
-    if args.no_header:
-        raise LogError("--no-header: daily logs have a column temp, which needs its name")
     days = Days(
         days=args.days,
         wear=_parts("wear", args.wear),
@@ -95,9 +92,7 @@ def main(args: argparse.Namespace) -> int:
     )
     scenario = without_faults(find_scenario(args.scenario), args.duration)
     with progress(f"{args.days} days", args.days) as advance:
-        for _ in write_days(
-            args.output, scenario, days, seed=args.seed, suffix=args.as_log, style=style_of(args)
-        ):
+        for _ in write_days(args.output, scenario, days, seed=args.seed, style=style_of(args)):
             advance(1)
     model = args.output / "axis.toml"
     if args.json:

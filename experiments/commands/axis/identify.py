@@ -77,6 +77,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="a torque by sine and cosine of the angle; default auto: where the log shows it",
     )
     parser.add_argument(
+        "--highpass", type=float, metavar="HZ",
+        help="residuals below this do not count; default: found from the log",
+    )  # fmt: skip
+    parser.add_argument(
         "--validate",
         type=Path,
         metavar="OTHER.nc",
@@ -162,13 +166,12 @@ def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], di
 def _read(path: Path, args: argparse.Namespace) -> Record:
     """Return a log as a record, and say what is wrong with it but for what is done about it."""
     from flexaxis.experiments.logs.files import is_record
-    from flexaxis.experiments.logs.importing import ON_RECORDS, import_any
+    from flexaxis.experiments.logs.importing import import_any
 
     tables = tables_of(args)
     if is_record(path) and not all(map(is_record, filter(None, (args.log, args.validate)))):
-        tables = {key: tables[key] for key in tables if key in ON_RECORDS}  # of the other one
-    # laws hold for signals as they are: residuals are filtered and not the log
+        tables = {}  # they are of the other one
     with waiting(f"reading {path.name}"):
-        found = import_any(path, tables, **treatment(args) | {"highpass": None})
+        found = import_any(path, tables, **treatment(args))
     say_problems(path, found.checks, met=() if args.friction == "none" else ("dry friction",))
     return found.record

@@ -4,11 +4,11 @@ LOG is a table of text, MAT (all versions), HDF5, NetCDF or parquet. The report 
 before any estimator runs, and what to type against it: time stamps and gaps, wrapping, clipping,
 clocks, units, outliers, the kind of torque, dead time and signs, dry friction; and, with --model,
 which parameters that excitation can see. A record that flexaxis wrote is imported already: it is
-looked at as it is, and takes --highpass, --burn-in and --torque-is smooth.
+looked at as it is, and takes --burn-in.
 
 example:
   flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
-  flexaxis import bench.mat --map bench.toml --highpass 5 --model two_mass -o rec.nc
+  flexaxis import bench.mat --map bench.toml --model two_mass -o rec.nc
 """
 
 from __future__ import annotations
@@ -51,13 +51,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
     from flexaxis.experiments.logs.axis_file import find_axis
+    from flexaxis.experiments.logs.doubts import doubts_of
     from flexaxis.experiments.logs.files import (
         is_record,
         record_beside,
         require_suffix,
         spare_foreign,
     )
-    from flexaxis.experiments.logs.importing import import_log, look_again
+    from flexaxis.experiments.logs.importing import Imported, import_any, import_log
     from flexaxis.experiments.logs.pages.import_page import import_page
     from flexaxis.experiments.logs.pages.page import write_page
 
@@ -69,7 +70,9 @@ def main(args: argparse.Namespace) -> int:
     axis = find_axis(args.model) if args.model else None
     already, tables, treated = is_record(args.log), tables_of(args), treatment(args)
     with waiting(f"importing {args.log.name}"):
-        found = (look_again if already else import_log)(args.log, tables, **treated)
+        found = (import_any if already else import_log)(args.log, tables, **treated)
+        if already:
+            found = Imported(found.record, doubts_of(found.record))
         seen, hidden = _visible(found.record, axis) if axis else ({}, "")
     same = already and not (args.output or tables or any(v is not None for v in treated.values()))
     record = args.log if same else path

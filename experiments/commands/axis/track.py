@@ -7,7 +7,7 @@ unit or sign, or another axis.
 
 example:
   flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k
-  flexaxis track rec.nc --model axis.toml --identify k --estimator rpem-forgetting --forgetting 1s
+  flexaxis track rec.nc --model axis.toml --identify k --estimator rpem-forgetting[forgetting=.999]
   flexaxis track rec.nc --model axis.toml --identify f_m --estimator glr
   flexaxis track rec.nc --model axis.toml --identify k_T --start 1.2 --json
 """
@@ -50,9 +50,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="default: ekf, or glr where the axis has laws",
     )
     parser.add_argument(
-        "--forgetting", metavar="TIME|λ", help="of the estimator: such as '1 s', or 0.995"
-    )
-    parser.add_argument(
         "--start", type=float, default=1.0, metavar="F", help="θ(0) over nominal; default 1"
     )
     add_output(parser, "EST.nc", "default: LOG-track.nc")
@@ -66,7 +63,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.files import require_suffix, spare_foreign
     from flexaxis.experiments.logs.importing import import_any
-    from flexaxis.experiments.logs.options import with_forgetting
     from flexaxis.experiments.logs.pages.page import write_page
     from flexaxis.experiments.logs.pages.track_page import content, track_page
     from flexaxis.experiments.logs.track import (
@@ -95,8 +91,6 @@ def main(args: argparse.Namespace) -> int:
     record = log.record
     names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
     spec = parse(args.estimator or default_estimator(axis))
-    if args.forgetting is not None:
-        spec = with_forgetting(spec, args.forgetting, record.period)
     with waiting(f"tracking {', '.join(names)}"):
         found = track(record, axis, spec, identify=names, start=args.start)
     save(found, path, estimator=spec.text)

@@ -6,7 +6,7 @@ coarse and as full of gaps as you like; a log to practise `import` and `identify
 example:
   flexaxis simulate fm_step-v1 --seed 0 -o rec.nc
   flexaxis simulate coulomb_fm_step-v1 --as-log csv --units deg,A,ms --counts 65536 -o log.csv
-  flexaxis simulate moves_fm_step-v1 --as-log mat --no-header --jitter 2e-4 --gaps 3 -o log.mat
+  flexaxis simulate moves_fm_step-v1 --as-log csv --jitter 2e-4 --gaps 3 -o log.csv
 """
 
 from __future__ import annotations
@@ -37,9 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--seed", type=at_most(SEED), default=0, help="number of the run (default 0)"
     )
     add_output(parser, "FILE", "default: SCENARIO-SEED.nc")
-    parser.add_argument(
-        "--as-log", choices=("csv", "mat", "h5"), help="write what a robot would log, as this"
-    )
+    parser.add_argument("--as-log", choices=("csv",), help="write what a robot would log, as this")
     add_json(parser)
     add_style_options(parser)
 
@@ -57,7 +55,7 @@ def main(args: argparse.Namespace) -> int:
     if args.as_log and path.suffix != f".{suffix}":
         raise LogError(f"-o {path}: a log as {suffix} ends in .{suffix}")
     if style_given := [w for w in args.words if w.partition("=")[0] in _STYLE and not args.as_log]:
-        raise LogError(f"{style_given[0]} is for a log: add --as-log csv, mat or h5")
+        raise LogError(f"{style_given[0]} is for a log: add --as-log csv")
     spare([args.scenario], path)
     spare_foreign(path)
     with progress(f"simulating {scenario.name}", 1.0) as advance:
@@ -83,20 +81,16 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-_STYLE = (
-    "--units", "--scale", "--no-header", "--decimal-comma", "--jitter", "--gaps", "--counts",
-    "--torque-step", "--offset",
-)  # fmt: skip
+_STYLE = ("--units", "--jitter", "--gaps", "--counts")
 
 
 def _write_log(record: Record, path: Path, args: argparse.Namespace) -> str:
     """Write a record as a log, and return the line that imports it."""
     import shlex
 
-    from flexaxis.experiments.logs.as_log import import_words, logged, write_log
+    from flexaxis.experiments.logs.as_log import logged, write_log
     from flexaxis.sim.streams import stream
 
     style = style_of(args)
-    columns = logged(record, style, stream(record.hash, args.seed, "log"))
-    write_log(path, columns, style)
-    return shlex.join(import_words(path, list(columns), style))
+    write_log(path, logged(record, style, stream(record.hash, args.seed, "log")), style)
+    return shlex.join(["flexaxis", "import", str(path), "--torque-is", "held"])

@@ -15,7 +15,7 @@ SAMPLED = (
     sampled.units,
     moved.outliers_of,
 )
-MOVED = (torque_kind.look, moved.dead_time, moved.dry_friction)
+MOVED = (torque_kind.look, moved.sign, moved.dry_friction)
 """Looks at how the torque moves the axis, which outliers hide."""
 
 

@@ -71,7 +71,7 @@ class Evidence:
         return np.ones(len(self.time), bool) if valid is None else valid
 
     def told(self, key: str) -> str:
-        """Return what the record keeps of its import: ``torque``, ``highpass``, …; or nothing."""
+        """Return what the record keeps of its import, such as ``torque``; or nothing."""
         return str(self.record.versions.get(key, ""))
 
     @property
@@ -86,17 +86,12 @@ class Evidence:
 
     @cached_property
     def spectra(self) -> Spectra:
-        """Averaged spectra over pieces of 4 s, or half the log; those without a gap, if any are."""
+        """Averaged spectra over pieces of 4 s, or half the log, of its longest run."""
         length = min(len(self.time) // 2, round(SEGMENT / self.period))
         edges = np.flatnonzero(np.diff(np.r_[False, self.usable, False].astype(int)))
-        runs = [slice(*ends) for ends in edges.reshape(-1, 2) if ends[1] - ends[0] >= length]
-        parts, weights = [], []
-        for run in runs or [slice(None)]:
-            u, y = self.torque[run], self.speed[run]
-            parts.append(spectra(u, y, self.period, length=length))
-            weights.append(2 * len(u) // length - 1)  # pieces overlap by half
-        sides = zip(*(vars(part).values() for part in parts), strict=True)
-        return Spectra(*(np.average(each, axis=0, weights=weights) for each in sides))
+        begin, end = max(edges.reshape(-1, 2).tolist(), key=lambda run: run[1] - run[0])
+        run = slice(begin, end) if end - begin >= length else slice(None)
+        return spectra(self.torque[run], self.speed[run], self.period, length=length)
 
     @cached_property
     def step_speed(self) -> Array:

@@ -1,4 +1,4 @@
-"""How the torque moves an axis: outliers of the motion, dead time and signs, dry friction."""
+"""How the torque moves an axis: outliers of the motion, signs, dry friction."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from scipy.ndimage import median_filter
 from scipy.signal import butter, sosfiltfilt
 
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.pages.page import line, means, points, sketch
+from flexaxis.experiments.logs.findings import Finding, Kind
 from flexaxis.experiments.logs.prepare import unwrapped
-from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -22,11 +20,6 @@ USUAL = 95.0  # percentile: at most one sample in twenty is an outlier, or it is
 FAR = 10.0  # times the usual distance from the median of the window
 STEPS = 5.0  # times the usual move within a sample: an end stop is a turn of twice that
 SHOWN = 4  # times of outliers that are named
-SHIFTED, SMALL = 0.75, 0.25  # samples
-NEAR_WRAP = 2.0  # rad, from which on a phase may be one turn further
-FAST = 0.5  # rad that the fastest excitation turns by in a sample: below, a lead tells nothing
-FOLLOWS = 0.1  # correlation of what is new in motion and torque, by which a loop is closed
-EXACT = 1e-12  # of the variance of the motion: what is new in it is rounding
 ORDER = 8  # of the prediction of a torque: three masses need six
 FINE = 5.0  # samples to a period of the fastest excitation that are enough
 LONGEST = 100_000  # samples that are looked at, in the middle of the log
@@ -38,20 +31,25 @@ UNSEEN = 1e-6  # of the torque: what is left where all is predicted but for roun
 SLOW, OFTEN, PUSHED = 0.02, 8.0, 0.2  # of the rms speed; % of the samples; of the torque
 
 
-def outliers_of(e: Evidence) -> Finding | None:
+def outliers_of(e: Evidence) -> Finding:
     """Return samples of the motion that are far from those before and after them."""
-    if e.told("highpass") and e.raw is None:
-        return None  # a filter has spread them
-    source = e.record if e.raw is None else e.raw
+    source, usable = (e.record, e.usable) if e.raw is None else (e.raw, True)
     for name, unit in (("angle", "rad"), ("speed", "rad/s")):
         values = getattr(source, name)
         if values is None:
             continue
-        there = np.isfinite(values) & (e.usable if e.raw is None else True)
-        signal = values[there]
+        there = np.isfinite(values) & usable
+        time, signal = source.time[there], values[there]
         far = outliers(unwrapped(signal)[0] if name == "angle" else signal)
         if far.any():
-            return _outlying(name, unit, source.time[there], signal, far)
+            count, worst = int(far.sum()), np.abs(signal[far] - np.median(signal)).max()
+            at = ", ".join(f"{t:.6g}" for t in time[far][:SHOWN]) + " …" * (count > SHOWN)
+            text = (
+                f"the {name} jumps by up to {worst:.3g} {unit} and back within some samples, as no "
+                f"axis moves, at {at} s; that spoils all estimates, and what else is to be doubted "
+                "cannot be seen. Empty such cells of the log: what is missing is not used"
+            )
+            return Finding("problem", text, OUTLIERS, float(count), "samples")
     return Finding("ok", "none", OUTLIERS, 0.0, "samples")
 
 
@@ -78,115 +76,22 @@ def outliers(x: Array) -> Flags:
     return distance > max(FAR * usual, STEPS * step)
 
 
-def _outlying(name: str, unit: str, time: Array, signal: Array, far: Flags) -> Finding:
-    count, worst = int(far.sum()), float(np.abs(signal[far] - np.median(signal)).max())
-    at = ", ".join(f"{t:.6g}" for t in time[far][:SHOWN]) + (" …" if count > SHOWN else "")
-    text = (
-        f"the {name} jumps by up to {worst:.3g} {unit} and back within some samples, as no axis "
-        f"moves, at {at} s; that spoils all estimates, and what else is to be doubted cannot be "
-        "seen. Empty such cells of the log: what is missing is not used"
-    )
+def sign(e: Evidence) -> Finding:
+    """Return whether torque and motion have opposite signs.
 
-    def draw() -> Chart:
-        low, high = np.min(signal[~far]), np.max(signal[~far])
-        room = 0.2 * (high - low)  # outliers at the edges, or nothing else could be seen
-        shown = np.clip(signal[far], low - room, high + room)
-        out = points(time[far], shown, "outlier (at the edge: further out)")
-        return sketch("time [s]", f"{name} [{unit}]", line(time[~far], signal[~far]), out)
-
-    return Finding("problem", text, OUTLIERS, float(count), "samples", draw=draw)
-
-
-def dead_time(e: Evidence) -> Finding:
-    """Return by how much the motion lags its torque, and whether they have opposite signs."""
-    name, unit = "dead time from torque to angle", "samples"
-    found = lag_of(e)
-    if found is None:
-        return Finding("note", "not visible in this excitation", name)
-    lag, turn, opposite = found
-
-    def draw() -> Chart:
-        return _phase(e)
-
-    v = e.step_speed[e.usable]
-    if opposite and float(np.mean(e.torque[e.usable] * v)) < 0:  # friction takes power, never gives
+    At the lower end of the excitation an axis is inertia and friction: its acceleration leads the
+    torque by 0 to 90°, and friction takes power, and never gives it.
+    """
+    name, s = "signs of torque and motion", e.spectra
+    low, high = s.band
+    bottom = (s.frequency > 0) & (s.frequency >= low) & (s.frequency < low + 0.1 * (high - low))
+    faster = s.cross * (np.exp(2j * np.pi * s.frequency * e.period) - 1)
+    along = float((faster[bottom] * np.exp(-0.25j * np.pi)).sum().real)
+    power = float(np.mean((e.torque * e.step_speed)[e.usable]))
+    if along < 0 and power < 0:
         text = "torque and motion have opposite signs: turn one of them"
-        return Finding("problem", text, name, lag, unit, "--scale torque=-1", draw)
-    if in_loop(e):
-        text = "the torque follows the motion, as a controller has it: identify finds the delay"
-        return Finding("ok", text, name)
-    if opposite or (lag < -SMALL and turn < FAST):
-        return Finding("ok", "not seen: the excitation is too slow for it", name)
-    if abs(lag) > SHIFTED:
-        early = "the motor moves before its torque; " if lag < 0 else ""
-        text = f"{early}a shift of one sample ruins the estimates: let identify find the delay"
-        return Finding("problem", text, name, lag, unit, "flexaxis identify, without --delay", draw)
-    text = (
-        "less than a sample, but let identify find it" if abs(lag) > SMALL else "none to speak of"
-    )
-    return Finding("ok", text, name, lag, unit)
-
-
-def lag_of(e: Evidence) -> tuple[float, float, bool] | None:
-    """Return by how many samples the acceleration lags the torque; None if that is hidden.
-
-    From the phase of their cross-correlation at the upper end of the excitation, where the motor's
-    own inertia is all that counts; its friction and a mode beyond that end look like a fraction
-    of a sample. Friction and modes of any passive axis make the acceleration lead, never lag. With
-    it comes what the excitation there turns by in a sample [rad], and whether the lower end has
-    them opposed.
-    """
-    (low, high), f = e.spectra.band, e.spectra.frequency
-    tenth, cross = 0.1 * (high - low), _to_acceleration(e)
-    top, bottom = (f > high - tenth) & (f <= high), (f >= low) & (f < low + tenth) & (f > 0)
-    if not top.any() or not bottom.any():
-        return None
-    turn = 2 * np.pi * float(np.mean(f[top])) * e.period
-    phase = float(np.angle(cross[top].sum()))
-    if abs(phase) > NEAR_WRAP:  # half the frequency has half the phase, which tells the turn
-        middle = (f > high / 2 - tenth) & (f <= high / 2) & (f >= low)
-        double = 2 * float(np.angle(cross[middle].sum()))
-        phase += 2 * np.pi * round((double - phase) / (2 * np.pi))
-    # a torque over [t_k, t_{k+1}) changes the speed over that time, but the increments, which are
-    # means over a sample, half a sample later
-    late = 0.5 if e.incremental else 0.0
-    # at low frequencies an axis is inertia and friction: its acceleration leads by 0 to 90°
-    opposite = float((cross[bottom] * np.exp(-0.25j * np.pi)).sum().real) < 0
-    return -phase / turn - late, turn, opposite
-
-
-def _to_acceleration(e: Evidence) -> NDArray[np.complex128]:
-    """Return the cross-spectrum (M,) from torque to the difference of the speed to the next one."""
-    step = np.exp(2j * np.pi * e.spectra.frequency * e.period)
-    return e.spectra.cross * (step - 1)
-
-
-def in_loop(e: Evidence) -> bool:
-    """Return whether the torque follows the motion: what is new in the motion, the torque opposes.
-
-    A torque that nobody computes from the motion knows nothing of its noise; one that is logged
-    late, or is smooth, goes with it.
-    """
-    begin = max(len(e.time) // 2 - LONGEST // 2, 0)
-    u, y = (x[begin : begin + LONGEST] for x in (e.torque, e.speed))
-    inner = slice(ORDER + 1, len(u))
-    past = np.hstack([_lagged(x, 1, ORDER, inner) for x in (u, y)])
-    new_u, new_y = _rest(past, u[inner]), _rest(past, y[inner])
-    if new_y @ new_y < EXACT * (y @ y) or not new_u.any():
-        return False
-    alike = float(new_u @ new_y / np.sqrt((new_u @ new_u) * (new_y @ new_y)))
-    return alike < -max(FOLLOWS, 5 / np.sqrt(len(new_u)))
-
-
-def _phase(e: Evidence) -> Chart:
-    """Return the phase from torque to acceleration, and that of one sample."""
-    f, (low, high) = e.spectra.frequency, e.spectra.band
-    band = (f >= low) & (f <= high)
-    turn = 2 * np.pi * f[band] * e.period
-    late = np.exp(0.5j * turn) if e.incremental else 1.0
-    phase = np.degrees(np.angle(_to_acceleration(e)[band] * late))
-    due = line(f[band], -np.degrees(turn), "one sample late")
-    return sketch("frequency [Hz]", "torque to acceleration [°]", points(f[band], phase), due)
+        return Finding("problem", text, name, command="--scale torque=-1")
+    return Finding("ok", "the torque drives the motion", name)
 
 
 def dry_friction(e: Evidence) -> Finding | None:
@@ -223,9 +128,8 @@ def dry_friction(e: Evidence) -> Finding | None:
         )
         + ". A model without dry friction takes it for viscous friction, and f_m comes out too high"
     )
-    kind = "problem" if percent >= MUCH or stands >= OFTEN else "note"
-    command = "flexaxis identify … --friction auto"
-    return Finding(kind, text, name, percent, unit, command, lambda: _rubs(e, piece))  # type: ignore[arg-type]
+    kind: Kind = "problem" if percent >= MUCH or stands >= OFTEN else "note"
+    return Finding(kind, text, name, percent, unit, "flexaxis identify … --friction auto")
 
 
 def signs_of(
@@ -300,13 +204,3 @@ def _stands(e: Evidence) -> float:
     # what only holds a load is not meant, nor is a pause without torque
     slow &= np.abs(u - np.median(u)) > PUSHED * float(np.std(u))
     return 100 * float(slow.mean())
-
-
-def _rubs(e: Evidence, piece: slice) -> Chart:
-    """Return torque less the part for acceleration over speed, with where most of it is."""
-    u, v = e.torque[piece], e.step_speed[piece]
-    a = np.gradient(v, e.period)
-    rest = u - a * float(a @ (u - u.mean()) / (a @ a))
-    label = "mean of the log, and 10 … 90 % of it"
-    y = "torque less that for acceleration [as logged]"
-    return sketch("motor speed [rad/s]", y, means(v, rest, label), marks=[(0.0, "")])

@@ -1,4 +1,4 @@
-"""How a log was sampled: time stamps and gaps, wrapping, clipping, clocks, units."""
+"""How a log was sampled: stamps, gaps, wrapping, clipping, clocks, units; what cannot be."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-from flexaxis.experiments.logs.doubts.nonsense import FAST, SI, other_units, usual_speed
-from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.pages.page import LOG, line, points, sketch
-from flexaxis.experiments.reporting.charts import Chart, Line
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import Finding, Kind
+from flexaxis.experiments.logs.mapping import Raw
+from flexaxis.experiments.logs.prepare import unwrapped
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+SI = {"time": "s", "angle": "rad", "speed": "rad/s"}
+FAST = 2000.0  # rad/s, 19 000 rpm: motors of axes stay below, spindles do not
+ABSURD = 1e8  # times the usual; a converter of 24 bits has 1.7e7 steps
+FASTEST = 1e4  # rad/s, 95 000 rpm: above motor spindles for milling, sold up to some 60 000 rpm
 JITTER = 5.0  # % of a period
 MISSING = 20.0  # %: where so much is missing, what there is cannot be trusted either
 WRAPS = 0.35  # of a turn a sample: beyond half of one, the direction cannot be told
@@ -45,11 +49,9 @@ def time_stamps(e: Evidence) -> Finding:
             "only the stamps are late, give the rate in place of the time"
         )
         rate = f"--rate {1 / e.period:.6g}"
-        return Finding("note", text, name, missing, "% missing", rate, lambda: _steps(e))
-    if not missing:
-        return Finding("ok", text, name, 0.0, "% missing")
-    kind = "note" if missing < MISSING else "problem"
-    return Finding(kind, text, name, missing, "% missing", draw=lambda: _there(e))  # type: ignore[arg-type]
+        return Finding("note", text, name, missing, "% missing", rate)
+    kind: Kind = "problem" if missing >= MISSING else "note" if missing else "ok"
+    return Finding(kind, text, name, missing, "% missing")
 
 
 def _infinite(e: Evidence) -> str:
@@ -61,27 +63,11 @@ def _infinite(e: Evidence) -> str:
     )
 
 
-def _steps(e: Evidence) -> Chart:
-    """Return how long the samples were, by their stamps."""
-    assert e.raw is not None
-    steps, period = 1e3 * np.diff(e.raw.time), 1e3 * e.period
-    counts, edges = np.histogram(steps[steps < 3 * period], bins=60)
-    shown = Line(who=LOG, x=edges, y=np.append(counts, 0.0), kind="steps")
-    return sketch("from one stamp to the next [ms]", "samples", shown, marks=[(period, "period")])
-
-
-def _there(e: Evidence) -> Chart:
-    missing = ~e.usable
-    edges = np.unique(np.r_[0, np.flatnonzero(np.diff(missing)) + 1, len(missing) - 1])
-    steps = Line(who=LOG, x=np.asarray(e.time)[edges], y=1.0 * missing[edges], kind="steps")
-    return sketch("time [s]", "missing (1) or there (0) [-]", steps)
-
-
 def wrapping(e: Evidence) -> Finding | None:
     """Return where turns were added, and where it cannot be told how many."""
     if e.prepared is None or e.raw is None or e.raw.angle is None:
         return None
-    raw, name, wrap = e.raw.angle, "wrapping of the angle", e.prepared.wrap
+    name, wrap = "wrapping of the angle", e.prepared.wrap
     if not wrap.turn:
         return Finding("ok", "none: the angle is not confined to one turn", name, 0.0, "jumps")
     text = f"unwrapped at {wrap.jumps} samples, by {wrap.turn:.6g} rad each"
@@ -92,18 +78,13 @@ def wrapping(e: Evidence) -> Finding | None:
         "the direction is a guess: log the angle without wrapping or faster, or use the speed"
     )
     command = "--speed COLUMN in place of --angle"
-    first = max(int(np.argmax(np.abs(np.diff(raw)) > np.pi)) - 20, 0)
-    k = np.arange(len(raw))[first : first + 60]
-    return Finding(
-        "problem", text, name, float(wrap.jumps), "jumps", command,
-        lambda: sketch("sample", "angle as logged [rad]", line(k, raw[k], kind="both")),
-    )  # fmt: skip
+    return Finding("problem", text, name, float(wrap.jumps), "jumps", command)
 
 
 def clipping(e: Evidence) -> Finding | None:
     """Return whether the torque stands at its extreme value."""
-    if e.told("highpass") or (e.raw is None and e.smooth):
-        return None  # a filter has blurred what stood still
+    if e.raw is None and e.smooth:
+        return None  # means have blurred what stood still
     u = e.torque if e.raw is None else e.raw.torque
     u = u[np.isfinite(u)]
     name, stuck = "clipping of the torque", at_limit(u)
@@ -114,15 +95,7 @@ def clipping(e: Evidence) -> Finding | None:
         f"the torque stands at its limit, {np.abs(u).max():.4g}: harmless if that is what acted; "
         "if it is what was asked for, or the sensor's end, log what acted, or excite less"
     )
-    first = max(int(np.argmax(stuck)) - 100, 0)
-    k = np.arange(len(u))[first : first + 400]
-    at = points(k[stuck[k]], u[k][stuck[k]], "at its extreme")
-
-    def draw() -> Chart:
-        return sketch("sample", "torque [as logged]", line(k, u[k]), at)
-
-    kind = "note" if share < CLIPPED else "problem"
-    return Finding(kind, text, name, share, "%", draw=draw)  # type: ignore[arg-type]
+    return Finding("note" if share < CLIPPED else "problem", text, name, share, "%")
 
 
 def at_limit(u: Array) -> Flags:
@@ -150,12 +123,7 @@ def clocks(e: Evidence) -> Finding | None:
         "one clock, or bring the log to the slower rate"
     )
     command = f"--resample {1 / e.period / slowest:.6g}"
-    values = e.raw.angle if e.raw.angle is not None else np.asarray(e.raw.speed)
-    k = np.arange(len(values))[len(values) // 2 : len(values) // 2 + 60]
-    return Finding(
-        "problem", text, name, float(slowest), "samples", command,
-        lambda: sketch("sample", "motion [as logged]", line(k, values[k], kind="steps")),
-    )  # fmt: skip
+    return Finding("problem", text, name, float(slowest), "samples", command)
 
 
 def updates_every(values: Array) -> int:
@@ -213,3 +181,98 @@ def units(e: Evidence) -> Finding | None:
         "would be wrong by the factor of the unit. State them, in these units or others"
     )
     return Finding("note", text, "units", command=options)
+
+
+def refuse_nonsense(raw: Raw) -> None:
+    """Raise a LogError for signals that cannot be used or must be in another unit.
+
+    A unit that somebody stated, in the file or by an option, is believed where it can be.
+    """
+    for name in ("torque", "angle", "speed"):
+        values = getattr(raw, name)
+        if values is None:
+            continue
+        if not np.isfinite(values).any():
+            raise LogError(f"{name} holds no numbers in any of its {len(values)} samples")
+        if np.nanmax(values) == np.nanmin(values):
+            raise LogError(
+                f"{name} is constant, {np.nanmin(values):g} over all {len(values)} samples: the "
+                "wrong column, or an axis that stood still"
+            )
+    size = np.where(np.isfinite(raw.torque), np.abs(raw.torque), 0.0)  # what is not is missing
+    at, usual = int(np.argmax(size)), float(np.percentile(size, 99))
+    if usual > 0 and size[at] > ABSURD * usual:  # it would throw every estimator
+        raise LogError(
+            f"torque is {raw.torque[at]:.3g} at {raw.time[at]:.6g} s (sample {at}), and up to "
+            f"{usual:.3g} in 99 of 100 samples: that is no torque. Correct it, or cut the log there"
+        )
+    if raw.angle is not None and "angle" not in raw.stated:
+        _refuse_degrees(raw.angle)
+    if raw.speed is not None and raw.angle is not None:
+        _refuse_other_speed(raw)
+    step = float(np.median(np.diff(raw.time))) if len(raw.time) > 1 else 0.0
+    if step >= 1 and "time" not in raw.stated:
+        raise LogError(
+            f"time advances by {step:g} s a sample: is it in ms, us or ns? State it with "
+            "--unit time=us, or, if it is right, --unit time=s"
+        )
+    for name in ("angle", "speed"):
+        usual_of = usual_speed(raw, name)
+        if usual_of is not None and usual_of > FASTEST:
+            raise LogError(f"the motor would turn at {usual_of:.3g} rad/s: {other_units(name)}")
+
+
+def _refuse_degrees(angle: Array) -> None:
+    jumps = np.abs(np.diff(angle[np.isfinite(angle)]))
+    turns = jumps[(jumps > 300) & (jumps < 360.5)]
+    if len(turns) and turns.max() > 350:
+        raise LogError(
+            f"angle jumps by {turns.max():.4g} between samples, as an angle in degrees does that "
+            "wraps around: state it with --unit angle=deg (or rad, if that is what it is)"
+        )
+
+
+def _refuse_other_speed(raw: Raw) -> None:
+    """Compare the speed with the slope of the angle: their ratio tells a wrong unit."""
+    assert raw.angle is not None and raw.speed is not None
+    there = np.isfinite(raw.angle)
+    angle = raw.angle.copy()
+    angle[there] = unwrapped(angle[there])[0]
+    slope = np.gradient(angle, raw.time)
+    both = np.isfinite(slope) & np.isfinite(raw.speed)
+    ratio = float(slope[both] @ raw.speed[both] / (slope[both] @ slope[both]))
+    for unit, of, factor in (
+        ("rpm", "speed", 60 / (2 * np.pi)),
+        ("deg/s", "speed", 180 / np.pi),
+        ("rev/s", "speed", 0.159155),
+        ("deg", "angle", np.pi / 180),
+    ):
+        if abs(abs(ratio) / factor - 1) < 0.15:
+            raise LogError(
+                f"speed is {ratio:.3g} times the slope of the angle, as if the {of} were in "
+                f"{unit}: state it with --unit {of}={unit} (or is the other one in another unit?)"
+            )
+
+
+def usual_speed(raw: Raw, name: str) -> float | None:
+    """Return the speed [rad/s] below which a motor is for 95 % of a log, by its angle or speed.
+
+    None where there is no such signal, or somebody stated its unit.
+    """
+    values = getattr(raw, name)
+    if values is None or name in raw.stated:
+        return None
+    there = np.isfinite(values)
+    speed = values[there]
+    if name == "angle":
+        speed = np.diff(unwrapped(speed)[0]) / np.diff(raw.time[there])
+    return float(np.percentile(abs(speed), 95)) if len(speed) else None
+
+
+def other_units(name: str) -> str:
+    """Return a question for the unit of an angle or a speed, and how to state it."""
+    units = "deg or counts" if name == "angle" else "rpm or deg/s"
+    return (
+        f"is {name} in {units}? State it with --unit {name}=… or --scale {name}=FACTOR, or time "
+        f"with --unit time=…; if all is right, with --unit {name}={SI[name]}"
+    )

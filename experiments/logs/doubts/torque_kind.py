@@ -17,9 +17,7 @@ from scipy.signal import welch
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.findings import Kind as Weight
-from flexaxis.experiments.logs.pages.page import line, sketch
 from flexaxis.experiments.logs.spectra import spectra
-from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 Kind = Literal["held", "smooth"]
@@ -136,24 +134,4 @@ def look(e: Evidence) -> Finding:
     if unseen:
         text += f". If it is {_WORDS[other]}, say so: half a sample of delay depends on it"
     weight: Weight = "problem" if against else "note"
-    return Finding(weight, text, name, command=f"--torque-is {other}", draw=lambda: _draw(e))
-
-
-def _draw(e: Evidence) -> Chart:
-    """Return the spectra of the torque, and of the acceleration as a torque on the inertia."""
-    s, rate = e.spectra, 1 / e.period
-    seen = s.frequency > 0
-    turn = 2 * np.sin(np.pi * s.frequency[seen] * e.period) * rate  # of a difference
-    shaken = s.motion[seen] * turn**2
-    band = s.torque[seen] > 0.01 * s.torque.max()
-    ratio = float(np.median(s.torque[seen][band] / shaken[band]))
-    f = s.frequency[seen]
-    return sketch(
-        "frequency [Hz]",
-        "torque [per √Hz]",
-        line(f, np.sqrt(s.torque[seen]), log=True),
-        line(f, np.sqrt(ratio * shaken), "acceleration, as much within the band", log=True),
-        y_log=True,
-        x_log=True,
-        marks=[(0.25 * rate, "a quarter of the rate")],
-    )
+    return Finding(weight, text, name, command=f"--torque-is {other}")

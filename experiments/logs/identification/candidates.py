@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.offline.colour import colourless
+from flexaxis.estimators.offline.colour import HIGHEST_ORDER, colourless
 from flexaxis.estimators.offline.inverse import (
     Inverse,
     Motion,
@@ -27,6 +27,7 @@ from flexaxis.estimators.offline.inverse import (
 )
 from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
 from flexaxis.experiments.logs.identification.setup import Log, Setup, noise_of
+from flexaxis.experiments.logs.identification.validate import correlations
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -34,6 +35,7 @@ Flags = NDArray[np.bool_]
 WHITENED, WHITE, INVERSE = "whitened prediction errors", "white errors", "inverse dynamics"
 HELD_OUT = (2, 5, 8)  # of ten pieces of a record
 PARTS = 10  # of a held-out piece, over which errors are compared
+BEYOND_NOISE = 6.0  # times 1/√N, the correlations of white noise
 BEYOND_CHANCE = 2.0  # standard deviations of their difference
 LEAST_GAIN = 0.01  # part by which the error of a simulation is to fall, to be worth a word
 CLAIMED = 2.0  # standard deviations by which fits may differ
@@ -41,6 +43,7 @@ RIGHT = 1.1  # times its noise, that a simulation leaves where the model is righ
 NOTHING = 1e-3  # of the motion, of which no more is said
 SURE = 3.0  # standard deviations of a delay, below which it is none
 ALIKE, SIMILAR = 1.02, 1.5  # times the least error: as good, where it is right, and where not
+LINEAR = ("inertia", "viscous", "dry", "constant")
 RIGID = {"J_m": "inertia", "f_m": "viscous", "f_c": "dry"}
 BESIDE = {"g_sin": "sine", "g_cos": "cosine", "f_sided": "sided"}
 
@@ -163,7 +166,21 @@ def _timed(setup: Setup, z: Array, found: Sequence[Candidate]) -> Array:
 def deviations_of(setup: Setup, fitted: Fitted) -> Array:
     """Return standard deviations (q,): for white residuals or over pieces, and of solving laws."""
     steps = discretisation(setup.problem(), fitted)
-    return np.hypot(np.maximum(fitted.deviations, over_pieces(fitted)), steps)
+    claimed = np.maximum(fitted.deviations, over_pieces(fitted)) * repeats(fitted)
+    return np.hypot(claimed, steps)
+
+
+def repeats(fitted: Fitted) -> float:
+    """Return by which factor deviations are greater as errors repeat, beside the motion.
+
+    A motion that is periodic meets the same steps of an encoder, and the same ripple, in each of
+    its periods, so that later ones tell nothing new of them: the variance of a sum of N terms that
+    correlate by r over a lag is 1 + 2 Σ r times what it is of independent ones.
+    """
+    past = correlations(np.where(fitted.good, fitted.white, 0.0))
+    lag = HIGHEST_ORDER + 1 + int(np.argmax(past[HIGHEST_ORDER + 1 :]))
+    sure = past[lag] > BEYOND_NOISE / np.sqrt(np.sum(fitted.good))
+    return float(np.sqrt(1 + 2 * max(past[lag::lag].sum(), 0.0))) if sure else 1.0
 
 
 def over_pieces(fitted: Fitted) -> Array:

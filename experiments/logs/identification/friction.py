@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from flexaxis.estimators.offline.sizes import motion
 from flexaxis.estimators.offline.structure import guessed, prior
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identification.setup import Setup, columns_beside
-from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.sim.errors import did_you_mean
 
 Array = NDArray[np.float64]
@@ -32,10 +31,28 @@ KINDS: Mapping[str, Mapping[str, str]] = {
 }
 """Laws of dry friction of the motor by the word for them: roles, and parameters of those names."""
 STIFF = 100.0  # rad a sample, at which bristles swing that stand for Coulomb's friction
-LEVELS = np.r_[0.0, np.geomspace(0.01, 1.2, 40)]  # of dry friction, times the rms torque
-MOVING = 0.01  # of the greatest power of the speed: where there is less, noise is too near
-STUCK = 0.03  # of the rms speed: slower, friction is what the torque is
 LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What somebody stated.
+
+    Attributes
+    ----------
+    friction, gravity, free, fix, given, highpass
+        As for `flexaxis.experiments.logs.identification.identify.identify`.
+    told : bool
+        Whether it is known if the torque is held or smooth: then it is not looked for.
+    """
+
+    friction: str = "auto"
+    gravity: str = "auto"
+    free: tuple[str, ...] = ()
+    fix: tuple[str, ...] = ()
+    given: Mapping[str, float] = field(default_factory=dict)
+    highpass: float | None = None
+    told: bool = True
 
 
 def able(model: Model) -> bool:
@@ -47,10 +64,7 @@ def rubbing(
     setup: Setup,
     kind: str,
     level: float,
-    *,
-    free: Sequence[str] = (),
-    fix: Sequence[str] = (),
-    given: Mapping[str, float],
+    asked: Asked,
 ) -> Setup:
     """Return a setup with a law of friction of the motor.
 
@@ -62,8 +76,7 @@ def rubbing(
         Of `KINDS`.
     level : float
         Level of dry friction to start from, in units of the torque.
-    free, fix, given
-        As for `flexaxis.experiments.logs.identification.identify.identify`.
+    asked : Asked
 
     Raises
     ------
@@ -88,8 +101,8 @@ def rubbing(
     grown = guessed(grown, model.parameters, period=log.period, motion=moves)
     size = float(np.std(log.u[log.ok])) * abs(model.nominal.get("k_T", 1.0))
     start = {"f_c": max(abs(level * model.nominal.get("k_T", 1.0)), LEAST_LEVEL * size)}
-    grown = replace(grown, nominal=dict(grown.nominal) | start | dict(given))
-    mine = tuple(n for n in law.names if (not free or n in free) and n not in fix)
+    grown = replace(grown, nominal=dict(grown.nominal) | start | dict(asked.given))
+    mine = tuple(n for n in law.names if (not asked.free or n in asked.free) and n not in asked.fix)
     box = prior(grown, law.names, period=log.period, motion=moves)
     lower, upper = (
         dict(zip(law.names, side.tolist(), strict=True)) for side in (box.lower, box.upper)
@@ -103,46 +116,6 @@ def beside(setup: Setup, names: Sequence[str]) -> Setup:
     log = setup.log
     columns = columns_beside(log.angle, log.y, log.period)
     return replace(setup, beside={name: columns[name] for name in names})
-
-
-def guessed_level(u: Array, v: Array, *, period: float) -> float:
-    """Return the level of dry friction, in units of u, with which the rest is most nearly linear.
-
-    Friction acts where the torque does, so an axis with a linear rest answers to u − F linearly,
-    and their coherence is one. No model is needed: the level is the one of the greatest coherence,
-    in terms of the likelihood Σ log(1 − γ²).
-
-    Parameters
-    ----------
-    u, v : ndarray (N,)
-        Torque, and the speed of the motor.
-    period : float
-        [s].
-    """
-    scale, direction = float(np.std(u)), smooth_sign(v, period)
-    best, least = 0.0, np.inf
-    for level in LEVELS * scale:
-        rest = spectra(u - friction(u, direction, level), v, period, pieces=6, trend=True)
-        moving = rest.motion > MOVING * rest.motion.max()
-        unlikely = float(np.mean(np.log(1 - np.minimum(rest.coherence[moving], 1 - 1e-9))))
-        if unlikely < least - 1e-3:
-            best, least = float(level), unlikely
-    return best
-
-
-def smooth_sign(v: Array, period: float) -> Array:
-    """Return the direction of a motion, not that of its noise: a short mean before the sign."""
-    rough = np.diff(v)
-    noise = 1.4826 * float(np.median(abs(rough))) / np.sqrt(2)
-    wanted = max(STUCK * float(np.std(v)), 1e-12)
-    length = int(np.clip((noise / wanted) ** 2, 1, max(0.02 / period, 1)))
-    mean = np.convolve(v, np.ones(length) / length, "same")
-    return np.where(abs(mean) > wanted, np.sign(mean), mean / wanted)
-
-
-def friction(u: Array, direction: Array, level: float) -> Array:
-    """Return the torque of dry friction of some level; at rest it is what the torque is."""
-    return np.where(abs(direction) < 1, np.clip(u, -level, level), level * direction)
 
 
 def linear_part(model: Model) -> Model:

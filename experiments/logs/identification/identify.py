@@ -16,18 +16,18 @@ from flexaxis.experiments.logs.doubts.torque_kind import UNSEEN
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding, texts_of
 from flexaxis.experiments.logs.identification.candidates import (
+    LINEAR,
     Candidate,
     answer,
     candidates_of,
     explain,
 )
-from flexaxis.experiments.logs.identification.friction import KINDS, able, linear_part
-from flexaxis.experiments.logs.identification.laws import LINEAR, Chosen, Tried, check_given, chosen
+from flexaxis.experiments.logs.identification.friction import KINDS, Asked, linear_part
+from flexaxis.experiments.logs.identification.laws import Chosen, Tried, check_given, chosen
 from flexaxis.experiments.logs.identification.setup import Setup, log_of
 from flexaxis.experiments.logs.identification.starts import Starts
 from flexaxis.experiments.logs.identification.validate import Fit, correlation, fit_of
-from flexaxis.experiments.logs.identification.verdict import Asked, judged
-from flexaxis.experiments.logs.prepare import highpass_filter
+from flexaxis.experiments.logs.identification.verdict import judged
 from flexaxis.experiments.logs.spectra import Response
 from flexaxis.sim.record import Record
 
@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 GIVEN = ("k_T", "r")  # scale of the torque and gear ratio: no log of one axis determines them
 LARGEST = 1e30  # of a parameter in SI units, and its reciprocal: powers of it can be computed with
+LOWEST = 1e-6  # corner of a high-pass over the rate: that of a log of 1e6 samples
 FRICTION = ("auto", "none", *KINDS)
 GRAVITY = ("auto", "none", "sine")
 LAWFUL = tuple(dict.fromkeys(n for names in KINDS.values() for n in names.values()))
@@ -174,34 +175,26 @@ def identify(
     for option, value, known in (("friction", friction, FRICTION), ("gravity", gravity, GRAVITY)):
         if value not in known:
             raise LogError(f"--{option} {value}: it is one of {', '.join(known)}")
-    check_given(axis.model, friction, given)
+    corner = axis.highpass if highpass is None else highpass
+    told = UNSEEN not in record.versions.get("torque_because", "")
+    linear = record.versions.get("motion") == "linear" and gravity == "auto"
+    falls = "none" if linear else gravity
+    asked = Asked(friction, falls, tuple(free), tuple(fix), given, corner, told)
+    check_given(axis.model, asked)
     _check_sizes({**axis.model.nominal, **given})
     log = log_of(record, replace(axis, beside={}))
     names = _free(axis, free, fix)
     if axis.known:
         check_rate(axis.model, log.period)
-    whole = "highpass" not in record.versions  # a filter of residuals leaves the motion as it is
-    corner = axis.highpass if highpass is None else highpass
-    if corner is not None:
-        highpass_filter(corner, log.period)  # refuses what is none
+    if corner is not None and not LOWEST < corner * log.period < 0.5:
+        raise LogError(
+            f"--highpass {corner:g} Hz: give a corner below half the rate, {0.5 / log.period:g} "
+            f"Hz, and not below {LOWEST / log.period:g} Hz"
+        )
     setup = Setup(log, axis.model, names, delay=delay, highpass=corner)
     _check_delay(setup)
-    if not whole and friction not in {"auto", "none"}:
-        raise LogError(
-            f"--friction {friction} needs the motion as it was, and slow motion was filtered away: "
-            "leave --highpass out at the import; identify --highpass filters residuals alone"
-        )
-    starts = Starts(setup, known=axis.known, whole=whole)
-    told = UNSEEN not in record.versions.get("torque_because", "")
-    linear = record.versions.get("motion") == "linear" and gravity == "auto"
-    asked = Asked(
-        friction,
-        highpass or axis.highpass,
-        whole is False and friction == "auto" and able(setup.model),
-    )
-    options = {"told": told, "free": free, "fix": fix, "given": given}
-    taken = chosen(starts, friction, "none" if linear else gravity, **options)  # type: ignore[arg-type]
-    found = _found(starts, axis, asked, taken, record)
+    starts = Starts(setup, known=axis.known)
+    found = _found(starts, axis, asked, chosen(starts, asked), record)
     _check_ended(found.axis.model, log.period)
     return found
 
@@ -292,8 +285,7 @@ def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...
 
 def check_rate(model: Model, period: float) -> None:
     """Refuse a rate that cannot show the fastest mode."""
-    fastest = _fastest(model)
-    if 2 * fastest * period > 1:
+    if 2 * (fastest := _fastest(model)) * period > 1:
         raise LogError(
             f"the log's rate of {1 / period:.4g} Hz is below twice the fastest mode of "
             f"{model.name}, {fastest:.4g} Hz: log faster, or use a model without it"
@@ -302,8 +294,7 @@ def check_rate(model: Model, period: float) -> None:
 
 def _check_ended(model: Model, period: float) -> None:
     """Refuse a fit that ended at a model of which the log can show nothing."""
-    fastest = _fastest(model)
-    if 2 * fastest * period > 1:
+    if 2 * (fastest := _fastest(model)) * period > 1:
         raise LogError(
             f"the fit went astray: it ended with a mode at {fastest:.4g} Hz, of which a log at "
             f"{1 / period:.4g} Hz shows nothing. Begin nearer, with --start NAME=VALUE, or use a "

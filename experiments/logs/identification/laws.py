@@ -13,6 +13,7 @@ from flexaxis.estimators.offline.inverse import Inverse
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identification.candidates import (
+    LINEAR,
     better,
     errors_of,
     explain,
@@ -20,7 +21,7 @@ from flexaxis.experiments.logs.identification.candidates import (
     over_pieces,
     tried,
 )
-from flexaxis.experiments.logs.identification.friction import KINDS, able, beside, rubbing
+from flexaxis.experiments.logs.identification.friction import KINDS, Asked, able, beside, rubbing
 from flexaxis.experiments.logs.identification.setup import Setup
 from flexaxis.experiments.logs.identification.starts import Starts, explored
 from flexaxis.experiments.logs.spectra import corner_below
@@ -31,7 +32,6 @@ Flags = NDArray[np.bool_]
 SURE = 3.0  # standard deviations of a law's level, below which it is dropped
 CERTAIN = 5.0  # of a regressor of the inverse dynamics, from which on it is tried
 MOVES = 0.01  # part of the unexplained torque that it takes away at the least
-LINEAR = ("inertia", "viscous", "dry", "constant")
 SIDED, GRAVITY = ("f_sided",), ("g_sin", "g_cos")
 TURN = 0.5  # rad of the load, below which gravity is about a constant
 MOST = 0.5  # of the variance that a simulation leaves, that lies below the excitation
@@ -113,44 +113,24 @@ def _rms(squares: Array) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def check_given(model: Model, wanted: str, given: Mapping[str, float]) -> None:
+def check_given(model: Model, asked: Asked) -> None:
     """Refuse values of parameters that no law has which is looked for.
 
     Raises
     ------
     LogError
     """
-    kinds = ("coulomb",) if wanted == "auto" else (wanted,) if wanted in KINDS else ()
-    names = {kind: sorted(KINDS[kind].values()) for kind in KINDS}
-    if given and (model.laws or not any(given.keys() <= {*names[kind]} for kind in kinds)):
-        have = "; ".join(f"{kind} has {', '.join(names[kind])}" for kind in KINDS)
-        whose = "the axis, with laws of its own," if model.laws else f"--friction {wanted}"
-        raise LogError(f"{whose} has no {', '.join(given)}; of --friction, {have}")
+    wanted = "coulomb" if asked.friction == "auto" else asked.friction
+    fits = asked.given.keys() <= {*KINDS.get(wanted, {}).values()}
+    if asked.given and (model.laws or not fits):
+        have = "; ".join(f"{k} has {', '.join(sorted(KINDS[k].values()))}" for k in KINDS)
+        whose = "the axis, with laws of its own," if model.laws else f"--friction {asked.friction}"
+        raise LogError(f"{whose} has no {', '.join(asked.given)}; of --friction, {have}")
 
 
-def chosen(
-    starts: Starts,
-    friction: str,
-    gravity: str,
-    *,
-    told: bool,
-    free: Sequence[str] = (),
-    fix: Sequence[str] = (),
-    given: Mapping[str, float],
-) -> Chosen:
-    """Return what a log asks for, or what somebody stated.
-
-    Parameters
-    ----------
-    starts : Starts
-    friction, gravity : str
-        As for `flexaxis.experiments.logs.identification.identify.identify`.
-    told : bool
-        Whether it is known if the torque is held or smooth: then it is not looked for.
-    free, fix, given
-        As for `identify`.
-    """
-    bench = _Bench(starts, friction, gravity, tuple(free), tuple(fix), given)
+def chosen(starts: Starts, asked: Asked) -> Chosen:
+    """Return what a log asks for, or what somebody stated."""
+    bench = _Bench(starts, asked)
     found = bench.searched(starts.setup)
     log = starts.setup.log
     corner = corner_below(log.u[log.ok], period=log.period)
@@ -158,7 +138,7 @@ def chosen(
         other = bench.searched(replace(starts.setup, highpass=corner))
         found = found.against(other, f"residuals above {corner:g} Hz only", highpass=corner)
     early = found.z[-1] <= EARLIEST * log.period and starts.setup.delay is None
-    if told or log.smooth or not early:
+    if asked.told or log.smooth or not early:
         return found
     smooth = replace(starts.setup, log=log.smoothed(), highpass=found.setup.highpass)
     return found.against(bench.searched(smooth), "a torque that is smooth between samples")
@@ -172,44 +152,38 @@ def _drifts(found: Chosen, corner: float) -> bool:
 @dataclass(frozen=True)
 class _Bench:
     starts: Starts
-    friction: str
-    gravity: str
-    free: tuple[str, ...]
-    fix: tuple[str, ...]
-    given: Mapping[str, float]
+    asked: Asked
 
     def searched(self, setup: Setup) -> Chosen:
         """Return what the log asks for with this kind of torque."""
-        seen, kind = self._seen(setup), self.friction
+        seen, kind = self._seen(setup), self.asked.friction
         if kind in KINDS and not setup.model.laws:
-            setup = beside(setup, GRAVITY) if self.gravity == "sine" else setup
+            setup = beside(setup, GRAVITY) if self.asked.gravity == "sine" else setup
             return self._sided(self._rubbing(setup, None, kind), seen)
         found = self._falling(self._fitted(setup), seen)
-        if setup.model.laws or not (able(setup.model) and self.starts.whole):
+        if setup.model.laws or not able(setup.model):
             return self._sided(found, seen)
         rubs = self._rubbing(found.setup, found, "coulomb")
-        if self.given:  # whoever gives its value says that it is there
+        if self.asked.given:  # whoever gives its value says that it is there
             return replace(rubs, tried=found.tried)
         other = found.against(rubs, "dry friction (Coulomb)", ("f_c",))
-        if kind == "none":
-            return replace(found, tried=other.tried)
-        return self._sided(other, seen)
+        return replace(found, tried=other.tried) if kind == "none" else self._sided(other, seen)
 
     def _seen(self, setup: Setup) -> Inverse | None:
-        slow, log = setup.highpass is None and self.starts.whole, setup.log
-        turns = self.gravity == "auto" and float(np.ptp(log.angle[log.ok])) > TURN
+        log = setup.log
+        turns = self.asked.gravity == "auto" and float(np.ptp(log.angle[log.ok])) > TURN
         names = [*LINEAR, "sided", *(("sine", "cosine") if turns else ())]
-        return explain(log, 0.0, names) if slow and able(setup.model) else None
+        return explain(log, 0.0, names) if setup.highpass is None and able(setup.model) else None
 
     def _falling(self, found: Chosen, seen: Inverse | None) -> Chosen:
         """Return it with gravity where that is asked for, or simulates better."""
-        asked = self.gravity == "sine"
-        if not asked and not _worth(seen, ("sine", "cosine")):
+        sine = self.asked.gravity == "sine"
+        if not sine and not _worth(seen, ("sine", "cosine")):
             return found
         other = self._fitted(beside(found.setup, GRAVITY))
         return (
             other
-            if asked
+            if sine
             else found.against(other, "a torque by the angle, such as gravity", GRAVITY)
         )
 
@@ -217,33 +191,29 @@ class _Bench:
         """Return it with friction that has two sides where that simulates better."""
         if not _worth(seen, ("sided",)):
             return found
-        names = (*found.setup.beside, *SIDED)
-        setup = beside(found.setup, names)
-        p, m = len(setup.names), len(found.setup.beside)
-        z = np.insert(found.z, p + m, 0.0)
-        other = Chosen(setup, tried(setup, z, found.held), found.held)
-        return found.against(other, "friction with two sides", SIDED)
+        setup = beside(found.setup, (*found.setup.beside, *SIDED))
+        z = np.insert(found.z, len(setup.names) + len(found.setup.beside), 0.0)
+        return found.against(self._tried(setup, z), "friction with two sides", SIDED)
 
     def _fitted(self, setup: Setup) -> Chosen:
+        return self._tried(setup, self.starts.search(setup).z)
+
+    def _tried(self, setup: Setup, z: Array) -> Chosen:
         held = held_out(setup.log.ok)
-        return Chosen(setup, tried(setup, self.starts.search(setup).z, held), held)
+        return Chosen(setup, tried(setup, z, held), held)
 
     def _rubbing(self, setup: Setup, plain: Chosen | None, kind: str) -> Chosen:
         """Return the setup with a law, from where it fits without, or without anything."""
-        level = self.starts.level()
-        if "f_c" in self.given:
-            level = self.given["f_c"] / float(setup.model.nominal.get("k_T", 1.0))
+        level, asked, lag = self.starts.dry[0], self.asked, 0.0
+        if "f_c" in asked.given:
+            level = asked.given["f_c"] / float(setup.model.nominal.get("k_T", 1.0))
         if plain is not None:
-            values = dict(zip(setup.names, plain.z[: len(setup.names)].tolist(), strict=True))
-            setup = setup.having(values)
-        options = {"free": self.free, "fix": self.fix, "given": self.given}
-        grown = rubbing(setup, kind, level, **options)  # type: ignore[arg-type]
-        lag = 0.0 if plain is None else float(plain.z[-1])
+            values, lag = plain.z[: len(setup.names)].tolist(), float(plain.z[-1])
+            setup = setup.having(dict(zip(setup.names, values, strict=True)))
+        grown = rubbing(setup, kind, level, asked)
         theta = grown.model.parametrize(grown.names).theta
         places = [(theta, lag), *self.starts.places(grown, level)]
-        z = explored(grown, places, self.starts.ladder(grown, level)).z
-        held = held_out(grown.log.ok)
-        return Chosen(grown, tried(grown, z, held), held)
+        return self._tried(grown, explored(grown, places, self.starts.ladder(grown, level)).z)
 
 
 def _worth(seen: Inverse | None, names: Sequence[str]) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.stats import median_abs_deviation
 
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.colour import colourless
@@ -59,22 +60,6 @@ class Log:
     resting: bool
     angle: Array
 
-    def part(self, most: int) -> Log:
-        """Return the liveliest stretch of that many samples, or all."""
-        return self if len(self.u) <= most else self.cut(self.liveliest(most))
-
-    def liveliest(self, most: int) -> slice:
-        """Return the stretch of that many samples with the greatest torque."""
-        energy = np.cumsum(np.where(self.ok, self.u, 0.0) ** 2)
-        begins = np.linspace(0, len(self.u) - most, 9).astype(int)
-        begin = int(begins[np.argmax(energy[begins + most - 1] - energy[begins])])
-        return slice(begin, begin + most)
-
-    def cut(self, chosen: slice) -> Log:
-        """Return a stretch."""
-        sides = {name: getattr(self, name)[chosen] for name in ("u", "y", "ok", "angle")}
-        return replace(self, **sides, resting=self.resting and chosen.start == 0)
-
     def smoothed(self) -> Log:
         """Return the log with its torque taken as samples of a smooth one: means of a spline."""
         times = np.arange(len(self.u) + 1.0)
@@ -90,6 +75,8 @@ def log_of(record: Record, axis: Axis) -> Log:
     angle = np.cumsum(y) * record.period if record.angle is None else record.angle
     angle = axis.model.nominal.get("r", 1.0) * angle
     beside = columns_beside(angle, y, record.period) if axis.beside else {}
+    # but for its noise
+    still = abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
     log = Log(
         u=record.torque + sum(gain * beside[name] for name, gain in axis.beside.items()),
         y=y,
@@ -97,7 +84,7 @@ def log_of(record: Record, axis: Axis) -> Log:
         period=record.period,
         output=output,
         smooth=is_smooth(record),
-        resting=record.burn_in == 0 and rests(y),
+        resting=record.burn_in == 0 and still,
         angle=angle,
     )
     return log.smoothed() if axis.torque_is == "smooth" and not log.smooth else log
@@ -115,18 +102,9 @@ def columns_beside(angle: Array, speed: Array, period: float) -> dict[str, Array
     return {"g_sin": -np.sin(half), "g_cos": -np.cos(half), "f_sided": -abs(mean)}
 
 
-def rests(y: Array) -> bool:
-    """Return whether a motion begins at rest, but for its noise."""
-    return abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
-
-
 def noise_of(y: Array) -> float:
-    """Return the standard deviation of what changes from sample to sample at random.
-
-    By differences over two samples, as increments of an angle share the noise of one.
-    """
-    change = y[2:] - y[:-2]
-    return 1.4826 * float(np.median(abs(change - np.median(change)))) / np.sqrt(2)
+    """Return the standard deviation of white noise on a motion, from differences over a sample."""
+    return float(median_abs_deviation(y[2:] - y[:-2], scale="normal")) / np.sqrt(2)
 
 
 @dataclass(frozen=True)
@@ -230,21 +208,8 @@ class Setup:
         return np.array(seen) * (speed if abs(speed) > CLEAR * noise else 0.0)
 
     def first(self) -> Array | None:
-        """Return the state that a log in motion begins in: as a rigid axis at the measured speed.
-
-        Of all states with that speed, the one that changes least.
-        """
-        log = self.log
-        if log.resting:
-            return None
-        form = self.model.parametrize(self.names)
-        A, _, C = (np.asarray(part, float) for part in form.matrices(form.theta))
-        A, C = A[: len(self.model.states), : len(self.model.states)], C.ravel()
-        A = A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 1e-300)
-        speed = float(self._speeds(int(np.argmax(log.ok))).sum())
-        wanted = np.r_[np.zeros(len(A)), 1e3 * speed]
-        rigid = np.vstack([A, 1e3 * C[: len(A)]])
-        return np.asarray(np.linalg.lstsq(rigid, wanted)[0])
+        """Return the state (n,) to start from where a log begins in motion: its measured speed."""
+        return None if self.log.resting else self._speeds(int(np.argmax(self.log.ok)))
 
     def solve(
         self,
@@ -294,9 +259,15 @@ class Setup:
         return dict(zip(self.names, fitted.z[: len(self.names)].tolist(), strict=True))
 
     def part(self, most: int) -> Setup:
-        """Return it for the liveliest stretch of that many samples, or all."""
-        if len(self.log.u) <= most:
+        """Return it for the stretch of that many samples with the greatest torque, or all."""
+        log = self.log
+        if len(log.u) <= most:
             return self
-        chosen = self.log.liveliest(most)
+        energy = np.cumsum(np.where(log.ok, log.u, 0.0) ** 2)
+        begins = np.linspace(0, len(log.u) - most, 9).astype(int)
+        begin = int(begins[np.argmax(energy[begins + most - 1] - energy[begins])])
+        chosen = slice(begin, begin + most)
+        sides = {name: getattr(log, name)[chosen] for name in ("u", "y", "ok", "angle")}
         beside = {name: values[chosen] for name, values in self.beside.items()}
-        return replace(self, log=self.log.cut(chosen), beside=beside)
+        log = replace(log, **sides, resting=log.resting and begin == 0)
+        return replace(self, log=log, beside=beside)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identification.candidates import inverse_values
-from flexaxis.experiments.logs.identification.friction import friction, guessed_level, smooth_sign
+from flexaxis.experiments.logs.identification.candidates import LINEAR, explain, inverse_values
 from flexaxis.experiments.logs.identification.setup import Log, Setup
 from flexaxis.experiments.logs.spectra import (
     STRONG,
@@ -43,31 +43,29 @@ class Starts:
         As the axis was given.
     known : bool
         Whether its nominal values are somebody's, and not a rough guess of their size.
-    whole : bool
-        Whether the signals are as they were, so that friction can be looked for: no high-pass.
     """
 
     setup: Setup
     known: bool
-    whole: bool = True
 
     @property
     def log(self) -> Log:
         """The log."""
         return self.setup.log
 
-    def level(self) -> float:
-        """Return about how much dry friction there is, in units of the torque."""
-        log = self.log
-        return guessed_level(log.u[log.ok], log.y[log.ok], period=log.period)
+    @cached_property
+    def dry(self) -> tuple[float, Array]:
+        """About how much dry friction there is, in units of the torque, and its sign (N,)."""
+        seen = explain(self.log, self.setup.delay or 0.0, LINEAR)
+        if seen is None:
+            return 0.0, np.zeros(len(self.log.u))
+        return max(seen.value["dry"], 0.0), seen.motion.columns["dry"]
 
     def response(self, level: float = 0.0, floor: float = STRONG) -> Response:
         """Return the frequency response from the torque less some dry friction."""
         log = self.log
-        u, y = log.u[log.ok], log.y[log.ok]
-        if level:
-            u = u - friction(u, smooth_sign(y, log.period), level)
-        return measured_response(u, y, period=log.period, floor=floor)
+        u = log.u - level * self.dry[1]
+        return measured_response(u[log.ok], log.y[log.ok], period=log.period, floor=floor)
 
     def seen_by(self, setup: Setup, fitted: Fitted) -> Response | None:
         """Return the frequency response without the dry friction that was found."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import correlate
 
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.offline.colour import Colour
@@ -78,10 +79,16 @@ def fit_of(y: Array, residual: Array, ok: Flags, colour: Colour) -> Fit:
     return Fit(100 * (1 - error / max(size, 1e-300)), error, size)
 
 
+def correlations(white: Array) -> Array:
+    """Return the correlations of a residual (N,) with its past, from 0 to N − 1 samples back."""
+    e = white - white.mean()
+    past = correlate(e, e, method="fft")[len(e) - 1 :]
+    return past / past[0]
+
+
 def correlation(white: Array) -> float:
     """Return the largest correlation of a residual with its past, 1 to `LAGS` samples back."""
-    e = white - white.mean()
-    past = np.array([e[k:] @ e[: len(e) - k] for k in range(1, LAGS + 1)]) / (e @ e)
+    past = correlations(white)[1 : LAGS + 1]
     return float(past[np.argmax(abs(past))])
 
 
@@ -244,17 +251,15 @@ def predicted_load(record: Record, axis: Axis, estimates: dict[str, float]) -> L
     side = load_side(axis.model)
     if side is None or record.true_angle_a is None or record.increment is None:
         return None
-    physical = {
-        name.removeprefix("1/"): 1 / value if name.startswith("1/") else value
-        for name, value in estimates.items()
-    }
+    named = [(name.removeprefix("1/"), name.startswith("1/"), v) for name, v in estimates.items()]
+    physical = {name: 1 / value if inverse else value for name, inverse, value in named}
     side = replace(side, nominal=dict(axis.model.nominal) | physical)
     chosen = increment(side, record.period).parametrize(side.parameters[:1])
     # the increment up to t_{k+1} is the mean motor speed over the sample from t_k on
     moved = np.append(record.increment[1:], record.increment[-1])
     speed, _ = predict(chosen, chosen.theta, moved, period=record.period)
     predicted, ok = np.cumsum(speed) * record.period, usable(record)
-    predicted += np.mean((record.true_angle_a - predicted)[ok])
-    error = (record.true_angle_a - predicted)[ok]
-    fit = 100 * float(1 - np.std(error) / np.std(record.true_angle_a[ok]))
-    return Load(predicted, record.true_angle_a, fit)
+    error = record.true_angle_a - predicted
+    off = float(np.mean(error[ok]))
+    fit = 100 * float(1 - np.std(error[ok]) / np.std(record.true_angle_a[ok]))
+    return Load(predicted + off, record.true_angle_a, fit)

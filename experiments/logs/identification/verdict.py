@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.offline.descent import CONVERGED
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.identification.candidates import WHITENED, Candidate
+from flexaxis.experiments.logs.identification.friction import Asked
 from flexaxis.experiments.logs.identification.laws import Chosen, Tried
 from flexaxis.experiments.logs.identification.validate import MATCHED
 
@@ -20,24 +20,6 @@ BLIND = 0.5  # relative standard deviation from which on a parameter counts as n
 LEVEL = "f_c"  # of dry friction: what a law is about, where its other parameters are its shape
 EARLY = 3.0  # standard deviations beyond the least delay that there can be
 HALF = 0.5  # samples: least delay of a measured torque, the mean over the sample before
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What somebody stated.
-
-    Attributes
-    ----------
-    friction : str
-    highpass : float or None
-        Corner below which residuals were not to count [Hz].
-    blind : bool
-        Whether slow motion was filtered away at the import, so that friction is not seen.
-    """
-
-    friction: str
-    highpass: float | None
-    blind: bool
 
 
 def judged(
@@ -196,13 +178,6 @@ def _laws(tried: Sequence[Tried], asked: Asked) -> Iterator[Finding]:
                           "use --friction auto")  # fmt: skip
         else:
             yield Finding("ok", f"{text}: {'taken' if each.taken else 'not taken'}")
-    if asked.blind:
-        yield Finding(
-            "problem",
-            "friction was not looked for, as slow motion was filtered away, and viscous friction "
-            "may be dry: import without --highpass, `flexaxis identify --highpass HZ` filters "
-            "residuals itself (or say --friction none)",
-        )
 
 
 def _differing(

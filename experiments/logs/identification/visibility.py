@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import MODELS
-from flexaxis.estimators.models.model import increment
-from flexaxis.estimators.offline.frequency import information
 from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.moved import reversals_of
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identification.identify import GIVEN
+from flexaxis.experiments.logs.identification.setup import Setup, log_of
 from flexaxis.experiments.logs.spectra import measured_response, rough_guess
 from flexaxis.sim.record import Record
-
-Array = NDArray[np.float64]
-
 
 ENOUGH = 0.5  # relative standard deviation from which on a parameter counts as not seen
 NOTHING = 1e9  # relative standard deviation of what is not seen at all
@@ -55,9 +49,9 @@ class Seen:
 def visible(record: Record, axis: Axis) -> dict[str, Seen]:
     """Return what the excitation can tell of each parameter of an axis, before any estimator runs.
 
-    σ/(θ √(N E ψ²)), with E ψψᵀ from the spectrum of the torque by eq. (28). σ is what
-    the torque does not explain of the output, so what only a law explains counts as noise: where
-    an axis has one, identify may tell far more. Laws are seen by reversals, which are counted.
+    By the sensitivities of a simulation of its linear part. σ is what the torque does not explain
+    of the output, so what only a law explains counts as noise: where an axis has one, identify may
+    tell far more. Laws are seen by reversals, which are counted.
 
     Parameters
     ----------
@@ -66,64 +60,47 @@ def visible(record: Record, axis: Axis) -> dict[str, Seen]:
         Its nominal values are where the gradient is taken; for a shipped model without
         values they are guessed from the log, where it has a way to.
     """
-    output, period, ok = output_of(record), record.period, usable(record)
-    y = np.asarray(getattr(record, output))[ok]
+    ok, evidence = usable(record), Evidence(record)
+    y = np.asarray(getattr(record, output_of(record)))[ok]
     if not axis.known and MODELS[axis.model.name].guess:
-        guess = rough_guess(axis.model, measured_response(record.torque[ok], y, period=period))
+        guess = rough_guess(
+            axis.model, measured_response(record.torque[ok], y, period=record.period)
+        )
         axis = axis.having(guess)
     linear = replace(axis.model, laws=())
-    names = [name for name in linear.parameters if linear.nominal[name]]
-    model = increment(linear, period) if output == "increment" else linear
-    chosen = model.parametrize(names)
-    evidence = Evidence(record)
-    spectra = evidence.spectra
-    lines = (spectra.torque > 1e-9 * spectra.torque.max()) & (spectra.frequency > 0)
-    omega = 2 * np.pi * spectra.frequency[lines]
-    power = spectra.torque[lines] * spectra.frequency[1] / _noise(evidence)
+    names = tuple(n for n in linear.parameters if linear.nominal[n] and n not in GIVEN)
+    setup = Setup(log_of(record, axis), linear, names, delay=axis.delay, whiten=False)
+    setup, theta = replace(setup, highpass=axis.highpass), linear.parametrize(names).theta
     with np.errstate(all="ignore"):  # whether it is a number is seen below
-        Q = information(chosen, chosen.theta, omega, power, period=period)
-        Q = Q * np.outer(chosen.theta, chosen.theta) * ok.sum()
-    if not np.isfinite(Q).all():
+        z = setup.problem().start(theta, axis.delay, setup.first())
+        fitted = setup.at(z, fixed=len(names))
+    if not np.isfinite(fitted.square):
         raise LogError(
             f"model {axis.model.name!r}: its response to the torque of this log is no number at "
             f"its nominal values; is one of them, or an entry of {', '.join('ABC')}, wrong?"
         )
-    found = _deviations(Q, names)
-    if axis.model.laws:  # what they do is not in the response, and so in σ
-        found = {n: replace(s, words=s.words.replace(BEST, DRY)) for n, s in found.items()}
-    others = (name for name in axis.model.parameters if name not in linear.parameters)
-    return found | {name: _of_law(evidence) for name in others}
-
-
-def _deviations(Q: Array, names: Sequence[str]) -> dict[str, Seen]:
-    """Return what an information matrix (p, p) of relative parameters says of each."""
-    diagonal = np.diag(Q)
-    alone = np.divide(1, np.sqrt(diagonal), out=np.full(len(names), np.inf), where=diagonal > 0)
-    free = [i for i, name in enumerate(names) if name not in GIVEN and diagonal[i] > 0]
-    scaled = Q[np.ix_(free, free)] * np.outer(alone[free], alone[free])
-    # a direction without any information is as uncertain as rounding lets it be
-    values, vectors = np.linalg.eigh(scaled)
-    spread = vectors / np.sqrt(np.maximum(values, len(values) * np.finfo(float).eps))
-    cover = spread @ spread.T
-    found = {}
+    noise, p = _noise(evidence), len(names)
+    length = np.linalg.norm(fitted.slopes[:p, fitted.good], axis=1) * abs(theta)
+    alone = np.sqrt(noise) / np.maximum(length, np.sqrt(noise) / NOTHING)
+    covariance = fitted.covariance[:p, :p] * noise / fitted.square
+    deviations = np.sqrt(np.diag(covariance))
+    tied = abs(covariance / np.maximum(np.outer(deviations, deviations), 1e-300)) - 2 * np.eye(p)
+    best, found = DRY if axis.model.laws else BEST, {}
     for i, name in enumerate(names):
-        together, partner = float(alone[i]), ""
-        if i in free:
-            j = free.index(i)
-            together *= float(np.sqrt(cover[j, j]))
-            tied = np.abs(cover[j]) / np.sqrt(np.diag(cover))
-            tied[j] = 0
-            partner = names[free[int(np.argmax(tied))]] if len(free) > 1 else ""
-        words = HELD if name in GIVEN else _words(float(alone[i]), together, partner)
-        found[name] = Seen(min(float(alone[i]), NOTHING), min(together, NOTHING), partner, words)
-    return found
+        together = float(np.clip(deviations[i] / abs(theta[i]), alone[i], NOTHING))
+        partner = names[int(np.argmax(tied[i]))] if p > 1 else ""
+        words = _words(float(alone[i]), together, partner, best)
+        found[name] = Seen(float(alone[i]), together, partner, words)
+    held = {n: Seen(None, None, "", HELD) for n in linear.parameters if n in GIVEN}
+    others = (name for name in axis.model.parameters if name not in linear.parameters)
+    return held | found | {name: _of_law(evidence) for name in others}
 
 
-def _words(alone: float, together: float, partner: str) -> str:
+def _words(alone: float, together: float, partner: str, best: str) -> str:
     if not alone < ENOUGH:
         return "NOT seen by this excitation: fix it, or shake where it acts"
     if together < ENOUGH:
-        return f"seen, to about ±{100 * together:.2g} % {BEST}"
+        return f"seen, to about ±{100 * together:.2g} % {best}"
     text = f"seen only if others are known (then to about ±{100 * alone:.2g} %)"
     return f"{text}: confused with {partner}, fix one of them" if partner else text
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,7 @@ from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.identification.friction import linear_part
 from flexaxis.experiments.logs.identification.identify import Identification
 from flexaxis.experiments.logs.identification.validate import Validation, liveliest
-from flexaxis.experiments.logs.identification.visibility import Seen
 from flexaxis.experiments.logs.pages.page import (
-    LOG,
     compared,
     gaps,
     line,
@@ -25,7 +24,7 @@ from flexaxis.experiments.logs.pages.page import (
     thinned,
 )
 from flexaxis.experiments.logs.spectra import spectra
-from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel
+from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -59,79 +58,43 @@ def spectrum_chart(record: Record) -> Chart:
     )
 
 
-def visibility_map(seen: Mapping[str, Seen]) -> Heat:
-    """Return how well the excitation can tell each parameter, eq. (28): alone, and with all free.
-
-    Those of laws are not in it: a spectrum does not show them.
-    """
-    told = {
-        name: (one.together, one.alone)
-        for name, one in reversed([*seen.items()])
-        if one.together is not None and one.alone is not None
-    }
-    percent = np.clip(100 * np.array([*told.values()], float).reshape(-1, 2), 1e-6, 1e6)
-    return Heat(
-        title="What the excitation can see",
-        words="Standard deviation in per cent of the value, from the spectrum of the torque, "
-        "about, by a linear model; what is above 50 % is not seen.",
-        x="unknown",
-        y="parameter",
-        xs=("all parameters", "this one alone"),
-        ys=tuple(told),
-        panels=[Cells(values=percent)],
-        unit="% of the value",
-        log=True,
-    )
-
-
 def bode_chart(found: Identification, period: float) -> Chart:
     """Return the measured frequency response and that of the identified model."""
     assert found.response is not None
-    model = linear_part(found.axis.model)
-    chosen = (
-        increment(model, period) if found.best.setup.log.output == "increment" else model
-    ).parametrize(model.parameters)
-    seen = found.response.omega
-    fine = np.geomspace(seen.min(), seen.max(), 800)  # resonances are narrower than steps of lines
+    model, seen = linear_part(found.axis.model), found.response
+    if found.best.setup.log.output == "increment":
+        model = increment(model, period)
+    chosen = model.parametrize(model.parameters)
+    # resonances are narrower than steps of lines
+    fine = np.geomspace(seen.omega.min(), seen.omega.max(), 800)
     gain = frequency_response(chosen, chosen.theta, fine, period=period)[0]
     gain = gain * np.exp(-1j * fine * found.axis.delay)
-    sides = {"log": (seen, found.response.gain), "identified model": (fine, gain)}
-    shown = {name: (omega / (2 * np.pi), values) for name, (omega, values) in sides.items()}
-    return Chart(
-        title="Frequency response",
-        words=_of_response(bool(found.axis.model.laws)),
-        x="frequency [Hz]",
-        panels=[
-            panel(
-                "|torque to speed| [rad/s per unit]",
-                *(_response(name, f, np.abs(g)) for name, (f, g) in shown.items()),
-                y_log=True,
-            ),
-            Panel(
-                y="phase [°]",
-                lines=[_response(n, f, np.degrees(np.angle(g))) for n, (f, g) in shown.items()],
-            ),
-        ],
-        x_log=True,
-    )
 
+    def both(of: Callable[[Any], Any]) -> list[Line]:
+        return [
+            points(seen.omega / (2 * np.pi), of(seen.gain)),
+            line(fine / (2 * np.pi), of(gain), "identified model"),
+        ]
 
-def _response(who: str, frequency: Array, values: Array) -> Line:
-    return (points if who == LOG else line)(frequency, values, who)
-
-
-def _of_response(dry: bool) -> str:
-    text = (
+    words = (
         "Points: what the log shows without a model. Where the line leaves them, the model does "
         "not describe the axis."
     )
-    if dry:
-        text += (
+    if found.axis.model.laws:
+        words += (
             " The dry friction that was found was taken off the torque before, as a level that "
-            "changes sign with the speed. That is rough where the axis hardly moves: points of "
-            "low frequencies rest on it, and say less of the linear part than the others."
+            "changes sign with the speed: at low frequencies that is rough."
         )
-    return text
+    return Chart(
+        title="Frequency response",
+        words=words,
+        x="frequency [Hz]",
+        panels=[
+            panel("|torque to speed| [rad/s per unit]", *both(np.abs), y_log=True),
+            Panel(y="phase [°]", lines=both(lambda g: np.degrees(np.angle(g)))),
+        ],
+        x_log=True,
+    )
 
 
 def simulation_chart(found: Identification, period: float) -> Chart:
@@ -167,37 +130,24 @@ def validation_chart(found: Validation) -> Chart:
 def map_charts(found: Identification) -> list[Chart]:
     """Return what of the torque is left without inertia: over the speed, and over the angle."""
     assert found.map is not None
-    mapped, motion = found.map, found.map.motion
-    moved, value = motion.used, mapped.value
+    motion, value = found.map.motion, found.map.value
     law = value["viscous"] * motion.columns["viscous"] + value["dry"] * motion.columns["dry"]
-    words = "Points: means of the log as a rigid axis, and 10 … 90 % of it"
-    speed, angle, law, rest = (x[moved] for x in (motion.speed, motion.angle, law, mapped.rest))
-    line_of = means(speed, law, "f_c sgn v + f_m v", band=False)
-    shown = (
-        (
-            "Friction over the speed",
-            f"{words}; the line is f_c sgn v + f_m v. Where points leave it near standstill "
-            "friction has a hump, and where they differ by direction it has two sides.",
-            "speed [rad/s]",
-            "torque without inertia [as logged]",
-            (means(speed, rest + law), line_of),
-        ),
-        (
-            "What is left over the angle",
-            f"{words}. What repeats itself here is gravity, ripple or cogging.",
-            "angle of the load [rad]",
-            "torque left [as logged]",
-            (means(angle, rest),),
-        ),
-        (
-            "What is left over the speed",
-            f"{words}.",
-            "speed [rad/s]",
-            "torque left [as logged]",
-            (means(speed, rest),),
-        ),
+    speed, angle, law, rest = (
+        x[motion.used] for x in (motion.speed, motion.angle, law, found.map.rest)
     )
+    friction = means(speed, rest + law), means(speed, law, "f_c sgn v + f_m v", band=False)
+    words = "Points: means of the log as a rigid axis, and 10 … 90 % of it"
+    hump = (
+        "; the line is f_c sgn v + f_m v. Where points leave it near standstill friction has a "
+        "hump, and where they differ by direction it has two sides."
+    )
+    left, across = "torque left [as logged]", "speed [rad/s]"
+    turns, repeats = "angle of the load [rad]", ". What repeats itself is gravity or ripple."
     return [
-        Chart(title=title, words=told, x=x, panels=[panel(y, *lines)])
-        for title, told, x, y, lines in shown
+        Chart(title=title, words=f"{words}{more}", x=x, panels=[panel(y, *lines)])
+        for title, more, x, y, lines in (
+            ("Friction over the speed", hump, across, f"{left}, with friction", friction),
+            ("What is left over the angle", repeats, turns, left, [means(angle, rest)]),
+            ("What is left over the speed", ".", across, left, [means(speed, rest)]),
+        )
     ]

@@ -43,9 +43,9 @@ def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
         "friction": found.friction,
         "compared": [vars(each) for each in found.tried],
         "fits": {
-            candidate.name: {"error": candidate.error, "taken": candidate is found.best}
-            | dict(zip(found.names, candidate.fitted.z.tolist(), strict=False))
-            for candidate in found.candidates
+            each.name: {"error": each.error, "taken": each is found.best}
+            | dict(zip(found.names, each.fitted.z.tolist(), strict=False))
+            for each in found.candidates
         },
         "residual": {
             "std": found.axis.noise,
@@ -62,27 +62,23 @@ def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
 
 def facts(found: Identification, tried: Validation | None) -> list[tuple[str, str]]:
     """Return how far to trust it: names and what they are here."""
-    facts = [
-        ("law of friction", found.friction),
-        ("fit", found.best.name),
-        ("simulation of held-out pieces from the torque alone", f"{found.fit:.1f} %"),
-        ("simulation of the whole log", f"{found.whole.percent:.1f} %"),
-        ("correlation of white residuals", f"{found.correlation:.3f}"),
-    ]
+    percent = {
+        "simulation of held-out pieces from the torque alone": found.fit,
+        "simulation of the whole log": found.whole.percent,
+    }
     if tried is not None:
-        facts += [
-            ("on the other log, fit of a simulation", f"{tried.simulation:.1f} %"),
-            ("on the other log, fit of a prediction over one sample", f"{tried.prediction:.1f} %"),
-        ]
-    return facts
+        percent["on the other log, fit of a simulation"] = tried.simulation
+        percent["on the other log, fit of a prediction over one sample"] = tried.prediction
+    told = [(what, f"{value:.1f} %") for what, value in percent.items()]
+    told.insert(2, ("correlation of white residuals", f"{found.correlation:.3f}"))
+    return [("law of friction", found.friction), ("fit", found.best.name), *told]
 
 
 def print_identification(found: Identification, tried: Validation | None) -> None:
     """Print it."""
     table = Printed("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
-    for each, known in found.estimates.items():
-        name, *cells = (cell.text.replace("–", "") for cell in _row(each, *known).cells)
-        table.add_row(escape(name), *cells)
+    for each in _rows(found):
+        table.add_row(*(escape(cell.text.replace("–", "")) for cell in each.cells))
     console = Console()
     console.print(table)
     for what, text in facts(found, tried):
@@ -98,15 +94,13 @@ def identification_page(
     """Return the page of it."""
     charts = identification_charts(found, period)
     charts += [] if tried is None else [validation_chart(tried)]
-    every = findings(found, tried)
-    names = [f"{name}{UNITS.get(name, '')}" for name in found.names]
-    fits = [(candidate.name, _of_candidate(candidate, names)) for candidate in found.candidates]
-    unit = found.torque_unit
+    every, unit = findings(found, tried), found.torque_unit
     system = f"SI, the torque in {unit}" if unit not in {"", "Nm", "N"} else "SI"
     columns = ("parameter", f"estimate [{system}]", "standard deviation", "of the value [%]")
     heads = [Column(name, kind="number" if i else "text") for i, name in enumerate(columns)]
+    fits = [(each.name, _of_candidate(each)) for each in found.candidates]
     tables = [
-        Table("Estimates", heads, [_row(name, *told) for name, told in found.estimates.items()]),
+        Table("Estimates", heads, _rows(found)),
         texts("Three fits, one answer", ("fit", "its estimates"), fits),
         texts("How far to trust them", ("what", "here"), facts(found, tried)),
     ]
@@ -121,25 +115,21 @@ def identification_charts(found: Identification, period: float) -> list[Chart]:
     return charts + ([] if found.response is None else [bode_chart(found, period)])
 
 
-def _of_candidate(candidate: Candidate, names: Sequence[str]) -> str:
-    told = zip(names, candidate.fitted.z, candidate.deviations, strict=False)
-    values = ", ".join(f"{name} {value:.4g} ± {sd:.1g}" for name, value, sd in told)
+def _of_candidate(candidate: Candidate) -> str:
+    told = zip(candidate.names, candidate.fitted.z, candidate.deviations, strict=False)
+    values = ", ".join(f"{_named(name)} {value:.4g} ± {sd:.1g}" for name, value, sd in told)
     return f"{values}; error of a simulation of held-out pieces {candidate.error:.4g}"
 
 
 def _finding(found: Identification, against: Sequence[str]) -> Finding:
     """Return what was identified, how well, and how many doubts there are, in a sentence."""
-    sure = [
-        (sd / abs(value), f"{name} = {value:.4g} ± {sd:.1g}")
-        for name, value, sd in zip(found.names, found.theta, found.deviations, strict=True)
-        if value
-    ]
-    best = [text for _, text in sorted(sure)]
-    told = ", ".join(best[:TOLD]) + (f" and {len(best) - TOLD} more" if len(best) > TOLD else "")
-    known = f"; surest: {told}" if told else ""
+    each = zip(found.names, found.theta, found.deviations, strict=True)
+    sure = sorted((sd / abs(v), f"{name} = {v:.4g} ± {sd:.1g}") for name, v, sd in each if v)
+    told = ", ".join(text for _, text in sure[:TOLD])
+    more = f" and {len(sure) - TOLD} more" if len(sure) > TOLD else ""
     text = (
-        f"The model simulates {found.fit:.1f} % of what it was not fitted to from the torque "
-        f"alone{known}."
+        f"The model simulates {found.fit:.1f} % of what it was not fitted to from the torque alone"
+        + (f"; surest: {told}{more}." if told else ".")
     )
     if against:
         count = "One thing speaks" if len(against) == 1 else f"{len(against)} things speak"
@@ -147,12 +137,15 @@ def _finding(found: Identification, against: Sequence[str]) -> Finding:
     return Finding("problem" if against else "ok", text)
 
 
-def _row(name: str, value: float, sd: float) -> Row:
-    """Return the cells of an estimate; of what stands at a bound, or was told, no deviation."""
-    share = 100 * sd / abs(value) if abs(value) > sd else 0.0
-    return Row([
-        Cell(name + UNITS.get(name, ""), name),
-        Cell(f"{value:.5g}", value),
-        Cell(f"{sd:.2g}" if sd else "–", sd or ""),
-        Cell(f"{share:.2g}" if share else "–", share or ""),
-    ])  # fmt: skip
+def _named(name: str) -> str:
+    return f"{name}{UNITS.get(name, '')}"
+
+
+def _rows(found: Identification) -> list[Row]:
+    """Return the lines of estimates; of what stands at a bound, or was told, no deviation."""
+    rows = []
+    for name, (value, sd) in found.estimates.items():
+        share = 100 * sd / abs(value) if abs(value) > sd else 0.0
+        numbers = (Cell(f"{x:.2g}" if x else "–", x or "") for x in (sd, share))
+        rows.append(Row([Cell(_named(name), name), Cell(f"{value:.5g}", value), *numbers]))
+    return rows

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from flexaxis.experiments.logs.findings import Finding, ordered
 from flexaxis.experiments.logs.identification.visibility import Seen
 from flexaxis.experiments.logs.importing import Imported
-from flexaxis.experiments.logs.pages.charts import log_chart, spectrum_chart, visibility_map
+from flexaxis.experiments.logs.pages.charts import log_chart, spectrum_chart
 from flexaxis.experiments.logs.pages.page import LogPage
-from flexaxis.experiments.reporting.charts import Chart, Heat
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
 COLUMNS = (
@@ -37,7 +36,7 @@ def import_page(found: Imported, seen: Mapping[str, Seen], log: Path, command: s
     """
     doubts = ordered(found.checks)
     said = [replace(c, text=f"{c.name}: {c.sentence}") for c in doubts if c.kind != "ok"]
-    charts, title = list(_charts(found, doubts, seen)), f"Import of {log.name}"
+    charts, title = [log_chart(found.record), spectrum_chart(found.record)], f"Import of {log.name}"
     return LogPage(title, command, _finding(doubts), said, charts, _tables(doubts, seen))
 
 
@@ -69,16 +68,3 @@ def _tables(checks: Sequence[Finding], seen: Mapping[str, Seen]) -> list[Table]:
         head = ("parameter", "in words")
         tables.append(texts("What the excitation tells of each parameter", head, lines))
     return tables
-
-
-def _charts(
-    found: Imported, doubts: Sequence[Finding], seen: Mapping[str, Seen]
-) -> Iterator[Chart | Heat]:
-    for doubt in doubts:
-        if doubt.kind != "ok" and doubt.draw is not None:
-            yield replace(doubt.draw(), title=f"Doubt: {doubt.name}", words=doubt.sentence)
-    yield log_chart(found.record)
-    yield spectrum_chart(found.record)
-    chart = visibility_map(seen)
-    if chart.ys:
-        yield chart

@@ -26,21 +26,6 @@ BINS, FEW = 60, 5  # of means, and samples that one holds at the least
 GAPS = 200  # that are shaded: more are a pattern, and seen as one
 
 
-def sketch(x: str, y: str, *lines: Line, y_log: bool = False, **more: Any) -> Chart:
-    """Return a chart without title and words, which whoever shows it has.
-
-    Parameters
-    ----------
-    x, y : str
-        Labels, with units.
-    *lines : Line
-    y_log : bool
-    **more
-        Of the `Chart`: its marks, and whether x is logarithmic.
-    """
-    return Chart(title="", words="", x=x, panels=[panel(y, *lines, y_log=y_log)], **more)
-
-
 def panel(y: str, *lines: Line, y_log: bool = False) -> Panel:
     """Return a panel that shows all there is: what sticks out of a log is what one looks for."""
     sides = [s for each in lines for s in (each.y, each.low, each.high) if s is not None]
@@ -66,12 +51,9 @@ def points(x: ArrayLike, y: ArrayLike, who: str = LOG) -> Line:
     return Line(who=who, x=np.asarray(x, float), y=np.asarray(y, float), kind="points")
 
 
-def means(x: ArrayLike, y: ArrayLike, who: str = LOG, *, band: bool = True) -> Line:
+def means(x: Array, y: Array, who: str = LOG, *, band: bool = True) -> Line:
     """Return means of y in `BINS` bins of x that hold as much each, with 10 … 90 % of it."""
-    x, y = np.asarray(x, float), np.asarray(y, float)
-    edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)))
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, max(len(edges) - 2, 0))
-    held = [place == k for k in range(len(edges) - 1) if np.sum(place == k) > FEW]
+    held = [k for k in np.array_split(np.argsort(x, kind="stable"), BINS) if len(k) > FEW]
     across, mean = (np.array([values[k].mean() for k in held]) for values in (x, y))
     if not band:
         return Line(who=who, x=across, y=mean)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.identification.validate import MATCHED
-from flexaxis.experiments.logs.pages.page import LogPage, capital, compared, gaps, thinned
+from flexaxis.experiments.logs.identification.validate import MATCHED, correlations
+from flexaxis.experiments.logs.pages.page import LogPage, capital, compared, gaps, panel, thinned
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.shapes import extremes
@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 
 LAGS = 60  # samples back, to which the correlation of the residual is drawn
 LEAST = 0.01  # of nominal: less is not worth a word
-BEFORE, AFTER = 1.0, 5.0  # s about the first change, that is shown beside the whole
 COLUMNS = (
     Column("parameter", kind="text"),
     Column("last estimate [SI]"),
@@ -106,14 +105,9 @@ def track_page(
 def estimates_of(found: Tracked) -> list[Row]:
     """Return name, last estimate, nominal value and their ratio, a row each."""
     values = zip(found.names, found.last.tolist(), found.nominal.tolist(), strict=True)
-    return [
-        Row([
-            Cell(name),
-            *(Cell(f"{v:.5g}", v) for v in (last, nominal)),
-            Cell(f"{last / nominal:.4f}", last / nominal),
-        ])
-        for name, last, nominal in values
-    ]  # fmt: skip
+    each = ((name, (f"{x:.5g}", x), (f"{of:.5g}", of), (f"{x / of:.4f}", x / of))
+            for name, x, of in values)  # fmt: skip
+    return [Row([Cell(name), *(Cell(*cell) for cell in cells)]) for name, *cells in each]
 
 
 def _finding(found: Tracked, said: Sequence[Finding], problems: Sequence[str]) -> Finding:
@@ -135,16 +129,13 @@ def _off(found: Tracked) -> str:
     """Return what was another than nominal all along, by more than its claimed two deviations."""
     if found.deviations is None or not found.usable.any():
         return ""
-    spread = 2 * found.deviations[np.flatnonzero(found.usable)[-1]]
+    sure = 2 * found.deviations[np.flatnonzero(found.usable)[-1]]
+    off = (found.last - found.nominal) / np.abs(found.nominal)
+    said = (abs(found.last - found.nominal) > sure) & (abs(off) >= LEAST)
     told = [
-        f"{name} is {abs(off):.0%} {'above' if off > 0 else 'below'}".replace("%", " %")
-        for name, off, by in zip(
-            found.names,
-            (found.last - found.nominal) / np.abs(found.nominal),
-            np.abs(found.last - found.nominal) - spread,
-            strict=True,
-        )
-        if by > 0 and abs(off) >= LEAST
+        f"{name} is {100 * abs(by):.0f} % {'above' if by > 0 else 'below'}"
+        for name, by, loud in zip(found.names, off, said, strict=True)
+        if loud
     ]
     return f"; no change within this log, but {', '.join(told)} what was identified" if told else ""
 
@@ -152,6 +143,7 @@ def _off(found: Tracked) -> str:
 def estimates_chart(found: Tracked, estimator: str) -> Chart:
     """Return the estimates over time with a ±2σ band, over nominal."""
     marks = [(c.time, f"{c.name} {100 * c.relative:+.1f} %") for c in found.changes]
+    marks += [(float(at), "alarm") for at in found.alarms]
     claimed = ", with what the estimator claims as ±2σ" if found.deviations is not None else ""
     return Chart(
         title="Estimates",
@@ -159,31 +151,19 @@ def estimates_chart(found: Tracked, estimator: str) -> Chart:
         f"alarms of the estimator.{thinned(found.time)}",
         x="time [s]",
         panels=[_panel(found, i, estimator) for i in range(len(found.names))],
-        marks=[*marks, *((float(at), "alarm") for at in found.alarms)],
+        marks=marks,
         spans=gaps(found.time, found.usable),
-        windows=_windows(found),
     )
 
 
-def _windows(found: Tracked) -> list[tuple[str, float, float]]:
-    whole = ("whole log", float(found.time[0]), float(found.time[-1]))
-    if not found.changes:
-        return [whole]
-    at = found.changes[0].time
-    begin, end = max(at - BEFORE, whole[1]), min(at + AFTER, whole[2])
-    return [("at the change", begin, end), whole] if begin < end else [whole]
-
-
 def _panel(found: Tracked, i: int, estimator: str) -> Panel:
-    nominal = found.nominal[i]
-    values, band = found.theta[:, i] / nominal, np.zeros(len(found.time))
-    if found.deviations is not None:
-        band = 2 * found.deviations[:, i] / abs(nominal)
+    nominal, sure = found.nominal[i], found.deviations
+    values = found.theta[:, i] / nominal
     kept = extremes(found.time, values)
     x, y = found.time[kept], values[kept]
-    sides = {"low": y - band[kept], "high": y + band[kept]} if found.deviations is not None else {}
-    ends = found.time[[0, -1]]
-    one = Line(x=ends, y=np.ones(2), role="bound", label="nominal: as identified")
+    band = None if sure is None else 2 * sure[kept, i] / abs(nominal)
+    sides: Any = {} if band is None else {"low": y - band, "high": y + band}
+    one = Line(x=found.time[[0, -1]], y=np.ones(2), role="bound", label="nominal: as identified")
     low, high = np.nanpercentile(values[len(values) // 50 :], [0.5, 99.5])
     room = max(0.1 * (high - low), 0.02)
     return Panel(
@@ -196,32 +176,27 @@ def _panel(found: Tracked, i: int, estimator: str) -> Panel:
 def residual_chart(found: Tracked, period: float) -> Chart:
     """Return the correlation of the residual with its past, and the band of white noise."""
     error = found.residual[found.usable]
-    error = error - error.mean()
-    lags = np.arange(1, LAGS + 1)
-    values = np.array([error[k:] @ error[: len(error) - k] for k in lags]) / (error @ error)
-    x, edge = 1e3 * period * lags, np.full(2, 2 / np.sqrt(len(error)))
-    stems = Line(
-        who="residual", kind="points", x=x, y=values,
-        low=np.minimum(values, 0.0), high=np.maximum(values, 0.0),
-    )  # fmt: skip
+    values, x = correlations(error)[1 : LAGS + 1], 1e3 * period * np.arange(1, LAGS + 1)
+    edge, zero = np.full(2, 2 / np.sqrt(len(error))), np.zeros(LAGS)
+    sides: Any = {"low": np.minimum(values, zero), "high": np.maximum(values, zero)}
     white = Line(
-        x=x[[0, -1]], y=np.zeros(2), low=-edge, high=edge, role="bound", label="±2σ of white noise"
+        x=x[[0, -1]], y=zero[:2], low=-edge, high=edge, role="bound", label="±2σ of white noise"
     )
-    height = max(1.3 * float(np.max(np.abs(values))), 0.1)
     return Chart(
         title="Residual",
         words="Correlation of the whitened residual with its past: what the model leaves.",
         x="samples before, as time [ms]",
-        panels=[Panel(y="correlation", lines=[white, stems], y_range=(-height, height))],
+        panels=[
+            panel("correlation", white, Line(who="residual", kind="points", x=x, y=values, **sides))
+        ],
     )
 
 
 def load_chart(found: Tracked, seconds: float = 0.5) -> Chart:
     """Return a piece of the predicted load angle over the hidden encoder, and the error."""
     assert found.load is not None
-    good = np.flatnonzero(found.usable)
-    start = found.time[good[len(good) // 2]]
-    piece = slice(*np.searchsorted(found.time, [start, start + seconds]))
+    middle = found.time[found.usable][np.sum(found.usable) // 2]
+    piece = slice(*np.searchsorted(found.time, [middle, middle + seconds]))
     sides = {"from motor angle and model": found.load.predicted}
     return Chart(
         title="Load angle",

@@ -52,11 +52,9 @@ class Series:
     def course(self, shape: str, place: int) -> Array:
         """Return the course (n,) of a change that is one on the last log, or on the log itself."""
         number, t = np.arange(len(self.time)), self.time
-        if shape == "step":
-            return (number >= place).astype(float)
-        if shape == "outlier":
-            return (number == place).astype(float)
-        return np.maximum(t - t[place], 0.0) / max(t[-1] - t[place], 1e-300)
+        if shape == "ramp":
+            return np.maximum(t - t[place], 0.0) / max(t[-1] - t[place], 1e-300)
+        return (number >= place if shape == "step" else number == place).astype(float)
 
 
 @dataclass(frozen=True)
@@ -129,10 +127,7 @@ def explain(given: Series, *, false_alarms: float = 0.01, seed: int = 0) -> Expl
         Of the simulated series.
     """
     scan, rng = _Scan(given), np.random.default_rng(seed)
-    while len(scan.found) < MOST:
-        change = scan.likeliest(false_alarms, rng)
-        if change is None:
-            break
+    while len(scan.found) < MOST and (change := scan.likeliest(false_alarms, rng)):
         scan.add(change)
     return scan.summary()
 
@@ -142,7 +137,8 @@ def size_of(given: Series, change: Change) -> Change:
     scan = _Scan(given)
     scan.add(change)
     scan.noise.fit(scan.x, scan.design)
-    return scan.sized()[0]
+    beta, deviations = scan.solved()
+    return replace(change, size=float(beta[-1]), deviation=float(deviations[-1]))
 
 
 class _Scan:
@@ -152,9 +148,8 @@ class _Scan:
         self.given = given
         self.scale = float(np.median(given.deviation)) or 1.0
         self.x = given.value / self.scale
-        self.explaining, base = _base(given)
-        self.first = base.shape[1]
-        self.design, self.found = base, list[Change]()
+        self.explaining, self.design = _base(given)
+        self.first, self.found = self.design.shape[1], list[Change]()
         self.noise = Scatter(given.time, given.deviation / self.scale)
         self.places = _places(len(given.time))
         self.courses = np.column_stack([given.course(*place) for place in self.places])
@@ -169,19 +164,19 @@ class _Scan:
         """Return the likeliest further change, None if its like is seen too often without one."""
         if len(self.x) - self.design.shape[1] <= EDGE:
             return None
-        whole = self.design
+        white, whole = self.noise.white, self.design
         for _ in range(ALONGSIDE):
             # with what changes, or it would be taken for scatter and hide itself
-            top = int(np.argmax(self._ratios(whole)[0]))
+            top = int(np.argmax(ratios(white(self.x), white(whole), white(self.courses))[0]))
             whole = np.column_stack([whole, self.courses[:, top]])
             self.noise.fit(self.x, whole)
-        ratio, gain = self._ratios(self.design)
+        design, courses = white(self.design), white(self.courses)
+        ratio, gain = ratios(white(self.x), design, courses)
         top = int(np.argmax(ratio))
         # where there is no scatter besides, estimates scatter by what they claim, however alike
         # they are by chance
         largest = float(ratio[top] if self.noise.size else min(ratio[top], gain[top]))
-        white = self.noise.white
-        chance = chance_of(largest, white(self.design), white(self.courses), false_alarms, rng)
+        chance = chance_of(largest, design, courses, rng)
         if chance > false_alarms:
             return None
         shape, place = self.places[top]
@@ -191,44 +186,30 @@ class _Scan:
         ]  # fmt: skip
         return Change(shape, place, min(near), max(near), chance)
 
-    def _ratios(self, design: Array) -> tuple[Array, Array]:
-        white = self.noise.white
-        return ratios(white(self.x), white(design), white(self.courses))
-
     def solved(self) -> tuple[Array, Array]:
-        """Return the coefficients of the design, and their covariance."""
+        """Return the coefficients of the design, and their deviations, in units of the series."""
         Z, y = self.noise.white(self.design), self.noise.white(self.x)
         norm = np.linalg.norm(Z, axis=0)
         inverse = np.linalg.pinv(Z / norm)
-        beta = inverse @ y
-        left = y - Z @ (beta / norm)
+        beta = inverse @ y / norm
         # the sizes of scatter that are tried are some way apart; logs claim no more than they do
-        variance = float(left @ left) / (len(y) - len(beta))
+        variance = float(np.sum((y - Z @ beta) ** 2)) / (len(y) - len(beta))
         variance = variance if self.noise.size else max(variance, 1.0)
-        return beta / norm, variance * inverse @ inverse.T / np.outer(norm, norm)
-
-    def sized(self) -> list[Change]:
-        """Return the changes with their sizes."""
-        beta, covariance = self.solved()
-        deviations = np.sqrt(np.diag(covariance))
-        return [
-            replace(change, size=float(self.scale * beta[i]),
-                    deviation=float(self.scale * deviations[i]))
-            for i, change in enumerate(self.found, self.first)
-        ]  # fmt: skip
+        deviations = np.sqrt(variance) * np.linalg.norm(inverse, axis=1) / norm
+        return self.scale * beta, self.scale * deviations
 
     def summary(self) -> Explained:
         """Return what the series is made of."""
-        beta, covariance = self.solved()
-        deviations = self.scale * np.sqrt(np.diag(covariance))
-        beta = self.scale * beta
+        beta, deviations = self.solved()
         slopes, slope_deviations = np.zeros((2, self.given.covariates.shape[1]))
         for i, column in self.explaining.items():
             slopes[i], slope_deviations[i] = beta[column], deviations[column]
-        changes = sorted(self.sized(), key=lambda change: change.place)
+        sizes = zip(self.found, beta[self.first :], deviations[self.first :], strict=True)
+        sized = [replace(c, size=float(b), deviation=float(s)) for c, b, s in sizes]
+        sized.sort(key=lambda change: change.place)
         return Explained(
-            changes=tuple(c for c in changes if c.shape != "outlier"),
-            outliers=tuple(c for c in changes if c.shape == "outlier"),
+            changes=tuple(c for c in sized if c.shape != "outlier"),
+            outliers=tuple(c for c in sized if c.shape == "outlier"),
             level=float(beta[0]),
             slopes=slopes,
             slope_deviations=slope_deviations,
@@ -246,15 +227,13 @@ def _base(given: Series) -> tuple[dict[int, int], Array]:
     """
     columns, places = [np.ones(len(given.time))], {}
     for i, values in enumerate(given.covariates.T):
-        spread = float(np.std(values))
+        spread, centred = float(np.std(values)), values - values.mean()
         if spread <= 1e-9 * float(np.max(abs(values))):
             continue
-        centred = values - values.mean()
         places[i] = len(columns)
         columns.append(centred)
         if len(values) >= CURVED:
-            curve = (centred / spread) ** 2
-            columns.append(curve - curve.mean())
+            columns.append((centred / spread) ** 2 - 1)
     return places, np.column_stack(columns)
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -21,7 +20,7 @@ from flexaxis.experiments.logs.files import labels
 from flexaxis.experiments.logs.identification.identify import GIVEN
 from flexaxis.experiments.logs.importing import read_any
 from flexaxis.experiments.logs.reading.log import open_log
-from flexaxis.experiments.logs.trend.covariates import begun, dated
+from flexaxis.experiments.logs.trend.covariates import dated
 from flexaxis.experiments.logs.trend.refit import refit, seen
 from flexaxis.experiments.running.processes import spread
 from flexaxis.experiments.storage.files import make_folder
@@ -32,7 +31,7 @@ from flexaxis.sim.record import Record
 
 ROWS, RESULT = "rows.sqlite", "trend.json"
 TRIES = 5  # logs from which it is seen what they can tell
-METHOD = 6  # of the estimates; another number and all are made anew
+METHOD = 7  # of the estimates; another number and all are made anew
 
 
 @dataclass(frozen=True)
@@ -79,27 +78,19 @@ class Plan:
     @property
     def text(self) -> str:
         """All that the estimates of a log depend on besides the log."""
-        axis = {
-            "tables": self.axis.tables,
-            "nominal": dict(self.axis.model.nominal),
-            **{key: getattr(self.axis, key) for key in ("delay", "torque_is", "highpass")},
-        }
-        return json.dumps(
-            [METHOD, version("flexaxis"), axis, self.names, *vars(self.source).values()],
-            sort_keys=True,
-            default=str,
-        )
+        axis = [self.axis.tables, dict(self.axis.model.nominal)]
+        axis += [getattr(self.axis, key) for key in ("delay", "torque_is", "highpass")]
+        every = [METHOD, version("flexaxis"), axis, self.names, *vars(self.source).values()]
+        return json.dumps(every, sort_keys=True, default=str)
 
-
-@dataclass(frozen=True)
-class Task:
-    """A log to be estimated from, and the identity of what comes of it."""
-
-    path: Path
-    case: str
-
-    def __str__(self) -> str:
-        return str(self.path)
+    def case(self, path: Path) -> str:
+        """Return the identity of what comes of a log: by its content, and what is done to it."""
+        try:
+            with path.open("rb") as file:
+                content = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+        return hashlib.sha256((self.text + content).encode()).hexdigest()[:16]
 
 
 def plan_for(logs: Sequence[Path], axis: Axis, source: Source, names: Sequence[str] = ()) -> Plan:
@@ -126,7 +117,7 @@ def plan_for(logs: Sequence[Path], axis: Axis, source: Source, names: Sequence[s
                 f"value of about its size in the axis, or leave it out"
             )
     candidates = [n for n in axis.model.parameters if n not in GIVEN and axis.model.nominal[n]]
-    problem: FlexaxisError | EstimatorError | None = None
+    problem: FlexaxisError | EstimatorError = LogError("there are no logs")
     for path in logs[:TRIES]:
         try:
             record = source.read(path)
@@ -134,27 +125,12 @@ def plan_for(logs: Sequence[Path], axis: Axis, source: Source, names: Sequence[s
             return Plan(axis, chosen, replace(source, torque=record.versions.get("torque", "")))
         except (FlexaxisError, EstimatorError) as error:
             problem = error
-    assert problem is not None
     raise problem
-
-
-def tasks(plan: Plan, logs: Sequence[Path]) -> Iterator[Task]:
-    """Yield each log with its identity: by its content, and by what is done to it."""
-    text = plan.text.encode()
-    for path in logs:
-        digest = hashlib.sha256(text)
-        try:
-            with path.open("rb") as file:
-                while piece := file.read(1 << 20):
-                    digest.update(piece)
-        except OSError as error:
-            raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-        yield Task(path, digest.hexdigest()[:16])
 
 
 def estimate_all(
     plan: Plan,
-    wanted: Sequence[Task],
+    logs: Sequence[Path],
     folder: Path,
     *,
     jobs: int = 1,
@@ -165,7 +141,7 @@ def estimate_all(
     Parameters
     ----------
     plan : Plan
-    wanted : sequence of Task
+    logs : sequence of Path
     folder : Path
         Where `ROWS` is, or is made.
     jobs : int
@@ -181,50 +157,36 @@ def estimate_all(
         On Ctrl-C, when what was at work is done: it is not lost.
     """
     make_folder(folder)
+    name, alike = labels(logs), dict[str, list[Path]]()
+    for path in logs:  # a copy is no further measurement
+        alike.setdefault(plan.case(path), []).append(path)
     with Lines(folder / ROWS) as rows:
         there = rows.all()
-        missing = {task.case: task for task in wanted if task.case not in there}
-        advance(len(wanted) - len(missing))
-        for row in spread(missing.values(), partial(row_of, plan), jobs=jobs if jobs > 1 else 0):
+        missing = [same[0] for case, same in alike.items() if case not in there]
+        advance(len(logs) - len(missing))
+        for row in spread(missing, partial(row_of, plan), jobs=jobs if jobs > 1 else 0):
             rows.put(row["case"], row)
             advance(1)
         every = rows.all()
     # the same content may come by another name, and with it by another date
-    name, alike = labels([task.path for task in wanted]), dict[str, list[str]]()
-    for task in wanted:
-        alike.setdefault(task.case, []).append(name[task.path])
-    once = {task.case: task for task in reversed(wanted)}  # a copy is no further measurement
     return [
-        _date(once[case].path, every[case] | {"log": alike[case][0], "copies": alike[case][1:]})
-        for case in alike
-    ]
+        every[case] | {"log": name[path], "date": (at := dated(path)) and at.isoformat(),
+                       "copies": [name[copy] for copy in copies]}
+        for case, (path, *copies) in alike.items()
+    ]  # fmt: skip
 
 
-def _date(path: Path, row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row with when its log began, and what says so; names may change."""
-    known = row.pop("begun")
-    date, source = dated(path, known and datetime.fromisoformat(known)) or (None, None)
-    return row | {"date": date.isoformat() if date else None, "dated": source}
-
-
-def row_of(plan: Plan, task: Task) -> dict[str, Any]:
-    """Return the row of a log: its estimates, or what is wrong with it, and when it began."""
-    row: dict[str, Any] = {"case": task.case, "rows": 1, "log": task.path.name, "problem": ""}
-    row["begun"] = None
+def row_of(plan: Plan, path: Path) -> dict[str, Any]:
+    """Return the row of a log: its estimates, or what is wrong with it."""
+    row: dict[str, Any] = {"case": plan.case(path), "log": path.name, "problem": ""}
     try:
-        date = begun(task.path)
-        row["begun"] = date.isoformat() if date else None
-        row |= _estimated(plan, task.path)
+        found = estimated(plan.source.read(path), plan.axis, plan.names)
+        return row | found | ({} if "problem" in found else {"columns": _means(path)})
     except (FlexaxisError, EstimatorError) as error:
         row["problem"] = " ".join(str(error).split())
     except Exception as error:  # whatever a strange log leads to: the others go on
         row["problem"] = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
     return row
-
-
-def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
-    found = estimated(plan.source.read(path), plan.axis, plan.names)
-    return found if "problem" in found else found | {"columns": _means(path)}
 
 
 def estimated(record: Record, axis: Axis, names: Sequence[str]) -> dict[str, Any]:
@@ -234,44 +196,32 @@ def estimated(record: Record, axis: Axis, names: Sequence[str]) -> dict[str, Any
             found = refit(record, axis, names)
     except (LogError, EstimatorError) as error:  # it was read, but is not like its axis
         return {"problem": " ".join(str(error).split()), "unlike": True}
-    numbers = np.array(
-        [*found.theta, *found.deviations, found.fit.percent, found.offset, found.colour]
-    )
-    if not np.isfinite(numbers).all() or not (found.deviations > 0).all():
+    if (
+        not np.isfinite([*found.theta, *found.deviations, found.fit]).all()
+        or not (found.deviations > 0).all()
+    ):
         raise LogError("this log tells nothing of the parameters: did the axis move?")
+    each = zip(found.names, found.theta.tolist(), found.deviations.tolist(), strict=True)
     return {
+        "estimates": {name: {"value": value, "sd": sd} for name, value, sd in each},
+        **{name: dict(zip(("value", "sd"), getattr(found, name), strict=True))
+           for name in ("offset", "late")},
+        **{name: getattr(found, name) for name in ("fit", "error", "left")},
         "period": record.period,
-        "seconds": len(record.time) * record.period,
-        "estimates": {
-            name: {"value": value, "sd": sd}
-            for name, value, sd in zip(
-                found.names, found.theta.tolist(), found.deviations.tolist(), strict=True
-            )
-        },
-        "offset": {"value": found.offset, "sd": found.offset_deviation},
-        "fit": found.fit.percent,
-        "error": found.fit.error,
-        "late": {"value": found.late, "sd": found.late_deviation},
-        "left": found.left,
-        "colour": found.colour,
-    }
+    }  # fmt: skip
 
 
 def _means(path: Path) -> dict[str, float]:
     """Return the mean of each column of a log, any of which may explain the estimates."""
-    found = {}
-    for name, values in open_log(path).numbers().items():
-        there = values[np.isfinite(values)]
-        if len(there):
-            found[name] = float(there.mean())
-    return found
+    columns = open_log(path).numbers()
+    there = {name: values[np.isfinite(values)] for name, values in columns.items()}
+    return {name: float(values.mean()) for name, values in there.items() if len(values)}
 
 
 def check_folder(folder: Path, given: Sequence[Path]) -> None:
     """Raise a LogError if a folder holds logs, or a page that is not of a trend."""
     if any(path.is_dir() and path.resolve() == folder.resolve() for path in given):
         raise LogError(f"-o {folder}: the logs are there; choose another folder")
-    ours = (folder / ROWS).exists()
     for name in (RESULT, REPORT):
-        if (folder / name).exists() and not ours:
+        if (folder / name).exists() and not (folder / ROWS).exists():
             raise LogError(f"{folder} holds {name}, which is not of a trend: choose another folder")

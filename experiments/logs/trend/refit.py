@@ -19,7 +19,7 @@ from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identification.candidates import over_pieces
 from flexaxis.experiments.logs.identification.setup import Setup, log_of
-from flexaxis.experiments.logs.identification.validate import Fit, at_limits, fit_of
+from flexaxis.experiments.logs.identification.validate import at_limits, fit_of
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -38,29 +38,26 @@ class Refit:
     names : tuple of str
     theta, deviations : ndarray (p,)
         The deviation is the larger of that for the modelled noise and that over pieces.
-    offset, offset_deviation : float
-        Constant torque that acts besides the logged one, in its unit.
-    fit : Fit
-        Of a simulation from the torque alone, above the high-pass of the axis if it has one.
-    late, late_deviation : float
-        By which the torque acts later than the axis has it [s]: to first order, as nothing else is
-        changed for it.
+    offset : (float, float)
+        Constant torque that acts besides the logged one, in its unit, and its deviation.
+    fit, error : float
+        Of a simulation from the torque alone, above the high-pass of the axis if it has one [%],
+        and the standard deviation that it leaves.
+    late : (float, float)
+        By which the torque acts later than the axis has it [s], and its deviation: to first order,
+        as nothing else is changed for it.
     left : float
         How far it is to the bottom, in standard deviations of all unknowns together.
-    colour : float
-        Share of the residual's variance that its own past predicts: 0 if it is white.
     """
 
     names: tuple[str, ...]
     theta: Array
     deviations: Array
-    offset: float
-    offset_deviation: float
-    fit: Fit
-    late: float
-    late_deviation: float
+    offset: tuple[float, float]
+    fit: float
+    error: float
+    late: tuple[float, float]
     left: float
-    colour: float
 
 
 def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
@@ -81,31 +78,28 @@ def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
     LogError
         If the log does not fit the axis at all.
     """
-    setup = _setup(record, axis, names)
+    setup, p = _setup(record, axis, names), len(names)
     known = axis.model.parametrize(names).theta
     fitted = setup.solve(known, axis.delay, rounds=STEPS, fine=False)
     if not np.isfinite(fitted.square):
         raise LogError("a simulation of this log runs away with the values of the axis")
     # a filter that makes what is left white may hide the state that a log begins in
-    fit = _fit(setup, fitted if setup.log.resting else setup.at(fitted.z, fixed=len(names)))
-    theta = fitted.z[: len(names)]
+    shown = fitted if setup.log.resting else setup.at(fitted.z, fixed=p)
+    fit = fit_of(setup.log.y, shown.residual, setup.counted, shown.colour)
     bounds = np.sort(np.outer(RANGE, known), axis=0)
-    unlike = at_limits(names, theta, bounds, known)
+    unlike = at_limits(names, fitted.z[:p], bounds, known)
     if unlike or fit.percent <= 0:
         raise LogError(unlike[0] if unlike else fit.unlike(None))
-    late, late_deviation, left = _late(setup, fitted)
-    high = fitted.colour.high(fitted.residual)[fitted.good]
+    late, left = _late(setup, fitted)
     return Refit(
         tuple(names),
-        theta,
-        np.maximum(fitted.deviations, over_pieces(fitted))[: len(names)],
-        float(fitted.z[-2]),
-        float(fitted.deviations[-2]),
-        fit,
+        fitted.z[:p],
+        np.maximum(fitted.deviations, over_pieces(fitted))[:p],
+        (float(fitted.z[-2]), float(fitted.deviations[-2])),
+        fit.percent,
+        fit.error,
         late,
-        late_deviation,
         left,
-        float(np.clip(1 - fitted.square / np.var(high), 0.0, 1.0)),
     )
 
 
@@ -133,31 +127,17 @@ def _setup(record: Record, axis: Axis, names: Sequence[str]) -> Setup:
         dict(zip(names, side.tolist(), strict=True))
         for side in np.sort(np.outer(RANGE, known), axis=0)
     )
-    return Setup(
-        log_of(record, axis),
-        axis.model,
-        tuple(names),
-        delay=axis.delay,
-        highpass=axis.highpass,
-        lower=lower,
-        upper=upper,
-    )
+    setup = Setup(log_of(record, axis), axis.model, tuple(names), lower=lower, upper=upper)
+    return replace(setup, delay=axis.delay, highpass=axis.highpass)
 
 
-def _fit(setup: Setup, fitted: Fitted) -> Fit:
-    log = setup.log
-    return fit_of(log.y, fitted.residual, setup.counted, fitted.colour)
-
-
-def _late(setup: Setup, fitted: Fitted) -> tuple[float, float, float]:
-    """Return by how much the torque acts later, its deviation, and how far it is to the bottom."""
+def _late(setup: Setup, fitted: Fitted) -> tuple[tuple[float, float], float]:
+    """Return by how much the torque acts later, with its deviation; how far it is to the bottom."""
     known = setup.problem()
     free = replace(known, held=np.append(known.held[:-1], False))
     # where the search ended is the bottom of laws as it solves them
     at = free.at(fitted.z, fitted.colour, coarse=known.course.coarsens)
-    moves = ~free.held
-    H = at.H[np.ix_(moves, moves)]
-    step = damped_step(H, at.g[moves], 0.0)
-    size = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
-    inverse = np.linalg.pinv(H / np.outer(size, size), hermitian=True)[-1, -1] / size[-1] ** 2
-    return float(step[-1]), float(np.sqrt(at.square / at.samples * inverse)), known.left(at)
+    H, g = at.H[~free.held][:, ~free.held], at.g[~free.held]
+    last = np.eye(len(g))[-1]
+    late, variance = (float(damped_step(H, side, 0.0)[-1]) for side in (g, last))
+    return (late, float(np.sqrt(at.square / at.samples * variance))), known.left(at)

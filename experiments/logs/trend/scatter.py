@@ -7,17 +7,11 @@ next. Both are found by restricted likelihood (H. D. Patterson and R. Thompson, 
 1971).
 
 The greatest of the ratios F of many changes has no closed distribution. It is simulated, for the
-very times, covariates and deviations of a sequence. Chances that `DRAWS` sequences do not resolve
-are those of their hundredth part, carried on as the tail of F with one degree of freedom, times the
-growth of the number of places that count (J. Pickands, Transactions of the AMS 145, 1969): steps at
-places nearby are as alike as values of a process of Ornstein and Uhlenbeck, and for that the number
-grows as F does. Ramps are more alike, so that this errs to the safe side; all places together, with
-the inequality of Bonferroni, are the most that it can come to.
+very times, covariates and deviations of a sequence; a chance that the draws do not resolve is at
+most that of one ratio times the number of places, by the inequality of Bonferroni.
 """
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +21,7 @@ from scipy.stats import f as fisher
 Array = NDArray[np.float64]
 
 CORRELATIONS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)
-SCATTERS = np.geomspace(0.1, 30.0, 20)  # τ over the median deviation
+SCATTERS = tuple(np.geomspace(0.1, 30.0, 20).tolist())  # τ over the median deviation
 LONG = 300  # logs, of which every other of these is tried
 LEAN = 0.25
 """Log-likelihood that may be lost for more memory, since the estimate of it is too low."""
@@ -61,21 +55,18 @@ class Scatter:
 
     def fit(self, x: Array, design: Array) -> None:
         """Choose τ and ρ for a sequence x (n,) that is a sum of columns (n, q) and noise."""
-        entries = list(self._likelihoods(x, design))
-        likeliest = max(entries, key=lambda entry: entry[0])
-        near = [e[2] for e in entries if e[0] >= likeliest[0] - LEAN]
-        memory = max(near) if likeliest[1] else 0.0
-        same = [e for e in entries if e[2] == memory]
-        _, self.size, self.memory, self._root = max(same, key=lambda entry: entry[0])
-
-    def _likelihoods(self, x: Array, design: Array) -> Iterator[tuple[float, float, float, Array]]:
-        every = 2 if len(x) > LONG else 1
+        every, tried = 2 if len(x) > LONG else 1, []
         for memory in CORRELATIONS[::every]:
             alike = memory**self._lags if memory else np.eye(len(x))
-            for size in (() if memory else (0.0,)) + tuple(SCATTERS[::every].tolist()):
+            for size in (() if memory else (0.0,)) + SCATTERS[::every]:
                 covariance = size**2 * alike + np.diag(self._variance)
                 root = cholesky(covariance, lower=True, check_finite=False)
-                yield _restricted(x, design, root), size, memory, root
+                tried.append((_restricted(x, design, root), size, memory, root))
+        likeliest = max(tried, key=lambda each: each[0])
+        near = [each[2] for each in tried if each[0] >= likeliest[0] - LEAN]
+        memory = max(near) if likeliest[1] else 0.0
+        same = (each for each in tried if each[2] == memory)
+        _, self.size, self.memory, self._root = max(same, key=lambda each: each[0])
 
 
 def _restricted(x: Array, design: Array, root: Array) -> float:
@@ -89,8 +80,7 @@ def _restricted(x: Array, design: Array, root: Array) -> float:
 
 
 LOOK, DRAWS = 500, 10_000  # simulated sequences: at a time, and at most
-FEW = 5  # draws beyond, of which fewer do not tell how rare they are
-KNOWN = 100  # draws from whose least the tail is carried on: known to 10 %
+ENOUGH = 100  # draws beyond: they tell a chance to 10 %
 
 
 def ratios(x: Array, design: Array, courses: Array) -> tuple[Array, Array]:
@@ -116,10 +106,8 @@ def ratios(x: Array, design: Array, courses: Array) -> tuple[Array, Array]:
     return gain * freedom / np.maximum(total - gain, 1e-300), gain
 
 
-def chance_of(
-    largest: float, design: Array, courses: Array, enough: float, rng: np.random.Generator
-) -> float:
-    """Return the probability that white noise has as large a ratio; roughly where it is likely.
+def chance_of(largest: float, design: Array, courses: Array, rng: np.random.Generator) -> float:
+    """Return the probability that white noise has as large a ratio.
 
     Parameters
     ----------
@@ -127,37 +115,11 @@ def chance_of(
         The greatest ratio of a sequence.
     design, courses : ndarray (n, q), (n, m)
         White; as for `ratios`.
-    enough : float
-        Chance that is asked for; at greater ones the simulation stops early.
     rng : Generator
     """
-    above, drawn, tops = 0, 0, np.empty(DRAWS)
-    while drawn < DRAWS and above <= drawn * enough + 5 * np.sqrt(drawn * enough) + 1:
+    above = drawn = 0
+    while drawn < DRAWS and above < ENOUGH:
         ratio, _ = ratios(rng.standard_normal((len(design), LOOK)), design, courses)
-        tops[drawn : drawn + LOOK] = ratio.max(axis=0)
-        drawn += LOOK
-        above = int((tops[:drawn] >= largest).sum())
-    if drawn < DRAWS or DRAWS * enough >= FEW:
-        return (above + 1) / (drawn + 1)
-    return beyond(largest, tops, len(design) - design.shape[1] - 1, courses.shape[1])
-
-
-def beyond(largest: float, tops: Array, freedom: int, places: int) -> float:
-    """Return the chance of a great ratio from simulated greatest ones, however small it is.
-
-    Parameters
-    ----------
-    largest : float
-    tops : ndarray (S,)
-        Greatest ratios of S sequences of noise.
-    freedom : int
-        Degrees of freedom of the denominator of F.
-    places : int
-        How many ratios each is the greatest of.
-    """
-    known = float(np.sort(tops)[-KNOWN])
-    if largest <= known:
-        return float((tops >= largest).mean())
-    tail, there = fisher.logsf([largest, known], 1, freedom)
-    carried = np.log(KNOWN / len(tops)) + tail - there + np.log(largest / known)
-    return float(np.exp(min(carried, np.log(places) + tail)))
+        above, drawn = above + int((ratio.max(axis=0) >= largest).sum()), drawn + LOOK
+    one = float(fisher.sf(largest, 1, len(design) - design.shape[1] - 1))
+    return min((above + 1) / (drawn + 1), courses.shape[1] * one)

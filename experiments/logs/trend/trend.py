@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ from flexaxis.experiments.logs.trend.estimates import (
     check_folder,
     estimate_all,
     plan_for,
-    tasks,
 )
 from flexaxis.experiments.logs.trend.wear import CHANGED, OPEN, Verdict, fewest_logs, verdicts
 from flexaxis.experiments.running.progress import progress
@@ -57,12 +55,6 @@ class Trend:
         """Rows of logs that have estimates, in the order of the clock."""
         good = [row for row in self.rows if not row["problem"]]
         return [good[i] for i in self.clock.order]
-
-    @property
-    def first(self) -> str:
-        """When the first of them was by ISO 8601, where all have a date; else empty."""
-        begun = datetime.fromisoformat(self.good[0]["date"]) if self.clock.dated else None
-        return "" if begun is None else begun.replace(tzinfo=None).isoformat(timespec="seconds")
 
     @property
     def changed(self) -> bool:
@@ -111,7 +103,7 @@ def trend_of(
         raise LogError(f"{len(logs)} logs; a trend needs {fewest}")
     plan = plan_for(logs, axis, source, free)
     with progress(f"{len(logs)} logs", len(logs)) as advance:
-        rows = estimate_all(plan, [*tasks(plan, logs)], folder, jobs=jobs, advance=advance)
+        rows = estimate_all(plan, logs, folder, jobs=jobs, advance=advance)
     good = [row for row in rows if not row["problem"]]
     if not good:
         raise LogError(
@@ -152,44 +144,44 @@ def ailments(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
         Name of the log, and sentences. A log is compared with the better half of all, so that a
         delay that all logs have is not among them: `common` tells that.
     """
-    refused = {row["log"]: [row["problem"]] for row in rows if row.get("unlike")}
+    found = {row["log"]: [row["problem"]] for row in rows if row.get("unlike")}
     rows = [row for row in rows if not row["problem"]]
     unexplained = np.array([100 - row["fit"] for row in rows])
-    late = _late(rows)
     usual, far = _better(unexplained)
-    worse = (unexplained > WORSE * usual) & (unexplained > usual + POINTS) & far
     errors = np.array([row["error"] for row in rows])
-    worse &= errors > WORSE * _better(errors)[0]  # less motion is a poorer fit by the same errors
+    # less motion is a poorer fit by the same errors
+    worse = (unexplained > max(WORSE * usual, usual + POINTS)) & far
+    worse &= errors > WORSE * _better(errors)[0]
+    late = _late(rows)
     usual_late, far = _better(late)
     moved = late - usual_late
     claimed = np.array([row["late"]["sd"] / row["period"] for row in rows])
-    shifted = (abs(moved) > LATE) & (abs(moved) > SURE * claimed) & far
-    found: dict[str, list[str]] = {}
+    shifted = (abs(moved) > np.maximum(LATE, SURE * claimed)) & far
     for i, row in enumerate(rows):
-        said = found.setdefault(row["log"], [])
-        if worse[i]:
-            said.append(
-                f"is fitted by {row['fit']:.3g} % only, others by "
-                f"{100 - usual:.3g} %: something acts that the model does not know"
-            )
+        said = [
+            f"is fitted by {row['fit']:.3g} % only, others by {100 - usual:.3g} %: something acts "
+            "that the model does not know"
+        ] * bool(worse[i])
         if shifted[i]:
-            word = "later" if moved[i] > 0 else "earlier"
-            said.append(f"its torque acts about {abs(moved[i]):.1g} samples {word} than in others")
+            said.append(f"its torque acts {_shift(moved[i])} than in others")
         if row["left"] > UNFINISHED:
             said.append("its estimates did not settle: the axis is far from what is known of it")
-    return {log: said for log, said in found.items() if said} | refused
+        if said:
+            found[row["log"]] = said
+    return found
 
 
 def common(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return what is wrong with the logs altogether, in sentences."""
     late, _ = _better(_late(rows))
-    if abs(late) <= 2 * LATE:
-        return []
-    word = "later" if late > 0 else "earlier"
     return [
-        f"the torque acts about {abs(late):.1g} samples {word} than the axis has it in most logs: "
-        "identify it again, from one of them"
-    ]
+        f"the torque acts {_shift(late)} than the axis has it in most logs: identify it again, "
+        "from one of them"
+    ] * (abs(late) > 2 * LATE)
+
+
+def _shift(late: float) -> str:
+    return f"about {abs(late):.1g} samples {'later' if late > 0 else 'earlier'}"
 
 
 def _late(rows: Sequence[Mapping[str, Any]]) -> Array:

@@ -172,20 +172,10 @@ def verdicts(
             f"{complete} logs have estimates{' and a covariate' if covariates else ''}; a trend "
             f"needs {fewest}"
         )
-    names = list(rows[0]["estimates"])
-    found = []
+    names, found = list(rows[0]["estimates"]), []
+    options = {"false_alarms": false_alarms / len(names), "smallest": smallest}
     for name in names:
         each = [row["estimates"][name] for row in rows]
         value, sd = (np.array([entry[key] for entry in each]) for key in ("value", "sd"))
-        found.append(
-            verdict(
-                name,
-                time,
-                value,
-                sd,
-                columns,
-                false_alarms=false_alarms / len(names),
-                smallest=smallest,
-            )
-        )
+        found.append(verdict(name, time, value, sd, columns, **options))
     return found

@@ -21,42 +21,43 @@ COLOURED = 0.4  # memory of the scatter from log to log that is worth a word
 
 def sentences(found: Verdict, trend: Trend) -> list[str]:
     """Return what became of a parameter."""
-    names, clock = [*trend.covariates], trend.clock
-    causes, changes = " and ".join(names), found.found.changes
-    if found.kind == CHANGED:
-        lines = [_change(found, change, clock) for change in changes]
-        lines += [f"beside that, {text}" for text in _slopes(found, names)]
-        if not names:
-            lines.append("whether it is worn or warm cannot be told without --covariate")
-    elif found.kind == EXPLAINED:
-        moved = float(found.percent(max(found.bare.changes, key=lambda c: abs(c.size)).size))
-        lines = [
-            f"moved by {moved:+.2g} %, as {causes} did, and not besides: "
-            f"{', '.join(_slopes(found, names))}",
-            *_asked(found, names),
-        ]
-    elif found.kind == UNTOLD:
-        lines = [
-            "cannot be told: logs repeat so poorly that a change of less than "
-            f"±{100 * found.least:.2g} % would not be seen"
-        ]
-    elif found.kind == OPEN:
-        assert found.change is not None
-        lines = [
-            f"and {causes} changed at the same time: beside it, {_size(found, found.change)}. "
-            "Worn and warm cannot be told apart on these logs; add some of worn and cold, or new "
-            "and warm"
-        ]
-    elif changes:
-        sizes = ", ".join(f"{found.percent(c.size):+.2g} %" for c in changes)
-        lines = [f"changed by {sizes} only, which is less than {100 * found.smallest:g} %"]
-    else:
-        slopes = [text for text in _slopes(found, names) if "no effect" not in text]
-        lines = [", ".join([QUIET, *slopes])]
-    for outlier in found.found.outliers:
-        label = clock.labels[int(found.logs[outlier.place])]
-        size = float(found.percent(outlier.size))
-        lines.append(f"the log of {label} is out of line by {size:+.2g} %")
+    slopes, causes = _slopes(found, [*trend.covariates]), " and ".join(trend.covariates)
+    lines = []
+    match found.kind:
+        case "changed":
+            lines = [_change(found, change, trend.clock) for change in found.found.changes]
+            lines += [f"beside that, {text}" for text in slopes]
+            if not causes:
+                lines.append("whether it is worn or warm cannot be told without --covariate")
+        case "explained":
+            largest = max(found.bare.changes, key=lambda c: abs(c.size))
+            lines = [
+                f"moved by {found.percent(largest.size):+.2g} %, as {causes} did, and not "
+                f"besides: {', '.join(slopes)}",
+                *_asked(found, [*trend.covariates]),
+            ]
+        case "untold":
+            lines = [
+                "cannot be told: logs repeat so poorly that a change of less than "
+                f"±{100 * found.least:.2g} % would not be seen"
+            ]
+        case "open":
+            assert found.change is not None
+            lines = [
+                f"and {causes} changed at the same time: beside it, {_size(found, found.change)}. "
+                "Worn and warm cannot be told apart on these logs; add some of worn and cold, or "
+                "new and warm"
+            ]
+        case _ if found.found.changes:
+            sizes = ", ".join(f"{found.percent(c.size):+.2g} %" for c in found.found.changes)
+            lines = [f"changed by {sizes} only, which is less than {100 * found.smallest:g} %"]
+        case _:
+            lines = [", ".join([QUIET, *(text for text in slopes if "no effect" not in text)])]
+    lines += [
+        f"the log of {trend.clock.labels[int(found.logs[c.place])]} is out of line by "
+        f"{found.percent(c.size):+.2g} %"
+        for c in found.found.outliers
+    ]
     return [f"{found.name} {lines[0]}", *(f"{found.name}: {line}" for line in lines[1:])]
 
 
@@ -67,19 +68,15 @@ def _size(found: Verdict, change: Change) -> str:
 def _change(found: Verdict, change: Change, clock: Clock) -> str:
     """Return such as "has grown by 12 ± 2 % since 2026-01-30 (day 29, at 95 % 26 … 33)"."""
     size, sd = float(found.percent(change.size)), found.percent_deviation(change)
-    at, first, last = (
-        int(found.logs[place]) for place in (change.place, change.earliest, change.latest)
-    )
-    word = "day" if clock.dated else "log"
-    where = f"{word} {clock.time[at]:.3g}"
+    at, first, last = (found.logs[k] for k in (change.place, change.earliest, change.latest))
+    where = f"{'day' if clock.first else 'log'} {clock.time[at]:.3g}"
     if last > first:
         where += f", at 95 % {clock.time[first]:.3g} … {clock.time[last]:.3g}"
-    sign = "grown" if size > 0 else "fallen"
     if change.shape == "step":
-        verb = f"{'rose' if size > 0 else 'fell'} at once by {abs(size):.2g} ± {sd:.1g} % on"
+        verb, since = f"{'rose' if size > 0 else 'fell'} at once", "on"
     else:
-        verb = f"has {sign} by {abs(size):.2g} ± {sd:.1g} % since"
-    return f"{verb} {clock.labels[at]} ({where})"
+        verb, since = f"has {'grown' if size > 0 else 'fallen'}", "since"
+    return f"{verb} by {abs(size):.2g} ± {sd:.1g} % {since} {clock.labels[at]} ({where})"
 
 
 def _asked(found: Verdict, covariates: Sequence[str]) -> list[str]:
@@ -95,18 +92,14 @@ def _asked(found: Verdict, covariates: Sequence[str]) -> list[str]:
 
 
 def _slopes(found: Verdict, covariates: Sequence[str]) -> list[str]:
-    lines = []
     spans = np.ptp(found.series.covariates, axis=0)
-    for name, slope, sd, span in zip(
-        covariates, found.found.slopes, found.found.slope_deviations, spans, strict=True
-    ):
-        if abs(slope) < 2 * sd or abs(slope) * span < found.smallest:
-            lines.append(f"{name} has no effect that can be seen")
-        else:
-            lines.append(
-                f"{name} explains {100 * slope:+.3g} ± {100 * sd:.1g} % for each unit of it"
-            )
-    return lines
+    slopes = found.found.slopes, found.found.slope_deviations
+    return [
+        f"{name} has no effect that can be seen"
+        if abs(slope) < 2 * sd or abs(slope) * span < found.smallest
+        else f"{name} explains {100 * slope:+.3g} ± {100 * sd:.1g} % for each unit of it"
+        for name, slope, sd, span in zip(covariates, *slopes, spans, strict=True)
+    ]
 
 
 def remarks(trend: Trend) -> list[Finding]:
@@ -166,14 +159,11 @@ def log_remarks(rows: Sequence[Mapping[str, Any]]) -> list[Finding]:
 
 def dates_remark(trend: Trend) -> str:
     """Return where the dates come from."""
-    if not trend.clock.dated:
-        undated = sum(row["date"] is None for row in trend.good)
-        why = f"{undated} have no date" if undated else "all have the same date"
-        return f"the logs are numbered in the order given, as {why} such as 2026-12-31"
-    words = {"file": "the logs themselves", "name": "their names", "folder": "their folders"}
-    counts = {source: sum(row["dated"] == source for row in trend.good) for source in words}
-    parts = [f"{counts[source]} of {text}" for source, text in words.items() if counts[source]]
-    return f"dates: {' and '.join(parts)}"
+    if trend.clock.first:
+        return f"dates: {len(trend.good)} of their names, or of their folders"
+    undated = sum(row["date"] is None for row in trend.good)
+    why = f"{undated} have no date" if undated else "all have the same date"
+    return f"the logs are numbered in the order given, as {why} such as 2026-12-31"
 
 
 def summary(found: Verdict, trend: Trend) -> dict[str, Any]:
@@ -193,7 +183,6 @@ def summary(found: Verdict, trend: Trend) -> dict[str, Any]:
         }
 
     slopes = zip(trend.covariates, found.found.slopes, found.found.slope_deviations, strict=True)
-    last = found.series.value - found.found.fitted
     return {
         "verdict": found.kind,
         "changes": [told(change) for change in found.found.changes],
@@ -202,6 +191,6 @@ def summary(found: Verdict, trend: Trend) -> dict[str, Any]:
         "covariates": {n: {"slope": float(b), "sd": float(s)} for n, b, s in slopes},
         "scatter": found.found.scatter,
         "correlation": found.found.correlation,
-        "residual": float(np.std(last)),
+        "residual": float(np.std(found.series.value - found.found.fitted)),
         "words": sentences(found, trend),
     }
