@@ -70,7 +70,7 @@ def tuned() -> str:
     """Return the knob of each estimator: its default, and its value at equal noise."""
     rows = []
     for entry in REGISTRY.values():
-        found = [t for t in tunings() if t.estimator == entry.name and t.scenario is None]
+        found = [t for t in tunings() if t.estimator == entry.name]
         knob = entry.turning
         names = knob.names if knob else ()
         default = ", ".join(f"{entry.options[name]:.6g}" for name in names) or "–"

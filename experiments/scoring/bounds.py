@@ -25,7 +25,6 @@ from flexaxis.experiments.scoring.true_model import (
     state_at,
     tracked,
     true_model,
-    with_structure,
 )
 from flexaxis.experiments.scoring.windows import Window, windows
 from flexaxis.sim.faults import Step
@@ -203,26 +202,6 @@ def _remembered(record: _Record) -> list[Limits]:
 def record_limits(scenario: Scenario, torque: Array) -> list[Limits]:
     """Return the limits of a scenario's `identify` on a record, kept for the next estimator."""
     return _remembered(_Record.of(scenario, torque))
-
-
-def lag_bound_with_structure(scenario: Scenario, name: str, torque: Array) -> float | None:
-    """Return the lag on the bound of whoever takes the structure for unknown besides [s].
-
-    That is whatever `flexaxis.experiments.scoring.true_model.with_structure` names, all of it
-    unknown after the jump, as if nothing had been learnt before; None where `bounded` has none.
-    """
-    return _with_structure(_Record.of(scenario, torque), name)
-
-
-@lru_cache(maxsize=256)
-def _with_structure(record: _Record, name: str) -> float | None:
-    scenario = record.scenario
-    window = bounded(scenario, scenario.identify).get(name)
-    if window is None:
-        return None
-    unknown = with_structure(scenario, tracked(scenario, scenario.identify))
-    allowed = jump_bound(scenario, unknown, window.start, window.stop, record.torque).unknown
-    return lag_bound(allowed[:, unknown.index(name)], window.D, period=scenario.period)
 
 
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:

@@ -15,9 +15,9 @@ from flexaxis.sim.reading import read_toml
 from flexaxis.sim.toml_text import toml_text
 
 
-def save(path: Path, name: str, found: Tuned, *, command: str, scenario: str | None = None) -> None:
+def save(path: Path, name: str, found: Tuned, *, command: str) -> None:
     """Write a setting to a file like estimators/tuned.toml, in the place of the one it had."""
-    tables, at = _others(path, name, scenario), tuning_scenario()
+    tables, at = _others(path, name), tuning_scenario()
     new = Tuning(
         estimator=name,
         knob=found.knob,
@@ -30,27 +30,23 @@ def save(path: Path, name: str, found: Tuned, *, command: str, scenario: str | N
         identify=at.identify,
         period=at.period,
         noise=at.noise.speed,
-        scenario=scenario,
-        lag=None if found.lag is None else round(found.lag, 4),
     )
-    tables.append({key: value for key, value in asdict(new).items() if value is not None})
-    _write(path, tables)
+    _write(path, [*tables, asdict(new)])
 
 
-def forget(path: Path, name: str, *, scenario: str | None = None) -> None:
+def forget(path: Path, name: str) -> None:
     """Remove the setting of an estimator from such a file: what was found is no match any more."""
-    _write(path, _others(path, name, scenario))
+    _write(path, _others(path, name))
 
 
-def _others(path: Path, name: str, scenario: str | None) -> list[dict[str, Any]]:
+def _others(path: Path, name: str) -> list[dict[str, Any]]:
     """Return what the file holds besides one setting."""
     known = read_toml(path, FlexaxisError) if path.exists() else {}
-    tables = known.get("tuned", [])
-    return [t for t in tables if (t["estimator"], t.get("scenario")) != (name, scenario)]
+    return [t for t in known.get("tuned", []) if t["estimator"] != name]
 
 
 def _write(path: Path, tables: list[dict[str, Any]]) -> None:
     rank = {name: place for place, name in enumerate(REGISTRY)}
-    tables.sort(key=lambda t: (rank.get(t["estimator"], len(rank)), t.get("scenario", "")))
+    tables.sort(key=lambda t: rank.get(t["estimator"], len(rank)))
     text = "# Written by `flexaxis tune`; docs/scores.md explains.\n" + toml_text({"tuned": tables})
     write_text(path, text)

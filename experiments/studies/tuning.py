@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from flexaxis.estimators.knob import Knob
 from flexaxis.estimators.registry import REGISTRY
@@ -16,7 +15,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.summary import case_of, pool_group
-from flexaxis.experiments.studies.knobs import knob_of, numbers_of, setting
+from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario
@@ -25,7 +24,6 @@ EXCESS = "excess"  # what is matched unless the std of one parameter is
 TOLERANCE = 0.01  # of the matched noise
 ROUNDS = 12  # settings that a match may take
 DIGITS = 4  # of a setting: more than the tolerance can tell apart
-SPAN = 8.0  # an option is looked for from its default over this to its default times this
 
 
 @dataclass(frozen=True)
@@ -47,8 +45,6 @@ class Tuned:
         deviations.
     ratios : dict of str to float
         Ratio of the std of each parameter.
-    lag : float or None
-        Lag [s] on the scenario for which it is least.
     """
 
     setting: str
@@ -57,7 +53,6 @@ class Tuned:
     match: str
     ratio: float
     ratios: dict[str, float]
-    lag: float | None = None
 
 
 def tuning_scenario() -> Scenario:
@@ -119,13 +114,6 @@ class Trials:
         middle = np.mean([error for error in each.values() if not np.isnan(error)] or [0.0])
         aside = {name for name, error in each.items() if error * middle > 0}
         return frozenset(lacking or aside)
-
-    def lag(self, setting: str, scenario: Scenario) -> float:
-        """Return the lag [s] after the faults of a scenario."""
-        rows = [row for row in self._rows(scenario, setting) if row["changed"]]
-        if not rows:
-            raise FlexaxisError(f"{scenario.name} has no fault in an estimated parameter")
-        return float(np.exp(np.mean([np.log(row["lag"]) for row in rows])))
 
     def _rows(self, scenario: Scenario, setting: str) -> list[dict[str, Any]]:
         runs = self.bench.runs([scenario], [setting], self.seeds)[scenario.hash, setting]
@@ -246,54 +234,6 @@ def _hint(name: str, knob: Knob) -> str:
     return f'; if it is quicker with less of it, write knob = "1/{knob.label}"'
 
 
-def least_lag(name: str, options: Sequence[str], scenario: Scenario, trials: Trials) -> Tuned:
-    """
-    Find the options with which an estimator is fastest after a fault, at matched noise.
-
-    Each in turn: the best of seven values on a logarithmic grid, then a search between its
-    neighbours; the knob is matched anew for every value.
-
-    Parameters
-    ----------
-    name : str
-        An estimator with a knob.
-    options : sequence of str
-        The options to turn, besides the knob.
-    scenario : Scenario
-        With a fault in an estimated parameter.
-    trials : Trials
-
-    Raises
-    ------
-    FlexaxisError
-        If there is no such option, or no setting that matches and keeps every run.
-    """
-    known = numbers_of(name)
-    for option in options:
-        if option not in known:
-            raise FlexaxisError(f"{name} has no option {option!r}.{did_you_mean(option, known)}")
-    tried: dict[str, Tuned] = {}
-
-    def attempt(given: dict[str, float]) -> float:
-        given = {key: float(f"{value:.{DIGITS}g}") for key, value in given.items()}
-        try:
-            found = match_noise(name, trials, given)
-        except FlexaxisError:
-            return np.inf
-        lag = trials.lag(found.setting, scenario)
-        tried.setdefault(found.setting, Tuned(**{**asdict(found), "lag": lag}))
-        return lag
-
-    best: dict[str, float] = {}
-    for option in options:
-        turned = _minimum(lambda x, o=option: attempt({**best, o: float(np.exp(x))}), known[option])
-        best[option] = float(f"{turned:.{DIGITS}g}")
-    found = min(tried.values(), key=lambda t: t.lag or np.inf, default=None)
-    if found is None or found.lag == np.inf:
-        raise FlexaxisError(f"{name}: no setting keeps every run of {scenario.name}")
-    return found
-
-
 def _knob(name: str) -> Knob:
     knob = knob_of(name)
     if knob is None:
@@ -316,12 +256,3 @@ def _how_to_have_one(name: str) -> str:
     if piped(name):
         return ": a program takes no options, so write a class that starts it, and gives it one"
     return '; name the option in its class: knob = "1-lam", where λ is turned in 1−λ'
-
-
-def _minimum(of, default: float) -> float:
-    """Return where a function of log x is least, near a default of x."""
-    grid = np.log(default) + np.log(SPAN) * np.linspace(-1, 1, 7)
-    at = int(np.argmin([of(x) for x in grid]))
-    sides = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
-    inner = minimize_scalar(of, bounds=sides, method="bounded", options={"maxiter": 6})
-    return float(np.exp(inner.x if inner.fun < of(grid[at]) else grid[at]))
