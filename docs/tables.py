@@ -17,9 +17,8 @@ from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
-from flexaxis.experiments.catalogue.card import GROUPS
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
-from flexaxis.experiments.catalogue.names import DRAWN
+from flexaxis.experiments.catalogue.names import DRAWN, GROUPS
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, CONTROLS
 from flexaxis.experiments.gate.selftest import markdown as self_test_table
 from flexaxis.experiments.reporting.tables import number

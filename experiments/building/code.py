@@ -10,10 +10,9 @@ from importlib.resources.abc import Traversable
 from importlib.util import find_spec
 from pathlib import Path
 
-from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.consent import names_code, piped
 from flexaxis.experiments.building.given import is_given, written
 from flexaxis.experiments.building.neighbours import content_of, imported_neighbours
-from flexaxis.experiments.building.specs import piped
 
 SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
 

@@ -15,6 +15,8 @@ from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
 
 OPTION = "--run-code"
+PIPE = "pipe:"
+"""How the command of a program begins."""
 
 
 class CodeRefused(FlexaxisError):
@@ -32,6 +34,17 @@ def names_code(text: str) -> bool:
     (True, True)
     """
     return ":" in text.partition("[")[0]
+
+
+def piped(text: str) -> str | None:
+    """Return the command of an estimator that is a program; None for any other text.
+
+    Examples
+    --------
+    >>> piped("pipe:./mine -v")
+    './mine -v'
+    """
+    return text.removeprefix(PIPE) if text.startswith(PIPE) else None
 
 
 def code_named(texts: Iterable[str]) -> list[str]:

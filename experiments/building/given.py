@@ -8,7 +8,6 @@ from typing import Any
 from uuid import uuid4
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.registry import REGISTRY
 
 _HELD: dict[str, Callable[..., Any]] = {}
 _UNSEEN: dict[str, tuple[Callable[..., Any], bytes]] = {}
@@ -25,6 +24,8 @@ def give(make: Callable[..., Any]) -> str:
     EstimatorError
         If it has no name, or that of a registered estimator.
     """
+    from flexaxis.estimators.registry import REGISTRY
+
     name = getattr(make, "__name__", "")
     if not name.isidentifier():
         raise EstimatorError(f"{make!r} has no name to stand in results: give a class")

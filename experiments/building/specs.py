@@ -20,6 +20,7 @@ import numpy as np
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY, gone
+from flexaxis.experiments.building.consent import PIPE, piped
 from flexaxis.experiments.building.crashes import user_code
 from flexaxis.experiments.building.given import given
 from flexaxis.experiments.building.guest import hosted, is_guest
@@ -43,8 +44,6 @@ from flexaxis.sim.reading import shown, toml_tables
 from flexaxis.sim.scenario import Scenario
 
 ENTRY_POINTS = "flexaxis.estimators"
-PIPE = "pipe:"
-"""How the command of a program begins."""
 
 
 @dataclass(frozen=True)
@@ -82,17 +81,6 @@ def parse(text: str) -> Spec:
                 f"It has: {', '.join(sorted(known)) or 'none'}"
             )
     return Spec(text, make, options)
-
-
-def piped(text: str) -> str | None:
-    """Return the command of an estimator that is a program; None for any other text.
-
-    Examples
-    --------
-    >>> piped("pipe:./mine -v")
-    './mine -v'
-    """
-    return text.removeprefix(PIPE) if text.startswith(PIPE) else None
 
 
 def written_options(text: str) -> dict[str, Any]:

@@ -17,6 +17,22 @@ HASHES = "hashes.toml"
 DRAWN = "-v2"
 """Ends the name of a scenario that is its -v1 with an onset that is drawn."""
 
+GROUPS = {
+    "nominal": "nothing happens",
+    "steps": "one parameter jumps",
+    "wear": "one parameter changes over seconds",
+    "intermittent": "one parameter jumps to and fro",
+    "several": "more than one change",
+    "excitation": "other motion than the full multisine",
+    "sensors": "what lies between axis and log",
+    "mismatch": "an axis that the linear model does not describe",
+    "nuisance": "changes that are no faults",
+    "drives": "drives that exist, with friction and faults of their own",
+    "control": "estimates drive the controller",
+    "ground": "where estimators have failed that do well on all the others",
+}
+"""The groups of the catalogue, in the order in which it is read."""
+
 
 def tomls(folder: str) -> dict[str, Traversable]:
     """Return the TOML files in a folder of the catalogue, by name."""

@@ -32,12 +32,12 @@ def at_most(most: float, kind: type[int] | type[float] = int) -> Callable[[str],
 
 def too_large(parser: argparse.ArgumentParser, args: argparse.Namespace) -> Iterator[str]:
     """Yield what is wrong with the numbers that have no limit of their own."""
-    from flexaxis.sim.config import LARGEST
-
     for action in parser._actions:
         given = getattr(args, action.dest, None)
         for value in given if isinstance(given, list) else [given]:
             if isinstance(value, int | float) and action.type in (int, float):
+                from flexaxis.sim.config import LARGEST  # takes a tenth of a second
+
                 option = action.option_strings[-1] if action.option_strings else action.metavar
                 if not math.isfinite(value):
                     yield f"{option} {value}: give a finite number"

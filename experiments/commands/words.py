@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.neighbours import code_file
-from flexaxis.experiments.catalogue.names import scenario_names, suite_names
+from flexaxis.experiments.catalogue.names import GROUPS, scenario_names, suite_names
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.errors import no_study
 from flexaxis.experiments.storage.names import STUDY
@@ -230,7 +230,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
         names = [*(_scenarios() if "SCENARIO" in kinds else ())]
         names += _estimators() if kinds & {"E", "ESTIMATOR"} else ()
         if kinds == {"GROUP"}:
-            action.completer = ChoicesCompleter(dict.fromkeys(_groups(), ""))  # type: ignore[attr-defined]
+            action.completer = ChoicesCompleter(dict.fromkeys(GROUPS, ""))  # type: ignore[attr-defined]
         if str(action.metavar).startswith("PARAMETER"):
             action.completer = _parameters  # type: ignore[attr-defined]
         if names:
@@ -278,12 +278,6 @@ def _all_actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 def _scenarios() -> list[str]:
 
     return [*suite_names(), *scenario_names()]
-
-
-def _groups() -> list[str]:
-    from flexaxis.experiments.catalogue.card import GROUPS
-
-    return list(GROUPS)
 
 
 def _estimators() -> list[str]:

@@ -43,6 +43,6 @@ def estimators(*, find: str = "") -> Names:
     find : str, optional
         Only those with this text in their name or summary.
     """
-    from flexaxis.experiments.catalogue.listing import estimator_lines
+    from flexaxis.experiments.catalogue.listing import lines
 
-    return Names.of(estimator_lines(find=find), ("name", "summary"))
+    return Names.of(lines("estimators", find=find), ("name", "summary"))

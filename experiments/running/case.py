@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
+from flexaxis.experiments.building.consent import piped
 from flexaxis.experiments.building.guest import hosted, is_guest, note
 from flexaxis.experiments.building.ready import ready
-from flexaxis.experiments.building.specs import Spec, piped
+from flexaxis.experiments.building.specs import Spec
 from flexaxis.experiments.running.adapted import tracking
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.summary import Case, scored

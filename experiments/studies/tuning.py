@@ -10,7 +10,7 @@ import numpy as np
 
 from flexaxis.estimators.knob import Knob
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import piped
+from flexaxis.experiments.building.consent import piped
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.running.bench import Bench
