@@ -26,7 +26,7 @@ from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
-from flexaxis.experiments.building.programs import held_back
+from flexaxis.experiments.building.pipe import held_back
 from flexaxis.experiments.running import interrupts
 from flexaxis.experiments.running.interrupts import Interrupts, threads_left, two_stage
 from flexaxis.experiments.storage.errors import NotRun, StudyError

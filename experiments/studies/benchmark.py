@@ -66,12 +66,6 @@ class Benchmark:
         swept = len(self.swept_scenarios) * len(sweep.texts(sweep.settings(self.swept_estimators)))
         return (plain + swept) * len(self.study.seeds)
 
-    @property
-    def records(self) -> int:
-        """Number of records that the cases are on."""
-        scenarios = [*self.study.scenarios, *self.swept_scenarios]
-        return len({s.record_hash for s in scenarios}) * len(self.study.seeds)
-
 
 def benchmark(
     wanted: Benchmark,
