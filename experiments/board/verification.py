@@ -262,7 +262,7 @@ def rerun(sandbox: Sandbox, text: str, scenario: Scenario, record: Record) -> Ro
         found, names = estimator.findings, estimator.names
     track = track_of(scenario.drawn(record.seed or 0), record, names, theta, None, None, found)
     identity = identity_of(scenario, text, record.seed)
-    case = scored(track, estimator=text, seed=record.seed or 0, identity=identity, cost={})
+    case = scored(track, estimator=text, identity=identity, cost={})
     return [json.loads(dumps(row)) for row in case.rows]
 
 

@@ -162,9 +162,9 @@ class PipeEstimator:
         fields = (bytes(names[i : i + NAME]) for i in range(0, len(names), NAME))
         return tuple(_text(field) for field in fields), OUTPUTS[output]
 
-    def _wait(self, *sides: list[int]) -> None:
+    def _wait(self, read: list[int], write: list[int]) -> None:
         """Wait until the program takes or gives something; one that is over its time is killed."""
-        if not any(select.select(*sides, [], max(0.0, self._until - time.monotonic()))):
+        if not any(select.select(read, write, [], max(0.0, self._until - time.monotonic()))):
             self._process.kill()
             raise EstimatorError(
                 f"the program did not answer within {self._patience:g} s and was stopped: {HOW}"

@@ -63,7 +63,7 @@ def score(
         "estimator": found.estimator,
         "seed": seed,
     }
-    case = scored(track, estimator=found.estimator, seed=seed, identity=identity, cost={})
+    case = scored(track, estimator=found.estimator, identity=identity, cost={})
     return Table([_plain(row) for row in case.rows], _SCORES, _UNITS)
 
 

@@ -7,15 +7,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.building.guest import in_words, limited
+from flexaxis.experiments.building.guest import in_words
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.processes import check_jobs
-from flexaxis.experiments.running.progress import progress
 
 if TYPE_CHECKING:
     from flexaxis.experiments.building.guest import Remark
-    from flexaxis.experiments.running.work import Outcome
 
 
 @contextmanager
@@ -37,13 +35,10 @@ def working(
     """
     check_jobs(jobs)
     remarks: list[Remark] = []
-    with limited(time_limit), progress(what, total) as advance:
-
-        def landed(outcome: Outcome) -> None:
-            remarks.extend(outcome.remarks)
-            advance(outcome.cases)
-
-        with Means(jobs=jobs, store=default_cache(), advance=landed).kept() as means:
-            yield means
+    means = Means(jobs=jobs, store=default_cache())
+    with means.shown(
+        what, total, lambda outcome: remarks.extend(outcome.remarks), time_limit=time_limit
+    ) as (shown, _):
+        yield shown
     for text in in_words(remarks):  # at the line of the user, who called through two of ours
         warnings.warn(text, stacklevel=5)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -14,11 +13,9 @@ from numpy.typing import NDArray
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.study import is_option
 from flexaxis.experiments.storage.columns import COLUMNS, as_text, axis_kind, told
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.errors import StudyError, needed
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     import xarray
 
 MEANING = {
@@ -33,55 +30,31 @@ VARIABLES = {name: kind for name, kind in COLUMNS.items() if kind in {"number", 
 """What is in it, with its kind: the columns of numbers, and of truths."""
 
 
-@dataclass(frozen=True, eq=False)
-class Cube:
+class Cube(NamedTuple):
     """Where each row lies.
 
     Attributes
     ----------
-    dimensions : mapping of str to ndarray
-        Values along each, in order.
-    along : mapping of str to (str, ndarray)
-        Further coordinates: the dimension on which each lies, and its values there.
-    attributes : mapping
-        What is said of the whole.
+    frame : xarray.Dataset
+        The coordinates, and what is said of the whole; no variables yet.
+    dimensions : tuple of str
+        Of each variable.
+    values : callable
+        Gives a variable; what was not run, or is not defined, is NaN.
+    rows : int
+        That lie in it.
     """
 
-    dimensions: Mapping[str, NDArray[Any]]
-    along: Mapping[str, tuple[str, NDArray[Any]]]
-    attributes: Mapping[str, Any]
-    _results: Results
-    _places: NDArray[np.intp]
+    frame: xarray.Dataset
+    dimensions: tuple[str, ...]
+    values: Callable[[str], NDArray[np.float64]]
+    rows: int
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of values along each dimension."""
-        return tuple(len(values) for values in self.dimensions.values())
-
-    @property
-    def rows(self) -> int:
-        """Number of rows that lie in it."""
-        return len(self._places)
-
-    def values(self, name: str) -> NDArray[np.float64]:
-        """Return a variable; what was not run, or is not defined, is NaN."""
-        found = np.full(self.shape, np.nan)
-        found.reshape(-1)[self._places] = self._results.numbers(name, slice(None))
-        return found
-
-    def coordinates(self) -> Iterator[tuple[str, str, NDArray[Any], dict[str, str]]]:
-        """Yield each coordinate: its name, its dimension, its values, and what is said of it."""
-        for name, values in self.dimensions.items():
-            yield name, name, values, {"long_name": MEANING.get(name, name)}
-        for name, (dimension, values) in self.along.items():
-            yield name, dimension, values, {"long_name": MEANING.get(name, name)}
-
-    def to_xarray(self, xr: ModuleType) -> xarray.Dataset:
-        """Return it as a Dataset; `xr` is xarray."""
-        names = tuple(self.dimensions)
-        coordinates = {n: (d, values, said) for n, d, values, said in self.coordinates()}
-        variables = {name: (names, self.values(name), told(name)) for name in VARIABLES}
-        return xr.Dataset(variables, coordinates, dict(self.attributes))
+    def to_xarray(self) -> xarray.Dataset:
+        """Return it with all variables."""
+        return self.frame.assign(
+            {name: (self.dimensions, self.values(name), told(name)) for name in VARIABLES}
+        )
 
 
 def cube_of(results: Results) -> Cube:
@@ -96,7 +69,7 @@ def cube_of(results: Results) -> Cube:
     Raises
     ------
     StudyError
-        If nothing could be run.
+        If nothing could be run, or xarray is not installed.
     """
     ran, axes = results.ran(), results.axes
     if not len(ran):
@@ -120,15 +93,24 @@ def cube_of(results: Results) -> Cube:
         for name, column in names.items()
     }
     first = places.groupby(along).first()  # a row of each value of the dimension
-    coordinates = {
+    coordinates: dict[str, Any] = {name: (name, values) for name, values in dimensions.items()}
+    coordinates |= {
         column: (along, _values(column, [codes[column][1][i] for i in first[column]]))
         for column in further
     }
-    at = np.ravel_multi_index(
-        [places[column] for column in names.values()], [len(v) for v in dimensions.values()]
-    )
     said = {"title": results.study.get("name", results.folder.name), "source": "flexaxis"}
-    return Cube(dimensions, coordinates, said, ran, at)
+    frame = needed("xarray").Dataset(coords=coordinates, attrs=said)
+    for name in coordinates:
+        frame[name].attrs["long_name"] = MEANING.get(name, name)
+    shape = [len(values) for values in dimensions.values()]
+    at = np.ravel_multi_index([places[column] for column in names.values()], shape)
+
+    def values(name: str) -> NDArray[np.float64]:
+        found = np.full(shape, np.nan)
+        found.reshape(-1)[at] = ran.numbers(name, slice(None))
+        return found
+
+    return Cube(frame, tuple(dimensions), values, len(at))
 
 
 def _is_product(results: Results, places: pd.DataFrame) -> bool:

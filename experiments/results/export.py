@@ -4,21 +4,15 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from flexaxis.experiments.results.cube import VARIABLES, Cube, cube_of
+from flexaxis.experiments.results.cube import VARIABLES, cube_of
 from flexaxis.experiments.results.results import Results, Rows, frame
 from flexaxis.experiments.storage.columns import as_text, nested, told
 from flexaxis.experiments.storage.errors import needed
 from flexaxis.experiments.storage.files import new_file, writing
 from flexaxis.experiments.storage.rows import write
 from flexaxis.experiments.storage.schema import STORED
-from flexaxis.sim.netcdf import new_netcdf
-
-if TYPE_CHECKING:
-    import h5netcdf
+from flexaxis.sim.netcdf import add, new_netcdf
 
 
 def export_csv(results: Results, target: Path) -> int:
@@ -96,48 +90,28 @@ def export_parquet(results: Results, target: Path) -> int:
 def export_netcdf(results: Results, target: Path) -> int:
     """Write a NetCDF-4 file, the cube of `Results.to_xarray`; return the number of rows in it.
 
-    A variable at a time is in memory. What was not run, or is not defined, is NaN, or the fill
-    value −1 where it is a truth.
+    A variable at a time is in memory. What was not run, or is not defined, is NaN; a truth is 1
+    or 0.
 
     Raises
     ------
     OutputError
         If it cannot be written.
     StudyError
-        If there is nothing to write.
+        If there is nothing to write, or xarray is not installed.
     """
     cube = cube_of(results)
+    dimensions = [*map(_name, cube.dimensions)]
+    beside = " ".join(_name(name) for name in cube.frame.coords if name not in cube.dimensions)
     with writing(target), new_netcdf(target) as file:
-        file.attrs.update(cube.attributes)
-        file.dimensions = dict(zip(map(_name, cube.dimensions), cube.shape, strict=True))
-        _write_coordinates(file, cube)
-        for name, kind in VARIABLES.items():
-            _write_variable(file, cube, name, kind)
+        file.attrs.update(cube.frame.attrs)
+        for name, values in cube.frame.coords.items():
+            add(file, _name(name), [*map(_name, values.dims)], values.values, **values.attrs)
+        for name in VARIABLES:
+            add(file, _name(name), dimensions, cube.values(name), compress=True)
+            file[_name(name)].attrs.update(told(name) | ({"coordinates": beside} if beside else {}))
     return cube.rows
 
 
-def _write_coordinates(file: h5netcdf.File, cube: Cube) -> None:
-    import h5py
-
-    for name, dimension, values, said in cube.coordinates():
-        dtype = h5py.string_dtype() if values.dtype == object else values.dtype
-        variable = file.create_variable(_name(name), (_name(dimension),), dtype, data=values)
-        variable.attrs.update(said)
-
-
-def _write_variable(file: h5netcdf.File, cube: Cube, name: str, kind: str) -> None:
-    values = cube.values(name)
-    packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-    if kind == "truth":
-        values, packed["fillvalue"] = np.where(np.isnan(values), -1, values).astype(np.int8), -1
-    variable = file.create_variable(
-        _name(name), tuple(map(_name, cube.dimensions)), values.dtype, data=values, **packed
-    )
-    variable.attrs.update(told(name))
-    along = [_name(other) for other in cube.along]
-    if along:
-        variable.attrs["coordinates"] = " ".join(along)
-
-
-def _name(column: str) -> str:
-    return column.replace("/", "|")  # a slash would be a group to NetCDF
+def _name(column: object) -> str:
+    return str(column).replace("/", "|")  # a slash would be a group to NetCDF

@@ -18,7 +18,7 @@ from flexaxis.experiments.running.study import find_point, is_option
 from flexaxis.experiments.scoring.score import Kind
 from flexaxis.experiments.scoring.summary import POOLED
 from flexaxis.experiments.storage.columns import COLUMNS, as_text, axis_kind
-from flexaxis.experiments.storage.errors import StudyError, needed
+from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.experiments.storage.schema import CASE, STORED
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario, stored_scenario
@@ -287,7 +287,7 @@ class Results:
         """
         from flexaxis.experiments.results.cube import cube_of
 
-        return cube_of(self).to_xarray(needed("xarray"))
+        return cube_of(self).to_xarray()
 
     def parts(self, columns: Sequence[str] = ()) -> Iterator[dict[str, list[Any]]]:
         """Yield columns as Python values, all or some, of so many rows as are held in memory."""

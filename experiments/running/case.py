@@ -56,14 +56,8 @@ def identity_of(scenario: Scenario, estimator: str, seed: int | None) -> dict[st
     return found | {"onset": first_onset(scenario.drawn(seed or 0)) * scenario.period}
 
 
-def run_case(
-    scenario: Scenario,
-    record: Record,
-    spec: Spec,
-    *,
-    whole: bool = False,
-) -> Case:
-    """Run an estimator on a record and score it; `whole` keeps all estimates.
+def run_case(scenario: Scenario, record: Record, spec: Spec) -> Case:
+    """Run an estimator on a record and score it.
 
     Raises
     ------
@@ -85,9 +79,7 @@ def run_case(
         "seconds": seconds,
         "host": platform.node(),
     }
-    seed = record.seed or 0
-    about: dict[str, Any] = {"identity": identity, "cost": cost, "whole": whole}
-    return scored(track, estimator=spec.text, seed=seed, written=scenario, **about)
+    return scored(track, estimator=spec.text, written=scenario, identity=identity, cost=cost)
 
 
 def clock_of(text: str) -> Callable[[], float]:

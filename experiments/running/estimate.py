@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
@@ -17,8 +17,10 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator, theta_of
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
+from flexaxis.experiments.scoring.summary import Case
 from flexaxis.experiments.scoring.theta import physical, true_theta
 from flexaxis.experiments.storage.files import writing
+from flexaxis.experiments.storage.names import TRAJECTORIES
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, count_samples, record_pieces
 from flexaxis.sim.scenario import Scenario, stored_scenario
@@ -183,6 +185,31 @@ def estimates_file(
         if claimed:
             declare(file, claimed, shape, float, long_name=f"{claimed} that the estimator claims")
         yield file
+
+
+def keep_all(folder: Path, kept: Iterable[tuple[Mapping[str, Any], Case]]) -> None:
+    """Write estimates to FOLDER/trajectories/CASE.nc, in the form of `flexaxis estimate`.
+
+    Parameters
+    ----------
+    folder : Path
+    kept : iterable of (mapping, Case)
+        Cases, each with a row.
+
+    Raises
+    ------
+    OutputError
+        If they cannot be written.
+    """
+    for row, case in kept:
+        assert case.theta is not None
+        target, samples = folder / TRAJECTORIES / f"{row['case']}.nc", len(case.theta)
+        with writing(target):
+            target.parent.mkdir(exist_ok=True)
+        with estimates_file(target, case.names, samples) as file:
+            file["time"][:] = np.arange(samples) * (row["seconds"] / samples)
+            file["theta"][:] = case.theta
+            file.attrs.update(estimator=case.estimator, record_hash=row["hash"], seed=row["seed"])
 
 
 def _own_scenario(record: Record, source: Path) -> Scenario:

@@ -8,7 +8,7 @@ along the true parameters, and a white output noise of variance σ².
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
 
@@ -26,7 +26,7 @@ from flexaxis.experiments.scoring.true_model import (
     tracked,
     true_model,
 )
-from flexaxis.experiments.scoring.windows import Window, windows
+from flexaxis.experiments.scoring.windows import Known, Window, windows
 from flexaxis.sim.faults import Step
 from flexaxis.sim.scenario import Scenario
 
@@ -179,29 +179,16 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
     return found
 
 
-@dataclass(frozen=True)
-class _Record:
-    """A record, known by its scenario and torque: many estimators have the same limits on it."""
-
-    hash: str
-    digest: bytes
-    scenario: Scenario = field(compare=False)
-    torque: Array = field(compare=False)
-
-    @classmethod
-    def of(cls, scenario: Scenario, torque: Array) -> _Record:
-        torque = np.ascontiguousarray(torque, float)
-        return cls(scenario.hash, sha256(torque.tobytes()).digest(), scenario, torque)
+def record_limits(scenario: Scenario, torque: Array) -> list[Limits]:
+    """Return the limits of a scenario's `identify` on a record, kept for the next estimator."""
+    torque = np.ascontiguousarray(torque, float)
+    digest = f"{scenario.hash} {sha256(torque.tobytes()).hexdigest()}"
+    return _remembered(Known(digest, (scenario, scenario.identify, torque)))
 
 
 @lru_cache(maxsize=64)
-def _remembered(record: _Record) -> list[Limits]:
-    return limits(record.scenario, record.scenario.identify, record.torque)
-
-
-def record_limits(scenario: Scenario, torque: Array) -> list[Limits]:
-    """Return the limits of a scenario's `identify` on a record, kept for the next estimator."""
-    return _remembered(_Record.of(scenario, torque))
+def _remembered(record: Known) -> list[Limits]:
+    return limits(*record.content)
 
 
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:

@@ -100,28 +100,16 @@ def benchmark(
         with its error.
     """
     means = means or Means()
-    with kept_runs(means.store), means.kept() as means:
-        return _run(wanted, folder, means, shard=shard, overwrite=overwrite, say=say)
-
-
-def _run(
-    wanted: Benchmark,
-    folder: Path,
-    means: Means,
-    *,
-    shard: tuple[int, int],
-    overwrite: bool,
-    say: Callable[[str], None] | None,
-) -> Pooled | None:
-    plan = make_plan(wanted.study, shard=shard, run_code=True)
     sweeping = {
         "scenarios": [s.resolved() for s in wanted.swept_scenarios],
         "estimators": list(wanted.swept_estimators),
     }
     about = {"title": wanted.title, "command": wanted.command, "tradeoff": sweeping}
     how: dict[str, Any] = {"overwrite": overwrite, "traced": True, "run_code": True}
-    run_study(plan, folder, means, about=about, **how)
-    return finish(folder, means, say=say) if shard == (1, 1) else None
+    with kept_runs(means.store), means.kept() as means:
+        plan = make_plan(wanted.study, shard=shard, run_code=True)
+        run_study(plan, folder, means, about=about, **how)
+        return finish(folder, means, say=say) if shard == (1, 1) else None
 
 
 def finish(

@@ -28,7 +28,7 @@ from flexaxis.experiments.running.bench import Bench, Runs
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
 from flexaxis.experiments.scoring.pooling import mean
-from flexaxis.experiments.scoring.summary import biases_of, case_of, columns_of, pool_group
+from flexaxis.experiments.scoring.summary import biases_of, columns_of, pool_group
 from flexaxis.experiments.scoring.windows import windows
 from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.experiments.studies.knobs import with_knob
@@ -237,8 +237,7 @@ def _matched(runs: _Runs) -> Sweep:
         for name, line in runs.lines[scenario.name].items():
             for text, factor in line.items():
                 extra = {"estimator": name, "setting": text, "factor": factor}
-                cases = [case_of(run) for run in runs.of(scenario, text)]
-                pooled = pool_group(cases, scenario)
+                pooled = pool_group(runs.of(scenario, text), scenario)
                 points += [{k: r[k] for k in _KEPT} | extra for r in pooled if r["changed"]]
     at = _equal(runs)
     return Sweep(points, mark(at["std"]), at["excess"])

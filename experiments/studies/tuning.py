@@ -14,7 +14,7 @@ from flexaxis.experiments.building.consent import piped
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.scoring.summary import case_of, pool_group
+from flexaxis.experiments.scoring.summary import pool_group
 from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
@@ -117,7 +117,7 @@ class Trials:
 
     def _rows(self, scenario: Scenario, setting: str) -> list[dict[str, Any]]:
         runs = self.bench.runs([scenario], [setting], self.seeds)[scenario.hash, setting]
-        return pool_group([case_of(run) for run in runs], scenario)
+        return pool_group(runs, scenario)
 
 
 class NoMatchError(FlexaxisError):

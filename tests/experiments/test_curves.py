@@ -11,7 +11,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.scoring.curves import curve_of, near_fault, residual
-from flexaxis.experiments.storage.traces import Trace, unpacked
+from flexaxis.experiments.storage.traces import packed, unpacked
 from flexaxis.sim.simulate import simulate
 
 
@@ -21,11 +21,7 @@ def record(short):
 
 
 def case_on(scenario, record, text="glr"):
-    return run_case(scenario, record, parse(text), whole=True)
-
-
-def traced(case):
-    return Trace(case.estimator, case.names, case.curve, case.relative, case.detail)
+    return run_case(scenario, record, parse(text))
 
 
 def test_every_estimate_about_the_fault_is_kept(short, record):
@@ -95,7 +91,7 @@ def test_a_finding_of_a_user_needs_no_more_than_the_contract(short, record):
 def test_traces_come_back_as_they_were(short, record):
     cases = [case_on(short, record, text) for text in ("glr", "frozen")]
     for case in cases:
-        back = unpacked(traced(case).packed())
+        back = unpacked(packed(case))
         np.testing.assert_array_equal(back.curve, case.curve)
         np.testing.assert_array_equal(back.detail.near, case.detail.near)
         assert back.detail.findings == case.detail.findings

@@ -133,7 +133,7 @@ def test_an_estimate_shows_itself(short):
     record = fx.simulate(short)
     found = fx.estimate(record, "rpem-forgetting", options={"forgetting": 0.99})
     assert found.estimator == "rpem-forgetting[forgetting=0.99]"
-    case = run_case(short, simulate(short, [0])[0], parse(found.estimator), whole=True)
+    case = run_case(short, simulate(short, [0])[0], parse(found.estimator))
     np.testing.assert_array_equal(found.theta, case.theta)
     assert found.covariance.shape == (*found.theta.shape, len(found.names))
     assert found.last["f_m"] == found.theta[-1, 2]

@@ -202,7 +202,7 @@ def finished(short, tmp_path_factory):
     home = tmp_path_factory.mktemp("study")
     (home / "short.toml").write_text(short.to_toml(), encoding="utf-8")
     (home / "sweep.toml").write_text(FILE, encoding="utf-8")
-    words = ["study", home / "sweep.toml", "-o", home / "out", "--jobs", "1", "--keep", "worst"]
+    words = ["study", home / "sweep.toml", "-o", home / "out", "--jobs", "1", "--keep", "all"]
     return home / "out", main([str(word) for word in words])
 
 
@@ -277,17 +277,13 @@ def test_another_folder_is_left_alone(study_toml, capsys, tmp_path):
     assert status == 2 and "is not the folder of a run or a study" in err
 
 
-def test_worst_trajectories_are_those_of_the_largest_lag(finished):
+def test_trajectories_are_those_of_all_cases(finished):
     import h5netcdf
 
     folder, _ = finished
-    kept = {path.stem for path in (folder / "trajectories").glob("*.nc")}
-    lags = {}
-    for (case, _), row in rows_of(folder).items():
-        if row["changed"]:
-            lags.setdefault((row["hash"], row["estimator"]), []).append((row["lag"], case))
-    assert kept == {max(found)[1] for found in lags.values()}
-    with h5netcdf.File(folder / "trajectories" / f"{max(lags.popitem()[1])[1]}.nc") as file:
+    files = {path.stem: path for path in (folder / "trajectories").glob("*.nc")}
+    assert files.keys() == {case for case, _ in rows_of(folder)}
+    with h5netcdf.File(files.popitem()[1]) as file:
         assert file["theta"].shape == (800, 3)
 
 

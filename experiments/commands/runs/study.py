@@ -53,7 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dry-run", action="store_true", help="print the plan, and stop")
     parser.add_argument(
         "--keep",
-        choices=("none", "worst", "all"),
+        choices=("none", "all"),
         default="none",
         help="whose estimates to write to DIR/trajectories (default: none)",
     )
