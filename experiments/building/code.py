@@ -1,20 +1,20 @@
-"""Digests of code: what an estimator of one's own, and flexaxis itself, was when it ran."""
+"""Code: classes of this session under their names, and digests of what ran, flexaxis itself too."""
 
 from __future__ import annotations
 
 import shlex
-from functools import cache
+import sys
+from collections.abc import Callable
 from hashlib import sha256
-from importlib.resources import files
-from importlib.resources.abc import Traversable
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+from uuid import uuid4
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.consent import names_code, piped
-from flexaxis.experiments.building.given import is_given, written
 from flexaxis.experiments.building.neighbours import content_of, imported_neighbours
-
-SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
+from flexaxis.experiments.storage.files import SHORT, digest_of
 
 
 def digest(estimator: str) -> str | None:
@@ -56,21 +56,60 @@ def own_digest() -> str:
     return digest_of("models_mjcf", "sim", "estimators", "experiments.scoring")
 
 
-@cache
-def digest_of(*parts: str) -> str:
-    """Return a digest of the code, models and settings in packages of flexaxis."""
-    content = sha256()
-    for source in (f for part in parts for f in sources(files(f"flexaxis.{part}"))):
-        content.update(source.read_bytes())
-    return content.hexdigest()[:SHORT]
+_HELD: dict[str, Callable[..., Any]] = {}
+_UNSEEN: dict[str, tuple[Callable[..., Any], bytes]] = {}
 
 
-def sources(folder: Traversable) -> list[Traversable]:
-    """Return the files of code, models and settings in a folder and those inside, by name."""
-    found: list[Traversable] = []
-    for item in sorted(folder.iterdir(), key=lambda item: item.name):
-        if item.is_dir():
-            found += sources(item)
-        elif item.name.endswith((".py", ".xml", ".toml")):
-            found.append(item)
-    return found
+def give(make: Callable[..., Any]) -> str:
+    """Return the text that names a class: that of its module, or its own name in this session.
+
+    A class of a module that any process can import goes by ``module:Class``. One of a notebook,
+    a script or a function is kept here under its name, and a new one takes its place.
+
+    Raises
+    ------
+    EstimatorError
+        If it has no name, or that of a registered estimator.
+    """
+    from flexaxis.estimators.registry import REGISTRY
+
+    name = getattr(make, "__name__", "")
+    if not name.isidentifier():
+        raise EstimatorError(f"{make!r} has no name to stand in results: give a class")
+    module = getattr(make, "__module__", "__main__")
+    held = getattr(sys.modules.get(module), name, None)
+    if module != "__main__" and held is make and getattr(sys.modules[module], "__spec__", None):
+        return f"{module}:{name}"
+    if name in REGISTRY:
+        raise EstimatorError(f"{name} is the name of a registered estimator: rename the class")
+    _HELD[name] = make
+    return name
+
+
+def is_given(text: str) -> bool:
+    """Whether an estimator's text names a class of this session."""
+    return text.partition("[")[0].strip() in _HELD
+
+
+def given(name: str) -> Callable[..., Any] | None:
+    """Return the class of this session that has a name, None if there is none."""
+    return _HELD.get(name)
+
+
+def written(name: str) -> bytes:
+    """Return the text of a class of this session; where it is not known, what no other has."""
+    import inspect
+
+    try:
+        return inspect.getsource(_HELD[name]).encode() or _unseen(name)
+    except (OSError, TypeError):
+        return _unseen(name)
+
+
+def _unseen(name: str) -> bytes:
+    """Return a mark of a class whose text cannot be read: of it alone, and of this session."""
+    make, mark = _UNSEEN.get(name, (None, b""))
+    if make is not _HELD[name]:
+        mark = uuid4().bytes
+        _UNSEEN[name] = _HELD[name], mark
+    return mark

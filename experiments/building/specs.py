@@ -20,9 +20,9 @@ import numpy as np
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY, gone
+from flexaxis.experiments.building.code import given
 from flexaxis.experiments.building.consent import PIPE, piped
 from flexaxis.experiments.building.crashes import user_code
-from flexaxis.experiments.building.given import given
 from flexaxis.experiments.building.guest import hosted, is_guest
 from flexaxis.experiments.building.imports import imported, module_of
 from flexaxis.experiments.building.offer import (

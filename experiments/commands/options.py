@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.cli import CRASH, FINDING, say
-from flexaxis.experiments.storage.errors import NotRun, needed
+from flexaxis.experiments.storage.files import NotRun, needed
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:

@@ -16,8 +16,7 @@ from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.neighbours import code_file
 from flexaxis.experiments.catalogue.names import GROUPS, scenario_names, suite_names
 from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.errors import no_study
-from flexaxis.experiments.storage.names import STUDY
+from flexaxis.experiments.storage.files import STUDY, no_study
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 
 _CHOICE = re.compile(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)")

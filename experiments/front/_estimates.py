@@ -16,7 +16,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.experiments.running.estimate import run_on
 from flexaxis.experiments.scoring.theta import physical, true_theta
-from flexaxis.experiments.storage.errors import needed
+from flexaxis.experiments.storage.files import needed
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario
 

@@ -24,7 +24,7 @@ from flexaxis.experiments.running.bench import Bench, Runs
 from flexaxis.experiments.running.work import Row
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.summary import biases_of
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.tuning import (
     EXCESS,

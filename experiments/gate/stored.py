@@ -12,8 +12,7 @@ from flexaxis.experiments.gate.gate import Comparison, of_pairs
 from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.storage.files import OutputError, json_table
-from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.experiments.storage.files import SUMMARY, OutputError, json_table
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 

@@ -13,8 +13,15 @@ import numpy as np
 
 from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring.curves import Curve
-from flexaxis.experiments.storage.files import OutputError, json_table, write_json, writing
-from flexaxis.experiments.storage.names import CURVES, STUDY, SUMMARY
+from flexaxis.experiments.storage.files import (
+    CURVES,
+    STUDY,
+    SUMMARY,
+    OutputError,
+    json_table,
+    write_json,
+    writing,
+)
 
 LARGEST = 1e9  # bytes that all curves of a run may have
 

@@ -18,7 +18,7 @@ from flexaxis.experiments.running.study import find_point, is_option
 from flexaxis.experiments.scoring.score import Kind
 from flexaxis.experiments.scoring.summary import POOLED
 from flexaxis.experiments.storage.columns import COLUMNS, as_text, axis_kind
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import CASE, STORED
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario, stored_scenario
@@ -277,15 +277,14 @@ class Results:
     def to_xarray(self) -> xarray.Dataset:
         """Return an xarray Dataset: the numbers over scenario, estimator, axes, seed, parameter.
 
-        It is the cube of `flexaxis.experiments.results.cube`, as `flexaxis export --netcdf` writes
-        it.
+        It is the cube that `flexaxis export --netcdf` writes.
 
         Raises
         ------
         StudyError
             If xarray is not installed.
         """
-        from flexaxis.experiments.results.cube import cube_of
+        from flexaxis.experiments.results.export import cube_of
 
         return cube_of(self).to_xarray()
 

@@ -26,7 +26,7 @@ from flexaxis.experiments.running.processes import Lost, Workers, spread
 from flexaxis.experiments.running.progress import progress, remark
 from flexaxis.experiments.running.study import Study, Unit
 from flexaxis.experiments.running.work import Outcome, died, run_unit
-from flexaxis.experiments.storage.errors import NotRun
+from flexaxis.experiments.storage.files import NotRun
 
 Worker = Callable[[Unit], Outcome]
 

@@ -19,8 +19,7 @@ from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.scoring.summary import Case
 from flexaxis.experiments.scoring.theta import physical, true_theta
-from flexaxis.experiments.storage.files import writing
-from flexaxis.experiments.storage.names import TRAJECTORIES
+from flexaxis.experiments.storage.files import TRAJECTORIES, writing
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, count_samples, record_pieces
 from flexaxis.sim.scenario import Scenario, stored_scenario

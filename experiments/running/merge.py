@@ -11,9 +11,14 @@ from typing import Any
 
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.storage import rows
-from flexaxis.experiments.storage.errors import StudyError
-from flexaxis.experiments.storage.files import make_folder, write_json, writing
-from flexaxis.experiments.storage.names import STUDY, TRAJECTORIES
+from flexaxis.experiments.storage.files import (
+    STUDY,
+    TRAJECTORIES,
+    StudyError,
+    make_folder,
+    write_json,
+    writing,
+)
 from flexaxis.experiments.storage.schema import file_of, row_files
 from flexaxis.experiments.storage.store import Store
 from flexaxis.sim.files import atomic

@@ -28,7 +28,7 @@ from flexaxis.experiments.running.study import (
     is_option,
     varied,
 )
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 

@@ -29,7 +29,7 @@ import numpy as np
 from flexaxis.experiments.building.pipe import held_back
 from flexaxis.experiments.running import interrupts
 from flexaxis.experiments.running.interrupts import Interrupts, threads_left, two_stage
-from flexaxis.experiments.storage.errors import NotRun, StudyError
+from flexaxis.experiments.storage.files import NotRun, StudyError
 from flexaxis.sim.current_folder import forget_safe_path, safe_path, without_its_style
 from flexaxis.sim.errors import FlexaxisError
 

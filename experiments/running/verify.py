@@ -17,7 +17,7 @@ from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.study import Entry, Unit, applies, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
 from flexaxis.experiments.storage.columns import flat, nested
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.store import cases_of, rows_of
 from flexaxis.sim.errors import ScenarioError

@@ -25,7 +25,7 @@ from flexaxis.experiments.scoring.case import failed_track
 from flexaxis.experiments.scoring.summary import Case
 from flexaxis.experiments.scoring.table import rows as score_rows
 from flexaxis.experiments.scoring.table import undefined
-from flexaxis.experiments.storage.errors import NotRun
+from flexaxis.experiments.storage.files import NotRun
 from flexaxis.experiments.storage.traces import packed
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record

@@ -1,6 +1,9 @@
-"""Files that are written whole or not at all, never over what they are made of.
+"""The files of a run or a study: their names, how they are written, and what can go wrong.
 
-Where they cannot be, one line says so.
+Each is written whole or not at all, never over what it is made of. study.json says what is
+studied; scores.sqlite, or scores-I-of-N.sqlite of each share, has the rows, and what the figures of
+a run are drawn from; trajectories/ estimates that were kept; summary.json, curves.nc and
+report.html are made of these when all is done.
 """
 
 from __future__ import annotations
@@ -10,12 +13,26 @@ import json
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
 from flexaxis.sim.reading import Refusal, json_value, read_text
+
+STUDY, TRAJECTORIES = "study.json", "trajectories"
+REPORT = "report.html"
+SUMMARY, CURVES, SWEEP = "summary.json", "curves.nc", "sweep"
+COMPLETE = (SUMMARY, "compare.json", "tradeoff.json")
+"""What is written last: a folder without any of these is not complete."""
+SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
+MADE = (CURVES, REPORT, "verdict.md", "tradeoff.svg")
+
 
 Given = str | os.PathLike[str] | None
 
@@ -138,3 +155,54 @@ def same(one: Path, other: Path) -> bool:
         return os.path.samefile(one, other)
     except OSError:  # at least one does not exist
         return one.resolve() == other.resolve()
+
+
+class StudyError(FlexaxisError):
+    """A study is wrong, or cannot go on; the message has one line for each problem."""
+
+
+class NotRun(FlexaxisError):
+    """Cases are missing, for no fault of theirs: a full disk, no memory; the same line goes on."""
+
+
+def no_study(folder: Path, reason: Exception | None = None) -> StudyError:
+    """Return the error for a folder that holds neither a run nor a study."""
+    why = f"{STUDY} is missing or damaged" + (f": {reason}" if reason else "")
+    return StudyError(
+        f"{folder} is not the folder of a run or a study ({why}). "
+        "Make one with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
+    )
+
+
+def needed(package: str) -> Any:
+    """Return an optional package, or say how to install it.
+
+    Raises
+    ------
+    StudyError
+        If it is not installed.
+    """
+    try:
+        return import_module(package)
+    except ImportError as error:
+        raise StudyError(f"this needs {package}: python -m pip install {package}") from error
+
+
+@cache
+def digest_of(*parts: str) -> str:
+    """Return a digest of the code, models and settings in packages of flexaxis."""
+    content = sha256()
+    for source in (f for part in parts for f in sources(files(f"flexaxis.{part}"))):
+        content.update(source.read_bytes())
+    return content.hexdigest()[:SHORT]
+
+
+def sources(folder: Traversable) -> list[Traversable]:
+    """Return the files of code, models and settings in a folder and those inside, by name."""
+    found: list[Traversable] = []
+    for item in sorted(folder.iterdir(), key=lambda item: item.name):
+        if item.is_dir():
+            found += sources(item)
+        elif item.name.endswith((".py", ".xml", ".toml")):
+            found.append(item)
+    return found

@@ -8,8 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.storage.errors import StudyError
-from flexaxis.experiments.storage.files import dumps, new_file
+from flexaxis.experiments.storage.files import StudyError, dumps, new_file
 from flexaxis.sim.reading import json_value
 
 _NAME = re.compile(r"(?:scores|rows)(?:-\d+-of-\d+)?\.jsonl")  # called rows once

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.storage.columns import COLUMNS, KEY
-from flexaxis.experiments.storage.errors import NotRun, StudyError
-from flexaxis.experiments.storage.files import OutputError
+from flexaxis.experiments.storage.files import NotRun, OutputError, StudyError
 
 PATIENCE = 600.0  # s for which another process may write
 CASE = "case"  # 64 bits

@@ -27,8 +27,7 @@ from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.scoring.case import failed_track, relative_error
 from flexaxis.experiments.scoring.curves import Curve, curve_of
 from flexaxis.experiments.scoring.summary import POOLED, of_trajectories
-from flexaxis.experiments.storage.files import write_text
-from flexaxis.experiments.storage.names import CURVES, REPORT, STUDY, SUMMARY, SWEEP
+from flexaxis.experiments.storage.files import CURVES, REPORT, STUDY, SUMMARY, SWEEP, write_text
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.traces import Traces
 from flexaxis.experiments.studies import sweep

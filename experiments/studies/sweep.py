@@ -30,7 +30,7 @@ from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
 from flexaxis.experiments.scoring.pooling import mean
 from flexaxis.experiments.scoring.summary import biases_of, columns_of, pool_group
 from flexaxis.experiments.scoring.windows import windows
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.studies.knobs import with_knob
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario

@@ -1,24 +1,29 @@
-"""Find the setting of an estimator's knob at which it is as noisy as the reference."""
+"""Find the setting of an estimator's knob at which it is as noisy as the reference; keep it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from flexaxis.estimators.knob import Knob
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.estimators.tuned import Tuning
 from flexaxis.experiments.building.consent import piped
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.summary import pool_group
+from flexaxis.experiments.storage.files import write_text
 from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
+from flexaxis.sim.reading import read_toml
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.toml_text import toml_text
 
 EXCESS = "excess"  # what is matched unless the std of one parameter is
 TOLERANCE = 0.01  # of the matched noise
@@ -256,3 +261,40 @@ def _how_to_have_one(name: str) -> str:
     if piped(name):
         return ": a program takes no options, so write a class that starts it, and gives it one"
     return '; name the option in its class: knob = "1-lam", where λ is turned in 1−λ'
+
+
+def save(path: Path, name: str, found: Tuned, *, command: str) -> None:
+    """Write a setting to a file like estimators/tuned.toml, in the place of the one it had."""
+    tables, at = _others(path, name), tuning_scenario()
+    new = Tuning(
+        estimator=name,
+        knob=found.knob,
+        value=found.value,
+        setting=found.setting,
+        match=found.match,
+        ratio=round(found.ratio, 4),
+        command=command,
+        model=at.preset,
+        identify=at.identify,
+        period=at.period,
+        noise=at.noise.speed,
+    )
+    _write(path, [*tables, asdict(new)])
+
+
+def forget(path: Path, name: str) -> None:
+    """Remove the setting of an estimator from such a file: what was found is no match any more."""
+    _write(path, _others(path, name))
+
+
+def _others(path: Path, name: str) -> list[dict[str, Any]]:
+    """Return what the file holds besides one setting."""
+    known = read_toml(path, FlexaxisError) if path.exists() else {}
+    return [t for t in known.get("tuned", []) if t["estimator"] != name]
+
+
+def _write(path: Path, tables: list[dict[str, Any]]) -> None:
+    rank = {name: place for place, name in enumerate(REGISTRY)}
+    tables.sort(key=lambda t: rank.get(t["estimator"], len(rank)))
+    text = "# Written by `flexaxis tune`; docs/scores.md explains.\n" + toml_text({"tuned": tables})
+    write_text(path, text)

@@ -11,13 +11,12 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.results import export, source
 from flexaxis.experiments.results import results as columns
-from flexaxis.experiments.results.cube import cube_of
+from flexaxis.experiments.results.export import cube_of
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import pseudo_values
 from flexaxis.experiments.storage.columns import COLUMNS, UNITS
-from flexaxis.experiments.storage.errors import StudyError
-from flexaxis.experiments.storage.files import OutputError
+from flexaxis.experiments.storage.files import OutputError, StudyError
 from tests.experiments.kept_rows import change, lines_of
 
 AXES = ("fault[0].factor", "fault[0].parameter", "told")

@@ -9,7 +9,7 @@ from flexaxis.experiments.gate.margins import MARGINS
 from flexaxis.experiments.gate.report import write
 from flexaxis.experiments.gate.stored import compare_runs
 from flexaxis.experiments.gate.wording import headline, meaning
-from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.experiments.storage.files import SUMMARY
 from flexaxis.sim.errors import FlexaxisError
 
 

@@ -25,8 +25,7 @@ from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.running.work import Outcome, run_unit
 from flexaxis.experiments.storage import store
-from flexaxis.experiments.storage.errors import NotRun, StudyError
-from flexaxis.experiments.storage.files import OutputError
+from flexaxis.experiments.storage.files import NotRun, OutputError, StudyError
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.store import rows_in
 from flexaxis.experiments.studies.definition import study_from

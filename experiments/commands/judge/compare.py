@@ -32,8 +32,7 @@ from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import at_most
 from flexaxis.experiments.running.seeds import MOST, parse_seeds
-from flexaxis.experiments.storage.files import spare
-from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.experiments.storage.files import SUMMARY, spare
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:

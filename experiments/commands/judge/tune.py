@@ -57,8 +57,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Tune and print."""
     from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.studies.tuned_file import forget, save
-    from flexaxis.experiments.studies.tuning import Trials, match_noise, tuning_scenario
+    from flexaxis.experiments.studies.tuning import (
+        Trials,
+        forget,
+        match_noise,
+        save,
+        tuning_scenario,
+    )
 
     names, path = _names(args), _file(args)
     found: list[dict[str, Any]] = []

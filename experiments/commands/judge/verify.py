@@ -26,8 +26,7 @@ from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import at_most
-from flexaxis.experiments.storage.files import spare, write_json
-from flexaxis.experiments.storage.names import STUDY
+from flexaxis.experiments.storage.files import STUDY, spare, write_json
 from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
 

@@ -33,14 +33,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Print the catalogue."""
-    from flexaxis.experiments.catalogue import listing
+    from flexaxis.experiments.catalogue.names import lines as lines_of
+    from flexaxis.experiments.catalogue.names import scenario_lines
 
     if args.group and args.kind not in (None, "scenarios"):
         raise FlexaxisError(f"--group is of scenarios, and {args.kind} have none: leave it out")
     kind = "scenarios" if args.group else args.kind
-    found = {each: listing.lines(each, find=args.find) for each in KINDS if kind in (None, each)}
+    found = {each: lines_of(each, find=args.find) for each in KINDS if kind in (None, each)}
     if "scenarios" in found:
-        found["scenarios"] = listing.scenario_lines(group=args.group or "", find=args.find)
+        found["scenarios"] = scenario_lines(group=args.group or "", find=args.find)
     if args.json:
         return answer(args, found)
     for each, lines in found.items():

@@ -32,8 +32,7 @@ from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.files import spare
-from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.files import REPORT, spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.catalogue.find import Selection

@@ -35,8 +35,7 @@ from flexaxis.experiments.building.consent import add_run_code, require
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.progress import remark
-from flexaxis.experiments.storage.files import spare
-from flexaxis.experiments.storage.names import REPORT, STUDY
+from flexaxis.experiments.storage.files import REPORT, STUDY, spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.plan import Plan

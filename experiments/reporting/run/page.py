@@ -20,8 +20,7 @@ from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.true_model import known_structure
-from flexaxis.experiments.storage.errors import StudyError
-from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.experiments.storage.files import SUMMARY, StudyError
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
 TEMPLATE = "reporting/templates/run.html"
