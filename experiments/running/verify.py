@@ -82,7 +82,8 @@ def verify(
     bases = [
         stored_scenario(entry["definition"], source=str(folder)) for entry in content["scenarios"]
     ]
-    chosen = _sample(folder, sample, Random(seed))
+    every = [(path, case) for path in row_files(folder) for case in cases_of(path)]
+    chosen = [rows_of(*each) for each in Random(seed).sample(every, min(sample, len(every)))]
     named = list(dict.fromkeys(row["estimator"] for rows in chosen for row in rows))
     for name in named:
         if (now := gone(name.partition("[")[0])) is not None:
@@ -90,18 +91,6 @@ def verify(
     require(run_code, named, source=str(folder), command=command)
     for rows in chosen:
         yield _again(rows, bases)
-
-
-def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, Any]]]:
-    """Return that many cases, each as likely as any other (Vitter 1985, algorithm R)."""
-    chosen: list[tuple[Path, Any]] = []
-    found = ((path, case) for path in row_files(folder) for case in cases_of(path))
-    for number, each in enumerate(found):
-        if number < sample:
-            chosen.append(each)
-        elif (place := random.randrange(number + 1)) < sample:
-            chosen[place] = each
-    return [rows_of(*each) for each in chosen]
 
 
 def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:
