@@ -2,7 +2,7 @@
 
 Each is written whole or not at all, never over what it is made of. study.json says what is
 studied; scores.sqlite, or scores-I-of-N.sqlite of each share, has the rows, and what the figures of
-a run are drawn from; trajectories/ estimates that were kept; summary.json, curves.nc and
+a run are drawn from; trajectories/ estimates that were kept; summary.json and
 report.html are made of these when all is done.
 """
 
@@ -27,11 +27,11 @@ from flexaxis.sim.reading import Refusal, json_value, read_text
 
 STUDY, TRAJECTORIES = "study.json", "trajectories"
 REPORT = "report.html"
-SUMMARY, CURVES, SWEEP = "summary.json", "curves.nc", "sweep"
+SUMMARY, SWEEP = "summary.json", "sweep"
 COMPLETE = (SUMMARY, "compare.json", "tradeoff.json")
 """What is written last: a folder without any of these is not complete."""
 SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
-MADE = (CURVES, REPORT, "verdict.md", "tradeoff.svg")
+MADE = (REPORT, "verdict.md", "tradeoff.svg")
 
 
 Given = str | os.PathLike[str] | None
