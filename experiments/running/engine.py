@@ -22,7 +22,7 @@ from flexaxis.experiments.running.estimate import keep_all
 from flexaxis.experiments.running.folder import cases as all_cases
 from flexaxis.experiments.running.folder import done, opened
 from flexaxis.experiments.running.plan import Plan, make_plan
-from flexaxis.experiments.running.processes import Lost, Workers, spread
+from flexaxis.experiments.running.processes import Workers, spread
 from flexaxis.experiments.running.progress import progress, remark
 from flexaxis.experiments.running.study import Study, Unit
 from flexaxis.experiments.running.work import Outcome, died, run_unit
@@ -142,7 +142,7 @@ class Means:
         jobs = self.jobs if self.jobs > 1 or own else 0
         where: dict[str, Any] = {"jobs": jobs, "executor": self.executor}
         where |= {"in_flight": self.in_flight, "workers": self.workers if jobs else None}
-        where |= {"lost": Lost(Unit.apart, died)}
+        where |= {"parts": Unit.apart, "died": died}
         with closing(spread(units(), work, **where)) as outcomes:
             for outcome in outcomes:
                 found += outcome.cases
