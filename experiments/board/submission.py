@@ -15,8 +15,7 @@ from typing import Any
 
 from flexaxis.experiments.board.entry import CODE, ENTRY, ROWS, About, Entry, EntryError, read, seal
 from flexaxis.experiments.board.ranking import Board
-from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.building.consent import PIPE, piped
+from flexaxis.experiments.building.code import PIPE, digest, piped
 from flexaxis.experiments.building.neighbours import code_file, imported_neighbours
 from flexaxis.experiments.building.ready import readable
 from flexaxis.experiments.comparison.ranking import CONTROLS

@@ -26,7 +26,7 @@ from flexaxis.experiments.board.ranking import (
     reference_rows,
 )
 from flexaxis.experiments.board.sandbox import Sandbox
-from flexaxis.experiments.building.consent import require
+from flexaxis.experiments.building.code import require
 from flexaxis.experiments.building.offer import offer_of, torque_of
 from flexaxis.experiments.building.specs import check_fits
 from flexaxis.experiments.comparison import tracks
@@ -177,7 +177,7 @@ def verify_entry(
     run_code : bool
         Whether its code may be run, if it names some.
     command : str, optional
-        The line that was typed, as for `consent.require`.
+        The line that was typed, as for `building.code.require`.
     means : Means, optional
         With what the reference is run.
     frozen : Board, optional

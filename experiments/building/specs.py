@@ -4,7 +4,7 @@ Forms: a name of the registry, ``path/file.py:Class``, ``package.module:Class``,
 an entry point in the group `flexaxis.estimators`; each with options in brackets, written as in
 TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND``, a program in
 any language. All but the first run the code they name, so that text which was not typed on the
-command line goes through `flexaxis.experiments.building.consent` before it comes here.
+command line goes through `flexaxis.experiments.building.code` before it comes here.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ import numpy as np
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY, gone
-from flexaxis.experiments.building.code import given
-from flexaxis.experiments.building.consent import PIPE, piped
+from flexaxis.experiments.building.code import PIPE, given, piped
 from flexaxis.experiments.building.crashes import user_code
 from flexaxis.experiments.building.guest import hosted, is_guest
 from flexaxis.experiments.building.imports import imported, module_of

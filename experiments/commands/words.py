@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.code import names_code
 from flexaxis.experiments.building.neighbours import code_file
 from flexaxis.experiments.catalogue.names import GROUPS, scenario_names, suite_names
 from flexaxis.experiments.running.seeds import parse_seeds

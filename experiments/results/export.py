@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.results.results import Results, Rows, frame
 from flexaxis.experiments.running.study import is_option
-from flexaxis.experiments.storage.columns import COLUMNS, as_text, axis_kind, nested, told
-from flexaxis.experiments.storage.files import StudyError, needed, new_file, writing
-from flexaxis.experiments.storage.rows import write
-from flexaxis.experiments.storage.schema import STORED
+from flexaxis.experiments.storage.files import StudyError, needed, new_file, write_rows, writing
+from flexaxis.experiments.storage.schema import COLUMNS, STORED, as_text, axis_kind, nested, told
 from flexaxis.sim.netcdf import add, new_netcdf
 
 if TYPE_CHECKING:
@@ -170,7 +168,7 @@ def export_jsonl(results: Results, target: Path) -> int:
     OutputError
         If it cannot be written.
     """
-    return write(target, map(nested, Rows(results, STORED)))
+    return write_rows(target, map(nested, Rows(results, STORED)))
 
 
 def export_parquet(results: Results, target: Path) -> int:

@@ -17,9 +17,8 @@ from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.study import find_point, is_option
 from flexaxis.experiments.scoring.score import Kind
 from flexaxis.experiments.scoring.summary import POOLED
-from flexaxis.experiments.storage.columns import COLUMNS, as_text, axis_kind
 from flexaxis.experiments.storage.files import StudyError
-from flexaxis.experiments.storage.schema import CASE, STORED
+from flexaxis.experiments.storage.schema import CASE, COLUMNS, STORED, as_text, axis_kind
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario, stored_scenario
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.consent import piped
+from flexaxis.experiments.building.code import piped
 from flexaxis.experiments.building.guest import hosted, is_guest, note
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.building.specs import Spec

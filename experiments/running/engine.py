@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from flexaxis.experiments.building.consent import names_code, require
+from flexaxis.experiments.building.code import names_code, require
 from flexaxis.experiments.building.guest import limited
 from flexaxis.experiments.building.guest import time_limit as limit
 from flexaxis.experiments.running.cache import RecordCache

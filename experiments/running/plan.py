@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import specs
-from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.code import digest, names_code
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.running.case import case_id

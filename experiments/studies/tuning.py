@@ -12,7 +12,7 @@ import numpy as np
 from flexaxis.estimators.knob import Knob
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
-from flexaxis.experiments.building.consent import piped
+from flexaxis.experiments.building.code import piped
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.running.bench import Bench

@@ -15,8 +15,8 @@ from flexaxis.experiments.results.export import cube_of
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import pseudo_values
-from flexaxis.experiments.storage.columns import COLUMNS, UNITS
 from flexaxis.experiments.storage.files import OutputError, StudyError
+from flexaxis.experiments.storage.schema import COLUMNS, UNITS
 from tests.experiments.kept_rows import change, lines_of
 
 AXES = ("fault[0].factor", "fault[0].parameter", "told")
@@ -347,7 +347,7 @@ def test_the_cube_of_nothing_is_refused(stored, tmp_path):
 
 def test_every_column_of_numbers_has_a_unit():
     missing = [name for name, kind in COLUMNS.items() if kind == "number" and name not in UNITS]
-    assert not missing, f"give them a unit in `columns.UNITS`, '' for a plain number: {missing}"
+    assert not missing, f"give them a unit in `schema.UNITS`, '' for a plain number: {missing}"
 
 
 # Exports --------------------------------------------------------------------------------------

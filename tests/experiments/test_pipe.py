@@ -198,7 +198,7 @@ def test_ctrl_c_is_not_for_the_program(program):
 
 def test_it_is_code_as_any_other(program, tmp_path):
     """Digest and consent, as for what is asked by lines."""
-    from flexaxis.experiments.building.consent import CodeRefused, require
+    from flexaxis.experiments.building.code import CodeRefused, require
 
     with pytest.raises(CodeRefused):
         require(False, ["pipe:./mine [x]"], source="a study")

@@ -12,9 +12,8 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.engine import run_study
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.storage.columns import COLUMNS
 from flexaxis.experiments.storage.files import StudyError
-from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.storage.schema import COLUMNS, row_files
 from flexaxis.experiments.storage.store import rows_in
 from flexaxis.experiments.studies.definition import load_study, study_from
 from flexaxis.sim.scenario import Scenario

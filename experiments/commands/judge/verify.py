@@ -21,7 +21,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.building.code import add_run_code
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, add_output, answer

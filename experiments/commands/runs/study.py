@@ -31,7 +31,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.building.consent import add_run_code, require
+from flexaxis.experiments.building.code import add_run_code, require
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.progress import remark
