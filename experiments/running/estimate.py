@@ -34,20 +34,14 @@ class Estimated:
 
     Attributes
     ----------
-    names : tuple of str
-        Estimated parameters.
-    last : ndarray (p,)
-        Last estimate.
-    truth : ndarray (p,) or None
-        True values at the last sample, where the record knows them; NaN for a parameter of a law
-        that it does not know.
+    last, truth : dict of str to float
+        Last estimates by parameter, and their true values there, where the record knows them.
     samples : int
         Samples read.
     """
 
-    names: tuple[str, ...]
-    last: Array
-    truth: Array | None
+    last: dict[str, float]
+    truth: dict[str, float]
     samples: int
 
 
@@ -106,15 +100,17 @@ def estimate(
             samples = span.stop
             if advance:
                 advance(len(theta))
-    known = piece.true_parameters
-    truth = None if known is None else _truth(names, known[-1], piece.parameter_names)
-    return Estimated(names, theta[-1], truth, samples)
+    last = dict(zip(names, theta[-1].tolist(), strict=True))
+    return Estimated(last, true_values(names, piece, -1), samples)
 
 
-def _truth(names: Sequence[str], values: Array, columns: Sequence[str]) -> Array:
-    known = [name for name in names if physical(name)[0] in columns]
-    found = dict(zip(known, true_theta(known, values, columns) if known else (), strict=True))
-    return np.array([found.get(name, np.nan) for name in names])
+def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:
+    """Return the true values of those parameters that a record knows, at some of its samples."""
+    known = [name for name in names if physical(name)[0] in record.parameter_names]
+    if record.true_parameters is None or not known:
+        return {}
+    values = true_theta(known, record.true_parameters[at], record.parameter_names)
+    return dict(zip(known, values.T, strict=True))
 
 
 def run_on(
