@@ -248,8 +248,8 @@ def compare(question: Question, bench: Bench, *, match_std: bool = False) -> Com
         runs = bench.with_failed(question.scenarios, both, seeds)
         base, candidate = (rows_of(runs, text) for text in both)
         for side in (base, candidate):
-            if all(row.get("failed") for row in side.values()):  # a crash, and no verdict
-                check_failures(side.values())
+            if side["failed"].all():  # a crash, and no verdict
+                check_failures(side.to_dict("records"))
         paired = pair(base, candidate, question.margins)
         unmatched: tuple[tuple[str, str], ...] = ()
         if question.equal is not None:
