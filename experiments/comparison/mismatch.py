@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.comparison.ranking import CONTROLS, REFERENCE, leaders
+from flexaxis.experiments.comparison.ranking import CONTROLS, REFERENCE, by_fault, leaders
 from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.theta import known_names, nominal_theta, theta_over_time
 from flexaxis.sim.scenario import Scenario
@@ -88,15 +89,11 @@ def mismatch_in_words(
         As from `misled`: these do not compete.
     """
     mine = [row for row in as_set if row["scenario"] in names]
-    faults = dict.fromkeys((row["scenario"], row["parameter"]) for row in mine)
-    wins: dict[str, int] = {}
-    for fault in faults:
-        quiet = _quiet([row for row in mine if (row["scenario"], row["parameter"]) == fault])
-        quiet = [row for row in quiet if _key(row) not in wrong]
-        for name in leaders({row["estimator"]: row["values"]["lag"] for row in quiet}):
-            wins[name] = wins.get(name, 0) + 1
-    order = sorted(wins.items(), key=lambda item: -item[1])
-    told = ", ".join(f"{estimator} in {number} of {len(faults)}" for estimator, number in order)
+    faults, wins = by_fault(mine), Counter[str]()
+    for rows_of in faults.values():
+        quiet = [row for row in _quiet(rows_of) if _key(row) not in wrong]
+        wins.update(leaders({row["estimator"]: row["values"]["lag"] for row in quiet}))
+    told = ", ".join(f"{name} in {number} of {len(faults)}" for name, number in wins.most_common())
     text = (
         f"Shortest lag, or not to be told from it on these seeds, with at most {UNEQUAL:g} times "
         f"the deviation of {REFERENCE} in the parameter that changes: {told or 'nobody'}"
