@@ -90,7 +90,7 @@ def check_words(parser: argparse.ArgumentParser, args: argparse.Namespace) -> No
     """
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.commands import options
-    from flexaxis.experiments.commands.numbers import too_large
+    from flexaxis.experiments.commands.answers import too_large
 
     problems = [*too_large(parser, args)]
     if "jobs" in args:

@@ -78,14 +78,20 @@ def gate(
     jobs : int
         Processes.
     """
-    import flexaxis as fx
-    from flexaxis.experiments.gate.gate import default_seeds
+    from flexaxis.experiments.catalogue.find import select
+    from flexaxis.experiments.gate.gate import ask, compare, default_seeds
     from flexaxis.experiments.gate.report import markdown
+    from flexaxis.experiments.running.bench import Bench
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.engine import Means
+    from flexaxis.experiments.running.seeds import parse_seeds
+    from flexaxis.experiments.scoring.table import MARGINS
 
-    number = seeds or default_seeds(names)
-    found = fx.compare(
-        base, candidate, scenarios=names, seeds=number, margins=margins, jobs=jobs
-    ).found
+    numbers = parse_seeds(str(seeds or default_seeds(names)))
+    wanted = {**MARGINS, **(margins or {})}
+    question, _ = ask(base, candidate, select(names).scenarios, numbers, wanted)
+    with Bench(question.scenarios, means=Means(jobs=jobs, store=default_cache())) as bench:
+        found = compare(question, bench)
     if found.status(strict=strict):
         pytest.fail(markdown(found), pytrace=False)
     return found

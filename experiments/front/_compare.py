@@ -13,7 +13,7 @@ from flexaxis._given import Scenarios, scenarios_of, seeds_of, texts_of
 from flexaxis._results import working
 from flexaxis._table import html_table, text_table
 from flexaxis.experiments.gate import gate
-from flexaxis.experiments.gate.margins import parse_margins
+from flexaxis.experiments.gate.pairs import parse_margins
 from flexaxis.experiments.gate.wording import COLUMNS, cells, headline, knobs, meaning, ordered
 from flexaxis.experiments.running.bench import Bench
 

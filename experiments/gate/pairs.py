@@ -1,9 +1,9 @@
-"""From rows of scores to pairs: what base and candidate got on each common run."""
+"""From rows of scores to pairs: what both got on each common run; what change matters."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.comparison import statistics
 from flexaxis.experiments.comparison.matching import SPREADS
-from flexaxis.experiments.scoring import table as scores
-from flexaxis.sim.errors import FlexaxisError
+from flexaxis.experiments.scoring.table import MARGINS, METRICS, SCORES, Score
+from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
 LOST = ("diverged", "never_settled")
 """Ways to lose a run; they are counted, apart from each other and from the scores."""
@@ -22,7 +22,7 @@ LOST = ("diverged", "never_settled")
 Array = NDArray[np.float64]
 KEY = ["scenario", "seed", "parameter"]
 TRUTHS = ["changed", "failed", *LOST]
-NUMBERS = [*dict.fromkeys([*scores.METRICS, *(bias for bias, _ in SPREADS.values())])]
+NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
 Table: TypeAlias = "pd.DataFrame"
 """Rows of one estimator by scenario, seed and parameter."""
 
@@ -239,7 +239,7 @@ def _metric(both: Table, scenario: str, parameter: str, metric: str, margin: flo
     # the score out of the comparison: of what has no pair left, nothing can be said.
     lost = _sides(both, "diverged").any(axis=0)
     scored[:, lost | ~np.isfinite(scored).all(axis=0)] = np.nan
-    here, score, bias = np.isfinite(scored[0]), scores.SCORES[metric], None
+    here, score, bias = np.isfinite(scored[0]), SCORES[metric], None
     if metric in SPREADS and np.isfinite(biases := _sides(both, SPREADS[metric][0])).any():
         scored, bias = _about_the_mean(scored, biases, here) if here.any() else (scored, None)
     scale = _scale(scored, both, here, score, margin) if here.any() else None
@@ -264,7 +264,7 @@ def _scale(
     scored: Array,
     both: Table,
     here: NDArray[np.bool_],
-    score: scores.Score,
+    score: Score,
     margin: float,
 ) -> float | None:
     """Return what differences are shares of, None where ratios are compared.
@@ -273,7 +273,7 @@ def _scale(
     zero of a score is within its margin.
     """
     if score.guard:
-        level, zero = _sides(both, "std")[0, here], scores.SCORES["std"].zero
+        level, zero = _sides(both, "std")[0, here], SCORES["std"].zero
         return max(float(np.sqrt(np.mean(level**2))), zero / margin)
     if scored[:, here].min() >= score.zero:
         return None
@@ -283,3 +283,33 @@ def _scale(
 def _sides(both: Table, name: str) -> Array:
     """Return a column of base and candidate (2, n)."""
     return both[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()
+
+
+def parse_margins(texts: Sequence[str]) -> dict[str, float]:
+    """Return the margins with those of texts such as ``lag=2%`` added or changed.
+
+    A text may hold several, with commas between them.
+
+    Examples
+    --------
+    >>> parse_margins(["lag=5%,t10=0.1"])
+    {'lag': 0.05, 'std': 0.02, 'bias': 0.2, 't10': 0.1}
+    """
+    margins = dict(MARGINS)
+    for text in (part.strip() for given in texts for part in given.split(",")):
+        metric, _, number = text.partition("=")
+        if metric not in METRICS:
+            raise FlexaxisError(
+                f"--margin {text!r}: there is no metric {metric!r}."
+                f"{did_you_mean(metric, METRICS)} There are: {', '.join(METRICS)}"
+            )
+        try:
+            value = float(number.removesuffix("%")) / (100 if number.endswith("%") else 1)
+        except ValueError:
+            value = -1.0
+        if not 0 < value < 1:
+            raise FlexaxisError(
+                f"--margin {text!r}: write a share between 0 and 100 %, as in {metric}=2%"
+            )
+        margins[metric] = value
+    return margins

@@ -11,11 +11,11 @@ from flexaxis.experiments.gate import decide as rules
 from flexaxis.experiments.gate import selftest
 from flexaxis.experiments.gate import trials as certain
 from flexaxis.experiments.gate.decide import Family, decide
-from flexaxis.experiments.gate.margins import MARGINS
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.resampling import Drawn, Pool, draw, judged
 from flexaxis.experiments.gate.selftest import LOOKS, Rate, columns, lines
 from flexaxis.experiments.gate.trials import NONE, Promise, trials
+from flexaxis.experiments.scoring.table import MARGINS
 
 GATE = Path(__file__).parents[2] / "docs" / "gate.md"
 

@@ -29,8 +29,7 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
-from flexaxis.experiments.commands.numbers import at_most
+from flexaxis.experiments.commands.answers import add_json, add_output, answer, at_most
 from flexaxis.experiments.running.seeds import MOST, parse_seeds
 from flexaxis.experiments.storage.files import SUMMARY, spare
 from flexaxis.sim.errors import FlexaxisError
@@ -85,7 +84,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Compare, report, and return the verdict as a status."""
-    from flexaxis.experiments.gate.margins import parse_margins
+    from flexaxis.experiments.gate.pairs import parse_margins
     from flexaxis.experiments.gate.stored import is_run
 
     margins = parse_margins(args.margin)

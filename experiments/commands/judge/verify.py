@@ -24,8 +24,7 @@ from typing import TYPE_CHECKING, Any
 from flexaxis.experiments.building.code import add_run_code
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
-from flexaxis.experiments.commands.numbers import at_most
+from flexaxis.experiments.commands.answers import add_json, add_output, answer, at_most
 from flexaxis.experiments.storage.files import STUDY, spare, write_json
 from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError

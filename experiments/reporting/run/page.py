@@ -11,7 +11,7 @@ from typing import Any
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.catalogue.card import happens, in_a_line
 from flexaxis.experiments.comparison import mismatch, ranking
-from flexaxis.experiments.comparison.tracks import track_of
+from flexaxis.experiments.comparison.mismatch import track_of
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.run import first, measures, over_time, singles, speed, tables
