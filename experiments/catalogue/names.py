@@ -122,7 +122,7 @@ def lines(kind: str, *, find: str = "") -> list[Line]:
 
 @cache
 def _kept() -> dict[str, list[Line]]:
-    from flexaxis.estimators.sampling.compiler import user_cache
+    from flexaxis.estimators.models.compiler import user_cache
 
     path = user_cache() / "flexaxis" / "catalogue.json"
     digest = digest_of("sim", "estimators", "models_mjcf", "experiments.catalogue")
