@@ -17,11 +17,10 @@ from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
-from flexaxis.experiments.catalogue.card import GROUPS
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
-from flexaxis.experiments.catalogue.names import DRAWN
+from flexaxis.experiments.catalogue.names import DRAWN, GROUPS
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, CONTROLS
-from flexaxis.experiments.gate.selftest import markdown as self_test_table
+from flexaxis.experiments.gate import selftest
 from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.table import SCORES
 
@@ -70,7 +69,7 @@ def tuned() -> str:
     """Return the knob of each estimator: its default, and its value at equal noise."""
     rows = []
     for entry in REGISTRY.values():
-        found = [t for t in tunings() if t.estimator == entry.name and t.scenario is None]
+        found = [t for t in tunings() if t.estimator == entry.name]
         knob = entry.turning
         names = knob.names if knob else ()
         default = ", ".join(f"{entry.options[name]:.6g}" for name in names) or "–"
@@ -128,7 +127,8 @@ def self_test() -> str:
         SELF_TEST.write_text(json.dumps({"commit": commit(), "rows": rows}), encoding="utf-8")
     content = json.loads(SELF_TEST.read_text(encoding="utf-8"))
     made = f"`flexaxis compare --self-test`, commit {content['commit']}."
-    return f"{self_test_table(content['rows'])}\n{made}\n"
+    rows = content["rows"]
+    return f"{table(selftest.columns(rows), selftest.lines(rows))}\n{made}\n"
 
 
 TABLES: Mapping[str, Callable[[], str]] = {

@@ -41,10 +41,6 @@ class Tuning:
     noise : float
         Standard deviation of the output [rad/s]. Estimators are not told it: a setting is applied
         whatever it is.
-    scenario : str or None
-        The fault after which the lag is least, for settings that know what is coming.
-    lag : float or None
-        That lag [s], on the seeds of the tuning.
     """
 
     estimator: str
@@ -58,8 +54,6 @@ class Tuning:
     identify: Sequence[str]
     period: float
     noise: float
-    scenario: str | None = None
-    lag: float | None = None
 
     def holds_for(self, model: Model, period: float, identify: Sequence[str]) -> bool:
         """
@@ -98,8 +92,7 @@ def tunings() -> tuple[Tuning, ...]:
 
 def at_equal_noise(estimator: str) -> Tuning | None:
     """Return the setting of an estimator at matched noise, on the axis that is in it."""
-    found = (t for t in tunings() if t.estimator == estimator and t.scenario is None)
-    return next(found, None)
+    return next((t for t in tunings() if t.estimator == estimator), None)
 
 
 def tuned(name: str, model: Model, period: float, identify: Sequence[str]) -> float | None:

@@ -160,7 +160,7 @@ def _told(out: Stream, status: int) -> int:
 def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.building.crashes import EstimatorCrash, worker_died
-    from flexaxis.experiments.storage.errors import NotRun
+    from flexaxis.experiments.storage.files import NotRun
     from flexaxis.sim.errors import FlexaxisError
 
     told, status = "", WRONG_USE

@@ -41,43 +41,11 @@ def new_netcdf(path: str | os.PathLike[str]) -> Iterator[h5netcdf.File]:
 
 
 @contextmanager
-def new_hdf5(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
-    """Yield the same as HDF5, for what has thousands of variables: see `scale` and `along`."""
-    with _whole(path) as target, h5py.File(target, "w", track_order=True) as file:
-        yield file
-
-
-@contextmanager
 def _whole(path: str | os.PathLike[str]) -> Iterator[_Target]:
     with atomic(path) as new, _Target(new) as target:
         yield target
         if target.error is not None:
             raise target.error
-
-
-def scale(
-    group: h5py.Group, name: str, values: ArrayLike | int, *, units: str = ""
-) -> h5py.Dataset:
-    """Add a dimension to a group of HDF5 as NetCDF-4 has it: with values, or of a length alone.
-
-    That is a dimension scale of HDF5; Unidata, NetCDF-4 format specification, "Dimensions".
-    """
-    if isinstance(values, int):
-        found = group.create_dataset(name, (values,), ">f4")
-        found.make_scale(f"This is a netCDF dimension but not a netCDF variable. {values:9d}")
-        return found
-    found = group.create_dataset(name, data=values)
-    found.make_scale(name)
-    if units:
-        found.attrs["units"] = units
-    return found
-
-
-def along(group: h5py.Group, name: str, values: ArrayLike, scales: Sequence[h5py.Dataset]) -> None:
-    """Add a variable with its values, and the dimensions along which they are."""
-    found = group.create_dataset(name, data=values)
-    for i, each in enumerate(scales):
-        found.dims[i].attach_scale(each)
 
 
 class _Target(io.RawIOBase):

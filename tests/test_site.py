@@ -10,8 +10,8 @@ import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue.card import GROUPS
 from flexaxis.experiments.catalogue.find import scenario_names, suite_names
+from flexaxis.experiments.catalogue.names import GROUPS
 from flexaxis.experiments.cli import commands
 from flexaxis.experiments.scoring.table import SCORES
 

@@ -17,6 +17,7 @@ from pages import ROOT
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue import card
 from flexaxis.experiments.catalogue import find as catalogue
+from flexaxis.experiments.catalogue.names import GROUPS as CATALOGUE
 from flexaxis.experiments.cli import GROUPS, commands, parser
 from flexaxis.experiments.scoring.score import Score
 from flexaxis.experiments.scoring.table import SCORES
@@ -34,7 +35,7 @@ def write(folder: Path) -> None:
         "estimators": estimator_page(),
         "scores": score_page(),
         "citation": citation_page(),
-        **{f"scenarios-{group}": group_page(group) for group in card.GROUPS},
+        **{f"scenarios-{group}": group_page(group) for group in CATALOGUE},
     }
     for name, text in pages.items():
         (folder / "reference" / f"{name}.md").write_text(text, encoding="utf-8")
@@ -93,14 +94,14 @@ def scenario_page() -> str:
         "# All scenarios",
         "All of the catalogue, as `flexaxis list` and `flexaxis show NAME` have it. How one is "
         "written: [Scenarios](../scenarios.md).",
-        toctree(f"scenarios-{group}" for group in card.GROUPS),
+        toctree(f"scenarios-{group}" for group in CATALOGUE),
     ]
     for group, names in _by_group().items():
         rows = [
             [f"[`{n}`](scenarios-{group}.md#{n})", s.difficulty or "", card.in_a_line(s)]
             for n, s in names.items()
         ]
-        head = f"## {group.capitalize()}: {card.GROUPS[group]}"
+        head = f"## {group.capitalize()}: {CATALOGUE[group]}"
         parts += [head, table(["scenario", "expected", "content"], rows)]
     suites = [[f"`{name}`", catalogue.suite_card(name)] for name in catalogue.suite_names()]
     return "\n\n".join([*parts, "## Suites", table(["suite", "what it is for"], suites)]) + "\n"
@@ -108,7 +109,7 @@ def scenario_page() -> str:
 
 def group_page(group: str) -> str:
     """Return the cards of the scenarios of a group, each with its TOML."""
-    parts = [f"# {group.capitalize()}: {card.GROUPS[group]}"]
+    parts = [f"# {group.capitalize()}: {CATALOGUE[group]}"]
     for name, scenario in _by_group()[group].items():
         facts = [[f"*{key}*", words] for key, words in card.reference_card(scenario).items()]
         parts += [f"## {name}", scenario.card, table(["", ""], facts[1:])]
@@ -119,7 +120,7 @@ def group_page(group: str) -> str:
 def _by_group() -> dict[str, dict[str, Scenario]]:
     found = {name: catalogue.find_scenario(name) for name in catalogue.scenario_names()}
     groups = {name: (s.group or "") for name, s in found.items()}
-    return {g: {n: found[n] for n in found if groups[n] == g} for g in card.GROUPS}
+    return {g: {n: found[n] for n in found if groups[n] == g} for g in CATALOGUE}
 
 
 def estimator_page() -> str:

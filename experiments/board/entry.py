@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
-from flexaxis.experiments.comparison.tracks import NUISANCE, track_of
+from flexaxis.experiments.comparison.mismatch import NUISANCE, track_of
 from flexaxis.experiments.storage.files import dumps, write_json
 from flexaxis.experiments.studies.knobs import setting
 from flexaxis.experiments.studies.sweep import TURNS

@@ -17,8 +17,8 @@ import numpy as np
 from flexaxis.experiments.board.entry import Entry, EntryError
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.comparison.matching import MATCHED
+from flexaxis.experiments.comparison.mismatch import NUISANCE, TRACKS, UNKNOWN, track_of
 from flexaxis.experiments.comparison.ranking import overall
-from flexaxis.experiments.comparison.tracks import NUISANCE, TRACKS, UNKNOWN, track_of
 from flexaxis.experiments.running.bench import Bench, Runs
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.seeds import FIRST

@@ -11,7 +11,7 @@ from typing import Any
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.board.entry import Entry, EntryError
 from flexaxis.experiments.board.sandbox import Sandbox, SandboxError
-from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.code import names_code
 from flexaxis.experiments.building.specs import Spec, parse
 from flexaxis.experiments.logs.axis_file import Axis, find_axis
 from flexaxis.experiments.logs.identification.validate import validate

@@ -15,10 +15,9 @@ from typing import Any
 
 from flexaxis.experiments.board.entry import CODE, ENTRY, ROWS, About, Entry, EntryError, read, seal
 from flexaxis.experiments.board.ranking import Board
-from flexaxis.experiments.building.code import digest
+from flexaxis.experiments.building.code import PIPE, digest, piped
 from flexaxis.experiments.building.neighbours import code_file, imported_neighbours
 from flexaxis.experiments.building.ready import readable
-from flexaxis.experiments.building.specs import PIPE, piped
 from flexaxis.experiments.comparison.ranking import CONTROLS
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means

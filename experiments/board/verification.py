@@ -26,10 +26,10 @@ from flexaxis.experiments.board.ranking import (
     reference_rows,
 )
 from flexaxis.experiments.board.sandbox import Sandbox
-from flexaxis.experiments.building.consent import require
+from flexaxis.experiments.building.code import require
 from flexaxis.experiments.building.offer import offer_of, torque_of
 from flexaxis.experiments.building.specs import check_fits
-from flexaxis.experiments.comparison import tracks
+from flexaxis.experiments.comparison import mismatch
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import identity_of, track_of
 from flexaxis.experiments.running.engine import Means
@@ -177,7 +177,7 @@ def verify_entry(
     run_code : bool
         Whether its code may be run, if it names some.
     command : str, optional
-        The line that was typed, as for `consent.require`.
+        The line that was typed, as for `building.code.require`.
     means : Means, optional
         With what the reference is run.
     frozen : Board, optional
@@ -237,11 +237,11 @@ def _ranked(entry: Entry, own: Own, mine: Board) -> list[_Ranked]:
         order = sorted(row["settings"], key=entry.settings(scenario).__getitem__)
         sides = ("quieter", "noisier") if len(order) > 1 else ("nearest",)
         for text, side in zip(order, sides, strict=True):
-            group = f"{tracks.track_of(scenario)}, {side} setting"
+            group = f"{mismatch.track_of(scenario)}, {side} setting"
             found.setdefault((scenario.name, text), _Ranked(scenario, text, group))
     for row in own.as_set:
         scenario = known[row["scenario"]]
-        found[scenario.name, ""] = _Ranked(scenario, entry.estimator, tracks.NUISANCE)
+        found[scenario.name, ""] = _Ranked(scenario, entry.estimator, mismatch.NUISANCE)
     return list(found.values())
 
 
@@ -262,7 +262,7 @@ def rerun(sandbox: Sandbox, text: str, scenario: Scenario, record: Record) -> Ro
         found, names = estimator.findings, estimator.names
     track = track_of(scenario.drawn(record.seed or 0), record, names, theta, None, None, found)
     identity = identity_of(scenario, text, record.seed)
-    case = scored(track, estimator=text, seed=record.seed or 0, identity=identity, cost={})
+    case = scored(track, estimator=text, identity=identity, cost={})
     return [json.loads(dumps(row)) for row in case.rows]
 
 

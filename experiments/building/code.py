@@ -1,21 +1,107 @@
-"""Digests of code: what an estimator of one's own, and flexaxis itself, was when it ran."""
+"""Code that an estimator names: who has to be asked for it, classes of this session, digests.
+
+Text of a file is never executed unasked. An estimator that is typed on the command line runs
+whatever it names. One that a study, a stored run or a lesson names is somebody else's text: a name
+of the registry or of an installed entry point is as good as typed, but `path/file.py:Class`,
+`package.module:Class` and `pipe:COMMAND` need `--run-code`, after they were shown.
+"""
 
 from __future__ import annotations
 
+import argparse
 import shlex
-from functools import cache
+import sys
+from collections.abc import Callable, Iterable
 from hashlib import sha256
-from importlib.resources import files
-from importlib.resources.abc import Traversable
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+from uuid import uuid4
 
-from flexaxis.experiments.building.consent import names_code
-from flexaxis.experiments.building.given import is_given, written
 from flexaxis.experiments.building.neighbours import content_of, imported_neighbours
-from flexaxis.experiments.building.specs import piped
+from flexaxis.experiments.storage.files import SHORT, digest_of
+from flexaxis.experiments.streams import visible
+from flexaxis.sim.errors import FlexaxisError
 
-SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
+OPTION = "--run-code"
+PIPE = "pipe:"
+"""How the command of a program begins."""
+
+
+class CodeRefused(FlexaxisError):
+    """Text of a file names code, and nobody has said that it may run."""
+
+
+def names_code(text: str) -> bool:
+    """Whether an estimator's text names code: own files, modules and programs have a colon.
+
+    Examples
+    --------
+    >>> names_code("rpem-forgetting[forgetting=0.99]"), names_code("mine.py:Mine[gain=0.1]")
+    (False, True)
+    >>> names_code("pipe:octave-cli -q my.m"), names_code("subprocess:Popen")
+    (True, True)
+    """
+    return ":" in text.partition("[")[0]
+
+
+def piped(text: str) -> str | None:
+    """Return the command of an estimator that is a program; None for any other text.
+
+    Examples
+    --------
+    >>> piped("pipe:./mine -v")
+    './mine -v'
+    """
+    return text.removeprefix(PIPE) if text.startswith(PIPE) else None
+
+
+def code_named(texts: Iterable[str]) -> list[str]:
+    """Return those of some texts that name code, each once."""
+    return [text for text in dict.fromkeys(texts) if names_code(text)]
+
+
+def require(given: bool, texts: Iterable[str], *, source: str, command: str | None = None) -> None:
+    """Refuse texts that name code, unless consent was given.
+
+    Parameters
+    ----------
+    given : bool
+        Whether the user has said `--run-code`.
+    texts : iterable of str
+        Estimators, as `source` names them.
+    source : str
+        Where they stand, for the message.
+    command : str, optional
+        The line that was typed; without one the caller is a program, and is told of `run_code`.
+
+    Raises
+    ------
+    CodeRefused
+        With a line for each text, and what to type.
+    """
+    found = [] if given else code_named(texts)
+    if not found:
+        return
+    go_on = "pass run_code=True" if command is None else f"type: {command} {OPTION}"
+    raise CodeRefused(
+        "\n".join(
+            [
+                f"{source} names code, and text of a file is not run unasked:",
+                *(f"  {visible(text)}" for text in found),
+                f"if you trust it, {go_on}",
+            ]
+        )
+    )
+
+
+def add_run_code(parser: argparse.ArgumentParser, whose: str) -> None:
+    """Declare `--run-code`."""
+    parser.add_argument(
+        OPTION,
+        action="store_true",
+        help=f"run code that {whose} name: path.py:Class, module:Class, pipe:COMMAND",
+    )
 
 
 def digest(estimator: str) -> str | None:
@@ -57,21 +143,61 @@ def own_digest() -> str:
     return digest_of("models_mjcf", "sim", "estimators", "experiments.scoring")
 
 
-@cache
-def digest_of(*parts: str) -> str:
-    """Return a digest of the code, models and settings in packages of flexaxis."""
-    content = sha256()
-    for source in (f for part in parts for f in sources(files(f"flexaxis.{part}"))):
-        content.update(source.read_bytes())
-    return content.hexdigest()[:SHORT]
+_HELD: dict[str, Callable[..., Any]] = {}
+_UNSEEN: dict[str, tuple[Callable[..., Any], bytes]] = {}
 
 
-def sources(folder: Traversable) -> list[Traversable]:
-    """Return the files of code, models and settings in a folder and those inside, by name."""
-    found: list[Traversable] = []
-    for item in sorted(folder.iterdir(), key=lambda item: item.name):
-        if item.is_dir():
-            found += sources(item)
-        elif item.name.endswith((".py", ".xml", ".toml")):
-            found.append(item)
-    return found
+def give(make: Callable[..., Any]) -> str:
+    """Return the text that names a class: that of its module, or its own name in this session.
+
+    A class of a module that any process can import goes by ``module:Class``. One of a notebook,
+    a script or a function is kept here under its name, and a new one takes its place.
+
+    Raises
+    ------
+    EstimatorError
+        If it has no name, or that of a registered estimator.
+    """
+    from flexaxis.estimators.errors import EstimatorError
+    from flexaxis.estimators.registry import REGISTRY
+
+    name = getattr(make, "__name__", "")
+    if not name.isidentifier():
+        raise EstimatorError(f"{make!r} has no name to stand in results: give a class")
+    module = getattr(make, "__module__", "__main__")
+    held = getattr(sys.modules.get(module), name, None)
+    if module != "__main__" and held is make and getattr(sys.modules[module], "__spec__", None):
+        return f"{module}:{name}"
+    if name in REGISTRY:
+        raise EstimatorError(f"{name} is the name of a registered estimator: rename the class")
+    _HELD[name] = make
+    return name
+
+
+def is_given(text: str) -> bool:
+    """Whether an estimator's text names a class of this session."""
+    return text.partition("[")[0].strip() in _HELD
+
+
+def given(name: str) -> Callable[..., Any] | None:
+    """Return the class of this session that has a name, None if there is none."""
+    return _HELD.get(name)
+
+
+def written(name: str) -> bytes:
+    """Return the text of a class of this session; where it is not known, what no other has."""
+    import inspect
+
+    try:
+        return inspect.getsource(_HELD[name]).encode() or _unseen(name)
+    except (OSError, TypeError):
+        return _unseen(name)
+
+
+def _unseen(name: str) -> bytes:
+    """Return a mark of a class whose text cannot be read: of it alone, and of this session."""
+    make, mark = _UNSEEN.get(name, (None, b""))
+    if make is not _HELD[name]:
+        mark = uuid4().bytes
+        _UNSEEN[name] = _HELD[name], mark
+    return mark

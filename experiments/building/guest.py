@@ -24,9 +24,8 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import StepError
-from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.code import is_given, names_code
 from flexaxis.experiments.building.crashes import crash
-from flexaxis.experiments.building.given import is_given
 from flexaxis.experiments.building.neighbours import code_file, move_to
 
 LIMIT = 600.0

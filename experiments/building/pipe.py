@@ -8,15 +8,23 @@ from __future__ import annotations
 
 import os
 import select
+import shlex
+import signal
 import struct
-from collections.abc import Mapping, Sequence
+import subprocess
+import tempfile
+import time
+import weakref
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import IO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.programs import PATIENCE, Program
 
+PATIENCE = 30.0  # s that a program may take for an answer, its start included
 VERSION = 1
 MAGIC, MARK = b"FLEXAXIS", 0x01020304
 NAME = 32  # bytes of a name, with at least one NUL behind it
@@ -70,17 +78,31 @@ class PipeEstimator:
         output: str = "speed",
         patience: float = PATIENCE,
     ) -> None:
-        self._program = Program(command, patience, "pipe:./my_estimator")
-        header = _header(nominal, period, identify, output)
-        with self._program.in_time():
-            self._send(header, "the header")
-            self.names, self.output = self._answer()
+        self._patience, self._said = patience, tempfile.TemporaryFile()  # noqa: SIM115, for _end
+        try:
+            with held_back():
+                self._process = subprocess.Popen(
+                    shlex.split(command, posix=os.name != "nt"), bufsize=0, stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE, stderr=self._said,
+                )  # fmt: skip
+        except (OSError, ValueError, IndexError) as error:
+            self._said.close()
+            raise EstimatorError(
+                f"the program cannot be started: {error}. Write the command as you would type it, "
+                "such as 'pipe:./my_estimator'"
+            ) from error
+        weakref.finalize(self, _end, self._process, self._said)
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._to, self._back = self._process.stdin.fileno(), self._process.stdout.fileno()
+        os.set_blocking(self._to, False)  # who does not read is not waited for either
+        self._until = time.monotonic() + patience
+        self._send(_header(nominal, period, identify, output), "the header")
+        self.names, self.output = self._answer()
         self._theta = np.empty((1, len(self.names)))
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
         """Send u[k] and y[k] (NaN in a gap), return θ[k] (p,) of the answer."""
-        with self._program.in_time():
-            self._ask(SAMPLE.pack(1, u, np.nan if y is None else y), self._theta)
+        self._ask(SAMPLE.pack(1, u, np.nan if y is None else y), self._theta)
         return self._theta[0].copy()
 
     def run(
@@ -96,8 +118,7 @@ class PipeEstimator:
         for start in range(0, len(u), block):
             some = samples[start : start + block]
             try:
-                with self._program.in_time():
-                    self._ask(COUNT.pack(len(some)) + some.tobytes(), theta[start : start + block])
+                self._ask(COUNT.pack(len(some)) + some.tobytes(), theta[start : start + block])
             except EstimatorError as error:
                 error.at_sample = start  # type: ignore[attr-defined]  # for who says where it was
                 raise
@@ -105,8 +126,9 @@ class PipeEstimator:
 
     def _ask(self, content: bytes, theta: NDArray[np.float64]) -> None:
         """Send samples and wait for their estimates (n, p)."""
-        if select.select([self._program.back], [], [], 0)[0]:
+        if select.select([self._back], [], [], 0)[0]:
             self._unasked(theta.shape[1])
+        self._until = time.monotonic() + self._patience
         self._send(content, "estimates")
         self._receive(theta.data.cast("B"), "estimates")
         if not _LITTLE:
@@ -114,7 +136,7 @@ class PipeEstimator:
 
     def _unasked(self, p: int) -> None:
         """Refuse what was said before it was asked for; the end of the program says itself."""
-        more = len(os.read(self._program.back, 1 << 16))
+        more = len(os.read(self._back, 1 << 16))
         if not more:
             raise self._silent("estimates")
         raise EstimatorError(
@@ -140,21 +162,75 @@ class PipeEstimator:
         fields = (bytes(names[i : i + NAME]) for i in range(0, len(names), NAME))
         return tuple(_text(field) for field in fields), OUTPUTS[output]
 
+    def _wait(self, read: list[int], write: list[int]) -> None:
+        """Wait until the program takes or gives something; one that is over its time is killed."""
+        if not any(select.select(read, write, [], max(0.0, self._until - time.monotonic()))):
+            self._process.kill()
+            raise EstimatorError(
+                f"the program did not answer within {self._patience:g} s and was stopped: {HOW}"
+            )
+
     def _send(self, content: bytes, instead: str) -> None:
-        if not self._program.send(content):
-            raise self._silent(instead)
+        left = memoryview(content)
+        while left:
+            self._wait([], [self._to])
+            try:
+                left = left[os.write(self._to, left) :]
+            except OSError as error:  # it is not there any more
+                raise self._silent(instead) from error
 
     def _receive(self, view: memoryview, what: str) -> None:
         got = 0
         while got < len(view):
-            part = os.read(self._program.back, len(view) - got)
+            self._wait([self._back], [])
+            part = os.read(self._back, len(view) - got)
             if not part:
                 raise self._silent(f"{what} (it wrote {got} of {len(view)} bytes)")
             view[got : got + len(part)] = part
             got += len(part)
 
-    def _silent(self, what: str) -> EstimatorError:
-        return EstimatorError(f"the program {self._program.what_happened(what, HOW)}")
+    def _silent(self, instead: str) -> EstimatorError:
+        """Return why there is no answer, where the program has ended instead."""
+        try:
+            self._process.wait(5)
+        except subprocess.TimeoutExpired:
+            return EstimatorError(f"the program closed its stdout instead of {instead}")
+        self._said.seek(0)
+        said = self._said.read().decode(errors="replace").strip().splitlines()
+        last = f"; on stderr it said: {' | '.join(said[-3:])}" if said else ""
+        status = self._process.returncode
+        return EstimatorError(f"the program ended with status {status} instead of {instead}{last}")
+
+
+def _end(process: subprocess.Popen[bytes], said: IO[bytes]) -> None:
+    """Close its input, which asks a program to end; one that does not is killed."""
+    for stream in (process.stdin, process.stdout):
+        with suppress(OSError):  # it has gone already
+            if stream is not None:
+                stream.close()
+    try:
+        process.wait(1)
+    finally:
+        process.kill()
+        process.wait()
+        said.close()
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Hold Ctrl-C back while a process may be started, which inherits that.
+
+    A terminal sends it to all, and it is for us alone: else a program or a worker would end in the
+    middle of its work, and that would look like a fault.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 _LITTLE = struct.pack("=I", 1) == struct.pack("<I", 1)

@@ -4,7 +4,7 @@ Forms: a name of the registry, ``path/file.py:Class``, ``package.module:Class``,
 an entry point in the group `flexaxis.estimators`; each with options in brackets, written as in
 TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND``, a program in
 any language. All but the first run the code they name, so that text which was not typed on the
-command line goes through `flexaxis.experiments.building.consent` before it comes here.
+command line goes through `flexaxis.experiments.building.code` before it comes here.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import numpy as np
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY, gone
+from flexaxis.experiments.building.code import PIPE, given, piped
 from flexaxis.experiments.building.crashes import user_code
-from flexaxis.experiments.building.given import given
 from flexaxis.experiments.building.guest import hosted, is_guest
 from flexaxis.experiments.building.imports import imported, module_of
 from flexaxis.experiments.building.offer import (
@@ -43,8 +43,6 @@ from flexaxis.sim.reading import shown, toml_tables
 from flexaxis.sim.scenario import Scenario
 
 ENTRY_POINTS = "flexaxis.estimators"
-PIPE = "pipe:"
-"""How the command of a program begins."""
 
 
 @dataclass(frozen=True)
@@ -82,17 +80,6 @@ def parse(text: str) -> Spec:
                 f"It has: {', '.join(sorted(known)) or 'none'}"
             )
     return Spec(text, make, options)
-
-
-def piped(text: str) -> str | None:
-    """Return the command of an estimator that is a program; None for any other text.
-
-    Examples
-    --------
-    >>> piped("pipe:./mine -v")
-    './mine -v'
-    """
-    return text.removeprefix(PIPE) if text.startswith(PIPE) else None
 
 
 def written_options(text: str) -> dict[str, Any]:

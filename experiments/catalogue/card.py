@@ -5,23 +5,6 @@ from __future__ import annotations
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 
-GROUPS = {
-    "nominal": "nothing happens",
-    "steps": "one parameter jumps",
-    "wear": "one parameter changes over seconds",
-    "intermittent": "one parameter jumps to and fro",
-    "several": "more than one change",
-    "excitation": "other motion than the full multisine",
-    "sensors": "what lies between axis and log",
-    "mismatch": "an axis that the linear model does not describe",
-    "nuisance": "changes that are no faults",
-    "drives": "drives that exist, with friction and faults of their own",
-    "control": "estimates drive the controller",
-    "ground": "where estimators have failed that do well on all the others",
-}
-"""The groups of the catalogue, in the order in which it is read."""
-
-
 # What most scenarios have, and a line need not say.
 _USUAL = Scenario(name="usual", duration=20.0)
 

@@ -1,4 +1,4 @@
-"""Where a command writes to, and what `--json` prints: one object on stdout, alike for every one.
+"""Where a command writes to, what numbers it takes, and what `--json` prints: one object on stdout.
 
 docs/json.md has its keys. It begins with the version of flexaxis, the name of the command, its exit
 status and the line that was typed; what the command found follows. Where a command cannot, `error`
@@ -12,9 +12,11 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+from flexaxis.experiments.running.seeds import END
 
 
 def add_json(parser: Any) -> None:
@@ -98,3 +100,40 @@ def plain(content: Any) -> Any:
     if isinstance(content, float) and not math.isfinite(content):
         return None
     return str(content) if isinstance(content, Path) else content
+
+
+SEED = END - 1
+
+
+def at_most(most: float, kind: type[int] | type[float] = int) -> Callable[[str], float]:
+    """Return what reads the number of an option, for its `type`, up to some size.
+
+    Examples
+    --------
+    >>> at_most(3660)("60")
+    60
+    """
+
+    def read(text: str) -> float:
+        value = kind(text)
+        if not abs(value) <= most:  # not finite, or too large
+            raise argparse.ArgumentTypeError(f"{text[:40]!r}: give at most {most:,}")
+        return value
+
+    read.__name__ = kind.__name__  # by which argparse calls what is no number
+    return read
+
+
+def too_large(parser: argparse.ArgumentParser, args: argparse.Namespace) -> Iterator[str]:
+    """Yield what is wrong with the numbers that have no limit of their own."""
+    for action in parser._actions:
+        given = getattr(args, action.dest, None)
+        for value in given if isinstance(given, list) else [given]:
+            if isinstance(value, int | float) and action.type in (int, float):
+                from flexaxis.sim.config import LARGEST  # takes a tenth of a second
+
+                option = action.option_strings[-1] if action.option_strings else action.metavar
+                if not math.isfinite(value):
+                    yield f"{option} {value}: give a finite number"
+                elif abs(value) > LARGEST:
+                    yield f"{option} {str(value)[:40]}: give at most {LARGEST:g}"

@@ -10,8 +10,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.cli import CRASH, FINDING, say
-from flexaxis.experiments.running.progress import progress
-from flexaxis.experiments.storage.errors import NotRun, needed
+from flexaxis.experiments.storage.files import NotRun, needed
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
@@ -166,34 +165,27 @@ def working(
     callable
         To be called with what is done besides cases.
     """
-    from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
 
     check_jobs(args)
     elsewhere, workers = place or (None, args.jobs or os.cpu_count() or 1)
-    done, remarks = 0, getattr(args, "remarks", [])
+    done, remarks = 0, args.remarks
+
+    def heard(outcome: Any) -> None:
+        nonlocal done
+        done += outcome.cases
+        remarks.extend(outcome.remarks)
+
+    means = Means(
+        jobs=1 if elsewhere else workers, apart=True, executor=elsewhere, in_flight=2 * workers,
+        store=default_cache() if cache else None,
+    )  # fmt: skip
     limit = getattr(args, "time_limit", None)
-    with limited(limit), telling(remarks), progress(what, total or 1) as advance:
-
-        def landed(outcome: Any) -> None:
-            nonlocal done
-            done += outcome.cases
-            remarks.extend(outcome.remarks)
-            if by_case:
-                advance(outcome.cases)
-
-        means = Means(
-            jobs=1 if elsewhere else workers,
-            apart=True,
-            executor=elsewhere,
-            in_flight=2 * workers,
-            store=default_cache() if cache else None,
-            advance=landed,
-        )
+    with telling(remarks):
         try:
-            with means.kept() as means:
-                yield means, advance
+            with means.shown(what, total, heard, time_limit=limit, by_case=by_case) as both:
+                yield both
         except KeyboardInterrupt:
             raise KeyboardInterrupt(go_on(args, done)) from None
         except FlexaxisError as error:

@@ -12,12 +12,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.code import names_code
 from flexaxis.experiments.building.neighbours import code_file
-from flexaxis.experiments.catalogue.names import scenario_names, suite_names
+from flexaxis.experiments.catalogue.names import GROUPS, scenario_names, suite_names
 from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.errors import no_study
-from flexaxis.experiments.storage.names import STUDY
+from flexaxis.experiments.storage.files import STUDY, no_study
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 
 _CHOICE = re.compile(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)")
@@ -91,7 +90,7 @@ def check_words(parser: argparse.ArgumentParser, args: argparse.Namespace) -> No
     """
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.commands import options
-    from flexaxis.experiments.commands.numbers import too_large
+    from flexaxis.experiments.commands.answers import too_large
 
     problems = [*too_large(parser, args)]
     if "jobs" in args:
@@ -230,7 +229,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
         names = [*(_scenarios() if "SCENARIO" in kinds else ())]
         names += _estimators() if kinds & {"E", "ESTIMATOR"} else ()
         if kinds == {"GROUP"}:
-            action.completer = ChoicesCompleter(dict.fromkeys(_groups(), ""))  # type: ignore[attr-defined]
+            action.completer = ChoicesCompleter(dict.fromkeys(GROUPS, ""))  # type: ignore[attr-defined]
         if str(action.metavar).startswith("PARAMETER"):
             action.completer = _parameters  # type: ignore[attr-defined]
         if names:
@@ -278,12 +277,6 @@ def _all_actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 def _scenarios() -> list[str]:
 
     return [*suite_names(), *scenario_names()]
-
-
-def _groups() -> list[str]:
-    from flexaxis.experiments.catalogue.card import GROUPS
-
-    return list(GROUPS)
 
 
 def _estimators() -> list[str]:

@@ -17,8 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pooling
+from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import FLOOR, pseudo_values
 from flexaxis.experiments.scoring.pooling import scatter
+from flexaxis.experiments.scoring.summary import biases_of
+from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -52,6 +55,18 @@ class Setting:
     rows: Sequence[Mapping[str, Any]]
     biases: Array = field(default_factory=lambda: np.empty((0, 0)))
     information: Array | None = None
+
+    @staticmethod
+    def of(
+        text: str,
+        factor: float,
+        runs: Sequence[Sequence[Mapping[str, Any]]],
+        parameter: str,
+        scenario: Scenario,
+    ) -> Setting:
+        """Return a setting from the rows of its runs, one for each parameter."""
+        rows = [next(row for row in run if row["parameter"] == parameter) for run in runs]
+        return Setting(text, factor, rows, biases_of(runs, scenario), information(scenario))
 
     def array(self, name: str) -> Array:
         """Return a score seed by seed (n,), NaN where it is not defined."""

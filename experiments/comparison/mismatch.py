@@ -1,15 +1,20 @@
-"""Where the model is wrong: which scenarios these are, and who copes there, in words."""
+"""Where the model is wrong: which scenarios these are, and who copes there, in words.
+
+And tracks: scenarios that ask the same of an estimator, ranked among themselves.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.comparison.ranking import CONTROLS, REFERENCE, leaders
+from flexaxis.experiments.comparison.ranking import CONTROLS, REFERENCE, by_fault, leaders
 from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.theta import known_names, nominal_theta, theta_over_time
+from flexaxis.experiments.scoring.true_model import known_structure
 from flexaxis.sim.scenario import Scenario
 
 Row = Mapping[str, Any]
@@ -88,15 +93,11 @@ def mismatch_in_words(
         As from `misled`: these do not compete.
     """
     mine = [row for row in as_set if row["scenario"] in names]
-    faults = dict.fromkeys((row["scenario"], row["parameter"]) for row in mine)
-    wins: dict[str, int] = {}
-    for fault in faults:
-        quiet = _quiet([row for row in mine if (row["scenario"], row["parameter"]) == fault])
-        quiet = [row for row in quiet if _key(row) not in wrong]
-        for name in leaders({row["estimator"]: row["values"]["lag"] for row in quiet}):
-            wins[name] = wins.get(name, 0) + 1
-    order = sorted(wins.items(), key=lambda item: -item[1])
-    told = ", ".join(f"{estimator} in {number} of {len(faults)}" for estimator, number in order)
+    faults, wins = by_fault(mine), Counter[str]()
+    for rows_of in faults.values():
+        quiet = [row for row in _quiet(rows_of) if _key(row) not in wrong]
+        wins.update(leaders({row["estimator"]: row["values"]["lag"] for row in quiet}))
+    told = ", ".join(f"{name} in {number} of {len(faults)}" for name, number in wins.most_common())
     text = (
         f"Shortest lag, or not to be told from it on these seeds, with at most {UNEQUAL:g} times "
         f"the deviation of {REFERENCE} in the parameter that changes: {told or 'nobody'}"
@@ -136,3 +137,39 @@ def _quiet(rows: list[Row]) -> list[Row]:
         (UNEQUAL * r["std"] for r in rows if r["estimator"] == REFERENCE and r["std"]), np.inf
     )
     return [r for r in rows if r["estimator"] not in CONTROLS and (r["std"] or 0.0) <= limit]
+
+
+NOMINAL, KNOWN = "nominal", "known structure"
+UNKNOWN, NUISANCE = "unknown structure", "nuisance"
+
+TRACKS: Mapping[str, str] = {
+    NOMINAL: "The linear model with the values that are told describes the axis; what is asked is "
+    "to follow faults fast and quietly.",
+    KNOWN: "Friction, backlash, cogging or wrong data-sheet values besides; a model with laws "
+    "can describe the axis from what is told.",
+    UNKNOWN: "A law, a sensor or a loop that no model knows, or that the data sheet hides; what is "
+    "asked is to stay near the truth all the same.",
+    NUISANCE: "Something changes that is no fault, such as warming up or a load; it is to be "
+    "followed without an alarm.",
+}
+"""A sentence each, in the order in which they are read."""
+
+
+def track_of(scenario: Scenario) -> str:
+    """Return the track of a scenario; a change that is no fault decides before all else.
+
+    Examples
+    --------
+    >>> from flexaxis.experiments.catalogue.find import find_scenario
+    >>> for name in ("fm_step-v1", "coulomb_fm_step-v1", "power_fm_step-v1", "warming_fm_step-v1"):
+    ...     print(track_of(find_scenario(name)))
+    nominal
+    known structure
+    unknown structure
+    nuisance
+    """
+    if scenario.nuisance:
+        return NUISANCE
+    if scenario.linear:
+        return NOMINAL
+    return KNOWN if known_structure(scenario) else UNKNOWN

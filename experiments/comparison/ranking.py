@@ -96,6 +96,14 @@ def worse(first: Row, second: Row) -> list[str]:
     return found
 
 
+def by_fault(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
+    """Return the rows of each fault, by scenario and parameter."""
+    found: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        found.setdefault((row["scenario"], row["parameter"]), []).append(row)
+    return found
+
+
 def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
     """Return the rows of a sweep with `leads`: whether a row is among the best of its fault.
 
@@ -103,10 +111,10 @@ def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
     quieter at every setting may be quicker than what is shown, and never counts as slower.
     """
     rows = list(rows)
-    ahead: dict[tuple[str, str], list[str]] = {}
-    for fault in dict.fromkeys((row["scenario"], row["parameter"]) for row in rows):
-        mine = [row for row in rows if (row["scenario"], row["parameter"]) == fault]
-        ahead[fault] = leaders({row["estimator"]: row["values"]["lag"] for row in _compete(mine)})
+    ahead = {
+        fault: leaders({row["estimator"]: row["values"]["lag"] for row in _compete(mine)})
+        for fault, mine in by_fault(rows).items()
+    }
     return [
         dict(row) | {"leads": row["estimator"] in ahead[row["scenario"], row["parameter"]]}
         for row in rows
@@ -137,7 +145,7 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
         there. `how` is "quieter" or "noisier" where that is all that can be said at some of them
         (the score is then at least, or at most, so much), "mixed" where both occur.
     """
-    faults = list(dict.fromkeys((r["scenario"], r["parameter"]) for r in rows if r["bound"]))
+    faults = list(by_fault(row for row in rows if row["bound"]))
     if not faults:
         return []
     seeds = max(len(row["values"].get("score") or ()) for row in rows)
@@ -145,7 +153,8 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
         return []
     found: dict[str, dict[str, Any]] = {}
     for estimator in dict.fromkeys(row["estimator"] for row in rows):
-        mine = {(r["scenario"], r["parameter"]): r for r in rows if r["estimator"] == estimator}
+        own = by_fault(row for row in rows if row["estimator"] == estimator)
+        mine = {fault: last for fault, (*_, last) in own.items()}
         each = [mine[f]["values"].get("score") if f in mine else None for f in faults]
         total = np.mean([values or np.zeros(seeds) for values in each], axis=0)
         how = {mine[f]["how"] for f in faults if f in mine} - {MATCHED}
@@ -183,8 +192,7 @@ def answers(rows: Sequence[Row], words: Mapping[str, str]) -> list[str]:
         What each fault is, by scenario.
     """
     found = []
-    for scenario, parameter in dict.fromkeys((r["scenario"], r["parameter"]) for r in rows):
-        mine = [r for r in rows if (r["scenario"], r["parameter"]) == (scenario, parameter)]
+    for (scenario, parameter), mine in by_fault(rows).items():
         order = sorted(_compete(mine), key=lambda row: row["lag"])
         if len(order) > 1:
             what = f"{scenario} ({words[scenario]})"
@@ -246,8 +254,7 @@ def in_words(rows: Sequence[Row]) -> list[str]:
         std, seed by seed, of each estimator at the one setting it was run at.
     """
     found = []
-    for fault in dict.fromkeys((row["scenario"], row["parameter"]) for row in rows):
-        mine = [row for row in rows if (row["scenario"], row["parameter"]) == fault]
+    for fault, mine in by_fault(rows).items():
         order = sorted(mine, key=lambda row: row["lag"])
         text = f"{fault[0]}: "
         if _few(mine):

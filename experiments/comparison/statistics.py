@@ -37,21 +37,10 @@ class LogRatios:
         """Two-sided p-value of Student's t test that the mean is zero; 1 for fewer than two."""
         return float(t_p(self.n, self.mean, self.sd))
 
-    def interval(self, level: float) -> tuple[float, float]:
-        """Return the interval that misses the true mean with probability `level`."""
-        half = half_width(self.sd, self.n, level)
-        return self.mean - half, self.mean + half
-
 
 def log_ratio(base: ArrayLike, candidate: ArrayLike) -> Array:
     """Return log(candidate/base) of scores ≥ 0; NaN where either is NaN."""
     return np.asarray(np.log(np.maximum(candidate, FLOOR)) - np.log(np.maximum(base, FLOOR)))
-
-
-def paired(base: ArrayLike, candidate: ArrayLike) -> LogRatios:
-    """Summarise log(candidate/base) over pairs (n,); scores are ≥ 0."""
-    n, mean, sd = summary(log_ratio(base, candidate))
-    return LogRatios(int(n), float(mean), float(sd))
 
 
 def summary(values: Array) -> tuple[NDArray[np.int64], Array, Array]:

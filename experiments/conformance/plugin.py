@@ -79,31 +79,18 @@ def gate(
         Processes.
     """
     from flexaxis.experiments.catalogue.find import select
-    from flexaxis.experiments.gate.gate import (
-        Question,
-        compare,
-        default_seeds,
-        readable_by_both,
-    )
-    from flexaxis.experiments.gate.margins import MARGINS
+    from flexaxis.experiments.gate.gate import ask, compare, default_seeds
     from flexaxis.experiments.gate.report import markdown
     from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
     from flexaxis.experiments.running.seeds import parse_seeds
+    from flexaxis.experiments.scoring.table import MARGINS
 
     numbers = parse_seeds(str(seeds or default_seeds(names)))
-    kept, lacking, _ = readable_by_both(select(names).scenarios, base, candidate, len(numbers))
-    question = Question(
-        base=base,
-        candidate=candidate,
-        scenarios=kept,
-        seeds=numbers,
-        margins=dict(MARGINS) | dict(margins or {}),
-        lacking=lacking,
-    )
-    means = Means(jobs=jobs, store=default_cache())
-    with Bench(question.scenarios, means=means) as bench:
+    wanted = {**MARGINS, **(margins or {})}
+    question, _ = ask(base, candidate, select(names).scenarios, numbers, wanted)
+    with Bench(question.scenarios, means=Means(jobs=jobs, store=default_cache())) as bench:
         found = compare(question, bench)
     if found.status(strict=strict):
         pytest.fail(markdown(found), pytrace=False)

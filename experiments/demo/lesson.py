@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.code import names_code
 from flexaxis.experiments.demo.live_axis import EXCITATION, FACTORS, KINDS, LIMITS
 from flexaxis.experiments.demo.racer import NAMES, Racer
 from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession

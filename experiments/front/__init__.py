@@ -13,15 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what type checkers and completion read; a test compares it with _HOME
     from flexaxis._axis import Axis, Sample, make_axis
-    from flexaxis._check import check
+    from flexaxis._check import check, scenarios
     from flexaxis._compare import Comparison, compare
     from flexaxis._estimates import Estimate
-    from flexaxis._lists import scenarios
     from flexaxis._logs import LogResult, identify, import_log, track, trend
     from flexaxis._records import Recording, load, simulate
     from flexaxis._results import Results, benchmark, study
-    from flexaxis._running import estimate
-    from flexaxis._scores import score
+    from flexaxis._running import estimate, score
 
     __version__: str
 
@@ -60,8 +58,8 @@ _HOME = {
     "compare": "_compare",
     "Estimate": "_estimates",
     "estimate": "_running",
-    "score": "_scores",
-    "scenarios": "_lists",
+    "score": "_running",
+    "scenarios": "_check",
     "Recording": "_records",
     "load": "_records",
     "simulate": "_records",
@@ -109,7 +107,7 @@ class _Listed(ModuleType):
 
     def __call__(self, *, find: str = "") -> Any:
         """Return the registered estimators, those with some text in name or summary."""
-        from flexaxis._lists import estimators
+        from flexaxis._check import estimators
 
         return estimators(find=find)
 

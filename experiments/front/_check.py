@@ -1,4 +1,4 @@
-"""Whether an estimator keeps the rules that its scores rely on: `check`."""
+"""What there is, scenarios and estimators, and whether an estimator keeps the rules: `check`."""
 
 from __future__ import annotations
 
@@ -7,10 +7,54 @@ from dataclasses import asdict
 from typing import Any
 
 from flexaxis._given import spec_of
-from flexaxis._table import Table
+from flexaxis._table import Names, Table
 from flexaxis.experiments.building.guest import limited
 from flexaxis.experiments.conformance import check as conformance
 from flexaxis.experiments.running.cache import default_cache
+
+
+def scenarios(*, group: str = "", find: str = "") -> Names:
+    """Return the names of the catalogue's scenarios; they show themselves as a table.
+
+    Parameters
+    ----------
+    group : str, optional
+        Only those of a group, such as ``"steps"``.
+    find : str, optional
+        Only those with this text in their name or in what is said of them.
+
+    Returns
+    -------
+    Names
+
+    Raises
+    ------
+    FlexaxisError
+        If there is no such group.
+
+    Examples
+    --------
+    >>> import flexaxis as fx
+    >>> tuple(fx.scenarios(group="nominal"))
+    ('n2_nominal-v1', 'paper_nominal-v1')
+    """
+    from flexaxis.experiments.catalogue.names import scenario_lines
+
+    return Names.of(scenario_lines(group=group, find=find), ("name", "difficulty", "content"))
+
+
+def estimators(*, find: str = "") -> Names:
+    """Return the names of the registered estimators; they show themselves as a table.
+
+    Parameters
+    ----------
+    find : str, optional
+        Only those with this text in their name or summary.
+    """
+    from flexaxis.experiments.catalogue.names import lines
+
+    return Names.of(lines("estimators", find=find), ("name", "summary"))
+
 
 _WORDS = {True: "holds", False: "BROKEN", None: "not applicable"}
 

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexaxis._given import Scenarios, scenarios_of, seeds_of, texts_of
+from flexaxis._results import working
 from flexaxis._table import html_table, text_table
-from flexaxis._working import working
 from flexaxis.experiments.gate import gate
-from flexaxis.experiments.gate.equal_noise import work
-from flexaxis.experiments.gate.margins import parse_margins
+from flexaxis.experiments.gate.pairs import parse_margins
 from flexaxis.experiments.gate.wording import COLUMNS, cells, headline, knobs, meaning, ordered
 from flexaxis.experiments.running.bench import Bench
 
@@ -149,23 +148,14 @@ def compare(
         as the reference.
     """
     first, second = (texts_of([one], jobs=jobs)[0] for one in (base, candidate))
-    numbers = seeds_of(seeds)
-    kept, lacking, left_out = gate.readable_by_both(
-        scenarios_of(scenarios), first, second, len(numbers)
+    wanted = parse_margins([f"{name}={value!r}" for name, value in (margins or {}).items()])
+    question, left_out = gate.ask(
+        first, second, scenarios_of(scenarios), seeds_of(seeds), wanted, max_seeds
     )
-    wanted = [f"{name}={value!r}" for name, value in (margins or {}).items()]
-    question = gate.Question(
-        base=first, candidate=second, scenarios=kept, seeds=numbers,
-        margins=parse_margins(wanted), max_seeds=max_seeds, lacking=lacking,
-    )  # fmt: skip
-    most = len(question.looks()[-1]) * len(kept) * len({first, second})
-    if match_std:
-        most += work(len(kept), len(question.seeds), len(question.looks()[-1]))
+    most = question.most(match_std=match_std)
     about = f"at most {most} case{'s'[: most != 1]}"
     with (
         working(about, most, jobs=jobs, time_limit=time_limit) as means,
-        Bench(kept, means=means) as bench,
+        Bench(question.scenarios, means=means) as bench,
     ):
-        if match_std:
-            question = gate.at_equal_noise(question, bench)
-        return Comparison(gate.compare(question, bench), left_out)
+        return Comparison(gate.compare(question, bench, match_std=match_std), left_out)

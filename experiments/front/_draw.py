@@ -146,12 +146,6 @@ def changes(lines: Sequence[dict[str, Any]], ax: Any, names: tuple[str, str]) ->
 _WORDS = {"worse": "#d55e00", "better": "#009e73", "undecided": "#e69f00"}
 
 
-def plain_logs(ax: Axes) -> None:
-    """Write plain numbers on logarithmic axes, so few that they have room."""
-    for axis in (ax.xaxis, ax.yaxis):
-        _plain(axis)
-
-
 def _plain(axis: Any) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 

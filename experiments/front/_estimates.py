@@ -14,9 +14,8 @@ from flexaxis._records import Recording
 from flexaxis._table import html_table, text_table
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.experiments.running.estimate import run_on
-from flexaxis.experiments.scoring.theta import physical, true_theta
-from flexaxis.experiments.storage.errors import needed
+from flexaxis.experiments.running.estimate import run_on, true_values
+from flexaxis.experiments.storage.files import needed
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario
 
@@ -79,11 +78,7 @@ class Estimate:
     @cached_property
     def truth(self) -> Mapping[str, Array]:
         """True values (N,) of the estimated parameters that the record knows."""
-        known, columns = self.record.true_parameters, self.record.parameter_names
-        if known is None:
-            return {}
-        names = [name for name in self.names if physical(name)[0] in columns]
-        return {name: true_theta([name], known, columns)[:, 0] for name in names}
+        return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True, label: str = "") -> Any:
         """Draw estimates over time, a panel a parameter, the truth dashed black.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.given import give, is_given
+from flexaxis.experiments.building.code import give, is_given
 from flexaxis.experiments.building.specs import Spec, parse
 from flexaxis.experiments.catalogue.find import select
 from flexaxis.experiments.running.processes import check_jobs

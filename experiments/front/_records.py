@@ -12,7 +12,7 @@ import numpy as np
 
 from flexaxis._given import scenarios_of, seed_of
 from flexaxis._table import html_table
-from flexaxis.experiments.storage.errors import needed
+from flexaxis.experiments.storage.files import needed
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import Record, load_record
 from flexaxis.sim.record_file import SIGNALS

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tempfile
+import warnings
 import weakref
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexaxis._given import (
     Estimators,
@@ -18,9 +20,45 @@ from flexaxis._given import (
     texts_of,
 )
 from flexaxis._table import Table
+from flexaxis.experiments.building.guest import in_words
 from flexaxis.experiments.results import results as kept
+from flexaxis.experiments.running.cache import default_cache
+from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.running.processes import check_jobs
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.errors import FlexaxisError, unknown
+
+if TYPE_CHECKING:
+    from flexaxis.experiments.building.guest import Remark
+
+
+@contextmanager
+def working(
+    what: str, total: float, *, jobs: int = 1, time_limit: float | None = None
+) -> Iterator[Means]:
+    """Give the means to run cases.
+
+    Parameters
+    ----------
+    what : str
+        What is done, for the progress.
+    total : float
+        Cases, at most.
+    jobs : int
+        Processes.
+    time_limit : float, optional
+        How long code of a user may take for one run [s].
+    """
+    check_jobs(jobs)
+    remarks: list[Remark] = []
+    means = Means(jobs=jobs, store=default_cache())
+    with means.shown(
+        what, total, lambda outcome: remarks.extend(outcome.remarks), time_limit=time_limit
+    ) as (shown, _):
+        yield shown
+    for text in in_words(remarks):  # at the line of the user, who called through two of ours
+        warnings.warn(text, stacklevel=5)
+
 
 _SHOWN = (
     "estimator",
@@ -219,7 +257,7 @@ def _run(
     run_code: bool = True,
     time_limit: float | None = None,
 ) -> Results:
-    from flexaxis._working import working
+    from flexaxis._results import working
     from flexaxis.experiments.running.engine import run_study
 
     place = Path(folder) if folder else Path(tempfile.mkdtemp(prefix="flexaxis-"))

@@ -22,9 +22,7 @@ from flexaxis.experiments.comparison.matching import MATCHED, Match, Noise, Sett
 from flexaxis.experiments.gate.pairs import Paired, Pairs
 from flexaxis.experiments.running.bench import Bench, Runs
 from flexaxis.experiments.running.work import Row
-from flexaxis.experiments.scoring.excess import information
-from flexaxis.experiments.scoring.summary import biases_of
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.tuning import (
     EXCESS,
@@ -276,15 +274,11 @@ class _Side:
         sides = [base, *(runs for _, runs in line.values())]
         kept = [i for i in range(len(base)) if not any(_lost(runs[i]) for runs in sides)]
 
-        def of(text: str, turn: float, runs: Runs) -> Setting:
-            alive = [runs[i] for i in kept]
-            rows = [next(r for r in run if r["parameter"] == parameter) for run in alive]
-            return Setting(text, turn, rows, biases_of(alive, scenario), information(scenario))
-
-        beside = of(self._equal.base.setting, 1.0, base)
-        if len(kept) < 2:
-            return None, beside
-        return match(beside, [of(t, *each) for t, each in line.items()], self._noise), beside
+        beside, *own = (
+            Setting.of(text, turn, [runs[i] for i in kept], parameter, scenario)
+            for text, (turn, runs) in [(self._equal.base.setting, (1.0, base)), *line.items()]
+        )
+        return (match(beside, own, self._noise) if len(kept) > 1 else None), beside
 
     def _text(self, turn: float) -> str:
         tuned = self._equal.candidate

@@ -9,7 +9,7 @@ from typing import Any
 from flexaxis.experiments.building.ready import readable
 from flexaxis.experiments.catalogue.find import find_suite, suite_names
 from flexaxis.experiments.gate.decide import ALPHA, SAME, SLIGHT, UNDECIDED, WORSE
-from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, at_one_noise
+from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, at_one_noise, work
 from flexaxis.experiments.gate.pairs import Lack, Paired, Table, pair, table
 from flexaxis.experiments.gate.verdicts import (
     Verdict,
@@ -68,6 +68,12 @@ class Question:
         counts = look_counts(number, self.max_seeds)
         everything = first + [first[-1] + 1 + i for i in range(counts[-1] - number)]
         return [everything[:count] for count in counts]
+
+    def most(self, *, match_std: bool = False) -> int:
+        """Return how many cases it takes at most."""
+        last, scenarios = len(self.looks()[-1]), len(self.scenarios)
+        more = work(scenarios, len(self.seeds), last) if match_std else 0
+        return last * scenarios * len({self.base, self.candidate}) + more
 
 
 def default_seeds(names: Sequence[str]) -> int:
@@ -209,8 +215,8 @@ def at_equal_noise(question: Question, bench: Bench) -> Question:
     return replace(question, base=base, candidate=candidate, equal=equal)
 
 
-def compare(question: Question, bench: Bench) -> Comparison:
-    """Run both estimators and judge every score.
+def compare(question: Question, bench: Bench, *, match_std: bool = False) -> Comparison:
+    """Run both estimators and judge every score, if asked at equal noise.
 
     With more seeds allowed than the first look has, looks follow until a regression is found,
     nothing is undecided, or the seeds are spent. K looks have alpha/K each (Bonferroni), so that
@@ -235,13 +241,15 @@ def compare(question: Question, bench: Bench) -> Comparison:
             f"--max-seeds {question.max_seeds} is less than the {len(question.seeds)} seeds to "
             "begin with: give more, or fewer of those"
         )
+    if match_std:
+        question = at_equal_noise(question, bench)
     looks, both = question.looks(), (question.base, question.candidate)
     for number, seeds in enumerate(looks, start=1):
         runs = bench.with_failed(question.scenarios, both, seeds)
         base, candidate = (rows_of(runs, text) for text in both)
         for side in (base, candidate):
-            if all(row.get("failed") for row in side.values()):  # a crash, and no verdict
-                check_failures(side.values())
+            if side["failed"].all():  # a crash, and no verdict
+                check_failures(side.to_dict("records"))
         paired = pair(base, candidate, question.margins)
         unmatched: tuple[tuple[str, str], ...] = ()
         if question.equal is not None:
@@ -262,29 +270,31 @@ def compare(question: Question, bench: Bench) -> Comparison:
     return found
 
 
-def readable_by_both(
-    scenarios: Sequence[Scenario], base: str, candidate: str, seeds: int
-) -> tuple[list[Scenario], tuple[Lack, ...], dict[str, str]]:
-    """Return the scenarios that both can read, what one alone can, and why others are left out.
+def ask(  # noqa: PLR0917
+    base: str,
+    candidate: str,
+    scenarios: Sequence[Scenario],
+    seeds: Sequence[int],
+    margins: Mapping[str, float],
+    max_seeds: int = 0,
+) -> tuple[Question, dict[str, str]]:
+    """Return a question on the scenarios that both can read, and why others are left out.
 
-    Parameters
-    ----------
-    scenarios : sequence of Scenario
-    base, candidate : str
-    seeds : int
-        Cases that a scenario has.
+    Parameters as in `Question`.
     """
     left = {side: readable(scenarios, [text])[1]
             for side, text in (("base", base), ("candidate", candidate))}  # fmt: skip
     alone = tuple(
-        Lack(name, side, seeds, unreadable=True)
+        Lack(name, side, len(seeds), unreadable=True)
         for (side, mine), other in zip(left.items(), list(left.values())[::-1], strict=True)
         for name in mine
         if name not in other
     )
     why = left["base"] | left["candidate"]
     kept = [s for s in scenarios if s.name not in why]
-    return (kept, alone, why) if kept else (list(scenarios), (), {})  # who runs them is told why
+    if not kept:  # who runs them is told why
+        kept, alone, why = list(scenarios), (), {}
+    return Question(base, candidate, kept, seeds, margins, max_seeds, lacking=alone), why
 
 
 def of_pairs(paired: Paired, lacking: tuple[Lack, ...] = ()) -> dict[str, Any]:

@@ -1,25 +1,30 @@
-"""From rows of scores to pairs: what base and candidate got on each common run."""
+"""From rows of scores to pairs: what both got on each common run; what change matters."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.experiments.comparison import statistics
 from flexaxis.experiments.comparison.matching import SPREADS
-from flexaxis.experiments.scoring import table as scores
-from flexaxis.sim.errors import FlexaxisError
+from flexaxis.experiments.scoring.table import MARGINS, METRICS, SCORES, Score
+from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
 LOST = ("diverged", "never_settled")
 """Ways to lose a run; they are counted, apart from each other and from the scores."""
 
 Array = NDArray[np.float64]
-Key = tuple[str, int, str]
-Table = Mapping[Key, Mapping[str, Any]]
+KEY = ["scenario", "seed", "parameter"]
+TRUTHS = ["changed", "failed", *LOST]
+NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
+Table: TypeAlias = "pd.DataFrame"
+"""Rows of one estimator by scenario, seed and parameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,15 +130,16 @@ class Paired:
 
 
 def table(rows: Iterable[Mapping[str, Any]]) -> Table:
-    """Return the rows of one estimator by scenario, seed and parameter.
+    """Return what is compared of the rows of one estimator.
 
     A row without a parameter is of a record that nobody can make, and left out.
     """
-    return {
-        (row["scenario"], row["seed"], row["parameter"]): row
-        for row in rows
-        if row["parameter"] is not None
-    }
+    columns = [*KEY, *TRUTHS, *NUMBERS, "hash", "error"]
+    lines = [[row.get(name) for name in columns] for row in rows if row["parameter"] is not None]
+    found = pd.DataFrame(lines, columns=columns, dtype=object).set_index(KEY)
+    found[TRUTHS] = found[TRUTHS] == True  # noqa: E712, what is not said is not so
+    found[NUMBERS] = found[NUMBERS].astype(float)
+    return found
 
 
 def pair(base: Table, candidate: Table, margins: Mapping[str, float]) -> Paired:
@@ -152,30 +158,27 @@ def pair(base: Table, candidate: Table, margins: Mapping[str, float]) -> Paired:
         If no scenario, seed and parameter is common to both.
     """
     kinds = [_kinds(side) for side in (base, candidate)]
-    common: dict[tuple[str, str], list[Key]] = {}
-    for key in sorted(base.keys() & candidate.keys()):
-        if all((key[0], key[2]) in side for side in kinds):
-            common.setdefault((key[0], key[2]), []).append(key)
-    if not common:
+    both = base.add_suffix(" base").join(candidate.add_suffix(" candidate"), how="inner")
+    both = both.sort_index()
+    common = both.index.droplevel("seed").unique()
+    common = common[common.isin(kinds[0]) & common.isin(kinds[1])]
+    both = both[both.index.droplevel("seed").isin(common)]
+    if both.empty:
         raise FlexaxisError(
             "base and candidate have nothing in common: they estimate "
             f"{_names(base)} and {_names(candidate)}, and must share a parameter, a scenario and "
             "a seed"
         )
     found = [
-        _metric(base, candidate, keys, metric, margin)
-        for keys in common.values()
+        _metric(part.droplevel(["scenario", "parameter"]), scenario, parameter, metric, margin)
+        for (scenario, parameter), part in both.groupby(level=["scenario", "parameter"])
         for metric, margin in margins.items()
     ]
-    by_scenario: dict[str, list[Key]] = {}
-    for (scenario, _), keys in common.items():
-        by_scenario.setdefault(scenario, []).extend(keys)
-    runs = [_runs(base, candidate, keys) for keys in by_scenario.values()]
-    changed = dict.fromkeys(
-        (s, p) for (s, _, p), row in base.items() if row.get("changed") and (s, p) in kinds[0]
-    )
-    missing = tuple(k for k in changed if k[0] in by_scenario and k not in common)
-    first, second = (tuple(dict.fromkeys(p for s, p in k if s in by_scenario)) for k in kinds)
+    runs = [_runs(str(name), part) for name, part in both.groupby(level="scenario")]
+    there = {each.scenario for each in runs}
+    changed = _kinds(base[base["changed"]])
+    missing = tuple(k for k in kinds[0] if k in changed and k[0] in there and k not in common)
+    first, second = (tuple(dict.fromkeys(p for s, p in k if s in there)) for k in kinds)
     return Paired(
         [pairs for pairs in found if pairs is not None],
         runs,
@@ -186,75 +189,64 @@ def pair(base: Table, candidate: Table, margins: Mapping[str, float]) -> Paired:
     )
 
 
-def _kinds(rows: Table) -> dict[tuple[str, str], None]:
+def _kinds(rows: Table) -> list[tuple[str, str]]:
     """Return the scenarios with the parameters that are estimated there.
 
     A case that failed has those of the scenario: they count where no other case tells.
     """
-    ran = {(s, p): None for (s, _, p), row in rows.items() if not row.get("failed")}
+    ran = [*rows.index[~rows["failed"]].droplevel("seed").unique()]
     known = {scenario for scenario, _ in ran}
-    return ran | {(s, p): None for s, _, p in rows if s not in known}
+    return ran + [kind for kind in rows.index.droplevel("seed").unique() if kind[0] not in known]
 
 
 def _lacking(base: Table, candidate: Table) -> tuple[Lack, ...]:
     """Return what one side alone was run on, of the seeds on which both were run at all."""
-    cases = {"base": base, "candidate": candidate}
-    ran = {side: dict.fromkeys(key[:2] for key in rows) for side, rows in cases.items()}
-    seeds = {seed for _, seed in ran["base"]} & {seed for _, seed in ran["candidate"]}
-    gone = [
+    ran = [dict.fromkeys(side.index.droplevel("parameter")) for side in (base, candidate)]
+    seeds = set.intersection(*({seed for _, seed in mine} for mine in ran))
+    gone = Counter(
         (scenario, side)
-        for side, mine in ran.items()
-        for other in ran.values()
+        for side, mine, other in zip(("base", "candidate"), ran, ran[::-1], strict=True)
         for scenario, seed in other
         if seed in seeds and (scenario, seed) not in mine
-    ]
-    return tuple(Lack(*key, gone.count(key)) for key in dict.fromkeys(gone))
+    )
+    return tuple(Lack(*key, cases) for key, cases in gone.items())
 
 
 def _failed(rows: Table) -> int:
-    return len({key[:2] for key, row in rows.items() if row.get("failed")})
+    return rows.index[rows["failed"]].droplevel("parameter").nunique()
 
 
 def _names(rows: Table) -> str:
-    return ", ".join(dict.fromkeys(parameter for _, _, parameter in rows))
+    return ", ".join(rows.index.unique("parameter"))
 
 
-def _runs(base: Table, candidate: Table, keys: Sequence[Key]) -> Runs:
+def _runs(scenario: str, both: Table) -> Runs:
     """Count a run as lost if it is so in any of the common parameters."""
-    by_seed: dict[int, list[Key]] = {}
-    for key in keys:
-        by_seed.setdefault(key[1], []).append(key)
-    seeds = sorted(by_seed)
-
-    def lost(rows: Table, way: str) -> NDArray[np.bool_]:
-        return np.array([any(rows[key][way] for key in by_seed[seed]) for seed in seeds], bool)
-
-    sides = [{way: lost(rows, way) for way in LOST} for rows in (base, candidate)]
+    lost = both.groupby(level="seed").any()
+    sides = [{way: lost[f"{way} {side}"].to_numpy(bool) for way in LOST}
+             for side in ("base", "candidate")]  # fmt: skip
     alive = ~(sides[0]["diverged"] | sides[1]["diverged"])
     for side in sides:
-        side["never_settled"] &= alive
-    return Runs(keys[0][0], np.array(seeds), *sides)
+        side["never_settled"] = side["never_settled"] & alive
+    return Runs(scenario, lost.index.to_numpy(int), *sides)
 
 
-def _metric(
-    base: Table, candidate: Table, keys: Sequence[Key], metric: str, margin: float
-) -> Pairs | None:
-    sides = [[rows[key] for key in keys] for rows in (base, candidate)]
-    scored = _column(sides, metric)
+def _metric(both: Table, scenario: str, parameter: str, metric: str, margin: float) -> Pairs | None:
+    scored = _sides(both, metric)
     if not np.isfinite(scored).any():  # not defined here: the lag of what did not change
         return None
     # A diverged run is counted with the lost ones. That leaves its pair without a score, but not
     # the score out of the comparison: of what has no pair left, nothing can be said.
-    lost = np.array([[row["diverged"] for row in side] for side in sides], bool).any(axis=0)
+    lost = _sides(both, "diverged").any(axis=0)
     scored[:, lost | ~np.isfinite(scored).all(axis=0)] = np.nan
-    seeds = np.array([seed for _, seed, _ in keys])
-    here, score, bias = np.isfinite(scored[0]), scores.SCORES[metric], None
-    if metric in SPREADS and np.isfinite(biases := _column(sides, SPREADS[metric][0])).any():
+    here, score, bias = np.isfinite(scored[0]), SCORES[metric], None
+    if metric in SPREADS and np.isfinite(biases := _sides(both, SPREADS[metric][0])).any():
         scored, bias = _about_the_mean(scored, biases, here) if here.any() else (scored, None)
-    scale = _scale(scored, sides, here, score, margin) if here.any() else None
+    scale = _scale(scored, both, here, score, margin) if here.any() else None
     if score.guard and here.any():
         scored = scored * np.sign(scored[:, here].mean(axis=1, keepdims=True))
-    return Pairs(keys[0][0], metric, keys[0][2], seeds, scored[0], scored[1], scale, bias)
+    seeds = both.index.to_numpy(int)
+    return Pairs(scenario, metric, parameter, seeds, scored[0], scored[1], scale, bias)
 
 
 def _about_the_mean(
@@ -270,9 +262,9 @@ def _about_the_mean(
 
 def _scale(
     scored: Array,
-    sides: Sequence[Any],
+    both: Table,
     here: NDArray[np.bool_],
-    score: scores.Score,
+    score: Score,
     margin: float,
 ) -> float | None:
     """Return what differences are shares of, None where ratios are compared.
@@ -281,13 +273,43 @@ def _scale(
     zero of a score is within its margin.
     """
     if score.guard:
-        level, zero = _column(sides, "std")[0, here], scores.SCORES["std"].zero
+        level, zero = _sides(both, "std")[0, here], SCORES["std"].zero
         return max(float(np.sqrt(np.mean(level**2))), zero / margin)
     if scored[:, here].min() >= score.zero:
         return None
     return max(float(scored[0, here].mean()), score.zero / margin)
 
 
-def _column(sides: Sequence[Sequence[Mapping[str, Any]]], name: str) -> NDArray[np.float64]:
-    found = [[row.get(name) for row in side] for side in sides]
-    return np.array([[np.nan if x is None else x for x in side] for side in found], float)
+def _sides(both: Table, name: str) -> Array:
+    """Return a column of base and candidate (2, n)."""
+    return both[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()
+
+
+def parse_margins(texts: Sequence[str]) -> dict[str, float]:
+    """Return the margins with those of texts such as ``lag=2%`` added or changed.
+
+    A text may hold several, with commas between them.
+
+    Examples
+    --------
+    >>> parse_margins(["lag=5%,t10=0.1"])
+    {'lag': 0.05, 'std': 0.02, 'bias': 0.2, 't10': 0.1}
+    """
+    margins = dict(MARGINS)
+    for text in (part.strip() for given in texts for part in given.split(",")):
+        metric, _, number = text.partition("=")
+        if metric not in METRICS:
+            raise FlexaxisError(
+                f"--margin {text!r}: there is no metric {metric!r}."
+                f"{did_you_mean(metric, METRICS)} There are: {', '.join(METRICS)}"
+            )
+        try:
+            value = float(number.removesuffix("%")) / (100 if number.endswith("%") else 1)
+        except ValueError:
+            value = -1.0
+        if not 0 < value < 1:
+            raise FlexaxisError(
+                f"--margin {text!r}: write a share between 0 and 100 %, as in {metric}=2%"
+            )
+        margins[metric] = value
+    return margins

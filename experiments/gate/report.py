@@ -29,8 +29,7 @@ from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.run.over_time import trajectories
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
 from flexaxis.experiments.scoring.curves import curve_of
-from flexaxis.experiments.storage.files import write_json, write_text, writing
-from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.files import REPORT, write_json, write_text, writing
 from flexaxis.experiments.storage.traces import Traces
 from flexaxis.sim.scenario import Scenario
 

@@ -232,19 +232,6 @@ def _promised(group: Sequence[Row]) -> str:
     return f"{given[0]['promise']}{where}"
 
 
-def markdown(rates: Sequence[Row]) -> str:
-    """Return the table as Markdown; docs/gate.md shows it.
-
-    Parameters
-    ----------
-    rates : sequence of mapping
-        As from `selftest.Rate.as_dict`.
-    """
-    head = columns(rates)
-    rows = [f"| {' | '.join(row)} |" for row in lines(rates)]
-    return "\n".join([f"| {' | '.join(head)} |", f"|{'---|' * len(head)}", *rows]) + "\n"
-
-
 def terminal(rates: Sequence[Row]) -> Table:
     """Return the table for a terminal."""
     head, *rest = columns(rates)

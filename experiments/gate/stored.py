@@ -12,8 +12,7 @@ from flexaxis.experiments.gate.gate import Comparison, of_pairs
 from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.storage.files import OutputError, json_table
-from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.experiments.storage.files import SUMMARY, OutputError, json_table
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
@@ -60,7 +59,7 @@ def compare_runs(
     before = _rows(old[1], first, seeds, margins)
     after = _rows(new[1], second, seeds, margins)
     _check_hashes(base, candidate, before, after)
-    common = sorted({seed for _, seed, _ in before} & {seed for _, seed, _ in after})
+    common = before.index.unique("seed").intersection(after.index.unique("seed"))
     if len(common) < 2:
         raise FlexaxisError(
             f"{base} and {candidate} have {len(common)} seeds in common"
@@ -82,7 +81,10 @@ def compare_rows(
     paired = pair(base, candidate, margins)
     return Comparison(
         *estimators,
-        seeds=sorted({seed for _, seed, _ in base} & {seed for _, seed, _ in candidate}),
+        seeds=base.index.unique("seed")
+        .intersection(candidate.index.unique("seed"))
+        .sort_values()
+        .tolist(),
         look=1,
         looks=1,
         alpha=alpha,
@@ -130,8 +132,8 @@ def _check_versions(
 
 
 def _check_hashes(base: Path, candidate: Path, old: Table, new: Table) -> None:
-    first, second = ({s: row["hash"] for (s, _, _), row in rows.items()} for rows in (old, new))
-    for name in first.keys() & second.keys():
+    first, second = (rows.groupby(level="scenario")["hash"].first() for rows in (old, new))
+    for name in first.index.intersection(second.index):
         if first[name] != second[name]:
             raise FlexaxisError(
                 f"{base} and {candidate} have different scenarios under the name {name} (hash "

@@ -22,8 +22,8 @@ from flexaxis.experiments.gate.decide import (
     Decision,
     Family,
 )
-from flexaxis.experiments.gate.margins import METRICS
 from flexaxis.experiments.gate.pairs import LOST, Paired, Pairs, Runs
+from flexaxis.experiments.scoring.table import METRICS
 
 VERDICTS = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME)
 

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.gate.decide import BETTER, SAME, SILENT, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.gate.gate import Comparison
-from flexaxis.experiments.gate.margins import METRICS
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.verdicts import VERDICTS, Verdict
 from flexaxis.experiments.reporting.tables import number
+from flexaxis.experiments.scoring.table import METRICS
 from flexaxis.experiments.studies.tuning import EXCESS
 
 LOST_WORDS = {"diverged": "diverge", "never_settled": "never settle"}

@@ -1,24 +1,136 @@
-"""Results as files for other programs: a flat table as CSV or Parquet, a labelled cube: NetCDF."""
+"""Results for others: a flat table as CSV or Parquet, a labelled cube as xarray or NetCDF."""
 
 from __future__ import annotations
 
 import csv
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
-from flexaxis.experiments.results.cube import VARIABLES, Cube, cube_of
 from flexaxis.experiments.results.results import Results, Rows, frame
-from flexaxis.experiments.storage.columns import as_text, nested, told
-from flexaxis.experiments.storage.errors import needed
-from flexaxis.experiments.storage.files import new_file, writing
-from flexaxis.experiments.storage.rows import write
-from flexaxis.experiments.storage.schema import STORED
-from flexaxis.sim.netcdf import new_netcdf
+from flexaxis.experiments.running.study import is_option
+from flexaxis.experiments.storage.files import StudyError, needed, new_file, write_rows, writing
+from flexaxis.experiments.storage.schema import COLUMNS, STORED, as_text, axis_kind, nested, told
+from flexaxis.sim.netcdf import add, new_netcdf
 
 if TYPE_CHECKING:
-    import h5netcdf
+    import xarray
+
+
+MEANING = {
+    "scenario": "scenario before the sweep",
+    "estimator": "text that builds the estimator, swept options included",
+    "method": "estimator as it stands in the study",
+    "point": "number of the point of the design",
+    "seed": "seed of the record",
+    "parameter": "estimated parameter",
+}
+VARIABLES = {name: kind for name, kind in COLUMNS.items() if kind in {"number", "truth"}}
+"""What is in it, with its kind: the columns of numbers, and of truths."""
+
+
+class Cube(NamedTuple):
+    """Where each row lies.
+
+    Attributes
+    ----------
+    frame : xarray.Dataset
+        The coordinates, and what is said of the whole; no variables yet.
+    dimensions : tuple of str
+        Of each variable.
+    values : callable
+        Gives a variable; what was not run, or is not defined, is NaN.
+    rows : int
+        That lie in it.
+    """
+
+    frame: xarray.Dataset
+    dimensions: tuple[str, ...]
+    values: Callable[[str], NDArray[np.float64]]
+    rows: int
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return it with all variables."""
+        return self.frame.assign(
+            {name: (self.dimensions, self.values(name), told(name)) for name in VARIABLES}
+        )
+
+
+def cube_of(results: Results) -> Cube:
+    """Return the selected results of what could be run as a cube.
+
+    The dimensions are scenario (before the sweep), estimator, the swept keys of the scenario, seed
+    and parameter; swept options of estimators, and the estimator as it stands in the study
+    (`method`), are coordinates on `estimator`. Where the points are not a product (design list or
+    sobol) there is one dimension `point` instead of estimators with their options and of the axes,
+    and the values of all axes are coordinates on it; then `method` is a dimension.
+
+    Raises
+    ------
+    StudyError
+        If nothing could be run, or xarray is not installed.
+    """
+    ran, axes = results.ran(), results.axes
+    if not len(ran):
+        raise StudyError(f"{results.folder} holds no rows of a case that could be run")
+    options = [a for a in axes if is_option(a, tuple(results.study.get("estimators", ())))]
+    inner = [axis for axis in axes if axis not in options]
+    codes = {name: ran.codes(name) for name in ("base", "estimator", "method", "seed",
+                                                "parameter", *axes)}  # fmt: skip
+    places = pd.DataFrame({name: found for name, (found, _) in codes.items()})
+    if _is_product(results, places[["estimator", *inner]]):
+        names = {"scenario": "base", "estimator": "estimator"} | {axis: axis for axis in inner}
+        further, along = [*options, "method"], "estimator"
+    else:
+        places["point"] = places.groupby(list(axes)).ngroup()
+        names = {"scenario": "base", "method": "method", "point": "point"}
+        further, along = list(axes), "point"
+    names |= {"seed": "seed", "parameter": "parameter"}
+    numbers = range(places["point"].max() + 1) if along == "point" else ()
+    dimensions = {
+        name: np.array(numbers) if column == "point" else _values(column, codes[column][1])
+        for name, column in names.items()
+    }
+    first = places.groupby(along).first()  # a row of each value of the dimension
+    coordinates: dict[str, Any] = {name: (name, values) for name, values in dimensions.items()}
+    coordinates |= {
+        column: (along, _values(column, [codes[column][1][i] for i in first[column]]))
+        for column in further
+    }
+    said = {"title": results.study.get("name", results.folder.name), "source": "flexaxis"}
+    frame = needed("xarray").Dataset(coords=coordinates, attrs=said)
+    for name in coordinates:
+        frame[name].attrs["long_name"] = MEANING.get(name, name)
+    shape = [len(values) for values in dimensions.values()]
+    at = np.ravel_multi_index([places[column] for column in names.values()], shape)
+
+    def values(name: str) -> NDArray[np.float64]:
+        found = np.full(shape, np.nan)
+        found.reshape(-1)[at] = ran.numbers(name, slice(None))
+        return found
+
+    return Cube(frame, tuple(dimensions), values, len(at))
+
+
+def _is_product(results: Results, places: pd.DataFrame) -> bool:
+    """Whether the points fill the space of their axes, or will when the study is finished."""
+    sizes, there = places.nunique(), len(places.drop_duplicates())
+    found = [len(values) for values in results.values().values()]
+    points = results.study.get("points", 1)
+    return math.prod(sizes) == there or math.prod(map(max, found, [1] * len(found))) <= points
+
+
+def _values(column: str, values: Sequence[Any]) -> NDArray[Any]:
+    """Return values of a column or an axis as an array: numbers, or texts."""
+    kind = COLUMNS.get(column) or axis_kind(value for value in values if value is not None)
+    if kind == "text":
+        return np.array([as_text(value) or "" for value in values], object)
+    return np.array(values, int if kind == "integer" else float)
 
 
 def export_csv(results: Results, target: Path) -> int:
@@ -56,7 +168,7 @@ def export_jsonl(results: Results, target: Path) -> int:
     OutputError
         If it cannot be written.
     """
-    return write(target, map(nested, Rows(results, STORED)))
+    return write_rows(target, map(nested, Rows(results, STORED)))
 
 
 def export_parquet(results: Results, target: Path) -> int:
@@ -96,48 +208,28 @@ def export_parquet(results: Results, target: Path) -> int:
 def export_netcdf(results: Results, target: Path) -> int:
     """Write a NetCDF-4 file, the cube of `Results.to_xarray`; return the number of rows in it.
 
-    A variable at a time is in memory. What was not run, or is not defined, is NaN, or the fill
-    value −1 where it is a truth.
+    A variable at a time is in memory. What was not run, or is not defined, is NaN; a truth is 1
+    or 0.
 
     Raises
     ------
     OutputError
         If it cannot be written.
     StudyError
-        If there is nothing to write.
+        If there is nothing to write, or xarray is not installed.
     """
     cube = cube_of(results)
+    dimensions = [*map(_name, cube.dimensions)]
+    beside = " ".join(_name(name) for name in cube.frame.coords if name not in cube.dimensions)
     with writing(target), new_netcdf(target) as file:
-        file.attrs.update(cube.attributes)
-        file.dimensions = dict(zip(map(_name, cube.dimensions), cube.shape, strict=True))
-        _write_coordinates(file, cube)
-        for name, kind in VARIABLES.items():
-            _write_variable(file, cube, name, kind)
+        file.attrs.update(cube.frame.attrs)
+        for name, values in cube.frame.coords.items():
+            add(file, _name(name), [*map(_name, values.dims)], values.values, **values.attrs)
+        for name in VARIABLES:
+            add(file, _name(name), dimensions, cube.values(name), compress=True)
+            file[_name(name)].attrs.update(told(name) | ({"coordinates": beside} if beside else {}))
     return cube.rows
 
 
-def _write_coordinates(file: h5netcdf.File, cube: Cube) -> None:
-    import h5py
-
-    for name, dimension, values, said in cube.coordinates():
-        dtype = h5py.string_dtype() if values.dtype == object else values.dtype
-        variable = file.create_variable(_name(name), (_name(dimension),), dtype, data=values)
-        variable.attrs.update(said)
-
-
-def _write_variable(file: h5netcdf.File, cube: Cube, name: str, kind: str) -> None:
-    values = cube.values(name)
-    packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-    if kind == "truth":
-        values, packed["fillvalue"] = np.where(np.isnan(values), -1, values).astype(np.int8), -1
-    variable = file.create_variable(
-        _name(name), tuple(map(_name, cube.dimensions)), values.dtype, data=values, **packed
-    )
-    variable.attrs.update(told(name))
-    along = [_name(other) for other in cube.along]
-    if along:
-        variable.attrs["coordinates"] = " ".join(along)
-
-
-def _name(column: str) -> str:
-    return column.replace("/", "|")  # a slash would be a group to NetCDF
+def _name(column: object) -> str:
+    return str(column).replace("/", "|")  # a slash would be a group to NetCDF

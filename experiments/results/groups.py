@@ -39,15 +39,12 @@ class Groups:
     ----------
     keys : list of dict
         What the rows of each group have in common.
-    rows : ndarray of int
-        Rows of the results, group by group.
-    ends : ndarray of int
-        Where in them each group ends.
+    rows : list of ndarray of int
+        The rows of each, among those of the results.
     """
 
     keys: list[dict[str, Any]]
-    rows: Index
-    ends: Index
+    rows: list[Index]
     _results: Results = field(repr=False)
 
     def __len__(self) -> int:
@@ -56,17 +53,11 @@ class Groups:
 
     def first(self, number: int) -> Groups:
         """Return only so many of them."""
-        ends = self.ends[:number]
-        rows = self.rows[: ends[-1] if ends.size else 0]
-        return Groups(self.keys[:number], rows, ends, self._results)
-
-    def span(self, group: int) -> slice:
-        """Return where the rows of a group are."""
-        return slice(int(self.ends[group - 1]) if group else 0, int(self.ends[group]))
+        return Groups(self.keys[:number], self.rows[:number], self._results)
 
     def columns(self, group: int) -> Mapping[str, Array]:
         """Return the columns of a group, each read when it is asked for."""
-        return _Columns(self._results, self.rows[self.span(group)])
+        return _Columns(self._results, self.rows[group])
 
     def pooled(self, scores: Sequence[str]) -> list[dict[str, Any]]:
         """Return a pooled row a group: its key, how many runs and seeds it has, and the scores.
@@ -98,22 +89,22 @@ class Groups:
 
         It is that of one scenario; where a group has rows of several it is not defined.
         """
-        hashes, cases = (self._results.column(name)[self.rows] for name in ("hash", CASE))
+        hashes, cases = (self._results.column(name) for name in ("hash", CASE))
         alike: dict[str, list[int]] = {}
         for group, key in enumerate(self.keys):
             rest = {name: value for name, value in key.items() if name not in APART}
             alike.setdefault(repr(rest), []).append(group)
         found: list[dict[str, Any]] = [{"excess": None, "excess_interval": None}] * len(self)
         for groups in alike.values():
-            first = self.span(groups[0])
-            of = self._results.scenario(int(self.rows[first.start]))
-            if of is None or np.any(hashes[first] != hashes[first.start]):
+            first = self.rows[groups[0]]
+            of = self._results.scenario(int(first[0]))
+            if of is None or np.any(hashes[first] != hashes[first[0]]):
                 continue
             by_name = {self.keys[g]["parameter"]: g for g in groups}
             # What is estimated besides has no row of a case that failed.
             asked = {name: g for name, g in by_name.items() if name in of.identify} or by_name
-            first = self.span(next(iter(asked.values())))
-            if all(np.array_equal(cases[self.span(g)], cases[first]) for g in asked.values()):
+            each = [cases[self.rows[g]] for g in asked.values()]
+            if all(np.array_equal(mine, each[0]) for mine in each):
                 shared = summary.excess({n: self.columns(g) for n, g in asked.items()}, of)
                 for group in groups:
                     found[group] = shared
@@ -172,22 +163,16 @@ def grouped(
         Whether to take one row of each case.
     """
     codes = {name: results.codes(name, (bins or {}).get(name)) for name in by}
-    places = pd.DataFrame({name: found for name, (found, _) in codes.items()})
-    case, seed = results.column(CASE), results.column("seed")
-    numbers = places.groupby(list(by)).ngroup().to_numpy() if by else np.zeros(len(seed), np.intp)
-    first = np.ones(len(case), bool)
+    table = pd.DataFrame({i: found for i, (found, _) in enumerate(codes.values())})
+    table = table.assign(case=results.column(CASE), seed=results.column("seed"))
     if cases:  # whose rows follow each other
-        first[1:] = case[1:] != case[:-1]
-    rows = np.flatnonzero(first)
-    rows = rows[np.lexsort((case[rows], seed[rows], numbers[rows]))]
-    numbers = numbers[rows]
-    sizes = np.bincount(numbers)
-    ends = np.cumsum(sizes[sizes > 0])
-    firsts = rows[ends - sizes[sizes > 0]]
-    lines = zip(*([values[i] for i in found[firsts]] for found, values in codes.values()),
-                strict=True)  # fmt: skip
-    keys = [dict(zip(by, line, strict=True)) for line in lines] if by else [{}] * len(ends)
-    return Groups(keys, rows, ends, results)
+        table = table[table["case"] != table["case"].shift(fill_value=0)]
+    table = table.sort_values(["seed", "case"], kind="stable")
+    parts = [*table.groupby([*range(len(by))])] if by else [((), table)] * bool(len(table))
+    keys = [
+        {name: codes[name][1][i] for name, i in zip(by, place, strict=True)} for place, _ in parts
+    ]
+    return Groups(keys, [part.index.to_numpy() for _, part in parts], results)
 
 
 def place_of(name: str, value: Any, order: Sequence[Any]) -> tuple[int, float, str]:

@@ -1,22 +1,18 @@
-"""What a run comes to, pooled over its seeds: summary.json and curves.nc, in and out."""
+"""What a run comes to, pooled over its seeds: what its report is made of."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.scoring.curves import Curve
-from flexaxis.experiments.storage.files import OutputError, json_table, write_json, writing
-from flexaxis.experiments.storage.names import CURVES, STUDY, SUMMARY
-
-LARGEST = 1e9  # bytes that all curves of a run may have
+from flexaxis.experiments.running.folder import read_study
+from flexaxis.experiments.scoring.curves import Curve, curve_of
+from flexaxis.experiments.storage.files import STUDY, SUMMARY, OutputError, json_table
+from flexaxis.experiments.storage.traces import Traces
+from flexaxis.sim.scenario import stored_scenario
 
 
 @dataclass(frozen=True)
@@ -43,11 +39,19 @@ class Pooled:
         return Results.load(self.folder).rows
 
 
-def save(folder: Path, pooled: Pooled) -> None:
-    """Write curves.nc and summary.json, each at once or not at all."""
-    with writing(folder / CURVES):
-        _save_curves(folder / CURVES, pooled.curves)
-    write_json(folder / SUMMARY, pooled.summary)  # last: without it a folder is not complete
+def with_curves(folder: Path, summary: dict[str, Any]) -> Pooled:
+    """Return what a summary says with the trajectories of the runs, one estimator at a time."""
+    scenarios = {
+        name: stored_scenario(entry["definition"], source=str(folder))
+        for name, entry in summary["scenarios"].items()
+    }
+    traces = Traces(folder, read_study(folder).get("code", {}), summary["seeds"])
+    curves = []
+    for name, text in dict.fromkeys((r["scenario"], r["estimator"]) for r in summary["rows"]):
+        if known := list(traces.find(scenarios[name].hash, text).values()):
+            runs, near = [t.curve for t in known], [t.detail.near for t in known]
+            curves.append(curve_of(scenarios[name], text, known[0].names, runs, near))
+    return Pooled(summary, curves, folder)
 
 
 def load(folder: Path) -> Pooled:
@@ -59,11 +63,10 @@ def load(folder: Path) -> Pooled:
         If a file is missing or damaged.
     """
     try:
-        summary = json_table(folder / SUMMARY, OutputError)
-        return Pooled(summary, _load_curves(folder / CURVES), folder)
+        return with_curves(folder, json_table(folder / SUMMARY, OutputError))
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise OutputError(
-            f"{folder} holds no complete result of a run ({SUMMARY} and {CURVES} are needed): "
+            f"{folder} holds no complete result of a run ({SUMMARY} is needed): "
             f"{error}.{_how_to_go_on(folder)}"
         ) from error
 
@@ -75,62 +78,3 @@ def _how_to_go_on(folder: Path) -> str:
     if not command.startswith("flexaxis run"):
         return " Make one with `flexaxis run … -o FOLDER`"
     return f" Go on with: {command} --resume"
-
-
-_ARRAYS = ("truth", "low", "median", "high")
-_NEAR = "near_"  # before the names of what is about the first fault, sample by sample
-
-
-def _save_curves(path: Path, curves: Sequence[Curve]) -> None:
-    from flexaxis.sim.netcdf import new_hdf5, scale
-
-    with new_hdf5(path) as file:
-        for number, curve in enumerate(curves):
-            group = file.create_group(str(number), track_order=True)
-            group.attrs["scenario"], group.attrs["estimator"] = curve.scenario, curve.estimator
-            group.attrs["names"] = json.dumps(curve.names)
-            group.attrs["percentiles"] = "low 10, median 50, high 90; all over nominal"
-            estimate = scale(group, "estimate", len(curve.names))
-            _add(group, curve, estimate, "")
-            if curve.near is not None:
-                _add(group, curve.near, estimate, _NEAR)
-
-
-def _add(group: Any, curve: Curve, estimate: Any, before: str) -> None:
-    from flexaxis.sim.netcdf import along, scale
-
-    time = scale(group, f"{before}time", curve.time, units="s")
-    for name in _ARRAYS:
-        values = np.asarray(getattr(curve, name), np.float32)
-        along(group, before + name, values, (time, estimate))
-
-
-def _load_curves(path: Path) -> list[Curve]:
-    import h5py  # which finds a group at once; h5netcdf goes through all dimensions for each
-
-    from flexaxis.sim.hdf5_apart import gone_through
-    from flexaxis.sim.hdf5_inside import only_inside
-
-    def refuse(text: str) -> OutputError:
-        return OutputError(f"{path}: {text}")
-
-    gone_through(path, refuse, most=LARGEST)
-    with h5py.File(path, "r") as file:
-        only_inside(file, refuse)
-        groups = [group for _, group in sorted(file.items(), key=lambda item: int(item[0]))]
-        return [_curve(group, "", _near(group)) for group in groups]
-
-
-def _near(group: Any) -> Curve | None:
-    return _curve(group, _NEAR) if f"{_NEAR}time" in group else None  # older files have none
-
-
-def _curve(group: Any, before: str, near: Curve | None = None) -> Curve:
-    return Curve(
-        scenario=group.attrs["scenario"],
-        estimator=group.attrs["estimator"],
-        names=tuple(json.loads(group.attrs["names"])),
-        time=group[f"{before}time"][:],
-        **{name: group[before + name][:].astype(float) for name in _ARRAYS},
-        near=near,
-    )

@@ -17,9 +17,8 @@ from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.study import find_point, is_option
 from flexaxis.experiments.scoring.score import Kind
 from flexaxis.experiments.scoring.summary import POOLED
-from flexaxis.experiments.storage.columns import COLUMNS, as_text, axis_kind
-from flexaxis.experiments.storage.errors import StudyError, needed
-from flexaxis.experiments.storage.schema import CASE, STORED
+from flexaxis.experiments.storage.files import StudyError
+from flexaxis.experiments.storage.schema import CASE, COLUMNS, STORED, as_text, axis_kind
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
@@ -277,17 +276,16 @@ class Results:
     def to_xarray(self) -> xarray.Dataset:
         """Return an xarray Dataset: the numbers over scenario, estimator, axes, seed, parameter.
 
-        It is the cube of `flexaxis.experiments.results.cube`, as `flexaxis export --netcdf` writes
-        it.
+        It is the cube that `flexaxis export --netcdf` writes.
 
         Raises
         ------
         StudyError
             If xarray is not installed.
         """
-        from flexaxis.experiments.results.cube import cube_of
+        from flexaxis.experiments.results.export import cube_of
 
-        return cube_of(self).to_xarray(needed("xarray"))
+        return cube_of(self).to_xarray()
 
     def parts(self, columns: Sequence[str] = ()) -> Iterator[dict[str, list[Any]]]:
         """Yield columns as Python values, all or some, of so many rows as are held in memory."""

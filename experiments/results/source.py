@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.storage.columns import COLUMNS
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import (
     CASE,
+    COLUMNS,
     TEXTS,
     connect,
     of_axis,

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.building.specs import Spec
-from flexaxis.experiments.scoring.windows import Known, windows
+from flexaxis.experiments.scoring.windows import remembered, windows
 from flexaxis.sim.feed_forward import USED, Follower
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import tracked
@@ -61,14 +60,13 @@ def tracking(scenario: Scenario, seed: int, spec: Spec) -> Mapping[str, float] |
     mine = scenario.drawn(seed)
     with hosted(spec.text, f"in the loop of {scenario.name}, seed {seed}"):
         rms, limited = _rms(scenario, [mine], seed, [ready(spec, mine)])
-    others = _others(Known.of(scenario), seed)
+    others = _others(scenario, seed)
     return {**others, "estimated": rms[0], "limited": float(limited[0])}
 
 
-@lru_cache(maxsize=64)
-def _others(known: Known, seed: int) -> Mapping[str, float]:
+@remembered()
+def _others(scenario: Scenario, seed: int) -> Mapping[str, float]:
     """Return what does not depend on the estimator."""
-    scenario = known.scenario
     mine = scenario.drawn(seed)
     whole = mine.override({"fault": []}, inherit=True)
     rms, _ = _rms(scenario, [mine, mine, whole], seed, [None, Told(mine), None])

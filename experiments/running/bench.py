@@ -14,7 +14,7 @@ from flexaxis.experiments.running.folder import opened
 from flexaxis.experiments.running.plan import Plan, make_plan
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import Row
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.store import Store
 from flexaxis.sim.scenario import Scenario
 

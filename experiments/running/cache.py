@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flexaxis.experiments.building.code import digest_of
 from flexaxis.experiments.scoring.nominal import nominal_runs
+from flexaxis.experiments.storage.files import digest_of
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
 from flexaxis.sim.record import Record

@@ -7,16 +7,17 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from hashlib import sha256
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
+from flexaxis.experiments.building.code import piped
 from flexaxis.experiments.building.guest import hosted, is_guest, note
 from flexaxis.experiments.building.ready import ready
-from flexaxis.experiments.building.specs import Spec, piped
+from flexaxis.experiments.building.specs import Spec
 from flexaxis.experiments.running.adapted import tracking
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.summary import Case, scored
@@ -26,30 +27,6 @@ from flexaxis.sim.onsets import first_onset
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.timing import sample_index
-
-
-class Ran(NamedTuple):
-    """What an estimator made of a record.
-
-    Attributes
-    ----------
-    theta : ndarray (N, p)
-    seconds : float
-        That it took, by `clock_of`.
-    names : tuple of str
-    claimed : ndarray (p, p) or None
-    innovations : ndarray (N, 2) or None
-        As from `followed`.
-    findings : sequence or None
-        What it detected.
-    """
-
-    theta: NDArray[np.float64]
-    seconds: float
-    names: tuple[str, ...]
-    claimed: Any = None
-    innovations: NDArray[np.float64] | None = None
-    findings: Sequence[Any] | None = None
 
 
 def warm(spec: Spec, scenario: Scenario) -> None:
@@ -79,17 +56,8 @@ def identity_of(scenario: Scenario, estimator: str, seed: int | None) -> dict[st
     return found | {"onset": first_onset(scenario.drawn(seed or 0)) * scenario.period}
 
 
-def run_case(
-    scenario: Scenario,
-    record: Record,
-    spec: Spec,
-    *,
-    whole: bool = False,
-    ran: Ran | None = None,
-) -> Case:
-    """Run an estimator on a record and score it; `whole` keeps all estimates.
-
-    What it has `ran` already is scored only.
+def run_case(scenario: Scenario, record: Record, spec: Spec) -> Case:
+    """Run an estimator on a record and score it.
 
     Raises
     ------
@@ -97,10 +65,12 @@ def run_case(
         If the estimator raises, or returns what it may not.
     """
     mine = scenario.drawn(record.seed or 0)
-    if ran is None:
-        ran = _ran(mine, record, spec)
-    theta, seconds, names, *rest = ran
-    track = track_of(mine, record, names, theta, *rest)
+    estimator, clock = ready(spec, mine), clock_of(spec.text)
+    start = clock()
+    theta, claimed, innovations = followed(spec.text, estimator, mine, record)
+    seconds = clock() - start
+    findings = getattr(estimator, "findings", None)
+    track = track_of(mine, record, estimator.names, theta, claimed, innovations, findings)
     if scenario.controller.adapt:
         track = replace(track, tracking=tracking(scenario, record.seed or 0, spec))
     identity = identity_of(scenario, spec.text, record.seed)
@@ -109,19 +79,7 @@ def run_case(
         "seconds": seconds,
         "host": platform.node(),
     }
-    seed = record.seed or 0
-    about: dict[str, Any] = {"identity": identity, "cost": cost, "whole": whole}
-    return scored(track, estimator=spec.text, seed=seed, written=scenario, **about)
-
-
-def _ran(scenario: Scenario, record: Record, spec: Spec) -> Ran:
-    estimator = ready(spec, scenario)
-    clock = clock_of(spec.text)
-    start = clock()
-    theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
-    seconds = clock() - start
-    findings = getattr(estimator, "findings", None)
-    return Ran(theta, seconds, tuple(estimator.names), claimed, innovations, findings)
+    return scored(track, estimator=spec.text, written=scenario, identity=identity, cost=cost)
 
 
 def clock_of(text: str) -> Callable[[], float]:

@@ -14,20 +14,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from flexaxis.experiments.building.consent import names_code, require
-from flexaxis.experiments.building.guest import time_limit
+from flexaxis.experiments.building.code import names_code, require
+from flexaxis.experiments.building.guest import limited
+from flexaxis.experiments.building.guest import time_limit as limit
 from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.estimate import keep_all
 from flexaxis.experiments.running.folder import cases as all_cases
 from flexaxis.experiments.running.folder import done, opened
 from flexaxis.experiments.running.plan import Plan, make_plan
-from flexaxis.experiments.running.processes import Lost, Workers, spread
-from flexaxis.experiments.running.progress import remark
+from flexaxis.experiments.running.processes import Workers, spread
+from flexaxis.experiments.running.progress import progress, remark
 from flexaxis.experiments.running.study import Study, Unit
-from flexaxis.experiments.running.trajectories import keep_all, keep_worst
 from flexaxis.experiments.running.work import Outcome, died, run_unit
-from flexaxis.experiments.storage.errors import NotRun
+from flexaxis.experiments.storage.files import NotRun
 
-Keep = Literal["none", "worst", "all"]
 Worker = Callable[[Unit], Outcome]
 
 
@@ -86,6 +86,36 @@ class Means:
 
         return replace(self, advance=both)
 
+    @contextmanager
+    def shown(
+        self, what: str, total: float, heard: Callable[[Outcome], None], *,
+        time_limit: float | None = None, by_case: bool = True,
+    ) -> Iterator[tuple[Means, Callable[[float], None]]]:  # fmt: skip
+        """Give the means as from `kept`, with progress, and what is called with other progress.
+
+        Parameters
+        ----------
+        what : str
+            What is done.
+        total : float
+            How much of it there is.
+        heard : callable
+            Called with each outcome.
+        time_limit : float, optional
+            How long code of a user may take for one run [s].
+        by_case : bool
+            Whether progress is that of the cases.
+        """
+        with limited(time_limit), progress(what, total or 1) as advance:
+
+            def landed(outcome: Outcome) -> None:
+                heard(outcome)
+                if by_case:
+                    advance(outcome.cases)
+
+            with self.also(landed).kept() as means:
+                yield means, advance
+
     def outcomes(
         self, plan: Plan, done: Any = None, *, whole: bool = False, traced: bool = False
     ) -> Generator[Outcome, None, None]:
@@ -97,7 +127,7 @@ class Means:
             If cases are missing at the end though nobody has stopped the work.
         """
         work = self.work or partial(
-            run_unit, store=self.store, whole=whole, traced=traced, time_limit=time_limit()
+            run_unit, store=self.store, whole=whole, traced=traced, time_limit=limit()
         )
         wanted = found = 0
         missing: list[str] = []
@@ -112,7 +142,7 @@ class Means:
         jobs = self.jobs if self.jobs > 1 or own else 0
         where: dict[str, Any] = {"jobs": jobs, "executor": self.executor}
         where |= {"in_flight": self.in_flight, "workers": self.workers if jobs else None}
-        where |= {"lost": Lost(Unit.apart, died)}
+        where |= {"parts": Unit.apart, "died": died}
         with closing(spread(units(), work, **where)) as outcomes:
             for outcome in outcomes:
                 found += outcome.cases
@@ -151,7 +181,7 @@ def run_study(
     means: Means | None = None,
     *,
     overwrite: bool = False,
-    keep: Keep = "none",
+    keep: Literal["none", "all"] = "none",
     traced: bool = False,
     run_code: bool = False,
     about: Mapping[str, Any] | None = None,
@@ -168,9 +198,8 @@ def run_study(
         With what: one process and no cache by default.
     overwrite, about
         As for `flexaxis.experiments.running.folder.opened`.
-    keep : {"none", "worst", "all"}
-        Whose estimates to write to the folder `trajectories`: nobody's, those of the worst case
-        of each estimator at each point, or everyone's.
+    keep : {"none", "all"}
+        Whose estimates to write to the folder `trajectories`: nobody's, or everyone's.
     traced : bool
         Whether to keep what the figures of a run are drawn from.
     run_code : bool
@@ -204,8 +233,6 @@ def run_study(
                 simulated += outcome.simulated
                 if means.advance:
                     means.advance(outcome)
-    if keep == "worst":
-        keep_worst(folder, plan)
     return Finished(cases, failed, simulated)
 
 

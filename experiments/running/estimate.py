@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
@@ -17,8 +17,9 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator, theta_of
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
+from flexaxis.experiments.scoring.summary import Case
 from flexaxis.experiments.scoring.theta import physical, true_theta
-from flexaxis.experiments.storage.files import writing
+from flexaxis.experiments.storage.files import TRAJECTORIES, writing
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, count_samples, record_pieces
 from flexaxis.sim.scenario import Scenario, stored_scenario
@@ -33,20 +34,14 @@ class Estimated:
 
     Attributes
     ----------
-    names : tuple of str
-        Estimated parameters.
-    last : ndarray (p,)
-        Last estimate.
-    truth : ndarray (p,) or None
-        True values at the last sample, where the record knows them; NaN for a parameter of a law
-        that it does not know.
+    last, truth : dict of str to float
+        Last estimates by parameter, and their true values there, where the record knows them.
     samples : int
         Samples read.
     """
 
-    names: tuple[str, ...]
-    last: Array
-    truth: Array | None
+    last: dict[str, float]
+    truth: dict[str, float]
     samples: int
 
 
@@ -105,15 +100,17 @@ def estimate(
             samples = span.stop
             if advance:
                 advance(len(theta))
-    known = piece.true_parameters
-    truth = None if known is None else _truth(names, known[-1], piece.parameter_names)
-    return Estimated(names, theta[-1], truth, samples)
+    last = dict(zip(names, theta[-1].tolist(), strict=True))
+    return Estimated(last, true_values(names, piece, -1), samples)
 
 
-def _truth(names: Sequence[str], values: Array, columns: Sequence[str]) -> Array:
-    known = [name for name in names if physical(name)[0] in columns]
-    found = dict(zip(known, true_theta(known, values, columns) if known else (), strict=True))
-    return np.array([found.get(name, np.nan) for name in names])
+def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:
+    """Return the true values of those parameters that a record knows, at some of its samples."""
+    known = [name for name in names if physical(name)[0] in record.parameter_names]
+    if record.true_parameters is None or not known:
+        return {}
+    values = true_theta(known, record.true_parameters[at], record.parameter_names)
+    return dict(zip(known, values.T, strict=True))
 
 
 def run_on(
@@ -183,6 +180,31 @@ def estimates_file(
         if claimed:
             declare(file, claimed, shape, float, long_name=f"{claimed} that the estimator claims")
         yield file
+
+
+def keep_all(folder: Path, kept: Iterable[tuple[Mapping[str, Any], Case]]) -> None:
+    """Write estimates to FOLDER/trajectories/CASE.nc, in the form of `flexaxis estimate`.
+
+    Parameters
+    ----------
+    folder : Path
+    kept : iterable of (mapping, Case)
+        Cases, each with a row.
+
+    Raises
+    ------
+    OutputError
+        If they cannot be written.
+    """
+    for row, case in kept:
+        assert case.theta is not None
+        target, samples = folder / TRAJECTORIES / f"{row['case']}.nc", len(case.theta)
+        with writing(target):
+            target.parent.mkdir(exist_ok=True)
+        with estimates_file(target, case.names, samples) as file:
+            file["time"][:] = np.arange(samples) * (row["seconds"] / samples)
+            file["theta"][:] = case.theta
+            file.attrs.update(estimator=case.estimator, record_hash=row["hash"], seed=row["seed"])
 
 
 def _own_scenario(record: Record, source: Path) -> Scenario:

@@ -11,13 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.building.given import is_given
+from flexaxis.experiments.building.code import is_given
 from flexaxis.experiments.running.plan import Plan, expected
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import made_with
-from flexaxis.experiments.storage.errors import StudyError, no_study
-from flexaxis.experiments.storage.files import json_table, make_folder, write_json, writing
-from flexaxis.experiments.storage.names import COMPLETE, MADE, STUDY, SWEEP, TRAJECTORIES
+from flexaxis.experiments.storage.files import (
+    COMPLETE,
+    MADE,
+    STUDY,
+    SWEEP,
+    TRAJECTORIES,
+    StudyError,
+    json_table,
+    make_folder,
+    no_study,
+    write_json,
+    writing,
+)
 from flexaxis.experiments.storage.schema import connect, file_of, row_files, said
 from flexaxis.experiments.storage.store import Store, cases_in, done_in
 

@@ -10,10 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.storage import rows
-from flexaxis.experiments.storage.errors import StudyError
-from flexaxis.experiments.storage.files import make_folder, write_json, writing
-from flexaxis.experiments.storage.names import STUDY, TRAJECTORIES
+from flexaxis.experiments.storage.files import (
+    STUDY,
+    TRAJECTORIES,
+    StudyError,
+    make_folder,
+    read_rows,
+    text_files,
+    write_json,
+    writing,
+)
 from flexaxis.experiments.storage.schema import file_of, row_files
 from flexaxis.experiments.storage.store import Store
 from flexaxis.sim.files import atomic
@@ -73,9 +79,9 @@ def merge(folders: Sequence[Path], target: Path) -> Merged:
 
 def _taken(store: Store, folder: Path) -> Iterator[int]:
     """Add the rows of a folder, and yield the numbers of cases in its files."""
-    old = [] if any(folder.glob("*.sqlite")) else rows.row_files(folder)
+    old = [] if any(folder.glob("*.sqlite")) else text_files(folder)
     for path in old:
-        every, before = rows.read(path), store.cases
+        every, before = read_rows(path), store.cases
         while some := [_as_now(row) for row in islice(every, AT_ONCE)]:
             try:
                 store.add(some)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import specs
-from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.code import digest, names_code
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.running.case import case_id
@@ -28,7 +27,7 @@ from flexaxis.experiments.running.study import (
     is_option,
     varied,
 )
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
@@ -41,11 +40,10 @@ SHOWN = 20  # problems told at once
 
 @dataclass(frozen=True)
 class Work:
-    """How much there is to do: cases, records and seconds of simulated axis."""
+    """How much there is to do."""
 
-    cases: int = 0
-    records: int = 0
-    seconds: float = 0.0
+    cases: int
+    records: int
 
 
 @dataclass(frozen=True)
@@ -104,12 +102,8 @@ class Plan:
 
     def work(self, done: NDArray[np.uint64] | None = None) -> Work:
         """Return how much there is to do."""
-        cases, records, seconds = 0, 0, 0.0
-        for unit in self.units(done):
-            cases += unit.cases
-            records += len(unit.seeds)
-            seconds += len(unit.seeds) * unit.variants[0].duration
-        return Work(cases, records, seconds)
+        units = [(unit.cases, len(unit.seeds)) for unit in self.units(done)]
+        return Work(sum(cases for cases, _ in units), sum(records for _, records in units))
 
 
 def _portions(group: tuple[Variant, ...], seeds: int) -> Iterator[tuple[Variant, ...]]:

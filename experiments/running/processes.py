@@ -17,19 +17,18 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.util import Finalize
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from flexaxis.experiments.building.programs import held_back
+from flexaxis.experiments.building.pipe import held_back
 from flexaxis.experiments.running import interrupts
 from flexaxis.experiments.running.interrupts import Interrupts, threads_left, two_stage
-from flexaxis.experiments.storage.errors import NotRun, StudyError
+from flexaxis.experiments.storage.files import NotRun, StudyError
 from flexaxis.sim.current_folder import forget_safe_path, safe_path, without_its_style
 from flexaxis.sim.errors import FlexaxisError
 
@@ -139,22 +138,6 @@ def _died(task: Any) -> Any:
     )
 
 
-@dataclass(frozen=True)
-class Lost(Generic[Task, Result]):
-    """What becomes of a task whose process died.
-
-    Attributes
-    ----------
-    parts : callable
-        Gives the parts of a task, each of which is run alone.
-    died : callable
-        Gives the result of a part whose process died again, or raises something.
-    """
-
-    parts: Callable[[Task], Iterable[Task]] = lambda task: [task]
-    died: Callable[[Task], Result] = _died
-
-
 def spread(
     tasks: Iterable[Task],
     work: Callable[[Task], Result],
@@ -163,7 +146,8 @@ def spread(
     executor: Executor | None = None,
     in_flight: int | None = None,
     workers: Workers | None = None,
-    lost: Lost[Task, Result] | None = None,
+    parts: Callable[[Task], Iterable[Task]] = lambda task: [task],
+    died: Callable[[Task], Result] = _died,
 ) -> Generator[Result, None, None]:
     """Yield results as they come, in any order.
 
@@ -185,8 +169,9 @@ def spread(
         Tasks handed out at a time; twice the jobs by default.
     workers : Workers, optional
         Processes that are there already, in the place of as many new ones as there are jobs.
-    lost : Lost, optional
-        A process that dies takes all that were at work with it; those are run again, one by one.
+    parts, died : callable
+        A process that dies takes all that were at work with it: the parts of each task are run
+        again, one by one; `died` gives the result of one whose process dies again, or raises.
 
     Raises
     ------
@@ -206,7 +191,7 @@ def spread(
             yield from map(work, remaining)
         else:
             with nullcontext(workers) if workers else Workers(jobs) as own:
-                yield from _own(remaining, work, own, room, asked, lost or Lost())
+                yield from _own(remaining, work, own, room, asked, parts, died)
         asked.tell()
 
 
@@ -235,7 +220,8 @@ def _own(  # noqa: PLR0917
     workers: Workers,
     room: int,
     asked: Interrupts,
-    lost: Lost[Task, Result],
+    parts: Callable[[Task], Iterable[Task]],
+    died: Callable[[Task], Result],
 ) -> Iterator[Result]:
     """Start new processes where one died, after what was out with it was run one by one."""
     whole = False
@@ -248,8 +234,8 @@ def _own(  # noqa: PLR0917
                 whole = True
             except BrokenExecutor:
                 workers.end(killed=True)
-                parts = [part for task in out.values() for part in lost.parts(task)]
-                yield from _alone(parts, work, asked, lost)
+                alone = [part for task in out.values() for part in parts(task)]
+                yield from _alone(alone, work, asked, died)
     finally:
         if not whole:  # nobody waits for what they do any more
             workers.end(killed=True)
@@ -259,7 +245,7 @@ def _alone(
     tasks: list[Task],
     work: Callable[[Task], Result],
     asked: Interrupts,
-    lost: Lost[Task, Result],
+    died: Callable[[Task], Result],
 ) -> Iterator[Result]:
     with Workers(1) as worker:
         asked.stop = worker.ask
@@ -273,7 +259,7 @@ def _alone(
                 except BrokenExecutor:
                     worker.end(killed=True)
             else:
-                yield lost.died(task)
+                yield died(task)
 
 
 def _landed(

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 

@@ -11,14 +11,12 @@ from random import Random
 from typing import Any
 
 from flexaxis.estimators.registry import gone
-from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.building.consent import require
+from flexaxis.experiments.building.code import digest, require
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.study import Entry, Unit, applies, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
-from flexaxis.experiments.storage.columns import flat, nested
-from flexaxis.experiments.storage.errors import StudyError
-from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.storage.files import StudyError
+from flexaxis.experiments.storage.schema import flat, nested, row_files
 from flexaxis.experiments.storage.store import cases_of, rows_of
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario, stored_scenario
@@ -69,7 +67,7 @@ def verify(
     run_code : bool
         Whether code may be run that the rows name as their estimators.
     command : str, optional
-        The line that was typed, as for `consent.require`.
+        The line that was typed, as for `building.code.require`.
 
     Raises
     ------
@@ -93,15 +91,9 @@ def verify(
 
 
 def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, Any]]]:
-    """Return that many cases, each as likely as any other (Vitter 1985, algorithm R)."""
-    chosen: list[tuple[Path, Any]] = []
-    found = ((path, case) for path in row_files(folder) for case in cases_of(path))
-    for number, each in enumerate(found):
-        if number < sample:
-            chosen.append(each)
-        elif (place := random.randrange(number + 1)) < sample:
-            chosen[place] = each
-    return [rows_of(*each) for each in chosen]
+    """Return that many cases, each as likely as any other."""
+    every = [(path, case) for path in row_files(folder) for case in cases_of(path)]
+    return [rows_of(*each) for each in random.sample(every, min(sample, len(every)))]
 
 
 def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:

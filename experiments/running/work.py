@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import platform
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexaxis.estimators.errors import EstimatorError
@@ -19,7 +16,8 @@ from flexaxis.experiments.building import specs
 from flexaxis.experiments.building.code import own_digest
 from flexaxis.experiments.building.crashes import is_its_own
 from flexaxis.experiments.building.guest import Remark, is_guest, limited, noted
-from flexaxis.experiments.running.cache import RecordCache, kept_runs, records
+from flexaxis.experiments.running.cache import RecordCache, kept_runs
+from flexaxis.experiments.running.cache import records as simulated_or_kept
 from flexaxis.experiments.running.case import identity_of, run_case, warm
 from flexaxis.experiments.running.interrupts import asked
 from flexaxis.experiments.running.study import Entry, Unit, Variant
@@ -27,8 +25,8 @@ from flexaxis.experiments.scoring.case import failed_track
 from flexaxis.experiments.scoring.summary import Case
 from flexaxis.experiments.scoring.table import rows as score_rows
 from flexaxis.experiments.scoring.table import undefined
-from flexaxis.experiments.storage.errors import NotRun
-from flexaxis.experiments.storage.traces import Trace
+from flexaxis.experiments.storage.files import NotRun
+from flexaxis.experiments.storage.traces import packed
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
@@ -37,80 +35,43 @@ from flexaxis.sim.simulate import versions
 Row = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Kept:
-    """The estimates of a case, to be written to a file of their own."""
-
-    case: str
-    estimator: str
-    hash: str
-    seed: int
-    period: float
-    names: tuple[str, ...]
-    theta: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
+@dataclass
 class Outcome:
-    """What became of a unit.
+    """What became of a unit, as far as it has come.
 
     Attributes
     ----------
-    rows : tuple of dict
+    rows : sequence of dict
         Of all its cases, those of one behind each other.
     cases, failed : int
         How many, and how many of them could not be run.
-    kept : tuple of Kept
-        Estimates, where they were asked for.
-    traces : tuple of (dict, bytes)
+    kept : list of (dict, Case)
+        Cases with their estimates, where they were asked for, each with a row.
+    traces : list of (dict, bytes)
         What trajectories are drawn from, where it was asked for, with a row of each case.
     simulated : int
         Records that were not in the cache.
-    simulating, estimating : float
-        Time taken [s].
-    missing : tuple of str
+    missing : list of str
         Why cases were not run, for no fault of their estimators: no memory, a full disk, a package
         that is not there.
-    remarks : tuple of Remark
+    remarks : sequence of Remark
         What is to be known of users' code.
     """
 
-    rows: tuple[Row, ...]
-    cases: int
-    failed: int
-    kept: tuple[Kept, ...] = ()
-    traces: tuple[tuple[Row, bytes], ...] = ()
+    rows: list[Row] = field(default_factory=list)
+    cases: int = 0
+    failed: int = 0
+    kept: list[tuple[Row, Case]] = field(default_factory=list)
+    traces: list[tuple[Row, bytes]] = field(default_factory=list)
     simulated: int = 0
-    simulating: float = 0.0
-    estimating: float = 0.0
-    missing: tuple[str, ...] = ()
-    remarks: tuple[Remark, ...] = ()
-
-
-@dataclass
-class _Done:
-    """The cases of a unit, as they come: of each its rows, and what goes with them."""
-
-    cases: list[tuple[list[Row], Kept | None, bytes | None]] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
-    simulated: int = 0
-    simulating: float = 0.0
-    estimating: float = 0.0
+    remarks: Sequence[Remark] = ()
 
-    def outcome(self, remarks: Sequence[Remark]) -> Outcome:
-        """Return what became of the unit, as far as it has come."""
-        return Outcome(
-            rows=tuple(row for rows, _, _ in self.cases for row in rows),
-            cases=len(self.cases),
-            failed=sum(rows[0]["error"] is not None for rows, _, _ in self.cases),
-            kept=tuple(kept for _, kept, _ in self.cases if kept is not None),
-            traces=tuple((rows[0], trace) for rows, _, trace in self.cases if trace is not None),
-            simulated=self.simulated,
-            simulating=self.simulating,
-            estimating=self.estimating,
-            missing=tuple(self.missing),
-            remarks=tuple(remarks),
-        )
+    def add(self, rows: Sequence[Row]) -> None:
+        """Add the rows of a case."""
+        self.rows += rows
+        self.cases += 1
+        self.failed += rows[0]["error"] is not None
 
 
 def run_unit(
@@ -137,30 +98,25 @@ def run_unit(
     time_limit : float, optional
         How long a user's estimator may take for a run [s].
     """
+    found = Outcome()
     # One thread: wherever it is run, to the last bit the same.
-    done = _Done()
-    with threadpool_limits(1), limited(time_limit), noted() as remarks:
-        with kept_runs(store):
-            _run(done, unit, store, whole, traced)
-        return done.outcome(remarks)
-
-
-def _run(done: _Done, unit: Unit, store: RecordCache | None, whole: bool, traced: bool) -> None:
-    started = time.perf_counter()
-    found, failed, done.simulated = _records(unit, unit.seeds, store)
-    between = time.perf_counter()
-    done.simulating = between - started
-    for variant in unit.variants:
-        scenario = variant.scenario()
-        for seed, text in failed.items():
+    with threadpool_limits(1), limited(time_limit), noted() as found.remarks, kept_runs(store):
+        records, failed, found.simulated = _records(unit, unit.seeds, store)
+        for variant in unit.variants:
+            scenario = variant.scenario()
+            for seed, text in failed.items():
+                for entry in variant.entries:
+                    found.add(_failure(variant, entry, scenario, seed, text))
             for entry in variant.entries:
-                done.cases.append((_failure(variant, entry, scenario, seed, text), None, None))
-        for entry in variant.entries:
-            for rows, case in _cases(variant, scenario, entry, found, done.missing):
-                done.cases.append(_with_what_goes(rows, case, whole=whole, traced=traced))
-                if asked():
-                    break
-    done.estimating = time.perf_counter() - between
+                for rows, case in _cases(variant, scenario, entry, records, found.missing):
+                    found.add(rows)
+                    if case is not None and whole:
+                        found.kept.append((rows[0], case))
+                    if case is not None and traced:
+                        found.traces.append((rows[0], packed(case)))
+                    if asked():
+                        break
+    return found
 
 
 def died(unit: Unit) -> Outcome:
@@ -179,7 +135,7 @@ def died(unit: Unit) -> Outcome:
     text = f"EstimatorCrash: {entry.text} crashed on {scenario.name}, seed {seed}: {what}"
     (record,), _, _ = _records(unit, [seed], None)
     rows = _failure(variant, entry, scenario, seed, text, record)
-    return Outcome(tuple(rows), cases=1, failed=1)
+    return Outcome(rows, cases=1, failed=1)
 
 
 def _records(
@@ -191,7 +147,7 @@ def _records(
     """
     scenario = unit.variants[0].scenario()
     try:
-        found, simulated = records(scenario, seeds, store, repeat=unit.repeat)
+        found, simulated = simulated_or_kept(scenario, seeds, store, repeat=unit.repeat)
         return found, {}, simulated
     except SimulationError as error:
         if len(seeds) == 1:
@@ -229,7 +185,7 @@ def _cases(
         failure, case = problem, None
         if spec is not None and failure is None:
             try:
-                case = run_case(scenario, record, spec, whole=True)
+                case = run_case(scenario, record, spec)
             except EstimatorError as error:
                 failure = error
         if failure is not None and not is_its_own(failure):
@@ -242,21 +198,6 @@ def _cases(
         more = columns | {"rows": len(case.rows), "error": None}
         yield [row | more | {"cost": row["cost"] | {"versions": made_with()}}
                for row in case.rows], case  # fmt: skip
-
-
-def _with_what_goes(
-    rows: list[Row], case: Case | None, *, whole: bool, traced: bool
-) -> tuple[list[Row], Kept | None, bytes | None]:
-    if case is None:
-        return rows, None, None
-    first, kept, trace = rows[0], None, None
-    if whole and case.theta is not None:
-        period = first["seconds"] / len(case.theta)
-        kept = Kept(first["case"], case.estimator, first["hash"], case.seed, period, case.names,
-                    case.theta)  # fmt: skip
-    if traced and case.detail is not None:
-        trace = Trace(case.estimator, case.names, case.curve, case.relative, case.detail).packed()
-    return rows, kept, trace
 
 
 def _failure(  # noqa: PLR0917

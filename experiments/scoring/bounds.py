@@ -8,7 +8,7 @@ along the true parameters, and a white output noise of variance σ².
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
 
@@ -25,9 +25,8 @@ from flexaxis.experiments.scoring.true_model import (
     state_at,
     tracked,
     true_model,
-    with_structure,
 )
-from flexaxis.experiments.scoring.windows import Window, windows
+from flexaxis.experiments.scoring.windows import Known, Window, windows
 from flexaxis.sim.faults import Step
 from flexaxis.sim.scenario import Scenario
 
@@ -180,49 +179,16 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
     return found
 
 
-@dataclass(frozen=True)
-class _Record:
-    """A record, known by its scenario and torque: many estimators have the same limits on it."""
-
-    hash: str
-    digest: bytes
-    scenario: Scenario = field(compare=False)
-    torque: Array = field(compare=False)
-
-    @classmethod
-    def of(cls, scenario: Scenario, torque: Array) -> _Record:
-        torque = np.ascontiguousarray(torque, float)
-        return cls(scenario.hash, sha256(torque.tobytes()).digest(), scenario, torque)
+def record_limits(scenario: Scenario, torque: Array) -> list[Limits]:
+    """Return the limits of a scenario's `identify` on a record, kept for the next estimator."""
+    torque = np.ascontiguousarray(torque, float)
+    digest = f"{scenario.hash} {sha256(torque.tobytes()).hexdigest()}"
+    return _remembered(Known(digest, (scenario, scenario.identify, torque)))
 
 
 @lru_cache(maxsize=64)
-def _remembered(record: _Record) -> list[Limits]:
-    return limits(record.scenario, record.scenario.identify, record.torque)
-
-
-def record_limits(scenario: Scenario, torque: Array) -> list[Limits]:
-    """Return the limits of a scenario's `identify` on a record, kept for the next estimator."""
-    return _remembered(_Record.of(scenario, torque))
-
-
-def lag_bound_with_structure(scenario: Scenario, name: str, torque: Array) -> float | None:
-    """Return the lag on the bound of whoever takes the structure for unknown besides [s].
-
-    That is whatever `flexaxis.experiments.scoring.true_model.with_structure` names, all of it
-    unknown after the jump, as if nothing had been learnt before; None where `bounded` has none.
-    """
-    return _with_structure(_Record.of(scenario, torque), name)
-
-
-@lru_cache(maxsize=256)
-def _with_structure(record: _Record, name: str) -> float | None:
-    scenario = record.scenario
-    window = bounded(scenario, scenario.identify).get(name)
-    if window is None:
-        return None
-    unknown = with_structure(scenario, tracked(scenario, scenario.identify))
-    allowed = jump_bound(scenario, unknown, window.start, window.stop, record.torque).unknown
-    return lag_bound(allowed[:, unknown.index(name)], window.D, period=scenario.period)
+def _remembered(record: Known) -> list[Limits]:
+    return limits(*record.content)
 
 
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:

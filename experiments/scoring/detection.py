@@ -71,29 +71,34 @@ def detection(
     """
     if findings is None:
         return None
-    spans = windows(scenario, names)
+    firsts = _firsts(scenario, names, findings)
+    spans = [window for window, _ in firsts]
     calm = scenario.period * max(1, int(_calm(scenario, spans).sum()))
-    alarms = np.array([finding.alarm for finding in findings], int)
-    inside = np.zeros(len(alarms), bool)
+    false = sum(not any(w.start <= f.alarm < w.stop for w in spans) for f in findings)
     delays, named = [], []
-    for window in spans:
-        within = (alarms >= window.start) & (alarms < window.stop)
-        inside |= within
-        if within.any():
-            first = findings[int(np.argmax(within))]
+    for window, first in firsts:
+        if first is not None:
             delays.append(scenario.period * (first.alarm - window.start))
             changed = {w.parameter for w in spans if w.start == window.start}
             named.append({physical(name)[0] for name in first.parameters} == changed)
     return Detection(
-        alarms=len(alarms),
-        false_alarms=int(np.sum(~inside)),
-        false_alarms_per_1000_s=1000 * float(np.sum(~inside)) / calm,
+        alarms=len(findings),
+        false_alarms=false,
+        false_alarms_per_1000_s=1000 * false / calm,
         calm=calm,
         delay=float(np.mean(delays)) if delays else None,
         faults=len(spans),
         missed=len(spans) - len(delays),
         isolated=float(np.mean(named)) if named else None,
     )
+
+
+def _firsts(
+    scenario: Scenario, names: Sequence[str], findings: Sequence[Any]
+) -> list[tuple[Window, Any]]:
+    """Return the windows, each with the first finding in it, None where there is none."""
+    return [(w, next((f for f in findings if w.start <= f.alarm < w.stop), None))
+            for w in windows(scenario, names)]  # fmt: skip
 
 
 def _calm(scenario: Scenario, spans: Sequence[Window]) -> NDArray[np.bool_]:
@@ -118,12 +123,13 @@ def isolation(
     """
     if findings is None:
         return None
-    found = []
-    for window in windows(scenario, names):
-        inside = [f for f in findings if window.start <= f.alarm < window.stop]
-        named = [physical(name)[0] for name in inside[0].parameters] if inside else None
-        found.append({"fault": window.parameter, "named": named})
-    return found
+    return [
+        {
+            "fault": window.parameter,
+            "named": None if first is None else [physical(name)[0] for name in first.parameters],
+        }
+        for window, first in _firsts(scenario, names, findings)
+    ]
 
 
 def sought(scenario: Scenario, name: str) -> slice | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from flexaxis.experiments.scoring.case import Track, finite
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import nominal_theta, started_theta, true_theta
 from flexaxis.experiments.scoring.true_model import linear_model
-from flexaxis.experiments.scoring.windows import Known
+from flexaxis.experiments.scoring.windows import remembered
 from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
 
@@ -23,6 +22,7 @@ Array = NDArray[np.float64]
 STEADY = 20.0  # s at the end of the nominal run on which E ψψᵀ is taken
 
 
+@remembered()
 def information(scenario: Scenario) -> Array | None:
     """Return M (p, p) with excess = θ̃ᵀMθ̃ for θ̃ of the scenario's `identify` in % of nominal.
 
@@ -31,12 +31,6 @@ def information(scenario: Scenario) -> Array | None:
     on the units of the parameters nor on how they are chosen. It is of the linear model, so that
     what is asked of its laws has zeros there. None where there is no noise.
     """
-    return _information(Known.of(scenario))
-
-
-@lru_cache(maxsize=256)
-def _information(known: Known) -> Array | None:
-    scenario = known.scenario
     variance = noise_variance(scenario)
     linear = [name for name in scenario.identify if name not in LAW_NAMES]
     if not variance > 0 or not linear:

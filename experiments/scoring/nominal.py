@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring.theta import started_nominal
-from flexaxis.experiments.scoring.windows import Known
+from flexaxis.experiments.scoring.windows import remembered
 from flexaxis.sim.excitation import Standstill
 from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
@@ -40,14 +39,9 @@ def nominal_runs(torque: Torque) -> Iterator[None]:
         _RUN.reset(before)
 
 
+@remembered()
 def nominal_torque(scenario: Scenario) -> Array:
     """Return the torque (8000,) [N m] of 40 s on the scenario's reference at nominal parameters."""
-    return _nominal_torque(Known.of(scenario))
-
-
-@lru_cache(maxsize=256)
-def _nominal_torque(known: Known) -> Array:
-    scenario = known.scenario
     nominal = scenario.override(
         {
             "name": "nominal",
@@ -61,9 +55,10 @@ def _nominal_torque(known: Known) -> Array:
         }
         | ({"excitation.pause": []} if hasattr(scenario.excitation, "pause") else {})
     )
-    return _torque(Known(nominal.record_hash, nominal))
+    return _torque(nominal)
 
 
+@remembered()
 def design_torque(scenario: Scenario) -> Array:
     """
     Return the torque (8000,) [N m] of 40 s on the reference of the axis as it was designed.
@@ -71,12 +66,6 @@ def design_torque(scenario: Scenario) -> Array:
     That is what is told of it: nothing of what it has beyond the linear model comes in. An axis
     that is never moved here was designed to move all the same: then it is that of the multisine.
     """
-    return _design_torque(Known.of(scenario))
-
-
-@lru_cache(maxsize=256)
-def _design_torque(known: Known) -> Array:
-    scenario = known.scenario
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}
     linear |= {"fault": [], "nuisance": None, "onset_spread": None, "told": None, "substeps": None}
@@ -88,9 +77,9 @@ def _design_torque(known: Known) -> Array:
     )
 
 
-@lru_cache(maxsize=256)
-def _torque(known: Known) -> Array:
+@remembered("record_hash")
+def _torque(scenario: Scenario) -> Array:
     # Within a run the same reference serves many scenarios and estimators.
-    torque = _RUN.get()(known.scenario)
+    torque = _RUN.get()(scenario)
     torque.setflags(write=False)
     return torque

@@ -31,36 +31,34 @@ NUMBERS = (
 """Columns that pools may ask for."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Case:
     """What is kept of one estimator on one record.
 
     Attributes
     ----------
-    scenario, estimator : str
-    seed : int
+    estimator : str
+        As typed.
     names : tuple of str
         Estimated parameters.
-    rows : list of dict
-        Scores, one row for each parameter, as they are kept.
     curve : ndarray (M, p)
         Every tenth estimate over its nominal value.
     relative : dict of str to ndarray (n,)
         θ̃/D in the first scored window of each changed parameter.
-    detail : Detail or None
+    detail : Detail
         What else there is to draw of it.
+    rows : list of dict
+        Scores, one row for each parameter, as they are kept.
     theta : ndarray (N, p) or None
-        All estimates, where they were asked for.
+        All estimates.
     """
 
-    scenario: str
     estimator: str
-    seed: int
     names: tuple[str, ...]
-    rows: list[dict[str, Any]]
     curve: NDArray[np.float32]
-    relative: dict[str, NDArray[np.float32]]
-    detail: Detail | None = None
+    relative: Mapping[str, NDArray[np.float32]]
+    detail: Detail
+    rows: Sequence[dict[str, Any]] = ()
     theta: NDArray[np.float64] | None = None
 
 
@@ -68,10 +66,8 @@ def scored(
     track: Track,
     *,
     estimator: str,
-    seed: int,
     identity: Mapping[str, Any],
     cost: Mapping[str, Any],
-    whole: bool = False,
     written: Scenario | None = None,
 ) -> Case:
     """Return the case of a track: its rows, and what its figures are made of.
@@ -81,11 +77,8 @@ def scored(
     track : Track
     estimator : str
         As typed.
-    seed : int
     identity, cost : mapping
         What stands in each row before and after the scores.
-    whole : bool
-        Whether to keep all estimates.
     written : Scenario, optional
         Before its onset was drawn: the figures of all runs are drawn about the one onset there.
     """
@@ -93,54 +86,42 @@ def scored(
     with np.errstate(over="ignore", invalid="ignore"):  # a lost run may hold anything
         relative = relative_error(track)
         return Case(
-            scenario=track.scenario.name,
             estimator=estimator,
-            seed=seed,
             names=track.names,
-            rows=[dict(identity) | row | {"cost": dict(cost)} for row in rows(track)],
             curve=(shifted(track.theta, late)[::CURVE_STEP] / track.nominal).astype(np.float32),
             relative={name: error.astype(np.float32) for name, error in relative.items()},
             detail=detail_of(track, late),
-            theta=track.theta if whole else None,
+            rows=[dict(identity) | row | {"cost": dict(cost)} for row in rows(track)],
+            theta=track.theta,
         )
 
 
-def case_of(own: Sequence[dict[str, Any]], trace: Any = None) -> Case:
-    """Return a case from its rows, without trajectories unless there is a trace."""
-    first = own[0]
-    return Case(
-        scenario=first["scenario"],
-        estimator=first["estimator"],
-        seed=first["seed"],
-        names=tuple(row["parameter"] for row in own),
-        rows=list(own),
-        curve=np.empty((0, 0), np.float32) if trace is None else trace.curve,
-        relative={} if trace is None else dict(trace.relative),
-    )
-
-
-def pool_group(group: Sequence[Case], scenario: Scenario) -> list[dict[str, Any]]:
+def pool_group(
+    runs: Sequence[Sequence[Mapping[str, Any]]], scenario: Scenario
+) -> list[dict[str, Any]]:
     """Return the pooled rows of one estimator on one scenario, one for each parameter.
+
+    Parameters
+    ----------
+    runs : sequence of sequence of mapping
+        The rows of each run, one for each parameter.
+    scenario : Scenario
 
     Returns
     -------
     list of dict
         The scores as `flexaxis.experiments.scoring.table.SCORES` pools them, `seeds` their number;
-        `t63` and `t90` are those of the median run; `rmse` maps samples after onset to the root
-        mean square of θ̃/D, `efficiency` the same over the bound; `cost` is the median.
+        `cost` is the median.
     """
-    group = sorted(group, key=lambda case: case.seed)  # whatever the order in which they came
-    by_name = {name: columns_of([case.rows[i] for case in group])
-               for i, name in enumerate(group[0].names)}  # fmt: skip
+    runs = sorted(runs, key=lambda rows: rows[0].get("seed", 0))  # in whatever order they came
+    by_name = {rows[0]["parameter"]: columns_of(rows) for rows in zip(*runs, strict=True)}
     shared = excess(by_name, scenario)
-    found = []
-    for i, (name, columns) in enumerate(by_name.items()):
-        identity = {key: group[0].rows[i][key] for key in IDENTITY}
-        scores = pool_columns(columns) | shared | cost(columns)
-        errors = [case.relative[name] for case in group if name in case.relative]
-        curve = of_trajectories(errors, scores["bound"], period=scenario.period)
-        found.append(identity | {"seeds": len(group), "runs": len(group)} | scores | curve)
-    return found
+    return [
+        {key: first[key] for key in IDENTITY}
+        | {"seeds": len(runs), "runs": len(runs)}
+        | pool_columns(columns) | shared | cost(columns)
+        for first, columns in zip(runs[0], by_name.values(), strict=True)
+    ]  # fmt: skip
 
 
 def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Array]:

@@ -279,8 +279,8 @@ SCORES: Mapping[str, Score] = {
     )
 }  # fmt: skip
 
-METRICS = tuple(score.name for score in SCORES.values() if score.compared)
-"""What `compare` can compare."""
+METRICS = {score.name: score.unit or "" for score in SCORES.values() if score.compared}
+"""What `compare` can compare, with units."""
 
 MARGINS = {score.name: score.margin for score in SCORES.values() if score.margin is not None}
 """What it compares unless told otherwise, and how large a change matters (.02 is 2 %)."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +15,35 @@ from flexaxis.sim.events import Event
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.timing import sample_index
 
+P = ParamSpec("P")
+T = TypeVar("T")
+OfScenario = Callable[Concatenate[Scenario, P], T]
+
 
 @dataclass(frozen=True)
 class Known:
-    """A scenario, told apart by a digest of what matters of it to whoever remembers."""
+    """Something, told apart by a digest of what matters of it to whoever remembers."""
 
     digest: str
-    scenario: Scenario = field(compare=False)
+    content: Any = field(compare=False)
 
-    @classmethod
-    def of(cls, scenario: Scenario) -> Known:
-        """Return a scenario, told apart by its content."""
-        return cls(scenario.hash, scenario)
+
+def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T]]:
+    """Remember what a function gives for a scenario, by its content or another digest of it."""
+
+    def of(function: OfScenario[P, T]) -> OfScenario[P, T]:
+        @lru_cache(maxsize=256)
+        def kept(known: Known, *more: P.args, **named: P.kwargs) -> T:
+            return function(known.content, *more, **named)
+
+        @wraps(function)
+        def given(scenario: Scenario, *more: P.args, **named: P.kwargs) -> T:
+            return kept(Known(getattr(scenario, by), scenario), *more, **named)  # type: ignore[arg-type]
+
+        given.cache_clear = kept.cache_clear  # type: ignore[attr-defined]
+        return given
+
+    return of
 
 
 WINDOW = 5.0  # s scored after a fault, unless another event comes first
@@ -55,12 +73,11 @@ def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
     change in all. An event of a parameter that is not estimated has a window too, of size NaN:
     the others must stay put in it.
     """
-    return list(_windows(Known.of(scenario), tuple(names)))
+    return list(_windows(scenario, tuple(names)))
 
 
-@lru_cache(maxsize=1024)
-def _windows(known: Known, names: tuple[str, ...]) -> list[Window]:
-    scenario = known.scenario
+@remembered()
+def _windows(scenario: Scenario, names: tuple[str, ...]) -> list[Window]:
     starts = [(_clock(scenario, event), event) for event in scenario.events()]
     found = []
     for start, name in dict.fromkeys((start, event.parameter) for start, event in starts):
@@ -98,28 +115,21 @@ def claimed_at(scenario: Scenario) -> int:
     return (whole or scenario.samples) - 1
 
 
+@remembered()
 def quiet(scenario: Scenario) -> NDArray[np.intp]:
     """Return the samples on which std and bias are taken.
 
     They are the last 5 s before the first onset in which the excitation is on, after burn-in;
     without a fault the last 10 s, or the last half of a shorter run.
     """
-    return _quiet(Known.of(scenario))
-
-
-@lru_cache(maxsize=1024)
-def _quiet(known: Known) -> NDArray[np.intp]:
-    samples = _quiet_samples(known.scenario)
-    samples.flags.writeable = False  # all that ask share it
-    return samples
-
-
-def _quiet_samples(scenario: Scenario) -> NDArray[np.intp]:
     events = scenario.events()
     if not events:
         half = scenario.samples // 2
         length = min(round(QUIET_WITHOUT_FAULT / scenario.period), half)
-        return np.arange(scenario.samples - length, scenario.samples)
-    burnt = round(scenario.burn_in / scenario.period)
-    usable = np.flatnonzero(scenario.excited()[: events[0].index])
-    return usable[usable >= burnt][-round(QUIET / scenario.period) :]
+        found = np.arange(scenario.samples - length, scenario.samples)
+    else:
+        burnt = round(scenario.burn_in / scenario.period)
+        usable = np.flatnonzero(scenario.excited()[: events[0].index])
+        found = usable[usable >= burnt][-round(QUIET / scenario.period) :]
+    found.flags.writeable = False  # all that ask share it
+    return found

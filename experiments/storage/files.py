@@ -1,6 +1,9 @@
-"""Files that are written whole or not at all, never over what they are made of.
+"""The files of a run or a study: their names, how they are written, and what can go wrong.
 
-Where they cannot be, one line says so.
+Each is written whole or not at all, never over what it is made of. study.json says what is
+studied; scores.sqlite, or scores-I-of-N.sqlite of each share, has the rows, and what the figures of
+a run are drawn from; trajectories/ estimates that were kept; summary.json and
+report.html are made of these when all is done.
 """
 
 from __future__ import annotations
@@ -8,14 +11,30 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
 from flexaxis.sim.reading import Refusal, json_value, read_text
+
+STUDY, TRAJECTORIES = "study.json", "trajectories"
+REPORT = "report.html"
+SUMMARY, SWEEP = "summary.json", "sweep"
+COMPLETE = (SUMMARY, "compare.json", "tradeoff.json")
+"""What is written last: a folder without any of these is not complete."""
+SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
+MADE = (REPORT, "verdict.md", "tradeoff.svg")
+
 
 Given = str | os.PathLike[str] | None
 
@@ -138,3 +157,103 @@ def same(one: Path, other: Path) -> bool:
         return os.path.samefile(one, other)
     except OSError:  # at least one does not exist
         return one.resolve() == other.resolve()
+
+
+class StudyError(FlexaxisError):
+    """A study is wrong, or cannot go on; the message has one line for each problem."""
+
+
+class NotRun(FlexaxisError):
+    """Cases are missing, for no fault of theirs: a full disk, no memory; the same line goes on."""
+
+
+def no_study(folder: Path, reason: Exception | None = None) -> StudyError:
+    """Return the error for a folder that holds neither a run nor a study."""
+    why = f"{STUDY} is missing or damaged" + (f": {reason}" if reason else "")
+    return StudyError(
+        f"{folder} is not the folder of a run or a study ({why}). "
+        "Make one with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
+    )
+
+
+def needed(package: str) -> Any:
+    """Return an optional package, or say how to install it.
+
+    Raises
+    ------
+    StudyError
+        If it is not installed.
+    """
+    try:
+        return import_module(package)
+    except ImportError as error:
+        raise StudyError(f"this needs {package}: python -m pip install {package}") from error
+
+
+@cache
+def digest_of(*parts: str) -> str:
+    """Return a digest of the code, models and settings in packages of flexaxis."""
+    content = sha256()
+    for source in (f for part in parts for f in sources(files(f"flexaxis.{part}"))):
+        content.update(source.read_bytes())
+    return content.hexdigest()[:SHORT]
+
+
+def sources(folder: Traversable) -> list[Traversable]:
+    """Return the files of code, models and settings in a folder and those inside, by name."""
+    found: list[Traversable] = []
+    for item in sorted(folder.iterdir(), key=lambda item: item.name):
+        if item.is_dir():
+            found += sources(item)
+        elif item.name.endswith((".py", ".xml", ".toml")):
+            found.append(item)
+    return found
+
+
+_TEXT = re.compile(r"(?:scores|rows)(?:-\d+-of-\d+)?\.jsonl")  # called rows once
+
+
+def text_files(folder: Path) -> list[Path]:
+    """Return the files of rows as text in a folder."""
+    return sorted(path for path in folder.glob("*.jsonl") if _TEXT.fullmatch(path.name))
+
+
+def read_rows(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield the rows of all complete cases of a file; the last may have been cut short by a kill.
+
+    Raises
+    ------
+    StudyError
+        If something else than rows stands in it.
+    """
+    for _, case in groupby(_lines(path), lambda row: row["case"]):
+        rows = list(case)
+        if len(rows) % (rows[0].get("rows") or 1) == 0:
+            yield from rows
+
+
+def _lines(path: Path) -> Iterator[dict[str, Any]]:
+    with path.open("rb") as file:
+        for number, line in enumerate(file, 1):
+            if not line.endswith(b"\n"):
+                return
+            row = json_value(line, source=f"{path}, line {number}", refuse=StudyError)
+            if not isinstance(row, dict) or not isinstance(row.get("case"), str):
+                raise StudyError(f"{path}, line {number}: this is no row of a study")
+            yield row
+
+
+def write_rows(path: Path, rows: Iterable[dict[str, Any]]) -> int:
+    """Write rows to a file, whole or not at all; return how many.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    count = 0
+    with new_file(path) as part, part.open("w", encoding="utf-8") as file:
+        for row in rows:
+            file.write(dumps(row) + "\n")
+            count += 1
+    return count

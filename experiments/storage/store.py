@@ -17,14 +17,16 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.storage.columns import KEY, flat, nested
 from flexaxis.experiments.storage.files import dumps
 from flexaxis.experiments.storage.schema import (
     CASE,
+    KEY,
     ROW,
     STORED,
     TEXTS,
     connect,
+    flat,
+    nested,
     quoted,
     said,
     tables,

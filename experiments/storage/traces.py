@@ -16,59 +16,34 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring.curves import Detail
+from flexaxis.experiments.scoring.summary import Case
 from flexaxis.experiments.storage.files import OutputError
 from flexaxis.experiments.storage.schema import connect, row_files, said
 from flexaxis.experiments.storage.store import OF_CASES
 
-Array = NDArray[np.float32]
+
+def packed(case: Case) -> bytes:
+    """Return what a case is drawn from as bytes: a file of NumPy, without objects."""
+    told: dict[str, Any] = {"estimator": case.estimator, "names": case.names}
+    told |= {"changed": list(case.relative), "findings": list(case.detail.findings)}
+    arrays: dict[str, Any] = {"curve": case.curve, "near": case.detail.near}
+    if case.detail.residual is not None:
+        arrays["residual"] = case.detail.residual
+    arrays |= {f"of {name}": values for name, values in case.relative.items()}
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, told=np.array(json.dumps(told)), **arrays)
+    return buffer.getvalue()
 
 
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """The trajectory of a case.
-
-    Attributes
-    ----------
-    estimator : str
-    names : tuple of str
-        Estimated parameters.
-    curve : ndarray (M, p)
-        Every tenth estimate over its nominal value.
-    relative : dict of str to ndarray (n,)
-        θ̃/D in the first scored window of each changed parameter.
-    detail : Detail
-        What else there is of it.
-    """
-
-    estimator: str
-    names: tuple[str, ...]
-    curve: Array
-    relative: Mapping[str, Array]
-    detail: Detail
-
-    def packed(self) -> bytes:
-        """Return it as bytes: a file of NumPy, without objects."""
-        told: dict[str, Any] = {"estimator": self.estimator, "names": self.names}
-        told |= {"changed": list(self.relative), "findings": list(self.detail.findings)}
-        arrays: dict[str, Any] = {"curve": self.curve, "near": self.detail.near}
-        if self.detail.residual is not None:
-            arrays["residual"] = self.detail.residual
-        arrays |= {f"of {name}": values for name, values in self.relative.items()}
-        buffer = io.BytesIO()
-        np.savez(buffer, allow_pickle=False, told=np.array(json.dumps(told)), **arrays)
-        return buffer.getvalue()
-
-
-def unpacked(content: bytes) -> Trace:
-    """Return what `Trace.packed` gave; what is damaged fails in several ways."""
+def unpacked(content: bytes) -> Case:
+    """Return what `packed` was given, without its rows; what is damaged fails in several ways."""
     with np.load(io.BytesIO(content), allow_pickle=False) as stored:
         told = json.loads(str(stored["told"]))
         detail = Detail(stored["near"], stored.get("residual"), tuple(told["findings"]))
         relative = {name: stored[f"of {name}"] for name in told["changed"]}
-        return Trace(told["estimator"], tuple(told["names"]), stored["curve"], relative, detail)
+        return Case(told["estimator"], tuple(told["names"]), stored["curve"], relative, detail)
 
 
 @dataclass(frozen=True)
@@ -89,7 +64,7 @@ class Traces:
     codes: Mapping[str, str | None] = field(default_factory=dict)
     seeds: Sequence[int] | None = None
 
-    def find(self, key: str, estimator: str) -> dict[int, Trace]:
+    def find(self, key: str, estimator: str) -> dict[int, Case]:
         """Return the traces of an estimator on a scenario, by seed.
 
         Parameters
@@ -103,7 +78,7 @@ class Traces:
         OutputError
             If one is damaged.
         """
-        found: dict[int, Trace] = {}
+        found: dict[int, Case] = {}
         where = OF_CASES.replace("ORDER BY rowid", "ORDER BY seed")
         given = (estimator, self.codes.get(estimator), key)
         query = f"SELECT seed, trace FROM traces WHERE {where}"
@@ -115,7 +90,7 @@ class Traces:
         return found
 
 
-def _checked(path: Path, content: bytes) -> Trace:
+def _checked(path: Path, content: bytes) -> Case:
     try:
         return unpacked(content)
     except (KeyError, TypeError, ValueError, OSError, zipfile.BadZipFile) as error:

@@ -16,7 +16,7 @@ from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.reporting.run.page import render
 from flexaxis.experiments.reporting.study.page import write_report
-from flexaxis.experiments.results.pooled import Pooled, save
+from flexaxis.experiments.results.pooled import Pooled, with_curves
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import kept_runs
@@ -25,10 +25,8 @@ from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.scoring.case import failed_track, relative_error
-from flexaxis.experiments.scoring.curves import Curve, curve_of
 from flexaxis.experiments.scoring.summary import POOLED, of_trajectories
-from flexaxis.experiments.storage.files import write_text
-from flexaxis.experiments.storage.names import CURVES, REPORT, STUDY, SUMMARY, SWEEP
+from flexaxis.experiments.storage.files import REPORT, STUDY, SUMMARY, SWEEP, write_json, write_text
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.traces import Traces
 from flexaxis.experiments.studies import sweep
@@ -66,12 +64,6 @@ class Benchmark:
         swept = len(self.swept_scenarios) * len(sweep.texts(sweep.settings(self.swept_estimators)))
         return (plain + swept) * len(self.study.seeds)
 
-    @property
-    def records(self) -> int:
-        """Number of records that the cases are on."""
-        scenarios = [*self.study.scenarios, *self.swept_scenarios]
-        return len({s.record_hash for s in scenarios}) * len(self.study.seeds)
-
 
 def benchmark(
     wanted: Benchmark,
@@ -82,7 +74,7 @@ def benchmark(
     overwrite: bool = False,
     say: Callable[[str], None] | None = None,
 ) -> Pooled | None:
-    """Run what is missing, and write summary.json, curves.nc and report.html to the folder.
+    """Run what is missing, and write summary.json and report.html to the folder.
 
     Parameters
     ----------
@@ -106,28 +98,16 @@ def benchmark(
         with its error.
     """
     means = means or Means()
-    with kept_runs(means.store), means.kept() as means:
-        return _run(wanted, folder, means, shard=shard, overwrite=overwrite, say=say)
-
-
-def _run(
-    wanted: Benchmark,
-    folder: Path,
-    means: Means,
-    *,
-    shard: tuple[int, int],
-    overwrite: bool,
-    say: Callable[[str], None] | None,
-) -> Pooled | None:
-    plan = make_plan(wanted.study, shard=shard, run_code=True)
     sweeping = {
         "scenarios": [s.resolved() for s in wanted.swept_scenarios],
         "estimators": list(wanted.swept_estimators),
     }
     about = {"title": wanted.title, "command": wanted.command, "tradeoff": sweeping}
     how: dict[str, Any] = {"overwrite": overwrite, "traced": True, "run_code": True}
-    run_study(plan, folder, means, about=about, **how)
-    return finish(folder, means, say=say) if shard == (1, 1) else None
+    with kept_runs(means.store), means.kept() as means:
+        plan = make_plan(wanted.study, shard=shard, run_code=True)
+        run_study(plan, folder, means, about=about, **how)
+        return finish(folder, means, say=say) if shard == (1, 1) else None
 
 
 def finish(
@@ -150,7 +130,7 @@ def finish(
         say("pooling scores and drawing the report …")
     results = Results.load(folder)
     groups = results.grouped(["base", "method"])
-    pooled, curves = _with_trajectories(
+    pooled = _with_trajectories(
         folder, study, {s.name: s for s in scenarios}, groups.pooled(POOLED)
     )
     summary = _summary(study, pooled) | {
@@ -158,10 +138,10 @@ def finish(
         "as_set": as_set(groups),
         "tradeoff": swept,
     }
-    found = Pooled(summary, curves, folder)
-    (folder / SUMMARY).unlink(missing_ok=True)  # of another question, with these curves
+    found = with_curves(folder, summary)
+    (folder / SUMMARY).unlink(missing_ok=True)  # of another question
     write_text(folder / REPORT, render(found))
-    save(folder, found)  # the summary last: a folder without one is not complete
+    write_json(folder / SUMMARY, summary)  # last: a folder without one is not complete
     return found
 
 
@@ -170,22 +150,18 @@ def _with_trajectories(
     study: Mapping[str, Any],
     scenarios: Mapping[str, Scenario],
     rows: Sequence[Mapping[str, Any]],
-) -> tuple[list[dict[str, Any]], list[Curve]]:
-    """Return the pooled rows of a run with what takes trajectories, and these themselves.
+) -> list[dict[str, Any]]:
+    """Return the pooled rows of a run with what takes trajectories.
 
     Those of one estimator on one scenario are in memory at a time.
     """
     traces = Traces(folder, study.get("code", {}), study["seeds"])
-    found, curves = [], []
+    found = []
     for (name, estimator), own in groupby(rows, key=lambda row: (row["base"], row["method"])):
         scenario = scenarios[name]
         known = list(traces.find(scenario.hash, estimator).values())
         nothing = failed_track(scenario, scenario.true_parameters())
         lost = {name: each.astype(np.float32) for name, each in relative_error(nothing).items()}
-        if known:
-            runs = [t.curve for t in known]
-            near = [t.detail.near for t in known]
-            curves.append(curve_of(scenario, estimator, known[0].names, runs, near))
         for row in own:
             errors = [t.relative[row["parameter"]] for t in known if row["parameter"] in t.relative]
             errors += [lost[row["parameter"]]] * row["failed"] if row["parameter"] in lost else []
@@ -195,7 +171,7 @@ def _with_trajectories(
             scores = {key: value for key, value in row.items() if key not in OF_A_STUDY}
             further = of_trajectories(errors, row["bound"], period=scenario.period)
             found.append(identity | scores | further)
-    return found, curves
+    return found
 
 
 OF_A_STUDY = ("base", "method", "hours", "false_alarms_per_hour", "false_alarms_per_hour_interval")
@@ -275,4 +251,4 @@ def report(folder: Path, means: Means | None = None) -> Path:
 
 def inputs(folder: Path) -> list[Path]:
     """Return the files in a folder that a report or an export is made of."""
-    return [*(folder / name for name in (STUDY, SUMMARY, CURVES)), *row_files(folder)]
+    return [*(folder / name for name in (STUDY, SUMMARY)), *row_files(folder)]

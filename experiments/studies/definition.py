@@ -14,11 +14,11 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import specs
-from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.code import names_code
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.seeds import END, parse_seeds
 from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_option
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.studies.design import MOST, Span, listed, product, sobol
 from flexaxis.sim.config import Config, Word
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean

@@ -50,12 +50,6 @@ def _written(value: Any) -> str:
     return f"{value:.12g}" if number else json.dumps(value)
 
 
-def numbers_of(name: str) -> dict[str, float]:
-    """Return the options of an estimator whose defaults are numbers above 0."""
-    plain = {k: v for k, v in _defaults(name).items() if isinstance(v, int | float)}
-    return {k: float(v) for k, v in plain.items() if not isinstance(v, bool) and v > 0}
-
-
 def _defaults(name: str) -> dict[str, Any]:
     """Return the options of an estimator with their defaults."""
     if name in REGISTRY:

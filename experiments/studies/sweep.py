@@ -25,12 +25,11 @@ from flexaxis.experiments.comparison.matching import (
 )
 from flexaxis.experiments.comparison.ranking import REFERENCE, mark
 from flexaxis.experiments.running.bench import Bench, Runs
-from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
 from flexaxis.experiments.scoring.pooling import mean
-from flexaxis.experiments.scoring.summary import biases_of, case_of, columns_of, pool_group
+from flexaxis.experiments.scoring.summary import columns_of, pool_group
 from flexaxis.experiments.scoring.windows import windows
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.studies.knobs import with_knob
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
@@ -202,15 +201,11 @@ class _Runs:
     def match(self, scenario: Scenario, name: str, parameter: str, noise: Noise) -> Match | None:
         """Return an estimator at the noise of the reference; None where that has no such row."""
         line = self.lines[scenario.name][name]
-        reference_ = self._setting(scenario, reference(), 1.0, parameter)
-        own = [self._setting(scenario, text, factor, parameter) for text, factor in line.items()]
-        return match(reference_, own, noise)
-
-    def _setting(self, scenario: Scenario, text: str, factor: float, parameter: str) -> Setting:
-        runs = self.of(scenario, text)
-        biases = biases_of(runs, scenario)
-        rows = [next(row for row in run if row["parameter"] == parameter) for run in runs]
-        return Setting(text, factor, rows, biases, information(scenario))
+        given, *own = (
+            Setting.of(text, factor, self.of(scenario, text), parameter, scenario)
+            for text, factor in [(reference(), 1.0), *line.items()]
+        )
+        return match(given, own, noise)
 
 
 def _widen(runs: _Runs, scenario: Scenario, factor: float) -> None:
@@ -237,8 +232,7 @@ def _matched(runs: _Runs) -> Sweep:
         for name, line in runs.lines[scenario.name].items():
             for text, factor in line.items():
                 extra = {"estimator": name, "setting": text, "factor": factor}
-                cases = [case_of(run) for run in runs.of(scenario, text)]
-                pooled = pool_group(cases, scenario)
+                pooled = pool_group(runs.of(scenario, text), scenario)
                 points += [{k: r[k] for k in _KEPT} | extra for r in pooled if r["changed"]]
     at = _equal(runs)
     return Sweep(points, mark(at["std"]), at["excess"])

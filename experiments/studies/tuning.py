@@ -1,31 +1,34 @@
-"""Find the setting of an estimator's knob at which it is as noisy as the reference."""
+"""Find the setting of an estimator's knob at which it is as noisy as the reference; keep it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from flexaxis.estimators.knob import Knob
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import piped
+from flexaxis.estimators.tuned import Tuning
+from flexaxis.experiments.building.code import piped
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.scoring.summary import case_of, pool_group
-from flexaxis.experiments.studies.knobs import knob_of, numbers_of, setting
+from flexaxis.experiments.scoring.summary import pool_group
+from flexaxis.experiments.storage.files import write_text
+from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
+from flexaxis.sim.reading import read_toml
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.toml_text import toml_text
 
 EXCESS = "excess"  # what is matched unless the std of one parameter is
 TOLERANCE = 0.01  # of the matched noise
 ROUNDS = 12  # settings that a match may take
 DIGITS = 4  # of a setting: more than the tolerance can tell apart
-SPAN = 8.0  # an option is looked for from its default over this to its default times this
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,6 @@ class Tuned:
         deviations.
     ratios : dict of str to float
         Ratio of the std of each parameter.
-    lag : float or None
-        Lag [s] on the scenario for which it is least.
     """
 
     setting: str
@@ -57,7 +58,6 @@ class Tuned:
     match: str
     ratio: float
     ratios: dict[str, float]
-    lag: float | None = None
 
 
 def tuning_scenario() -> Scenario:
@@ -120,16 +120,9 @@ class Trials:
         aside = {name for name, error in each.items() if error * middle > 0}
         return frozenset(lacking or aside)
 
-    def lag(self, setting: str, scenario: Scenario) -> float:
-        """Return the lag [s] after the faults of a scenario."""
-        rows = [row for row in self._rows(scenario, setting) if row["changed"]]
-        if not rows:
-            raise FlexaxisError(f"{scenario.name} has no fault in an estimated parameter")
-        return float(np.exp(np.mean([np.log(row["lag"]) for row in rows])))
-
     def _rows(self, scenario: Scenario, setting: str) -> list[dict[str, Any]]:
         runs = self.bench.runs([scenario], [setting], self.seeds)[scenario.hash, setting]
-        return pool_group([case_of(run) for run in runs], scenario)
+        return pool_group(runs, scenario)
 
 
 class NoMatchError(FlexaxisError):
@@ -246,54 +239,6 @@ def _hint(name: str, knob: Knob) -> str:
     return f'; if it is quicker with less of it, write knob = "1/{knob.label}"'
 
 
-def least_lag(name: str, options: Sequence[str], scenario: Scenario, trials: Trials) -> Tuned:
-    """
-    Find the options with which an estimator is fastest after a fault, at matched noise.
-
-    Each in turn: the best of seven values on a logarithmic grid, then a search between its
-    neighbours; the knob is matched anew for every value.
-
-    Parameters
-    ----------
-    name : str
-        An estimator with a knob.
-    options : sequence of str
-        The options to turn, besides the knob.
-    scenario : Scenario
-        With a fault in an estimated parameter.
-    trials : Trials
-
-    Raises
-    ------
-    FlexaxisError
-        If there is no such option, or no setting that matches and keeps every run.
-    """
-    known = numbers_of(name)
-    for option in options:
-        if option not in known:
-            raise FlexaxisError(f"{name} has no option {option!r}.{did_you_mean(option, known)}")
-    tried: dict[str, Tuned] = {}
-
-    def attempt(given: dict[str, float]) -> float:
-        given = {key: float(f"{value:.{DIGITS}g}") for key, value in given.items()}
-        try:
-            found = match_noise(name, trials, given)
-        except FlexaxisError:
-            return np.inf
-        lag = trials.lag(found.setting, scenario)
-        tried.setdefault(found.setting, Tuned(**{**asdict(found), "lag": lag}))
-        return lag
-
-    best: dict[str, float] = {}
-    for option in options:
-        turned = _minimum(lambda x, o=option: attempt({**best, o: float(np.exp(x))}), known[option])
-        best[option] = float(f"{turned:.{DIGITS}g}")
-    found = min(tried.values(), key=lambda t: t.lag or np.inf, default=None)
-    if found is None or found.lag == np.inf:
-        raise FlexaxisError(f"{name}: no setting keeps every run of {scenario.name}")
-    return found
-
-
 def _knob(name: str) -> Knob:
     knob = knob_of(name)
     if knob is None:
@@ -318,10 +263,38 @@ def _how_to_have_one(name: str) -> str:
     return '; name the option in its class: knob = "1-lam", where λ is turned in 1−λ'
 
 
-def _minimum(of, default: float) -> float:
-    """Return where a function of log x is least, near a default of x."""
-    grid = np.log(default) + np.log(SPAN) * np.linspace(-1, 1, 7)
-    at = int(np.argmin([of(x) for x in grid]))
-    sides = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
-    inner = minimize_scalar(of, bounds=sides, method="bounded", options={"maxiter": 6})
-    return float(np.exp(inner.x if inner.fun < of(grid[at]) else grid[at]))
+def save(path: Path, name: str, found: Tuned, *, command: str) -> None:
+    """Write a setting to a file like estimators/tuned.toml, in the place of the one it had."""
+    tables, at = _others(path, name), tuning_scenario()
+    new = Tuning(
+        estimator=name,
+        knob=found.knob,
+        value=found.value,
+        setting=found.setting,
+        match=found.match,
+        ratio=round(found.ratio, 4),
+        command=command,
+        model=at.preset,
+        identify=at.identify,
+        period=at.period,
+        noise=at.noise.speed,
+    )
+    _write(path, [*tables, asdict(new)])
+
+
+def forget(path: Path, name: str) -> None:
+    """Remove the setting of an estimator from such a file: what was found is no match any more."""
+    _write(path, _others(path, name))
+
+
+def _others(path: Path, name: str) -> list[dict[str, Any]]:
+    """Return what the file holds besides one setting."""
+    known = read_toml(path, FlexaxisError) if path.exists() else {}
+    return [t for t in known.get("tuned", []) if t["estimator"] != name]
+
+
+def _write(path: Path, tables: list[dict[str, Any]]) -> None:
+    rank = {name: place for place, name in enumerate(REGISTRY)}
+    tables.sort(key=lambda t: rank.get(t["estimator"], len(rank)))
+    text = "# Written by `flexaxis tune`; docs/scores.md explains.\n" + toml_text({"tuned": tables})
+    write_text(path, text)

@@ -39,10 +39,10 @@ from flexaxis.experiments.board.site import (
 )
 from flexaxis.experiments.board.submission import bring
 from flexaxis.experiments.board.verification import Ask, of_form, verify_entry
-from flexaxis.experiments.building.consent import CodeRefused
+from flexaxis.experiments.building.code import CodeRefused
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.comparison.tracks import TRACKS, track_of
+from flexaxis.experiments.comparison.mismatch import TRACKS, track_of
 from flexaxis.experiments.studies.sweep import reference
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -20,7 +20,7 @@ from flexaxis.experiments.board.hidden_seeds import (
 )  # fmt: skip
 from flexaxis.experiments.board.ranking import board
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.comparison.tracks import TRACKS, track_of
+from flexaxis.experiments.comparison.mismatch import TRACKS, track_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 

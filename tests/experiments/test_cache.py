@@ -127,10 +127,10 @@ def test_scenarios_with_one_reference_share_its_nominal_run(short, store, monkey
     from flexaxis.experiments.scoring import nominal
 
     nominal._torque.cache_clear()
-    nominal._nominal_torque.cache_clear()
+    nominal.nominal_torque.cache_clear()
     alone = nominal.nominal_torque(short)
     nominal._torque.cache_clear()
-    nominal._nominal_torque.cache_clear()
+    nominal.nominal_torque.cache_clear()
     counted = []
     monkeypatch.setattr(
         cache, "simulate", lambda *a, **k: counted.append(a[1]) or simulate(*a, **k)
@@ -142,6 +142,6 @@ def test_scenarios_with_one_reference_share_its_nominal_run(short, store, monkey
             np.testing.assert_array_equal(found, alone)
         assert len(counted) == 1
         nominal._torque.cache_clear()  # as in another process
-        nominal._nominal_torque.cache_clear()
+        nominal.nominal_torque.cache_clear()
         np.testing.assert_array_equal(nominal.nominal_torque(short), alone)
     assert len(counted) == 1

@@ -9,7 +9,7 @@ import pytest
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building import specs
 from flexaxis.experiments.catalogue import find, names
-from flexaxis.experiments.catalogue.card import GROUPS, in_a_line, reference_card
+from flexaxis.experiments.catalogue.card import in_a_line, reference_card
 from flexaxis.experiments.catalogue.find import (
     find_scenario,
     find_suite,
@@ -17,6 +17,7 @@ from flexaxis.experiments.catalogue.find import (
     select,
     suite_names,
 )
+from flexaxis.experiments.catalogue.names import GROUPS
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.study import Study

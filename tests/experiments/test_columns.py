@@ -11,13 +11,12 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.results import export, source
 from flexaxis.experiments.results import results as columns
-from flexaxis.experiments.results.cube import cube_of
+from flexaxis.experiments.results.export import cube_of
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import pseudo_values
-from flexaxis.experiments.storage.columns import COLUMNS, UNITS
-from flexaxis.experiments.storage.errors import StudyError
-from flexaxis.experiments.storage.files import OutputError
+from flexaxis.experiments.storage.files import OutputError, StudyError
+from flexaxis.experiments.storage.schema import COLUMNS, UNITS
 from tests.experiments.kept_rows import change, lines_of
 
 AXES = ("fault[0].factor", "fault[0].parameter", "told")
@@ -311,6 +310,7 @@ def test_a_product_is_a_cube_with_coordinates_and_units(stored, tmp_path):
 
 def test_a_list_of_points_has_a_dimension_point(stored, tmp_path):
     """Two axes in step: three points, and not nine of which six were never asked for."""
+    pytest.importorskip("xarray", reason="an optional package")
     rows = some_rows()
     for row in rows:
         at = row["axes"]["fault[0].factor"]
@@ -322,19 +322,19 @@ def test_a_list_of_points_has_a_dimension_point(stored, tmp_path):
     )
     cube = cube_of(results)
     assert list(cube.dimensions) == ["scenario", "method", "point", "seed", "parameter"]
-    dimension, starts = cube.along["start"]
-    assert dimension == "point" and sorted(set(starts)) == [2.0, 3.0, 4.0]
+    along, starts = cube.frame.coords, cube.frame["start"].values
+    assert along["start"].dims == ("point",) and sorted(set(starts)) == [2.0, 3.0, 4.0]
     std = cube.values("std")
     assert np.isfinite(std).sum() == 72
-    seeds, names = list(cube.dimensions["seed"]), list(cube.dimensions["parameter"])
+    seeds, names = list(along["seed"].values), list(along["parameter"].values)
     for line in results.rows:
         if line["error"] is None:
             point = [
                 k for k, start in enumerate(starts)
                 if start == line["start"] and (line["frozen.gain"] is None)
-                == np.isnan(cube.along["frozen.gain"][1][k])
+                == np.isnan(along["frozen.gain"].values[k])
             ]  # fmt: skip
-            method = list(cube.dimensions["method"]).index(line["method"])
+            method = list(along["method"].values).index(line["method"])
             place = (0, method, point[0], seeds.index(line["seed"]), names.index(line["parameter"]))
             assert len(point) == 1 and std[place] == line["std"]
 
@@ -347,7 +347,7 @@ def test_the_cube_of_nothing_is_refused(stored, tmp_path):
 
 def test_every_column_of_numbers_has_a_unit():
     missing = [name for name, kind in COLUMNS.items() if kind == "number" and name not in UNITS]
-    assert not missing, f"give them a unit in `columns.UNITS`, '' for a plain number: {missing}"
+    assert not missing, f"give them a unit in `schema.UNITS`, '' for a plain number: {missing}"
 
 
 # Exports --------------------------------------------------------------------------------------

@@ -113,7 +113,7 @@ def test_the_seeds_of_the_gate_are_the_default(capsys, monkeypatch, tmp_path):
 
     asked = []
 
-    def compare(question, bench):
+    def compare(question, bench, match_std):
         asked.append(len(question.seeds))
         raise gate.FlexaxisError("enough")
 

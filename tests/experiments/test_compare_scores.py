@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.gate.gate import Comparison
-from flexaxis.experiments.gate.margins import parse_margins
-from flexaxis.experiments.gate.pairs import pair, table
+from flexaxis.experiments.gate.pairs import pair, parse_margins, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.gate.wording import cells, headline, ordered
 

@@ -11,11 +11,11 @@ from flexaxis.experiments.gate import decide as rules
 from flexaxis.experiments.gate import selftest
 from flexaxis.experiments.gate import trials as certain
 from flexaxis.experiments.gate.decide import Family, decide
-from flexaxis.experiments.gate.margins import MARGINS
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.resampling import Drawn, Pool, draw, judged
-from flexaxis.experiments.gate.selftest import LOOKS, Rate, columns, markdown
+from flexaxis.experiments.gate.selftest import LOOKS, Rate, columns, lines
 from flexaxis.experiments.gate.trials import NONE, Promise, trials
+from flexaxis.experiments.scoring.table import MARGINS
 
 GATE = Path(__file__).parents[2] / "docs" / "gate.md"
 
@@ -111,7 +111,7 @@ def test_a_gate_that_breaks_its_promise_is_seen(monkeypatch, name, value, seeds,
     monkeypatch.setattr(rules, name, value)
     found = [rate for rate in rates((seeds,), made=noise(1.0)) if not rate.kept]
     assert any(broken in rate.what for rate in found)
-    assert "BROKEN" in markdown([rate.as_dict() for rate in found])
+    assert "BROKEN" in str(lines([rate.as_dict() for rate in found]))
 
 
 def test_a_gate_that_goes_by_the_point_estimate_is_seen(monkeypatch):
@@ -307,9 +307,9 @@ def test_the_table_in_the_docs_has_the_rows_of_the_self_test():
     text = GATE.read_text(encoding="utf-8")
     table = text.split("<!-- table: self-test -->\n")[1].split("<!-- end -->")[0]
     rows = [line for line in table.splitlines() if line.startswith("|")]
-    lines = [line.strip("| ").split(" | ") for line in rows]
-    assert lines[0] == columns(made)
-    drawn = [line[0] for line in lines[2:]]
+    cells = [line.strip("| ").split(" | ") for line in rows]
+    assert cells[0] == columns(made)
+    drawn = [line[0] for line in cells[2:]]
     assert sorted(drawn[: len(tried)]) == sorted(t.what for t in tried)
     assert all(what.startswith(("stored", "equal noise")) for what in drawn[len(tried) :])
     assert len(drawn) == len(tried) + 7 and "BROKEN" not in table

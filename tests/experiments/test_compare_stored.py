@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from flexaxis.experiments.gate.margins import MARGINS
 from flexaxis.experiments.gate.report import write
 from flexaxis.experiments.gate.stored import compare_runs
 from flexaxis.experiments.gate.wording import headline, meaning
-from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.experiments.scoring.table import MARGINS
+from flexaxis.experiments.storage.files import SUMMARY
 from flexaxis.sim.errors import FlexaxisError
 
 

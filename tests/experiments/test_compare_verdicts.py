@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.gate.gate import Comparison, Question, compare
-from flexaxis.experiments.gate.margins import MARGINS, parse_margins
-from flexaxis.experiments.gate.pairs import pair, table
+from flexaxis.experiments.gate.pairs import pair, parse_margins, table
 from flexaxis.experiments.gate.report import markdown, write
 from flexaxis.experiments.gate.verdicts import by_metric, judge
 from flexaxis.experiments.gate.wording import cells, headline, meaning, row_command, worst
 from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.scoring.table import MARGINS
 from flexaxis.sim.errors import FlexaxisError
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -171,9 +171,9 @@ def test_looking_again_does_not_raise_the_false_alarms():
 
 
 def gate_p(values):
-    from flexaxis.experiments.comparison.statistics import paired
+    from flexaxis.experiments.comparison.statistics import summary, t_p
 
-    return paired(np.ones(len(values)), np.exp(values)).p
+    return t_p(*summary(values))
 
 
 class Made:

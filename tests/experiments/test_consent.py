@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from flexaxis.experiments.building.consent import CodeRefused, code_named, names_code, require
+from flexaxis.experiments.building.code import CodeRefused, code_named, names_code, require
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.engine import run_study
 from flexaxis.experiments.running.plan import make_plan

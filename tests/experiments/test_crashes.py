@@ -196,9 +196,9 @@ def test_a_worker_that_dies(capsys, command):
 
 
 def test_a_fault_of_our_own_is_a_crash_as_well(capsys, monkeypatch):
-    from flexaxis.experiments.catalogue import find as catalogue
+    from flexaxis.experiments.catalogue import names
 
-    monkeypatch.setattr(catalogue, "scenario_names", lambda: 1 / 0)
+    monkeypatch.setattr(names, "_kept", lambda: 1 / 0)
     status, err = told(capsys, "list")
     assert status == CRASH and "ZeroDivisionError" in err and len(err.splitlines()) == 1
 

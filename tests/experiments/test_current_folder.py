@@ -132,7 +132,7 @@ def test_threads_that_overlap_leave_nothing_set(monkeypatch, given):
 
 STARTERS = {
     "experiments/board/sandbox.py": "the process of a case isolated, -I",
-    "experiments/building/programs.py": "programs of a user, with their own variables",
+    "experiments/building/pipe.py": "programs of a user, with their own variables",
     "experiments/demo/movie.py": "ffmpeg",
     "experiments/logs/reading/mat_file.py": "reads MAT files, -P",
     "experiments/running/processes.py": "workers, in safe_path",

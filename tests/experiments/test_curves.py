@@ -2,16 +2,14 @@
 
 import json
 
-import h5netcdf
 import numpy as np
 import pytest
 
 from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.scoring.curves import curve_of, near_fault, residual
-from flexaxis.experiments.storage.traces import Trace, unpacked
+from flexaxis.experiments.storage.traces import packed, unpacked
 from flexaxis.sim.simulate import simulate
 
 
@@ -21,11 +19,7 @@ def record(short):
 
 
 def case_on(scenario, record, text="glr"):
-    return run_case(scenario, record, parse(text), whole=True)
-
-
-def traced(case):
-    return Trace(case.estimator, case.names, case.curve, case.relative, case.detail)
+    return run_case(scenario, record, parse(text))
 
 
 def test_every_estimate_about_the_fault_is_kept(short, record):
@@ -95,7 +89,7 @@ def test_a_finding_of_a_user_needs_no_more_than_the_contract(short, record):
 def test_traces_come_back_as_they_were(short, record):
     cases = [case_on(short, record, text) for text in ("glr", "frozen")]
     for case in cases:
-        back = unpacked(traced(case).packed())
+        back = unpacked(packed(case))
         np.testing.assert_array_equal(back.curve, case.curve)
         np.testing.assert_array_equal(back.detail.near, case.detail.near)
         assert back.detail.findings == case.detail.findings
@@ -105,22 +99,10 @@ def test_traces_come_back_as_they_were(short, record):
             np.testing.assert_array_equal(back.detail.residual, case.detail.residual)
 
 
-def test_pooled_curves_come_back_with_what_is_near_the_fault(short, record, tmp_path):
+def test_pooled_curves_have_what_is_near_the_fault(short, record):
     case = case_on(short, record)
     runs, near = [case.curve, 2 * case.curve], [case.detail.near, 2 * case.detail.near]
     both = curve_of(short, "glr", case.names, runs, near)
     np.testing.assert_allclose(both.near.median, 1.5 * near[0], rtol=1e-6)
     assert set(both.near.truth[:, 2].round(9)) == {1.0, 1.5}  # a step, not a ramp
-    alone = curve_of(short, "frozen", case.names, runs)
-    assert alone.near is None
-    pooled.save(tmp_path, pooled.Pooled({}, [both, alone], tmp_path))
-    with h5netcdf.File(tmp_path / "curves.nc", "r") as file:  # for whoever reads it elsewhere
-        group = file["0"]
-        assert group.variables["near_high"].dimensions == ("near_time", "estimate")
-        assert group["low"].shape == (len(both.time), 3)
-        assert group["time"].attrs["units"] == "s" and "estimate" not in group.variables
-        assert group.dimensions["estimate"].size == 3
-    back = pooled.load(tmp_path).curves
-    np.testing.assert_allclose(back[0].near.high, both.near.high, rtol=1e-6)
-    np.testing.assert_allclose(back[0].near.time, both.near.time)
-    assert back[1].near is None
+    assert curve_of(short, "frozen", case.names, runs).near is None

@@ -7,8 +7,6 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.hdf5_file import open_file
-from flexaxis.experiments.results.pooled import _load_curves
-from flexaxis.experiments.storage.files import OutputError
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.hdf5_inside import only_inside
 from flexaxis.sim.record import count_samples, load_record
@@ -71,14 +69,6 @@ def test_the_answer_is_one_line(stranger, tmp_path, capsys):
     (line,) = capsys.readouterr().err.splitlines()
     assert "stranger.nc: speed lies in another file" in line and "secret" in line
     assert not (tmp_path / "rec.nc").exists()
-
-
-def test_nor_as_the_curves_of_a_run(stranger, tmp_path, secret):
-    path = tmp_path / "curves.nc"
-    with h5py.File(path, "w") as file:
-        external(file.create_group("0"), "time", secret)
-    with pytest.raises(OutputError, match="0/time lies in another file"):
-        _load_curves(path)
 
 
 def test_what_lies_in_the_file_itself_is_taken(tmp_path):

@@ -79,7 +79,7 @@ def test_what_type_checkers_see_is_what_there_is():
         if isinstance(node, ast.Assign) and node.targets[0].id == "_HOME"
     )
     # `estimators` is the package, which lists itself, and is imported where it is called.
-    assert seen - {("estimators", "_lists")} == set(home.items())
+    assert seen - {("estimators", "_check")} == set(home.items())
     assert set(home) | {"__version__", "estimators"} == set(fx.__all__)
     modules = {f.name for f in (ROOT / "experiments/front").iterdir() if f.suffix == ".py"}
     links = {f.name for f in (ROOT / ".typing/flexaxis").iterdir() if f.suffix == ".py"}
@@ -133,7 +133,7 @@ def test_an_estimate_shows_itself(short):
     record = fx.simulate(short)
     found = fx.estimate(record, "rpem-forgetting", options={"forgetting": 0.99})
     assert found.estimator == "rpem-forgetting[forgetting=0.99]"
-    case = run_case(short, simulate(short, [0])[0], parse(found.estimator), whole=True)
+    case = run_case(short, simulate(short, [0])[0], parse(found.estimator))
     np.testing.assert_array_equal(found.theta, case.theta)
     assert found.covariance.shape == (*found.theta.shape, len(found.names))
     assert found.last["f_m"] == found.theta[-1, 2]

@@ -5,9 +5,8 @@ import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.code import digest
+from flexaxis.experiments.building.code import digest, give
 from flexaxis.experiments.building.crashes import EstimatorCrash
-from flexaxis.experiments.building.given import give
 from flexaxis.experiments.cli import main
 from flexaxis.sim.errors import FlexaxisError
 

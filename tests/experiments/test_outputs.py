@@ -75,7 +75,6 @@ REFUSED = {
     "track, code": [*TRACK, "axis.toml", "--estimator", "own.py:Own", "-o", "own.py"],
     "report": ["report", "run", "-o", "run/summary.json"],
     "report, rows": ["report", "run", "-o", "run/scores.sqlite"],
-    "report, curves": ["report", "run", "-o", "run/curves.nc"],
     "export": ["export", "share", "--csv", "share/scores.sqlite"],
     "export, study": ["export", "share", "--netcdf", "share/study.json"],
     "merge": ["merge", "share", "-o", "share"],

@@ -174,7 +174,7 @@ def test_programs_that_fail_later(program, old, new, message):
 def test_a_program_that_writes_too_little_has_its_time(program):
     less = ("for u, y in zip(samples[::2]", "for u, y in zip(samples[2::2]")
     estimator = started(program(less))
-    estimator._program.patience = 0.5
+    estimator._patience = 0.5
     with pytest.raises(EstimatorError, match=r"did not answer within 0.5 s and was stopped"):
         estimator.run(np.ones(5), np.ones(5))
 
@@ -191,14 +191,14 @@ def test_an_estimate_that_is_not_finite_is_told(program, short, record):
 def test_ctrl_c_is_not_for_the_program(program):
     """A terminal sends it to all that was started from it; the program would end in the middle."""
     estimator = started(program())
-    os.kill(estimator._program.process.pid, signal.SIGINT)
+    os.kill(estimator._process.pid, signal.SIGINT)
     time.sleep(0.2)
     assert estimator.step(1.0, 2.0).tolist() == [0.5, 2.0]
 
 
 def test_it_is_code_as_any_other(program, tmp_path):
     """Digest and consent, as for what is asked by lines."""
-    from flexaxis.experiments.building.consent import CodeRefused, require
+    from flexaxis.experiments.building.code import CodeRefused, require
 
     with pytest.raises(CodeRefused):
         require(False, ["pipe:./mine [x]"], source="a study")

@@ -11,7 +11,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import rmse, settles, spread, spread_at_a_time
-from flexaxis.experiments.scoring.summary import Case, pool_group
+from flexaxis.experiments.scoring.summary import of_trajectories, pool_group
 from flexaxis.experiments.scoring.table import SCORES, rows, undefined
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.simulate import simulate
@@ -37,9 +37,7 @@ def case(scenario, seed, **scores):
         "never_settled": False,
         "cost": {"us_per_sample": 1.0},
     }
-    curve = np.ones((-(-scenario.samples // 10), 1), np.float32)
-    relative = np.exp(-np.arange(400) * 0.005 / 0.5).astype(np.float32)
-    return Case(scenario.name, "e", seed, ("f_m",), [row | scores], curve, {"f_m": relative})
+    return [row | scores]
 
 
 def pooled(scenario, cases):
@@ -104,18 +102,18 @@ def test_the_pooled_std_is_that_of_an_estimate_at_any_time(time_constant):
 def test_the_pooled_std_is_the_deviation_over_seeds(text):
     scenario = find_scenario("fm_step-v1").override({"duration": 12.0})
     cases = [
-        run_case(scenario, record, parse(text), whole=True)
-        for record in simulate(scenario, range(1000, 1024))
+        run_case(scenario, record, parse(text)) for record in simulate(scenario, range(1000, 1024))
     ]
     nominal = true_theta(NAMES, scenario.nominal.as_array())
     theta = np.stack([each.theta[1000:2000] for each in cases]) / nominal
-    found = [row["std"] for row in pool_group(cases, scenario)]
+    found = [row["std"] for row in pool_group([each.rows for each in cases], scenario)]
     # ddof 1 against 0 of the slow part is 2 % at 24 seeds; the old formula was 16 … 64 % off
     assert found == pytest.approx(100 * spread_at_a_time(theta), rel=0.03)
 
 
-def test_settling_times_of_the_median_run(short):
-    row = pooled(short, [case(short, s) for s in range(3)])
+def test_settling_times_of_the_median_run():
+    relative = np.exp(-np.arange(400) * 0.005 / 0.5).astype(np.float32)
+    row = of_trajectories([relative] * 3, None, period=0.005)
     assert row["t63"] == pytest.approx(0.5 * np.log(1 / 0.37), abs=0.005)
     assert row["t90"] == pytest.approx(0.5 * np.log(10), abs=0.005)
     assert row["rmse"]["100"] == pytest.approx(np.exp(-1))
@@ -159,13 +157,12 @@ def test_the_pooled_excess_leaves_the_common_bias_out_and_lost_runs_in():
         track = Track(scenario, NAMES, theta, scenario.true_parameters(), record.torque)
         identity = {"hash": scenario.hash, "scenario": scenario.name, "estimator": "e"}
         cost = {"cost": {"us_per_sample": 1.0}}
-        each = [identity | row | cost for row in rows(track)]
-        return Case(scenario.name, "e", 0, NAMES, each, np.ones((800, 3), np.float32), {})
+        return [identity | row | cost for row in rows(track)]
 
     alike = pool_group([of(1.02) for _ in range(6)], scenario)
     assert alike[0]["excess"] == pytest.approx(0.0, abs=1e-12)
     apart = pool_group([of(f) for f in (0.98, 1.02) * 3], scenario)
-    one = of(1.02).rows[0]["excess"]
+    one = of(1.02)[0]["excess"]
     assert apart[0]["excess"] == pytest.approx(one, rel=1e-9) == apart[2]["excess"]
     lost = pool_group([of(np.nan) for _ in range(6)], scenario)
     assert lost[0]["excess"] > 1e3 * one and lost[0]["excess_interval"] is None
@@ -252,12 +249,11 @@ def lost_and_kept(seed):
 
 def _pooled(scenario, thetas, torque):
     cases = []
-    for seed, theta in enumerate(thetas):
+    for theta in thetas:
         track = Track(scenario, NAMES, theta, scenario.true_parameters(), torque)
         identity = {"hash": scenario.hash, "scenario": scenario.name, "estimator": "e"}
         more = {"cost": {"us_per_sample": 1.0}}
-        each = [identity | row | more for row in rows(track)]
-        cases.append(Case(scenario.name, "e", seed, NAMES, each, np.ones((400, 3), np.float32), {}))
+        cases.append([identity | row | more for row in rows(track)])
     return {row["parameter"]: row for row in pool_group(cases, scenario)}
 
 
@@ -339,7 +335,7 @@ def test_a_row_has_all_scores_and_a_pooled_one_those_that_pool(short):
     (record,) = simulate(short, [0])
     found = run_case(short, record, parse("frozen"))
     assert list(found.rows[0])[5:-1] == ["parameter", "changed", *SCORES]
-    whole = pool_group([found], short)[2]
+    whole = pool_group([found.rows], short)[2]
     assert {s.name for s in SCORES.values() if s.pool} <= set(whole)
 
 

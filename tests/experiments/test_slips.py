@@ -18,7 +18,7 @@ from flexaxis.experiments.running import seeds
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.processes import MOST, check_jobs
 from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.studies.definition import study_from
 from flexaxis.sim.errors import FlexaxisError
 

@@ -17,7 +17,7 @@ from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.processes import spread
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import run_unit
-from flexaxis.experiments.storage.errors import NotRun
+from flexaxis.experiments.storage.files import NotRun
 from tests.experiments.kept_rows import lines_of, scores_of
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals differ on Windows")

@@ -17,7 +17,7 @@ from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.studies import tuning
 from flexaxis.experiments.studies.knobs import knob_of, with_knob
 from flexaxis.experiments.studies.sweep import TURNS
-from flexaxis.experiments.studies.tuning import ROUNDS, TOLERANCE, Trials, least_lag, match_noise
+from flexaxis.experiments.studies.tuning import ROUNDS, TOLERANCE, Trials, match_noise
 from flexaxis.sim.parameters import preset
 
 PAPER = {"rpem-forgetting", "rpem-drift", "rpem-forgetting-mu", "rpem-drift-mu", "literal-rpem"}
@@ -36,29 +36,18 @@ def test_tuning_finds_the_reference_itself_and_its_equal(capsys, tmp_path, monke
 
 
 class Powers(Trials):
-    """Instead of runs: noise goes as the root of 1−λ, lag has its least at an option of 0.3."""
+    """Instead of runs: noise goes as the root of 1−λ."""
 
     def noises(self, setting):
         options = parse(setting).options
         quiet = 1.0 if setting.startswith("rpem") else 2.0
         return {"f_m": 1.0, "excess": quiet * (1 - options["forgetting"]) ** 0.5}
 
-    def lag(self, setting, scenario):
-        return 1 + (parse(setting).options["reset"] - 0.3) ** 2
-
 
 def test_secants_find_the_match():
     found = match_noise("cusum-reset", Powers(range(2), Bench([])))
     assert found.value == pytest.approx(1 - 0.005 / 4, abs=0.005 / 4 * 0.025)
     assert abs(found.ratio - 1) < TOLERANCE and found.knob == "forgetting"
-
-
-def test_an_option_is_turned_to_the_least_lag_at_matched_noise():
-    found = least_lag(
-        "cusum-reset", ["reset"], find_scenario("fm_step-v1"), Powers(range(2), Bench([]))
-    )
-    assert parse(found.setting).options["reset"] == pytest.approx(0.3, rel=0.1)
-    assert found.lag == pytest.approx(1.0, abs=0.002) and abs(found.ratio - 1) < TOLERANCE
 
 
 def test_no_match_and_wrong_words_are_said(capsys):
@@ -68,13 +57,10 @@ def test_no_match_and_wrong_words_are_said(capsys):
 
     with pytest.raises(ValueError, match=r"no setting of its knob.*last tried ekf"):
         match_noise("ekf", Flat(range(1), Bench([])))
-    with pytest.raises(ValueError, match=r"no option 'rest'.*reset"):
-        least_lag("cusum-reset", ["rest"], find_scenario("fm_step-v1"), Powers(range(1), Bench([])))
     for words, said in (
         ([], "name one estimator, or give --all"),
         (["--all", "--match", "f_m"], "leave --match"),
         (["--save", "ekf"], "--save took ekf for its FILE"),
-        (["ekf", "--minimize", "lag"], "go together"),
         (["ekff"], "Did you mean 'ekf'"),
     ):
         assert main(["tune", *words]) == 2
@@ -203,16 +189,15 @@ def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, 
     monkeypatch.setattr(tuning, "Trials", Powers)
     monkeypatch.chdir(tmp_path)
     words = ["tune", "cusum-reset", "--seeds", "0:2", "--save", str(path)]
-    fault = ["--minimize", "lag", "--option", "reset", "--scenario", "fm_step-v1"]
-    for more in ([], fault, []):
-        assert main([*words, *more, "--json"]) == 0
+    for other in ("rpem-corrected", "cusum-reset", "cusum-reset"):
+        assert main(["tune", other, *words[2:], "--json"]) == 0
         found = json.loads(capsys.readouterr().out)
-    plain, variant = tomllib.loads(path.read_text(encoding="utf-8"))["tuned"]
+    before, plain = tomllib.loads(path.read_text(encoding="utf-8"))["tuned"]
     assert plain["value"] == found["value"] and plain["setting"] == found["setting"]
-    assert "scenario" not in plain and variant["scenario"] == "fm_step-v1"
+    assert (before["estimator"], plain["estimator"]) == ("rpem-corrected", "cusum-reset")
     assert (plain["model"], plain["period"], plain["noise"]) == ("n1", 0.005, 0.1)
     assert plain["identify"] == ["k_T", "1/J_a", "f_m"]
-    assert variant["command"] == "flexaxis tune cusum-reset --seeds 0:2 " + " ".join(fault)
+    assert plain["command"] == "flexaxis tune cusum-reset --seeds 0:2"
 
 
 def test_the_registry_has_what_was_tuned():
@@ -325,7 +310,7 @@ def test_list_and_show_say_where_a_knob_is_tuned(capsys):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["ekf", "moving-horizon"])
 def test_tuning_again_finds_the_same(name):
-    (stored,) = (t for t in tunings() if t.estimator == name and t.scenario is None)
+    (stored,) = (t for t in tunings() if t.estimator == name)
     found = match_noise(name, Trials(range(16), Bench([])))
     # it starts from the stored value, which other processors leave within the tolerance
     assert found.value == pytest.approx(stored.value)

@@ -10,8 +10,6 @@ import h5py
 import numpy as np
 import pytest
 
-from flexaxis.experiments.results.pooled import _load_curves
-from flexaxis.experiments.storage.files import OutputError
 from flexaxis.sim import hdf5_apart
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.hdf5_apart import gone_through
@@ -268,13 +266,6 @@ def test_what_was_never_written_fills_no_memory(read, variables, told, tmp_path)
     assert (tmp_path / "small.nc").stat().st_size < 50_000
     with pytest.raises(RecordError, match=told):
         read(tmp_path / "small.nc")
-
-
-def test_curves_are_no_larger_than_curves_are(tmp_path):
-    with h5py.File(tmp_path / "curves.nc", "w") as file:
-        _never_written((10**9, 1))(file, "0/truth")
-    with pytest.raises(OutputError, match=r"says that it holds 8e\+09 bytes, where 1e\+09"):
-        _load_curves(tmp_path / "curves.nc")
 
 
 @pytest.mark.parametrize("read", READS)

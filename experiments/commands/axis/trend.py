@@ -22,8 +22,7 @@ from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import MARKS
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
-from flexaxis.experiments.storage.files import write_json
-from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.files import REPORT, write_json
 from flexaxis.experiments.streams import visible
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.building.code import add_run_code
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 

@@ -29,11 +29,9 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
-from flexaxis.experiments.commands.numbers import at_most
+from flexaxis.experiments.commands.answers import add_json, add_output, answer, at_most
 from flexaxis.experiments.running.seeds import MOST, parse_seeds
-from flexaxis.experiments.storage.files import spare
-from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.experiments.storage.files import SUMMARY, spare
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
@@ -86,7 +84,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Compare, report, and return the verdict as a status."""
-    from flexaxis.experiments.gate.margins import parse_margins
+    from flexaxis.experiments.gate.pairs import parse_margins
     from flexaxis.experiments.gate.stored import is_run
 
     margins = parse_margins(args.margin)
@@ -117,49 +115,27 @@ def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
 
 def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
-    from flexaxis.experiments.gate.equal_noise import work
-    from flexaxis.experiments.gate.gate import (
-        SUITE,
-        Question,
-        at_equal_noise,
-        compare,
-        default_seeds,
-        readable_by_both,
-    )
+    from flexaxis.experiments.gate.gate import SUITE, ask, compare, default_seeds
     from flexaxis.experiments.gate.report import write
     from flexaxis.experiments.running.bench import Bench
 
     names = args.names or [SUITE]
     seeds = parse_seeds(args.seeds or str(default_seeds(names)))
-    scenarios, lacking, left_out = readable_by_both(
-        select(names).scenarios, args.base, args.candidate, len(seeds)
+    question, left_out = ask(
+        args.base, args.candidate, select(names).scenarios, seeds, margins, args.max_seeds or 0
     )
     for name, reason in left_out.items():
         say(f"{name} is left out: {reason}")
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
-    question = Question(
-        base=args.base,
-        candidate=args.candidate,
-        scenarios=scenarios,
-        seeds=seeds,
-        margins=margins,
-        max_seeds=args.max_seeds or 0,
-        lacking=lacking,
-    )
-    most = len(question.looks()[-1]) * len(scenarios) * len({args.base, args.candidate})
-    if args.match_std:
-        most += work(len(scenarios), len(question.seeds), len(question.looks()[-1]))
-    command = options.line(args)
-    folder = _output(args)
+    most = question.most(match_std=args.match_std)
+    command, folder = options.line(args), _output(args)
     how = {"overwrite": args.overwrite, "traced": True, "about": {"command": command}}
     with (
         options.working(args, f"at most {most} case{'s'[: most != 1]}", most) as (means, _),
-        Bench(scenarios, folder, means, **how) as bench,
+        Bench(question.scenarios, folder, means, **how) as bench,
     ):
-        if args.match_std:
-            question = at_equal_noise(question, bench)
-        found = compare(question, bench)
-        path = write(folder, found, scenarios, sources=sources, command=command)
+        found = compare(question, bench, match_std=args.match_std)
+        path = write(folder, found, question.scenarios, sources=sources, command=command)
     return _told(args, found, path, sources)
 
 

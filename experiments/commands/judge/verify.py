@@ -21,13 +21,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.building.code import add_run_code
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
-from flexaxis.experiments.commands.numbers import at_most
-from flexaxis.experiments.storage.files import spare, write_json
-from flexaxis.experiments.storage.names import STUDY
+from flexaxis.experiments.commands.answers import add_json, add_output, answer, at_most
+from flexaxis.experiments.storage.files import STUDY, spare, write_json
 from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
 

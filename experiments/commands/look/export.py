@@ -12,8 +12,7 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands.answers import add_json, answer
-from flexaxis.experiments.storage.files import spare
-from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.files import REPORT, spare
 
 HELP = "write the rows of a run or a study as Parquet, CSV, NetCDF or JSON lines"
 GROUP = "look"

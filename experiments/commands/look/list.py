@@ -9,8 +9,7 @@ example:
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.sim.errors import FlexaxisError
@@ -34,30 +33,23 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Print the catalogue."""
-    found = {kind: lines() for kind, lines in _wanted(args).items()}
+    from flexaxis.experiments.catalogue.names import lines as lines_of
+    from flexaxis.experiments.catalogue.names import scenario_lines
+
+    if args.group and args.kind not in (None, "scenarios"):
+        raise FlexaxisError(f"--group is of scenarios, and {args.kind} have none: leave it out")
+    kind = "scenarios" if args.group else args.kind
+    found = {each: lines_of(each, find=args.find) for each in KINDS if kind in (None, each)}
+    if "scenarios" in found:
+        found["scenarios"] = scenario_lines(group=args.group or "", find=args.find)
     if args.json:
         return answer(args, found)
-    for kind, lines in found.items():
+    for each, lines in found.items():
         if lines:
-            _print(kind, lines)
+            _print(each, lines)
     if not any(found.values()):
         print(f"nothing has {args.find!r} in its name or in what is said of it")
     return 0
-
-
-def _wanted(args: argparse.Namespace) -> dict[str, Callable[[], list[Line]]]:
-    """Return what makes the lines of each kind that is asked for."""
-    from flexaxis.experiments.catalogue import listing
-
-    makers: dict[str, Callable[[], list[Line]]] = {
-        "scenarios": partial(listing.scenario_lines, group=args.group or "", find=args.find),
-        "suites": partial(listing.suite_lines, find=args.find),
-        "estimators": partial(listing.estimator_lines, find=args.find),
-    }
-    kind = "scenarios" if args.group else args.kind
-    if args.group and args.kind not in (None, "scenarios"):
-        raise FlexaxisError(f"--group is of scenarios, and {args.kind} have none: leave it out")
-    return {name: make for name, make in makers.items() if kind in (None, name)}
 
 
 def _print(kind: str, lines: list[Line]) -> None:
@@ -106,7 +98,7 @@ def _plain(lines: list[Line]) -> Iterator[tuple[str, ...]]:
 
 def _grouped(lines: list[Line]) -> Iterator[tuple[str, ...]]:
     """Yield the cells of the scenarios, each group that has some under its heading."""
-    from flexaxis.experiments.catalogue.card import GROUPS
+    from flexaxis.experiments.catalogue.names import GROUPS
 
     for group, words in GROUPS.items():
         mine = [line for line in lines if line["group"] == group]

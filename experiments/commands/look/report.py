@@ -11,8 +11,7 @@ from pathlib import Path
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
-from flexaxis.experiments.storage.files import as_written, spare, write_text
-from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.files import REPORT, as_written, spare, write_text
 
 HELP = "write report.html again from the results in a folder"
 GROUP = "look"

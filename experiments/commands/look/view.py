@@ -13,8 +13,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
-from flexaxis.experiments.commands.numbers import SEED, at_most
+from flexaxis.experiments.commands.answers import SEED, add_json, add_output, answer, at_most
 from flexaxis.experiments.storage.files import spare
 from flexaxis.sim.errors import FlexaxisError
 

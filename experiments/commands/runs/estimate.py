@@ -12,7 +12,6 @@ example:
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,21 +70,11 @@ def main(args: argparse.Namespace) -> int:
             advance=advance,
         )
     if args.json:
-        values = dict(zip(found.names, found.last.tolist(), strict=True))
-        known = zip(found.names, _truth(found), strict=True)
-        truth = {name: true for name, true in known if true is not None}
         content = {"estimates": path, "estimator": spec.text, "samples": found.samples}
-        return answer(args, content | {"last": values, "truth": truth})
+        return answer(args, content | {"last": found.last, "truth": found.truth})
     _print(found)
     print(path)
     return 0
-
-
-def _truth(found: Estimated) -> list[float | None]:
-    """Return the true values, None for what the record does not know."""
-    if found.truth is None:
-        return [None] * len(found.names)
-    return [None if math.isnan(true) else true for true in found.truth.tolist()]
 
 
 def _print(found: Estimated) -> None:
@@ -93,7 +82,8 @@ def _print(found: Estimated) -> None:
     from rich.table import Table
 
     table = Table("parameter", "last estimate", "truth", "error [%]", box=None, pad_edge=False)
-    for name, value, true in zip(found.names, found.last, _truth(found), strict=True):
+    for name, value in found.last.items():
+        true = found.truth.get(name)
         known = ("", "") if true is None else (f"{true:.6g}", f"{100 * (value / true - 1):+.3f}")
         table.add_row(name, f"{value:.6g}", *known)
     Console().print(table)

@@ -13,9 +13,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.building.consent import add_run_code
-from flexaxis.experiments.commands.answers import add_json, answer
-from flexaxis.experiments.commands.numbers import SEED, at_most
+from flexaxis.experiments.building.code import add_run_code
+from flexaxis.experiments.commands.answers import SEED, add_json, answer, at_most
 from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
 

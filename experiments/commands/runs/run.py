@@ -2,9 +2,8 @@ r"""Run estimators on scenarios over many seeds, score them, and write a report.
 
 SUITE and SCENARIO are names of `flexaxis list`, or paths to TOML files. Without --estimator the
 suite's estimators run (those of `smoke` where only scenarios are named). The folder gets
-scores.sqlite (one row per scenario, estimator, seed and parameter), summary.json, curves.nc and
-report.html. An estimator given as path/file.py:Class, package.module:Class or entry point is code
-that is run.
+scores.sqlite (a row for each scenario, estimator, seed, parameter), summary.json and report.html.
+An estimator given as path/file.py:Class, package.module:Class or entry point is code that is run.
 
 Simulated records are kept (`flexaxis cache info`), so that another estimator on the same scenarios
 and seeds simulates nothing. Rows are added to DIR as they come, and what it holds is kept and not
@@ -32,8 +31,7 @@ from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.files import spare
-from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.files import REPORT, spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.catalogue.find import Selection

@@ -15,8 +15,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
-from flexaxis.experiments.commands.numbers import SEED, at_most
+from flexaxis.experiments.commands.answers import SEED, add_json, add_output, answer, at_most
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.options import add_style_options, style_of
 from flexaxis.experiments.running.progress import progress

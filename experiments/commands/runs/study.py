@@ -31,12 +31,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.building.consent import add_run_code, require
+from flexaxis.experiments.building.code import add_run_code, require
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.progress import remark
-from flexaxis.experiments.storage.files import spare
-from flexaxis.experiments.storage.names import REPORT, STUDY
+from flexaxis.experiments.storage.files import REPORT, STUDY, spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.plan import Plan
@@ -53,7 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dry-run", action="store_true", help="print the plan, and stop")
     parser.add_argument(
         "--keep",
-        choices=("none", "worst", "all"),
+        choices=("none", "all"),
         default="none",
         help="whose estimates to write to DIR/trajectories (default: none)",
     )

@@ -26,8 +26,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.building.consent import add_run_code, require
-from flexaxis.experiments.commands.numbers import SEED, at_most
+from flexaxis.experiments.building.code import add_run_code, require
+from flexaxis.experiments.commands.answers import SEED, at_most
 from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.storage.files import spare
 from flexaxis.sim.errors import FlexaxisError

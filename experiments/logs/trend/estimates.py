@@ -23,8 +23,7 @@ from flexaxis.experiments.logs.reading.log import open_log
 from flexaxis.experiments.logs.trend.covariates import dated
 from flexaxis.experiments.logs.trend.refit import refit, seen
 from flexaxis.experiments.running.processes import spread
-from flexaxis.experiments.storage.files import make_folder
-from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.files import REPORT, make_folder
 from flexaxis.experiments.storage.store import Lines
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record

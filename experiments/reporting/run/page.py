@@ -11,7 +11,7 @@ from typing import Any
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.catalogue.card import happens, in_a_line
 from flexaxis.experiments.comparison import mismatch, ranking
-from flexaxis.experiments.comparison.tracks import track_of
+from flexaxis.experiments.comparison.mismatch import track_of
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.run import first, measures, over_time, singles, speed, tables
@@ -20,8 +20,7 @@ from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.true_model import known_structure
-from flexaxis.experiments.storage.errors import StudyError
-from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.experiments.storage.files import SUMMARY, StudyError
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
 TEMPLATE = "reporting/templates/run.html"

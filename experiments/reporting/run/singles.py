@@ -20,7 +20,8 @@ from flexaxis.experiments.reporting.run.speed import Wrong, key, left_out
 from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring.curves import CURVE_STEP, near_fault
-from flexaxis.experiments.storage.traces import Trace, Traces
+from flexaxis.experiments.scoring.summary import Case as Trace
+from flexaxis.experiments.storage.traces import Traces
 from flexaxis.sim.scenario import Scenario
 
 Row = Mapping[str, Any]

@@ -20,9 +20,8 @@ from flexaxis.experiments.reporting.terminal import failures_in_words
 from flexaxis.experiments.results.finds import PER_HOUR, Finds, finds
 from flexaxis.experiments.results.groups import Bins
 from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.storage.columns import axis_kind
-from flexaxis.experiments.storage.files import write_text
-from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.files import REPORT, write_text
+from flexaxis.experiments.storage.schema import axis_kind
 
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each

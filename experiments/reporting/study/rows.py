@@ -139,10 +139,9 @@ def confusion(results: Results) -> dict[str, Counter[tuple[str, str]]]:
     found: dict[str, Counter[tuple[str, str]]] = {}
     groups = results.grouped(["method", "isolation"], cases=True)
     for i, key in enumerate(groups.keys):
-        span = groups.span(i)
         for entry in json.loads(key["isolation"] or "[]"):
             counter = found.setdefault(key["method"], Counter())
-            counter[entry["fault"], _named(entry["named"])] += span.stop - span.start
+            counter[entry["fault"], _named(entry["named"])] += len(groups.rows[i])
     return found
 
 

@@ -1,1 +1,0 @@
-../../experiments/front/_working.py
