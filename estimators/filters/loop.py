@@ -23,7 +23,7 @@ def on_lanes(design: Design, pattern: Pattern) -> tuple[Record, Record]:
     ----------
     design : Design
     pattern : Pattern
-        That of the model, or one with more lanes, such as `methods.ekf.with_state` gives.
+        That of the model, or one with more lanes, such as `filters.joint.with_state` gives.
 
     Returns
     -------

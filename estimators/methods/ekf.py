@@ -1,4 +1,4 @@
-"""Joint extended Kalman filter for state and parameters, on the lanes of `sampling`."""
+"""Joint extended Kalman filter for state and parameters, on the lanes of `models.kernel`."""
 
 from functools import partial
 

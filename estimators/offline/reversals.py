@@ -25,7 +25,7 @@ def follow(dry, X, torque, slopes, offset, begin, first):  # noqa: PLR0917
 
     Parameters
     ----------
-    dry : flexaxis.estimators.offline.dry.Dry
+    dry : flexaxis.estimators.offline.dry._Dry
     X : (rows, n+1) array
         State and derivatives at first; those by θ, then others.
     torque : (N,) array

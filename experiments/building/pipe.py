@@ -78,11 +78,15 @@ class PipeEstimator:
         output: str = "speed",
         patience: float = PATIENCE,
     ) -> None:
+        if os.name == "nt":
+            raise EstimatorError(
+                "Windows cannot wait for the pipes of a program; use WSL, Linux or macOS"
+            )
         self._patience, self._said = patience, tempfile.TemporaryFile()  # noqa: SIM115, for _end
         try:
             with held_back():
                 self._process = subprocess.Popen(
-                    shlex.split(command, posix=os.name != "nt"), bufsize=0, stdin=subprocess.PIPE,
+                    shlex.split(command), bufsize=0, stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE, stderr=self._said,
                 )  # fmt: skip
         except (OSError, ValueError, IndexError) as error:

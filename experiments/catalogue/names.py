@@ -124,8 +124,11 @@ def lines(kind: str, *, find: str = "") -> list[Line]:
 def _kept() -> dict[str, list[Line]]:
     from flexaxis.estimators.models.compiler import user_cache
 
-    path = user_cache() / "flexaxis" / "catalogue.json"
     digest = digest_of("sim", "estimators", "models_mjcf", "experiments.catalogue")
+    try:
+        path = user_cache() / "flexaxis" / "catalogue.json"
+    except RuntimeError:  # who has no home has no cache
+        return _made()
     with suppress(OSError, ValueError, KeyError, TypeError):
         kept = json.loads(path.read_text(encoding="utf-8"))
         if kept["digest"] == digest:

@@ -20,6 +20,22 @@ from flexaxis.experiments.storage.files import STUDY, no_study
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 
 _CHOICE = re.compile(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)")
+_KNOBS = "tune turns knobs alone"
+_CSV = "logs are written as plain CSV"
+GONE = {
+    ("tune", "--minimize"): _KNOBS,
+    ("tune", "--option"): _KNOBS,
+    ("tune", "--scenario"): _KNOBS,
+    ("track", "--forgetting"): "give --estimator 'rpem-forgetting[forgetting=0.999]'",
+    ("track", "--highpass"): "that of identify is kept in the axis",
+    ("trend", "--highpass"): "that of identify is kept in the axis",
+    ("import", "--highpass"): "that of identify is kept in the axis",
+    **{
+        ("simulate", f"--{n}"): _CSV
+        for n in ("no-header", "decimal-comma", "torque-step", "offset", "scale")
+    },
+}
+"""Options that are no more, by command, and what does their work."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -57,8 +73,11 @@ class Parser(argparse.ArgumentParser):
         """Return what to say of a word that nothing takes."""
         if not word.startswith("-"):
             return f"{word!r} is one word too many."
+        option = word.partition("=")[0]
+        if says := GONE.get((self.prog.rpartition(" ")[2], option)):
+            return f"{option} is gone: {says}."
         known = [name for action in self._actions for name in action.option_strings]
-        return f"unknown option {word!r}.{did_you_mean(word.partition('=')[0], known)}"
+        return f"unknown option {word!r}.{did_you_mean(option, known)}"
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong, and how it may have been meant."""

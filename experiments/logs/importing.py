@@ -60,7 +60,7 @@ def import_log(
     Parameters
     ----------
     path : Path
-        CSV, MAT, HDF5, NetCDF or parquet, see `reading.reader.open_log`.
+        CSV, MAT, HDF5, NetCDF or parquet, see `reading.log.open_log`.
     tables : mapping
         As for `mapping_from`.
     resample : float, optional

@@ -242,7 +242,7 @@ def equal_noise_table(
     Parameters
     ----------
     matched, overall : sequence of mapping
-        As from a `flexaxis.experiments.studies.sweep.Sweep`, and from `scoring.ranking.overall`.
+        As from a `flexaxis.experiments.studies.sweep.Sweep`, and from `comparison.ranking.overall`.
     """
     table = Table(box=None, padding=(0, 1, 0, 0), caption=EQUAL, caption_justify="left")
     table.add_column("estimator", overflow="fold")

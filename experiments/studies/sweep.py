@@ -79,7 +79,7 @@ class Sweep:
         seeds``, ``lag_bound`` and ``lag_bound_single``.
     matched : list of dict
         One for each fault and estimator, at the std of the reference in the parameter that
-        changes: ``how`` (see `scoring.matching.Match`), ``settings, ratio, lag, lag_interval,
+        changes: ``how`` (see `comparison.matching.Match`), ``settings, ratio, lag, lag_interval,
         bound, over_bound, over_single, std_after, false_alarms_per_1000_s, leads``, and
         ``values`` seed by seed (ln of lag and std after; false alarms).
     at_excess : list of dict

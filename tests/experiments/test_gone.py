@@ -8,6 +8,7 @@ import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import GONE, REGISTRY
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.commands.words import GONE as GONE_OPTIONS
 
 OLD = Path(__file__).parent / "folder_0_1"
 STUDY = 'scenario = "fm_step-v1"\nestimators = ["ekf", "relocate"]\nseeds = 1\n'
@@ -43,6 +44,17 @@ def test_what_is_gone_is_answered_in_a_line(words, tmp_path, monkeypatch, capsys
     assert main(words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith(SAID)
+
+
+@pytest.mark.parametrize("command, option", GONE_OPTIONS)
+def test_an_option_that_is_gone_says_what_does_its_work(command, option, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main([command, f"{option}=1"])
+    said = capsys.readouterr().err
+    assert f"{option} is gone: {GONE_OPTIONS[command, option]}" in said
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    assert option not in capsys.readouterr().out.split()
 
 
 def test_python_is_told_the_same():

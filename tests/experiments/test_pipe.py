@@ -23,6 +23,7 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.case import run_case
 from flexaxis.sim.simulate import simulate
 
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="its pipes cannot be waited for")
 CC = shutil.which("cc") or shutil.which("gcc")
 OCTAVE = shutil.which("octave-cli")
 PYTHON = shlex.quote(Path(sys.executable).as_posix())
