@@ -11,7 +11,7 @@ from flexaxis.experiments.gate import decide as rules
 from flexaxis.experiments.gate import selftest
 from flexaxis.experiments.gate import trials as certain
 from flexaxis.experiments.gate.decide import Family, decide
-from flexaxis.experiments.gate.pairs import LOST
+from flexaxis.experiments.gate.pairs import LOST, table
 from flexaxis.experiments.gate.resampling import Drawn, Pool, draw, judged
 from flexaxis.experiments.gate.selftest import LOOKS, Rate, columns, lines
 from flexaxis.experiments.gate.trials import NONE, Promise, trials
@@ -228,14 +228,14 @@ def test_a_planted_gate_breaks_a_promise(monkeypatch, planted):
     assert any(not rate.kept for rate in found), planted
 
 
-ROWS = {
-    (name, seed, "f_m"): {
+ROWS = table(
+    {
         "scenario": name, "seed": seed, "parameter": "f_m", "lag": 1 + 0.01 * seed % 0.07,
         "std": 0.1, "bias": 0.01 * seed % 0.03, "diverged": False, "never_settled": False,
         "failed": False, "changed": True,
     }
     for name in ("s", "t") for seed in range(16)
-}  # fmt: skip
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(

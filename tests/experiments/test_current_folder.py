@@ -131,6 +131,7 @@ def test_threads_that_overlap_leave_nothing_set(monkeypatch, given):
 
 
 STARTERS = {
+    "experiments/board/protocol.py": "starts none: a pipe to the process of a case",
     "experiments/board/sandbox.py": "the process of a case isolated, -I",
     "experiments/building/pipe.py": "programs of a user, with their own variables",
     "experiments/demo/movie.py": "ffmpeg",
