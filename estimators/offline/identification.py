@@ -49,8 +49,6 @@ class Identified:
         that of the one they see least; a singular problem has 1e10 and more.
     weakest : (p,) array
         Relative change of the parameters, of length one, that the data see least.
-    weakest_std : float
-        Standard deviation of the estimate along it, as a fraction.
     warnings : tuple of str
         What speaks against the result, in words; empty if nothing does.
     """
@@ -62,7 +60,6 @@ class Identified:
     correlation: float
     condition: float
     weakest: Array
-    weakest_std: float
     warnings: tuple[str, ...]
 
     @property
@@ -159,7 +156,6 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
         correlation=float(correlation),
         condition=float(singular[0] / singular[-1]),
         weakest=weakest,
-        weakest_std=float(deviations[-1]),
         warnings=tuple(problems),
     )
 

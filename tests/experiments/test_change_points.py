@@ -136,7 +136,7 @@ def test_ratios_are_those_of_two_fits():
 
 @pytest.mark.parametrize("n", [12, 40])
 def test_chances_are_those_of_many_draws_and_at_most_too_large(n):
-    """50 000 sequences: 500 of a chance of 1 %, ± 5 %, and as many draws of its own, ± 10 %."""
+    """A chance of 1 % is told within a third; a rare one is bounded, and may be told too large."""
     rng = np.random.default_rng(12)
     design = np.column_stack([np.ones(n), rng.standard_normal(n)])
     number = np.arange(n)
@@ -147,9 +147,9 @@ def test_chances_are_those_of_many_draws_and_at_most_too_large(n):
         [ratios(rng.standard_normal((n, LOOK)), design, courses)[0].max(axis=0) for _ in range(100)]
     )
     largest = float(np.quantile(many, 0.99))
-    assert chance_of(largest, design, courses, rng) == pytest.approx(0.01, rel=0.4)
+    assert chance_of(largest, design, courses, rng) == pytest.approx(0.01, rel=0.3)
     rare = float(np.quantile(many, 0.9999))
-    assert 3e-5 < chance_of(rare, design, courses, rng) < 4e-4
+    assert 7e-5 < chance_of(rare, design, courses, rng) < 4e-4
     assert chance_of(1e3 * largest, design, courses, rng) < 1e-6
 
 
