@@ -25,6 +25,8 @@ CLEAR = 3.0  # standard deviations above zero, from which on friction, play and 
 OPEN = 10.0  # times the variance of what is learnt, with which it begins a pass: near enough for
 # the model to be linear there, and far enough for the data to decide
 
+LEAST = 0.9  # of the variance with which a pass begins; the walk of θ may leave as much of it
+
 
 class FirstSeconds:
     """
@@ -130,8 +132,10 @@ class FirstSeconds:
         work, state, p = self._work, self._work.states[1], self._work.p
         free, m = self._free, len(state["P"])
         P = state["P"][:, free].copy()
-        narrow = P @ np.linalg.inv(np.linalg.inv(self._open) - P[free])
-        state["P"][:, :m] += narrow @ P.T
+        root = np.linalg.cholesky(self._open)
+        told, ways = np.linalg.eigh(root.T @ P[free] @ root)  # of P D, which is below one
+        ways = root @ ways / np.sqrt(1.0 - np.minimum(told, LEAST))
+        state["P"][:, :m] += P @ ways @ (P @ ways).T
         apart = self._from - work.begin[0]["theta"][:p]
         apart[self._fixed] = 0.0
         gained = self._open @ (state["theta"][:p] - self._from)[free]
