@@ -219,7 +219,7 @@ def test_what_the_first_seconds_tell_of_the_structure_is_no_more_than_is_known(s
 
 
 def test_what_a_pass_hardly_narrowed_is_no_end_of_the_estimates():
-    """Where the variance is nearly that with which the pass began, there was a difference of both."""
+    """Where the variance is that with which the pass began, their difference was below zero."""
     _, theta, _ = tracked("coulomb_moves_fm_step-v1", 1001, until=1100)
     assert np.isfinite(theta).all()
 
