@@ -231,3 +231,10 @@ def test_a_program_that_speaks_json_is_told(tmp_path):
     (tmp_path / "old.py").write_text(f"{old}\nsys.stdin.buffer.read()")
     with pytest.raises(EstimatorError, match=r"lines of JSON, as in flexaxis 0\.1, are no longer"):
         started(f"{PYTHON} {shlex.quote((tmp_path / 'old.py').as_posix())}")
+
+
+def test_windows_is_told_what_does_it(monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "name", "nt")
+        with pytest.raises(EstimatorError, match=r"Windows cannot wait .* use WSL"):
+            PipeEstimator("anything", {}, 0.005)
