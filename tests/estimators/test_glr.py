@@ -214,6 +214,7 @@ def test_what_the_first_seconds_tell_of_the_structure_is_no_more_than_is_known(s
     _, nominal, _ = drawn("fm_step-v1", seed)
     off = [(made.learnt[n][0] - nominal[n]) / made.learnt[n][1] for n in ("k_g", "J_m", "k_a")]
     assert np.abs(off).max() < 3.3
+    assert made.learnt["f_m"][0] == pytest.approx(0.05, rel=0.015)  # two deviations
     assert {"kappa", "gap"} <= set(made.fixed_because)
     assert made.learnt["sigma_0"][1] > 0  # what friction is shaped by may still be learnt
 
