@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, field_validator
 
 from flexaxis.sim.config import Config, Positive
 from flexaxis.sim.errors import unknown
@@ -32,6 +33,10 @@ def _can_fail(parameter: str) -> str:
 Parameter = Annotated[str, AfterValidator(_can_fail)]
 # Above that a percentage was meant, or a value instead of a factor.
 Factor = Annotated[float, Field(ge=0, le=100)]
+Point = Annotated[
+    tuple[Positive, Annotated[float, Field(ge=0, le=1)]],
+    Field(strict=False),  # TOML has arrays
+]
 A_SAMPLE = "a sample at least"
 """Marks times: what is shorter would round to nothing; at sample 0 there is no value before."""
 
@@ -196,6 +201,64 @@ class Intermittent(Config):
         return faulty if self.until is None else faulty & (k < grid.index(self.until))
 
 
+class Profile(Config):
+    """A parameter goes along straight lines from point to point, as it was measured or is feared.
+
+    Attributes
+    ----------
+    parameter : str
+        One of `CHANGEABLE`.
+    at : float
+        Time of the onset [s], rounded to a sample, which still has the value before.
+    points : tuple of (float, float)
+        Time since the onset [s], rounded to samples of their own, and the share of the whole
+        change that is done by then, 0 to 1. It stays at the last one.
+    factor : float
+        Value where all of the change is done, over the value before.
+    """
+
+    kind: Literal["profile"] = "profile"
+    parameter: Parameter
+    at: Span
+    points: Annotated[tuple[Point, ...], Field(strict=False)]
+    factor: Factor
+
+    @field_validator("points")
+    @classmethod
+    def _in_order(cls, points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        times = [time for time, _ in points]
+        if not times:
+            raise ValueError("must have at least one entry, not []")
+        for before, after in pairwise(times):
+            if after <= before:
+                raise ValueError(f"times must rise from point to point: {after:g} s is after "
+                                 f"{before:g} s; a jump is a fault of its own, a step")  # fmt: skip
+        return points
+
+    def factor_at(self, grid: Grid) -> Array:
+        """Return the factor (N,) at the samples: that of the line at the sample's time."""
+        index, share = self._knots(grid)
+        return 1.0 + np.interp(grid.k, index, share) * (self.factor - 1.0)
+
+    def onsets(self, grid: Grid) -> list[tuple[int, int]]:
+        """Return (first changed sample, first settled sample) of each line that is not level."""
+        index, share = self._knots(grid)
+        lines = zip(pairwise(index), pairwise(share), strict=True)
+        return [(first + 1, last) for (first, last), (old, new) in lines
+                if old != new and first < grid.k[-1]]  # fmt: skip
+
+    def in_words(self) -> str:
+        """Return what changes, how much and when, such as "f_m +50 % from 10 s in 3 points"."""
+        number = len(self.points)
+        points = "a point" if number == 1 else f"{number} points"
+        return f"{_change(self)} from {self.at:g} s in {points}"
+
+    def _knots(self, grid: Grid) -> tuple[list[int], list[float]]:
+        """Return samples and shares of the ends of the lines."""
+        times, shares = zip((0.0, 0.0), *self.points, strict=True)
+        return [grid.index(self.at) + grid.index(time) for time in times], list(shares)
+
+
 # A new fault is a class with `kind`, `parameter`, `at`, `factor_at`, `onsets` and `in_words`, and
 # its name here.
-Fault = Annotated[Step | Ramp | Thermal | Intermittent, Field(discriminator="kind")]
+Fault = Annotated[Step | Ramp | Thermal | Intermittent | Profile, Field(discriminator="kind")]

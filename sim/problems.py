@@ -30,6 +30,7 @@ from flexaxis.sim.parameters import (
 )
 from flexaxis.sim.rate_problems import (
     Problem,
+    as_list,
     as_number,
     as_table,
     checked_period,
@@ -67,7 +68,7 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
     duration, period = as_number(content.get("duration")), checked_period(content)
     yield from rate_problems(content)
     yield from _parameter_problems(content)
-    identify = _items(content.get("identify", DEFAULT_IDENTIFY))
+    identify = as_list(content.get("identify", DEFAULT_IDENTIFY))
     yield from estimated_problems(identify, content)
     yield from _law_problems(identify, content)
     yield from _told_problems(content, identify)
@@ -88,8 +89,8 @@ def _spread_problems(
     spread = as_number(content.get("onset_spread"))
     times = [as_number(change.get("at")) for place, change in _changes(content)
              if place.startswith("fault")]  # fmt: skip
-    pauses = [as_number(t) for pair in _items(as_table(content.get("excitation")).get("pause"))
-              for t in _items(pair)]  # fmt: skip
+    pauses = [as_number(t) for pair in as_list(as_table(content.get("excitation")).get("pause"))
+              for t in as_list(pair)]  # fmt: skip
     known = [time for time in (*times, *pauses) if time is not None]
     if spread is None or duration is None or not known:
         return
@@ -292,8 +293,8 @@ def _change_problems(
 
 
 def _pause_problems(pauses: Any, duration: float | None) -> Iterator[Problem]:
-    for index, pause in enumerate(_items(pauses)):
-        begin = as_number(next(iter(_items(pause)), None))
+    for index, pause in enumerate(as_list(pauses)):
+        begin = as_number(next(iter(as_list(pause)), None))
         if begin is not None and duration is not None and begin >= duration:
             yield (
                 f"excitation.pause[{index}]",
@@ -304,7 +305,7 @@ def _pause_problems(pauses: Any, duration: float | None) -> Iterator[Problem]:
 def _changes(content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield faults and nuisances, each with its place, such as ``fault[0]``."""
     for table in ("fault", "nuisance"):
-        for index, change in enumerate(_items(content.get(table))):
+        for index, change in enumerate(as_list(content.get(table))):
             if isinstance(change, Mapping):
                 yield f"{table}[{index}]", change
 
@@ -316,7 +317,3 @@ def _must_stay_positive(parameter: Any) -> bool:
 
 def _may_be_zero(parameter: Any) -> bool:
     return isinstance(parameter, str) and parameter in MAY_BE_ZERO
-
-
-def _items(value: Any) -> list[Any]:
-    return list(value) if isinstance(value, list | tuple) else []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -54,6 +55,14 @@ def span_problems(change: Mapping[str, Any], period: float) -> Iterator[Problem]
         value = as_number(change.get(key))
         if A_SAMPLE in about.metadata and value is not None and 0 < value < period:
             yield key, f"must be a sample of {period:g} s at least, not {value:g}"
+    times = [as_number(next(iter(as_list(p)), None)) for p in as_list(change.get("points"))]
+    for i, (before, after) in enumerate(pairwise([0.0, *times])):
+        if before is not None and after is not None and 0 < after - before < period:
+            yield (
+                f"points[{i}]",
+                f"must be a sample of {period:g} s at least after the one before, not "
+                f"{after - before:g} s",
+            )
 
 
 def _tick_problems(content: Mapping[str, Any], period: float) -> Iterator[Problem]:
@@ -112,3 +121,8 @@ def as_number(value: Any) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value) if abs(value) < float("inf") else None
+
+
+def as_list(value: Any) -> list[Any]:
+    """Return an array as a list, and an empty one for anything else."""
+    return list(value) if isinstance(value, list | tuple) else []

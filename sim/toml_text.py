@@ -48,9 +48,8 @@ def _value(value: Any) -> str:
     if isinstance(value, Mapping):
         entries = ", ".join(f"{name} = {_value(entry)}" for name, entry in value.items())
         return f"{{ {entries} }}"
+    if isinstance(value, str) and "\n" in value:
+        return '"""\n' + "\n".join(_value(line)[1:-1] for line in value.split("\n")) + '"""'
     # JSON writes strings, numbers, booleans and arrays of them the way TOML does, but for one
     # control character.
-    text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, str) and "\n" in value:
-        return '"""\n' + text[1:-1].replace("\\n", "\n") + '"""'
-    return text
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

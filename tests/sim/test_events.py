@@ -101,3 +101,13 @@ def test_a_fault_towards_zero_ends_there(kind):
     ((_, before, after),) = found(kind | {"factor": 0.0})
     assert before == F_M and after == pytest.approx(0, abs=F_M * 1e-15)
     assert found(kind | {"factor": 0.0, "at": 1.0}, STEP | {"at": 19.0})[0][2] == after
+
+
+def test_a_profile_is_an_event_a_line_of_the_size_of_that_line():
+    points = [[2.0, 0.5], [4.0, 0.5], [4.5, 1.0], [8.0, 0.0], [16.0, 0.0], [17.0, 1.0]]
+    wear = {"kind": "profile", "parameter": "f_m", "at": 5.0, "points": points, "factor": 2.0}
+    assert found(wear) == [
+        near(1001, F_M, 1.5 * F_M),
+        near(1801, 1.5 * F_M, 2 * F_M),
+        near(1901, 2 * F_M, F_M),
+    ]

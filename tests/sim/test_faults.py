@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.faults import Intermittent, Ramp, Step, Thermal
+from flexaxis.sim.faults import Intermittent, Profile, Ramp, Step, Thermal
 from flexaxis.sim.timing import PERIOD, Grid
 
 GRID = Grid.first(4000, PERIOD)
@@ -60,3 +60,17 @@ def test_thermal_is_the_mean_of_an_exponential_over_each_sample(final):
     assert np.allclose(change.factor_at(GRID), expected, rtol=0, atol=1e-9)
     ((first, settled),) = change.onsets(GRID)
     assert first == 1000 and change.factor_at(Grid(np.array([settled]), PERIOD))[0] == final
+
+
+def test_a_profile_goes_straight_from_point_to_point():
+    points = ((2.0, 0.4), (6.0, 0.4), (7.0, 1.0), (12.0, 0.5))
+    wear = Profile(parameter="f_m", at=5.0, points=points, factor=3.0)
+    factor = wear.factor_at(GRID)
+    at = {5.0: 1.0, 6.0: 1.4, 7.0: 1.8, 9.0: 1.8, 11.5: 2.4, 12.0: 3.0, 14.5: 2.5, 17.0: 2.0}
+    assert {t: pytest.approx(factor[GRID.index(t)], rel=1e-12) for t in at} == at
+    assert np.all(factor[: GRID.index(5.0) + 1] == 1) and np.all(factor[GRID.index(17.0) :] == 2)
+    lines = ((5.0, 7.0), (11.0, 12.0), (12.0, 17.0))  # and a level one, which is no event
+    assert wear.onsets(GRID) == [(GRID.index(a) + 1, GRID.index(b)) for a, b in lines]
+    assert wear.in_words() == "f_m 3-fold from 5 s in 4 points"
+    changes = np.flatnonzero(np.diff(factor, 2) > 1e-9) + 1  # where it bends upwards
+    assert changes.tolist() == [GRID.index(t) for t in (5.0, 11.0, 17.0)]

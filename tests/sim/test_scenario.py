@@ -94,7 +94,7 @@ def test_toml_out_and_in_is_the_same_scenario(text):
     assert parse_scenario(text) == s
 
 
-CARDS = ['"', "\\", "\t", "\x7f", "é \U0001f600", 'a\nb """ c\n', "'"]
+CARDS = ["C:\\new\nb", '"', "\\", "\t", "\x7f", "é \U0001f600", 'a\nb """ c\n', "'"]
 
 
 @pytest.mark.parametrize("card", CARDS)

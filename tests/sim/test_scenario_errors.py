@@ -12,12 +12,13 @@ TWELVE = "k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a, r"
 LAWS = "f_c, f_s, v_s, sigma_0, sigma_1, alpha, beta, kappa, gap"
 CHANGEABLE = TWELVE.replace("r", LAWS)
 
-KINDS = ["step", "ramp", "thermal", "intermittent"]
+KINDS = ["step", "ramp", "thermal", "intermittent", "profile"]
 TO_ZERO = [
     FAULT.replace("1.5", "0.0"),
     FAULT.replace("1.5", "0").replace("step", "ramp") + "over = 2\n",
     FAULT.replace("1.5", "0").replace("step", "thermal") + "time_constant = 2\n",
     FAULT.replace("1.5", "0").replace("step", "intermittent") + "on = 2\noff = 1\n",
+    FAULT.replace("1.5", "0").replace("step", "profile") + "points = [[1.0, 1.0]]\n",
 ]
 
 # text put into a good scenario (None as first key: instead of it) -> the one line expected
@@ -41,7 +42,8 @@ CASES = [
     ("excitation = { kind = 'multisine', hihg = 3 }", "excitation.hihg: unknown key 'hihg'; ",
      " Did you mean 'high'?"),
     (FAULT.replace("step", "stepp"),
-     "fault[0]: unknown kind 'stepp'; known are step, ramp, thermal, intermittent.",
+     "fault[0]: unknown kind 'stepp'; known are step, ramp, thermal, intermittent, "
+     "profile.",
      " Did you mean 'step'?"),
     (FAULT.replace("f_m", "fm"),
      f"fault[0].parameter: unknown parameter 'fm'; known are {CHANGEABLE}.",
@@ -93,6 +95,14 @@ CASES = [
      "fault[0].off: must be a sample of 0.005 s at least, not 0.001", ""),
     (FAULT.replace("step", "intermittent") + "on = 1\noff = 1\nuntil = 9",
      "fault[0].until: the end at 9 s is not after the onset at 10 s", ""),
+    (FAULT.replace("step", "profile") + "points = []",
+     "fault[0].points: must have at least one entry, not []", ""),
+    (FAULT.replace("step", "profile") + "points = [[1, 0.5], [1, 1]]",
+     "fault[0].points: times must rise from point to point: 1 s is after 1 s; a jump is", ""),
+    (FAULT.replace("step", "profile") + "points = [[0.001, 0.5], [1, 1]]",
+     "fault[0].points[0]: must be a sample of 0.005 s at least after the one before", ""),
+    (FAULT.replace("step", "profile") + "points = [[1, 50]]",
+     "fault[0].points[0][1]: must be less than or equal to 1, not 50", ""),
     ("excitation = { kind = 'multisine', low = 40 }",
      "excitation: no line of the period 10 s (a multiple of 0.1 Hz) lies between", ""),
     ("excitation = { kind = 'multisine', high = 100 }",
