@@ -51,6 +51,9 @@ SIZES = {3: ("linear", ()), 8: ("linear", ("J_m", "k_g", "k_a", "d_g", "d_a")),
 """Axes that steps are timed on, and what is identified besides, by the number of parameters; the
 last are those that estimators with laws of friction learn."""
 
+BUDGETS = [f"glr[budget={n}]" for n in (8, 16, 32, 64, 1_000_000)]
+"""How many samples are gone through again in one; with the last, all at once."""
+
 
 @cache
 def code() -> str:
@@ -262,7 +265,11 @@ def options() -> argparse.Namespace:
     )
     add = parser.add_argument
     add("--table", action="append", choices=[*SOURCES, "cost"], help="all by default")
-    add("--estimator", action="append", help="name, or path.py:Class; rpem-forgetting and glr")
+    add(
+        "--estimator",
+        action="append",
+        help="name, or path.py:Class; rpem-forgetting and glr by default",
+    )
     add("--seeds", metavar="A:B", help="1000 and on by default, as many as docs/glr.md says")
     add("--only", default="", metavar="WORDS", help="cases with these in the name")
     add("--jobs", type=int, default=1, help="processes")
@@ -271,15 +278,16 @@ def options() -> argparse.Namespace:
     add("--keep", action="store_true", help="put the pooled rows into docs/data/glr.csv")
     add("--print", action="store_true", help="print the tables, and leave the page alone")
     given = parser.parse_args()
-    given.table = given.table or [t for t in (*SOURCES, "cost") if t != "budget"]
-    given.estimator = given.estimator or ["rpem-forgetting", "glr"]
+    given.table = given.table or [*SOURCES, "cost"]
     return given
 
 
 def main() -> None:
     """Make the tables that are asked for."""
     given = options()
+    asked = given.estimator
     for name in given.table:
+        given.estimator = asked or (BUDGETS if name == "budget" else ["rpem-forgetting", "glr"])
         words = f"`python docs/glr.py --table {name}`, commit {commit()}"
         text = f"{made(name, given)}\n{words}, seeds {given.seeds or 'of this page'}.\n"
         if given.print:

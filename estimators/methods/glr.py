@@ -39,7 +39,7 @@ JUMP = 0.3  # of θ over its scale: faults are of 10 to 100 %
 RATE = 1e-3  # 1/s, of jumps of all parameters together: one in a quarter of an hour
 SUSPECTED = 0.1  # how often what is learnt once jumps, over how often what is tracked does
 SPREAD = 0.2  # of θ(0) over itself, of what is tracked
-BUDGET = 64  # samples that are gone through again, at most, in one: some five filters' work
+BUDGET = 32  # samples that are gone through again, at most, in one: docs/glr.md has the choice
 SOFT = 0.02  # of the rms speed, by which dry friction changes its sign if nothing is told
 
 
@@ -90,7 +90,8 @@ def glr(
     spread : float
         Standard deviation of what is tracked at the start, relative to it.
     budget : int
-        Samples that are gone through again in one sample, at most, to make a candidate exact.
+        Samples that are gone through again in one sample, at most, to make a candidate exact; from
+        16 down what is found comes later, and below 8 too late for the bank.
     commissioning : float, optional
         How long the axis moves until its structure is learnt [s]; ten time scales by default.
 
@@ -240,9 +241,9 @@ def _check(*, budget: int, **options: float) -> None:
             f"{options['period']} s"
         )
     given = at_least_zero("budget", budget, "how many samples are gone through again in one")
-    if given < 4 or given != int(given):
+    if given < 8 or given != int(given):
         raise EstimatorError(
-            f"budget is {budget!r}; give 4 samples or more, whole ones, that are gone through "
+            f"budget is {budget!r}; give 8 samples or more, whole ones, that are gone through "
             "again in one"
         )
 
