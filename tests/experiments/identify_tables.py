@@ -10,9 +10,11 @@ Errors are of the estimate, in per cent of the truth, with the standard deviatio
 import argparse
 import os
 import sys
+import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
 from drives import RAIL, RAIL_COULOMB, arm, loop, rail
 from identify_axes import NAMES, VALUES, log
 
@@ -30,6 +32,8 @@ BENCH = {"J_m": 4.79e-3, "J_l": 4.76e-3, "k": 547.0}
 MAP = {
     "time": "time", "torque": "iq_adx", "angle": "theta_mx", "unit": {"time": "us"},
 }  # fmt: skip
+
+PREAMBLE = "Prüfstand;Achse 1\nAbtastung;10 ms\nZeit [s];Moment [Nm];Winkel [°]\n"
 
 
 def row(title, record, axis, truth, **options):
@@ -56,11 +60,11 @@ SECONDS = {(2, 1, "multisine"): 60.0}  # by which the bound of f_m is 1 %; 20 s 
 TOLD = {(2, "moves"): ("f_l",), (3, "moves"): ("f_g", "f_a"), (3, "multisine"): ("f_g", "f_a")}
 
 
-def drives(seeds, seconds):
+def drives(seeds, seconds, numbers=(1, 2, 3)):
     """One to three masses, slow moves and a multisine; then how many errors are as asked."""
     kept = {}
     for seed in seeds:
-        for masses in (1, 2, 3):
+        for masses in numbers:
             for ratio in RATIOS:
                 for motion in ("multisine", "moves"):
                     key = masses, ratio, motion
@@ -83,6 +87,11 @@ def drives(seeds, seconds):
             f"largest {max(z):.1f}",
             flush=True,
         )
+
+
+def gears(seeds, seconds):
+    """Three masses alone."""
+    drives(seeds, seconds, (3,))
 
 
 def drive(masses, ratio, motion, seed, seconds, **options):
@@ -171,6 +180,20 @@ def arms(seeds, seconds):
     _covered([_candidates(f"arm {s}", arm(s, seconds=seconds), "one_mass", truth) for s in seeds])
 
 
+def controllers(seeds, seconds):
+    """Rigid axes at 100 Hz as a controller for machines logs them: Latin-1, decimal commas."""
+    truth, rows = VALUES[1] | {"f_c": 10 * VALUES[1]["f_m"]}, []
+    for seed in seeds:
+        record = loop(1, 16, 10, seed, seconds=max(seconds, 60.0), period=0.01)
+        cells = np.column_stack((record.time, record.torque, np.rad2deg(record.angle)))
+        text = "\n".join(";".join(f"{cell:.6f}" for cell in line) for line in cells)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "plc.csv"
+            path.write_text(PREAMBLE + text.replace(".", ","), encoding="latin-1")
+            rows.append(_candidates(f"controller {seed}", read_any(path, {}), "one_mass", truth))
+    _covered(rows)
+
+
 def _candidates(title, record, model, truth, *, candidates=True):
     """Print an identification and its fits; return status, and errors with deviations by name."""
     begun = time.process_time()
@@ -210,8 +233,8 @@ def _covered(rows):
 
 def main(arguments):
     """Print the tables asked for."""
-    tables = {"drives": drives, "without": without, "robots": robots, "bench": bench,
-              "rails": rails, "loops": loops, "arms": arms}  # fmt: skip
+    tables = {"drives": drives, "gears": gears, "without": without, "robots": robots, "bench": bench,
+              "rails": rails, "loops": loops, "arms": arms, "controllers": controllers}  # fmt: skip
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tables", nargs="*", choices=[*tables, []], default=[])
     parser.add_argument("--seeds", default="5000:5005", metavar="A:B")
