@@ -233,8 +233,8 @@ def _covered(rows):
 
 def main(arguments):
     """Print the tables asked for."""
-    tables = {"drives": drives, "gears": gears, "without": without, "robots": robots, "bench": bench,
-              "rails": rails, "loops": loops, "arms": arms, "controllers": controllers}  # fmt: skip
+    each = (drives, gears, without, robots, bench, rails, loops, arms, controllers)
+    tables = {table.__name__: table for table in each}
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tables", nargs="*", choices=[*tables, []], default=[])
     parser.add_argument("--seeds", default="5000:5005", metavar="A:B")
