@@ -98,7 +98,7 @@ table.style.set_uuid("axis").format(
 # %%
 import flexaxis as fx
 from flexaxis.experiments.logs.identification.validate import validate
-from flexaxis.experiments.logs.pages.charts import validation_chart
+from flexaxis.experiments.logs.pages.identify_page import validation_chart
 
 another = import_any(Path("days/2026-01-05.csv"), {}).record
 tried = validate(another, found.axis)

@@ -83,7 +83,7 @@ def import_log(path: str | Path, **options: Any) -> LogResult:
         ``torque_is``; ``resample`` [Hz] and ``burn_in`` [s].
     """
     from flexaxis.experiments.logs.importing import import_log as read
-    from flexaxis.experiments.logs.pages.charts import log_chart, spectrum_chart
+    from flexaxis.experiments.logs.pages.import_page import log_chart, spectrum_chart
 
     treated = {name: options.pop(name, None) for name in ("resample", "burn_in")}
     found = read(Path(path), options, **treated)

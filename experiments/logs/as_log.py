@@ -94,9 +94,7 @@ def logged(record: Record, style: LogStyle, rng: np.random.Generator) -> dict[st
     }
 
 
-def write_log(
-    path: Path, columns: Mapping[str, Array], style: LogStyle, *, date: str | None = None
-) -> None:
+def write_log(path: Path, columns: Mapping[str, Array], style: LogStyle) -> None:
     """Write columns as CSV; the file says whose it is, for `files.spare_foreign`.
 
     Parameters
@@ -106,11 +104,9 @@ def write_log(
         As from `logged`, and others in whatever unit their name says.
     style : LogStyle
         For units.
-    date : str, optional
-        When the log began, by ISO 8601; it goes into the file.
     """
     head = [f"{name} [{style.unit(name)}]" if name in UNITS else name for name in columns]
-    lines = [f"# {WRITTEN}", *([f"# date: {date}"] if date else []), ",".join(head)]
+    lines = [f"# {WRITTEN}", ",".join(head)]
     row = ",".join(["%.10g"] * len(columns))
     lines += [row % cells for cells in zip(*(v.tolist() for v in columns.values()), strict=True)]
     write_text(path, "\n".join(lines) + "\n")

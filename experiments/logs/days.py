@@ -115,7 +115,7 @@ class Day:
     number : int
         From 1.
     date : str
-        By ISO 8601.
+        By ISO 8601, which begins the name of its log.
     temperature : float
         [°C].
     factors : dict of str to float
@@ -172,7 +172,7 @@ def write_day(folder: Path, scenario: Scenario, day: Day, *, seed: int, style: L
     warming = WITHIN * (time - time[0]) / (time[-1] - time[0])
     read = day.temperature + warming + 0.1 * rng.standard_normal(len(time))
     path = _path(folder, day.date)
-    write_log(path, columns | {"temp": np.round(read, 1)}, style, date=day.date)
+    write_log(path, columns | {"temp": np.round(read, 1)}, style)
     return path
 
 

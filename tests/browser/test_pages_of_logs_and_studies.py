@@ -45,7 +45,7 @@ def pages(tmp_path_factory):
     run("days", "--days", "14", "--duration", "8", "--wear", "f_c=+20%", "--from-day", "7",
         "--units", "deg,A", "-o", days)  # fmt: skip
     first, second = days / "2026-01-01.csv", days / "2026-01-02.csv"
-    run("import", first, "--model", axis, "-o", home / "import.nc")
+    run("import", first, "-o", home / "import.nc")
     run("identify", home / "import.nc", "--model", axis, "--validate", second, "-o",
         home / "identify.toml")  # fmt: skip
     run("track", days / "2026-01-12.csv", "--model", home / "identify.toml", "--identify", "f_m",

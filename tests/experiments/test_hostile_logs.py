@@ -101,17 +101,6 @@ def test_its_own_record_and_page_are_made_anew(tmp_path, capsys):
         np.testing.assert_allclose(file["torque"][:], other["torque"], rtol=1e-11)
 
 
-def test_a_poor_log_is_imported_even_if_a_model_cannot_be_guessed(tmp_path, capsys):
-    """A torque that does not move what is logged: the record is made, and why is said."""
-    log = tmp_path / "log.csv"
-    columns = made.signals(20.0)
-    noise = 1e-3 * np.random.default_rng(7).standard_normal(len(columns["time"]))
-    made.csv(columns | {"angle": noise}).write(log)
-    status, out, _ = answer(capsys, "import", log, "--model", "two_mass")
-    assert status == 0 and "is not known: the torque explains" in out
-    assert (tmp_path / "log.nc").exists()
-
-
 def test_strict_is_status_1_if_something_spoils_the_estimates(tmp_path, capsys):
     log = tmp_path / "log.csv"
     made.csv({"angle": -made.good["angle"]}).write(log)

@@ -9,8 +9,8 @@ import pytest
 
 from flexaxis.experiments.logs.changes import Change
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.pages.charts import log_chart
 from flexaxis.experiments.logs.pages.import_page import _finding as of_import
+from flexaxis.experiments.logs.pages.import_page import log_chart
 from flexaxis.experiments.logs.pages.page import LogPage, capital, write_page
 from flexaxis.experiments.logs.pages.track_page import track_page
 from flexaxis.experiments.logs.track import Tracked

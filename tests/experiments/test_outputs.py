@@ -66,7 +66,6 @@ REFUSED = {
     "estimate, code": ["estimate", "rec.nc", "--estimator", "own.py:Own[a=1]", "-o", "own.py"],
     "import": ["import", "rec.nc", *LOG, "-o", "rec.nc"],
     "import, map": ["import", "rec.nc", "--map", "map.toml", "-o", "map.toml"],
-    "import, model": ["import", "rec.nc", *LOG, "--model", "axis.toml", "-o", "axis.toml"],
     "identify": ["identify", "rec.nc", "-o", "rec.nc"],
     "identify, model": ["identify", "rec.nc", "--model", "axis.toml", "-o", "axis.toml"],
     "identify, map": ["identify", "rec.nc", "--map", "map.toml", "-o", "map.toml"],

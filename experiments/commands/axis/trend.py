@@ -83,8 +83,6 @@ def main(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         raise KeyboardInterrupt("what was done is kept; the same line goes on") from None
     report = _page(args, found)
-    if found.why:
-        raise LogError(f"{found.why}; the estimates are in {report}")
     status = 1 if found.changed or ailments(found.rows) else 0
     content = _result(args, found, report)
     if args.json:
@@ -101,7 +99,7 @@ def _page(args: argparse.Namespace, found: Trend) -> Path:
     from flexaxis.experiments.logs.pages.trend_page import trend_page
 
     report, model = args.output / REPORT, Path(args.model).stem
-    title = f"{'Estimates' if found.why else 'Trend'} of {model} over {len(found.good)} logs"
+    title = f"Trend of {model} over {len(found.good)} logs"
     write_page(trend_page(found, title=title, command=args.line), report)
     return report
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.findings import Finding, ordered
-from flexaxis.experiments.logs.identification.visibility import Seen
 from flexaxis.experiments.logs.importing import Imported
-from flexaxis.experiments.logs.pages.charts import log_chart, spectrum_chart
-from flexaxis.experiments.logs.pages.page import LogPage
-from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
+from flexaxis.experiments.logs.pages.page import LogPage, gaps, line, panel, thinned
+from flexaxis.experiments.logs.spectra import spectra
+from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
+from flexaxis.sim.record import Record
 
 COLUMNS = (
     Column("what was looked at", kind="text"),
@@ -22,14 +26,12 @@ COLUMNS = (
 )
 
 
-def import_page(found: Imported, seen: Mapping[str, Seen], log: Path, command: str) -> LogPage:
+def import_page(found: Imported, log: Path, command: str) -> LogPage:
     """Return the page of an import.
 
     Parameters
     ----------
     found : Imported
-    seen : mapping of str to Seen
-        What the excitation tells of each parameter, if a model was named.
     log : Path
     command : str
         That made it.
@@ -37,7 +39,7 @@ def import_page(found: Imported, seen: Mapping[str, Seen], log: Path, command: s
     doubts = ordered(found.checks)
     said = [replace(c, text=f"{c.name}: {c.sentence}") for c in doubts if c.kind != "ok"]
     charts, title = [log_chart(found.record), spectrum_chart(found.record)], f"Import of {log.name}"
-    return LogPage(title, command, _finding(doubts), said, charts, _tables(doubts, seen))
+    return LogPage(title, command, _finding(doubts), said, charts, [_table(doubts)])
 
 
 def _finding(doubts: Sequence[Finding]) -> Finding:
@@ -51,7 +53,7 @@ def _finding(doubts: Sequence[Finding]) -> Finding:
     return Finding("ok", f"Nothing speaks against this log, in {len(doubts)} looks at it.")
 
 
-def _tables(checks: Sequence[Finding], seen: Mapping[str, Seen]) -> list[Table]:
+def _table(checks: Sequence[Finding]) -> Table:
     rows = [
         Row([
             Cell(c.name),
@@ -62,9 +64,32 @@ def _tables(checks: Sequence[Finding], seen: Mapping[str, Seen]) -> list[Table]:
         ])
         for c in checks
     ]  # fmt: skip
-    tables = [Table("Plausibility", COLUMNS, rows)]
-    if seen:
-        lines = [(name, one.words) for name, one in seen.items()]
-        head = ("parameter", "in words")
-        tables.append(texts("What the excitation tells of each parameter", head, lines))
-    return tables
+    return Table("Plausibility", COLUMNS, rows)
+
+
+def log_chart(record: Record) -> Chart:
+    """Return torque and motion over time."""
+    motion = np.asarray(getattr(record, output_of(record)))
+    return Chart(
+        title="The log",
+        words=f"Shaded: missing, or before the end of the burn-in.{thinned(record.time)}",
+        x="time [s]",
+        panels=[
+            panel("torque [as logged]", line(record.time, record.torque)),
+            panel("speed [rad/s]", line(record.time, motion)),
+        ],
+        spans=gaps(record.time, usable(record)),
+    )
+
+
+def spectrum_chart(record: Record) -> Chart:
+    """Return the spectrum of the torque."""
+    seen = spectra(record.torque, record.torque, record.period)
+    density = line(seen.frequency[1:], np.sqrt(seen.torque[1:]), log=True)
+    return Chart(
+        title="What the torque excites",
+        words="Amplitude spectral density of the torque, over segments of 4 s.",
+        x="frequency [Hz]",
+        panels=[panel("torque [as logged, per √Hz]", density, y_log=True)],
+        x_log=True,
+    )

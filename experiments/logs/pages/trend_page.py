@@ -12,7 +12,7 @@ from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.pages.page import LogPage, capital, points
 from flexaxis.experiments.logs.trend.trend import Trend, ailments
 from flexaxis.experiments.logs.trend.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
-from flexaxis.experiments.logs.trend.words import log_remarks, remarks, sentences
+from flexaxis.experiments.logs.trend.words import remarks, sentences
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
@@ -29,7 +29,7 @@ ESTIMATE = "estimate of a log, ±2σ"
 
 
 def trend_page(trend: Trend, *, title: str, command: str) -> LogPage:
-    """Return the page; of too few logs the estimates alone, and why there are no verdicts."""
+    """Return the page."""
     bad = {str(r["log"]): [r["problem"]] for r in trend.rows if r["problem"] and "unlike" not in r}
     tables = [
         texts(heading, ("log", "what"), [(log, ", and ".join(said)) for log, said in ill.items()])
@@ -39,9 +39,6 @@ def trend_page(trend: Trend, *, title: str, command: str) -> LogPage:
         )
         if ill
     ]
-    if trend.why:
-        told, said = Finding("problem", capital(trend.why)), log_remarks(trend.rows)
-        return LogPage(title, command, told, said, [], [_estimates(trend), *tables])
     tables.insert(0, _parameters(trend))
     return LogPage(title, command, _finding(trend), remarks(trend), [*_charts(trend)], tables)
 
@@ -145,18 +142,6 @@ def _over_covariate(found: Verdict, name: str, values: Array) -> Chart:
         x=f"{name} [its unit]",
         panels=[Panel(y=f"{found.name} [%]", lines=lines)],
     )
-
-
-def _estimates(trend: Trend) -> Table:
-    """Return the estimates of each log."""
-    names = list(trend.good[0]["estimates"])
-    lines = []
-    for row in trend.good:
-        each = [row["estimates"][name] for name in names]
-        cells = [Cell(f"{e['value']:.5g} ± {e['sd']:.1g}", e["value"]) for e in each]
-        lines.append(Row([Cell(str(row["log"])), Cell(f"{row['fit']:.3g}", row["fit"]), *cells]))
-    columns = [Column("log", kind="text"), Column("fit [%]"), *map(Column, names)]
-    return Table("Estimates [SI]", columns, lines)
 
 
 def _parameters(trend: Trend) -> Table:

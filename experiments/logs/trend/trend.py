@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,9 +36,6 @@ class Trend:
         Of those that could.
     covariates : dict of str to ndarray
     verdicts : list of Verdict
-        Empty where there are too few logs.
-    why : str
-        Why there are no verdicts.
     false_alarms : float
         Probability that any parameter of an axis that does not change is said to.
     """
@@ -47,7 +44,6 @@ class Trend:
     clock: Clock
     covariates: Mapping[str, NDArray[np.float64]]
     verdicts: list[Verdict]
-    why: str = ""
     false_alarms: float = 0.01
 
     @property
@@ -105,19 +101,15 @@ def trend_of(
     with progress(f"{len(logs)} logs", len(logs)) as advance:
         rows = estimate_all(plan, logs, folder, jobs=jobs, advance=advance)
     good = [row for row in rows if not row["problem"]]
-    if not good:
-        raise LogError(
-            f"none of {len(rows)} logs can be used; {rows[0]['log']}: {rows[0]['problem']}"
-        )
+    if len(good) < fewest:
+        why = [f": {row['log']}: {row['problem']}" for row in rows if row["problem"]]
+        raise LogError(f"{len(good)} logs have estimates; a trend needs {fewest}{''.join(why[:1])}")
     when = clock(good)
     ordered = [good[i] for i in when.order]
     columns = covariates_of(ordered, covariates)
-    found = Trend(rows, when, columns, [], false_alarms=false_alarms)
-    try:
-        options = {"false_alarms": false_alarms, "smallest": smallest}
-        return replace(found, verdicts=verdicts(ordered, when.time, columns, **options))
-    except LogError as error:
-        return replace(found, why=str(error))
+    options = {"false_alarms": false_alarms, "smallest": smallest}
+    found = verdicts(ordered, when.time, columns, **options)
+    return Trend(rows, when, columns, found, false_alarms)
 
 
 Array = NDArray[np.float64]
