@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from packaging.version import InvalidVersion, Version
 
 from flexaxis.experiments.board.entry import Entry, EntryError
@@ -21,11 +20,9 @@ from flexaxis.experiments.board.ranking import (
     reference_rows,
     standings,
 )
-from flexaxis.experiments.board.real_logs import LogScore
 from flexaxis.experiments.board.verification import Ask, of_form
 from flexaxis.experiments.comparison.matching import NOISIER, QUIETER
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST
-from flexaxis.experiments.reporting.charts import Chart, Line, Panel, ends
 from flexaxis.experiments.reporting.page import render
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.storage.files import json_table, make_folder, write_json, write_text
@@ -179,8 +176,6 @@ class Shown:
     quick : bool
         Whether it is one for trying.
     command : str
-    logs : sequence of LogScore
-        What the keeper's logs of real axes give.
     """
 
     taken: Sequence[Taken]
@@ -188,7 +183,6 @@ class Shown:
     board: Board
     quick: bool
     command: str
-    logs: Sequence[LogScore] = ()
 
 
 def write_site(shown: Shown, folder: Path) -> dict[str, Any]:
@@ -207,7 +201,6 @@ def write_site(shown: Shown, folder: Path) -> dict[str, Any]:
         "quick": shown.quick,
         "tracks": tracks,
         "entries": [_about(each) for each in in_order(shown.taken)],
-        "logs": [score.as_json() for score in shown.logs],
         "left_out": {name: list(problems) for name, problems in shown.left.items()},
     }
     write_text(folder / PAGE, _index(shown, last, tracks))
@@ -249,7 +242,6 @@ def _index(shown: Shown, last: Sequence[Taken], tracks: Mapping[str, Any]) -> st
             "signs": SIGNS,
             "entries": {t.entry.label: _about(t) for t in last},
             "versions": [_about(t) for t in in_order(shown.taken)],
-            "charts": list(_history(shown)),
             "first": _first(tracks, {t.entry.label: t.state for t in last}),
         },
     )
@@ -268,36 +260,6 @@ def _first(tracks: Mapping[str, Any], states: Mapping[str, str]) -> dict[str, st
         if names[1:]:
             found[track] += f"; these seeds cannot tell it from {', '.join(names[1:])}"
     return found
-
-
-def _history(shown: Shown) -> Iterator[Chart]:
-    """Yield for each track how the versions of a name went, where any has several."""
-    names: dict[str, list[str]] = {}
-    for each in in_order(shown.taken):
-        names.setdefault(each.entry.about.name, []).append(each.entry.label)
-    if all(len(labels) < 2 for labels in names.values()):
-        return
-    everyone = standings({t.entry.label: t.own for t in shown.taken}, shown.board)
-    for track, table in everyone.items():
-        places = {p["label"]: p | {"value_interval": p["interval"]} for p in table["places"]}
-        lines = [line for name, labels in names.items() if (line := _line(name, labels, places))]
-        yield Chart(
-            title=f"{track}: versions",
-            words="The versions of each name in their order, first to newest, with 95 % intervals: "
-            + MEASURES[table["measure"]]
-            + ". Who cannot be made as noisy as the reference is drawn at its nearest setting.",
-            x="version, in order",
-            panels=[Panel(y=table["measure"], lines=lines, y_log=table["measure"] != "score")],
-        )  # fmt: skip
-
-
-def _line(name: str, labels: Sequence[str], places: Mapping[str, Any]) -> Line | None:
-    mine = [places[label] for label in labels]
-    y = np.array([place["value"] for place in mine], float)  # None is NaN
-    if np.isnan(y).all():
-        return None
-    low, high = ends(mine, "value")
-    return Line(who=name, x=np.arange(1.0, len(y) + 1), y=y, kind="both", low=low, high=high)
 
 
 def _entry_page(shown: Shown, taken: Taken) -> str:

@@ -1,9 +1,7 @@
-"""A lesson drawn into a file, GIF or MP4, without a display: for lectures and the README."""
+"""A lesson drawn into a GIF, without a display: for lectures and the README."""
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,8 +22,6 @@ from flexaxis.sim.timing import PERIOD
 
 Pixels = NDArray[np.uint8]
 
-KINDS = (".gif", ".mp4")
-
 
 def record(
     lesson: Lesson,
@@ -36,13 +32,13 @@ def record(
     exaggerate: float = 100.0,
     advance: Callable[[float], None] = lambda _: None,
 ) -> None:
-    """Play a lesson and write it as GIF or MP4.
+    """Play a lesson and write it as GIF.
 
     Parameters
     ----------
     lesson : Lesson
     path : Path
-        Ends in .gif, or in .mp4 where ffmpeg is installed.
+        Ends in .gif.
     estimators : sequence of str, optional
         Two in place of those of the lesson.
     seed : int, optional
@@ -63,7 +59,7 @@ def record(
     )
     pictures = frames(session, lesson, exaggerate=exaggerate, advance=advance)
     with new_file(path) as part:
-        (_save_gif if path.suffix == ".gif" else _save_mp4)(part, pictures, lesson.frames)
+        _save(part, pictures, lesson.frames)
 
 
 def frames(
@@ -90,15 +86,13 @@ def frames(
 
 
 def _check(path: Path) -> None:
-    if path.suffix not in KINDS:
-        raise OutputError(f"{path}: a recording is a {' or '.join(KINDS)} file")
+    if path.suffix != ".gif":
+        raise OutputError(f"{path}: a recording is a .gif file (ffmpeg -i IT.gif IT.mp4 turns one)")
     if not path.parent.is_dir():
         raise OutputError(f"{path}: there is no folder {path.parent}; make it, or choose another")
-    if path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
-        raise OutputError(f"{path}: an MP4 needs ffmpeg on the path; a .gif needs nothing more")
 
 
-def _save_gif(path: Path, pictures: Iterator[Pixels], rate: int) -> None:
+def _save(path: Path, pictures: Iterator[Pixels], rate: int) -> None:
     from PIL import Image
 
     images = [Image.fromarray(pixels) for pixels in pictures]
@@ -108,21 +102,6 @@ def _save_gif(path: Path, pictures: Iterator[Pixels], rate: int) -> None:
     first.save(
         path, save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=True
     )
-
-
-def _save_mp4(path: Path, pictures: Iterator[Pixels], rate: int) -> None:
-    width, height = round(100 * SIZE[0]), round(100 * SIZE[1])
-    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(rate)]
-    target = ["-pix_fmt", "yuv420p", "-movflags", "+faststart", str(path)]
-    words = ["ffmpeg", "-loglevel", "error", "-y", *source, "-i", "-", *target]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as ffmpeg:
-        assert ffmpeg.stdin is not None and ffmpeg.stderr is not None
-        for pixels in pictures:
-            ffmpeg.stdin.write(pixels.tobytes())
-        ffmpeg.stdin.close()
-        complaint = ffmpeg.stderr.read().decode()
-    if ffmpeg.returncode:
-        raise OutputError(f"{path}: ffmpeg failed: {complaint.strip()}")
 
 
 SIZE = (8.0, 4.8)  # inches at 100 dots each

@@ -1,4 +1,4 @@
-"""What a page can draw: charts of curves over a common axis, maps of cells, what a click opens.
+"""What a page can draw: charts of curves over a common axis, and what a click opens.
 
 Plain values: `drawing` makes HTML of them for pages, `figures` draws them with matplotlib. Labels
 are plain text; a symbol such as ``f_m`` in them is typeset there.
@@ -115,45 +115,6 @@ class Chart:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Cells:
-    """One map of a `Heat`: of an estimator, if `who` says so, which then can be hidden.
-
-    Attributes
-    ----------
-    values : (len(ys), len(xs)) array
-        NaN is an empty cell.
-    """
-
-    values: Array
-    who: str = ""
-    title: str = ""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Heat:
-    """Maps of cells over two axes of names or numbers, on one scale of colour.
-
-    Attributes
-    ----------
-    unit : str
-        Of the values, for scale and hover.
-    log : bool
-        Whether the scale of colour is logarithmic.
-    """
-
-    title: str
-    words: str
-    x: str
-    y: str
-    xs: Sequence[str | float]
-    ys: Sequence[str | float]
-    panels: Sequence[Cells]
-    unit: str = ""
-    log: bool = False
-    name: str = ""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Pick:
     """What the page shows after a click on a line of that name.
 
@@ -170,7 +131,7 @@ class Pick:
     words: str = ""
     facts: Sequence[tuple[str, str]] = ()
     command: str = ""
-    charts: Sequence[Chart | Heat] = ()
+    charts: Sequence[Chart] = ()
 
 
 def ends(rows: Sequence[Mapping[str, Any]], key: str, unit: float = 1.0) -> Any:

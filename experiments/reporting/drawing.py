@@ -15,17 +15,9 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from flexaxis.experiments.reporting import styles
-from flexaxis.experiments.reporting.charts import Chart, Heat, Line
+from flexaxis.experiments.reporting.charts import Chart, Line
 from flexaxis.experiments.reporting.scales import Scale, across, upward
-from flexaxis.experiments.reporting.shapes import (
-    UNITS,
-    heat_legend,
-    maps,
-    path,
-    places,
-    runs,
-    units,
-)
+from flexaxis.experiments.reporting.shapes import UNITS, path, places, runs, units
 from flexaxis.experiments.reporting.tables import in_svg, symbols
 
 Array = NDArray[np.float64]
@@ -37,30 +29,24 @@ WORD = 1.35  # per cent of a narrow view that a letter takes
 ORDER = ("data", "estimate", "bound", "truth")  # truth and bounds are seen upon estimates
 
 
-def drawn(chart: Chart | Heat, place: str = "", *, high: int | None = None) -> Markup:
+def drawn(chart: Chart, place: str = "", *, high: int | None = None) -> Markup:
     """Return a chart as a figure.
 
     Parameters
     ----------
-    chart : Chart or Heat
+    chart : Chart
     place : str
         Its name in the page; by default its own, or its title's.
     high : int, optional
         Pixels of a panel; by default as many as pages give it.
     """
-    if isinstance(chart, Heat):
-        whos = [cells.who for cells in chart.panels if cells.who]
-        buttons = [_button(who, swatch(who), who) for who in whos] if len(whos) > 1 else []
-        legend, views = heat_legend(chart) + "".join(buttons), "".join(maps(chart))
-    else:
-        legend, views = _legend(chart), "".join(_view(chart, n, x, high) for n, x in across(chart))
-    unit = chart.unit if isinstance(chart, Heat) else ""
+    views = "".join(_view(chart, name, x, high) for name, x in across(chart))
     place = place or chart.name or re.sub(r"[^a-z0-9]+", "-", chart.title.lower()).strip("-")
     return Markup(
         f'<figure class="chart" id="{escape(place)}" data-title="{escape(chart.title)}" '
-        f'data-x="{escape(chart.x)}" data-unit="{escape(unit)}"><div class="views">{views}</div>'
+        f'data-x="{escape(chart.x)}"><div class="views">{views}</div>'
         '<div class="legend" role="group" aria-label="Curves: press to hide everywhere">'
-        f"{legend}</div></figure>"
+        f"{_legend(chart)}</div></figure>"
     )
 
 

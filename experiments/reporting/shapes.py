@@ -1,4 +1,4 @@
-"""What charts are drawn of: curves as paths of SVG, thinned, and maps as tables of cells."""
+"""What charts are drawn of: curves as paths of SVG, thinned."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from markupsafe import escape
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.experiments.reporting.charts import Heat, Line
+from flexaxis.experiments.reporting.charts import Line
 from flexaxis.experiments.reporting.scales import Scale
-from flexaxis.experiments.reporting.tables import symbols
 
 Array = NDArray[np.float64]
 
@@ -119,60 +117,3 @@ def _of_side(column: NDArray[np.int64], side: NDArray[np.float64]) -> NDArray[np
     missing = order[(first + there)[first + there < np.append(first[1:], len(order))]]
     full = there > 0
     return np.concatenate([order[first[full]], order[(first + there - 1)[full]], missing])
-
-
-def maps(heat: Heat) -> Iterator[str]:
-    """Yield each map as a table with coloured cells."""
-    scale = _tones(heat)
-    heads = "".join(f'<th scope="col">{symbols(_name(x))}</th>' for x in heat.xs)
-    for cells in heat.panels:
-        rows = list(zip(heat.ys, np.asarray(cells.values), strict=True))[::-1]
-        body = "".join(
-            f'<tr><th scope="row">{symbols(_name(y))}</th>'
-            f"{''.join(_cell(float(v), scale, heat.unit) for v in row)}</tr>"
-            for y, row in rows
-        )
-        yield (
-            f'<div class="view heat" data-who="{escape(cells.who)}" tabindex="0">'
-            '<table class="heat">'
-            f"<caption>{escape(cells.title or cells.who)}</caption><tbody>{body}</tbody><tfoot><tr>"
-            f"<th>{symbols(f'{heat.y} ↑, {heat.x} →')}</th>{heads}</tr></tfoot></table></div>"
-        )
-
-
-def _name(value: str | float) -> str:
-    return value if isinstance(value, str) else f"{value:.3g}"
-
-
-def _tones(heat: Heat) -> Scale:
-    values = np.concatenate([np.ravel(cells.values) for cells in heat.panels] or [np.empty(0)])
-    known = values[np.isfinite(values) & ((values > 0) | (not heat.log))]
-    ends = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-    return Scale(*ends, heat.log and known.size > 0)
-
-
-def _cell(value: float, scale: Scale, unit: str) -> str:
-    if not np.isfinite(value):
-        return "<td></td>"
-    share = float(np.clip(scale.share(value), 0, 1))
-    return (
-        f'<td class="{"dark" if share > 0.47 else "light"}" style="background:{_colour(share)}" '
-        f'data-value="{value:.6g}" title="{value:.4g} {escape(unit)}">{value:.2g}</td>'
-    )
-
-
-def _colour(share: float) -> str:
-    """Return the colour of a share; it reads the same to the colour-blind."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
-    return to_hex(colormaps["cividis"](share))
-
-
-def heat_legend(heat: Heat) -> str:
-    """Return the scale of colours, with its ends."""
-    scale, shades = _tones(heat), ", ".join(_colour(i / 8) for i in range(9))
-    bar = f'<i class="shades" style="background:linear-gradient(90deg, {shades})"></i>'
-    ends = f"{scale.low:.3g}", f"{scale.high:.3g}"
-    unit = escape(heat.unit)
-    return f'<span class="role">{ends[0]} {bar} {ends[1]} {unit}</span>'

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexaxis.experiments.reporting import page
-from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel, Pick
+from flexaxis.experiments.reporting.charts import Chart, Line, Panel, Pick
 
 HOSTILE = '<img src=x onerror=alert(1)>"&|=#'
 WHO = ("rpem-forgetting", "rpem-drift", "ekf", "glr", HOSTILE)
@@ -76,7 +76,7 @@ def render(monkeypatch, changed=None):
 def content():
     return {
         "rows": list(zip(WHO, GROUPS, LAGS, strict=True)),
-        "charts": [estimates(), tradeoff(), lags()],
+        "charts": [estimates(), tradeoff()],
         "picks": {"1003": page.packed(picked())},
     }
 
@@ -134,23 +134,6 @@ def tradeoff():
         x="std of f_m [%]",
         panels=[panel],
         x_log=True,
-    )
-
-
-def lags():
-    cells = [
-        Cells(who=who, values=np.arange(12.0).reshape(3, 4) * (n + 1) + 1)
-        for n, who in enumerate(WHO[:2])
-    ]
-    return Heat(
-        title="Lag over factor and onset",
-        words="Two of them.",
-        x="factor",
-        y="noise [rad/s]",
-        xs=(0.5, 0.8, 1.2, 2.0),
-        ys=("low", "middle", "high"),
-        panels=cells,
-        unit="s",
     )
 
 

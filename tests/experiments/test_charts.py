@@ -7,10 +7,8 @@ import pytest
 
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import (
-    Cells,
     Chart,
     ChartError,
-    Heat,
     Line,
     Panel,
     Pick,
@@ -105,14 +103,6 @@ def test_a_burst_does_not_set_the_scale():
     x = np.arange(1000.0)
     y = np.where(x == 500, 1e6, np.sin(x))
     assert shown(Line(x=x, y=y))["high"] < 2
-
-
-def test_a_map_is_a_table_with_its_first_row_at_the_bottom():
-    heat = Heat(title="t", words="", x="factor", y="noise", xs=(1.0, 2.0), ys=("low", "high"),
-                panels=[Cells(values=np.array([[1.0, 2.0], [3.0, np.nan]]))], unit="s")  # fmt: skip
-    html = str(drawn(heat, "t"))
-    assert html.index(">high<") < html.index(">low<") < html.index(">2<")
-    assert html.count("<td></td>") == 1 and 'data-value="3" title="3 s">3</td>' in html
 
 
 def chart(title, who="ekf", **more):

@@ -134,7 +134,6 @@ STARTERS = {
     "experiments/board/protocol.py": "starts none: a pipe to the process of a case",
     "experiments/board/sandbox.py": "the process of a case isolated, -I",
     "experiments/building/pipe.py": "programs of a user, with their own variables",
-    "experiments/demo/movie.py": "ffmpeg",
     "experiments/logs/reading/mat_file.py": "reads MAT files, -P",
     "experiments/running/processes.py": "workers, in safe_path",
     "sim/hdf5_apart.py": "reads HDF5 files, -P",

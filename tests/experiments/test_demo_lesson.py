@@ -1,7 +1,6 @@
 """Lessons: what is read, what is refused, what is drawn."""
 
 import os
-import shutil
 import subprocess
 import sys
 from itertools import pairwise
@@ -164,7 +163,7 @@ def test_a_recording_has_the_pictures_of_the_lesson(recorded):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--record", "a.avi"], "a recording is a .gif or .mp4 file"),
+        (["--record", "a.avi"], "a recording is a .gif file"),
         (["--script", "a.toml"], "--script is for --record"),
         (["--record", "a.gif", "--script", "none.toml"], "none.toml: cannot be read"),
         (["--speed", "0"], "--speed 0: give a factor"),
@@ -178,20 +177,6 @@ def test_wrong_use_is_one_line_and_status_2(words, message, capsys, tmp_path, mo
     assert main(["demo", *words]) == 2
     (line,) = [text for text in capsys.readouterr().err.splitlines() if "flexaxis:" in text]
     assert message in line
-
-
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg on the path")
-def test_a_film_for_lectures(recorded):
-    target = recorded("short.mp4")
-    words = ["ffmpeg", "-i", str(target), "-f", "framecrc", "-"]
-    found = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    assert sum(not line.startswith("#") for line in found.splitlines()) == 5
-
-
-def test_mp4_needs_ffmpeg(monkeypatch, capsys):
-    monkeypatch.setattr("shutil.which", lambda name: None)
-    assert main(["demo", "--record", "a.mp4"]) == 2
-    assert "needs ffmpeg" in capsys.readouterr().err
 
 
 def test_the_script_to_start_from_is_printed(capsys):

@@ -9,7 +9,13 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.study import charts
 from flexaxis.experiments.reporting.study import rows as study_rows
-from flexaxis.experiments.reporting.study.rows import Alarms, alarms, confusion
+from flexaxis.experiments.reporting.study.rows import (
+    Alarms,
+    alarms,
+    confusion,
+    isolation_table,
+    lag_table,
+)
 from flexaxis.experiments.scoring.detection import isolation
 
 
@@ -122,20 +128,27 @@ def test_confusion_counts_each_case_once(stored, tmp_path):
         "m": Counter({("f_m", "f_m"): 1, ("J_a", "missed"): 1, ("f_m", "unmodelled"): 1,
                       ("J_a", "several"): 1})
     }  # fmt: skip
-    heat = charts.isolation(counts, words="")
-    (panel,) = heat.panels
-    assert panel.who == "m" and heat.ys == ["J_a", "f_m"]
-    share = dict(zip(heat.xs, panel.values[heat.ys.index("f_m")], strict=True))
-    assert share == {"f_m": 50, "J_a": 0, "several": 0, "unmodelled": 50, "missed": 0}
+    table = isolation_table(counts, words="")
+    lines = {tuple(cell.text for cell in row.cells[:2]): row.cells[2:] for row in table.rows}
+    assert set(lines) == {("m", "f_m"), ("m", "J_a")}
+    names = [column.heading for column in table.columns[2:]]
+    share = dict(zip(names, (cell.value for cell in lines["m", "f_m"]), strict=True))
+    assert share == {"f_m [%]": 50, "J_a [%]": 0, "several [%]": 0, "unmodelled [%]": 50,
+                     "missed [%]": 0}  # fmt: skip
 
 
-def test_a_heat_map_has_a_field_for_every_pair():
+def test_the_lag_over_two_axes_has_a_cell_for_every_pair():
     rows = [pooled("ekf", factor, start=start, lag=factor * start)
             for factor in (1.5, 2.0, 3.0) for start in (1.0, 1.2)]  # fmt: skip
     axes = ("start", "fault[0].factor")
-    heat = charts.lag_map(rows, axes, labels=("start", "size"), words="")
-    np.testing.assert_allclose(heat.panels[0].values, np.outer([1.5, 2.0, 3.0], [1.0, 1.2]))
-    assert heat.xs == [1.0, 1.2] and heat.ys == [1.5, 2.0, 3.0] and not heat.log
+    rows.append(pooled("ekf", 3.0, start=1.2, lag=0.0, runs=12))  # of another parameter
+    table = lag_table(rows[1:], axes, ("start", "size"), "")
+    values = [[cell.value for cell in row.cells[1:]] for row in table.rows]
+    assert values == [[1.5, pytest.approx(1.8), ""], [2.0, pytest.approx(2.4), 2.0],
+                      [3.0, pytest.approx(0.9), 3.0]]  # fmt: skip
+    assert [c.heading for c in table.columns[1:]] == [
+        "size", "lag [s] at start 1.2", "lag [s] at start 1",
+    ]  # fmt: skip
 
 
 class Swept:

@@ -1,15 +1,10 @@
-r"""Build a static site from entries: who is ahead on each track, history over versions, all lines.
+r"""Build a static site from entries: who is ahead on each track, every version, all lines.
 
 An ENTRY is a folder that `flexaxis submit` made. Each is checked before it is taken: digests, form,
 the frozen suite, its rows; what fails is told and left out (status 1).
 The reference that all are matched to is run here. Nothing of an entry is executed, and its texts
 are text. What `flexaxis verify ENTRY --run-code -o verdicts/NAME.json` found is taken from
 --verdicts; an entry without a verdict is shown as unverified, one that was rejected is left out.
-
-Real axes: --logs gives a folder with records NAME.nc and their axes NAME.toml (`flexaxis
-identify`). An entry follows the first part of a log; its last estimate is judged by how well it
-simulates the part it has not seen. None is shipped. Entries that name code run there only with
---run-code, and in the sandbox of `verify`.
 
 example:
   flexaxis board entries/glr entries/ekf --verdicts verdicts -o site
@@ -22,7 +17,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.building.code import add_run_code
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 
@@ -35,9 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("entries", nargs="+", type=Path, metavar="ENTRY")
     add_output(parser, "SITE", required=True)
     parser.add_argument("--verdicts", type=Path, metavar="FOLDER", help="of `verify ENTRY -o`")
-    parser.add_argument("--logs", type=Path, metavar="FOLDER", help="records of real axes")
     parser.add_argument("--quick", action="store_true", help="of entries for trying, no others")
-    add_run_code(parser, "entries, on --logs,")
     add_json(parser)
 
 
@@ -45,7 +37,6 @@ def main(args: argparse.Namespace) -> int:
     """Collect, rank, write."""
     from flexaxis.experiments.board.entry import EntryError
     from flexaxis.experiments.board.ranking import board
-    from flexaxis.experiments.board.real_logs import log_scores
     from flexaxis.experiments.board.site import PAGE, Shown, collect, read_verdicts, write_site
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
@@ -60,10 +51,8 @@ def main(args: argparse.Namespace) -> int:
             say(f"left out: {problem}")
     if not taken:
         raise EntryError("no entry can be taken: nothing is written")
-    entries = [each.entry for each in taken]
-    logs = log_scores(entries, args.logs, run_code=args.run_code) if args.logs else []
     mine = frozen.quick() if args.quick else frozen
-    shown = Shown(taken, left, mine, args.quick, args.line, logs)
+    shown = Shown(taken, left, mine, args.quick, args.line)
     found = write_site(shown, args.output)
     page, status = args.output / PAGE, 1 if left else 0
     if args.json:
@@ -76,9 +65,8 @@ def main(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> None:
     from flexaxis.experiments.board.entry import EntryError
 
-    for folder in (args.verdicts, args.logs):
-        if folder is not None and not folder.is_dir():
-            raise EntryError(f"{folder}: there is no such folder")
+    if args.verdicts is not None and not args.verdicts.is_dir():
+        raise EntryError(f"{args.verdicts}: there is no such folder")
     if any(args.output.resolve() == entry.resolve() for entry in args.entries):
         raise EntryError(f"{args.output}: is an entry; choose another folder with -o")
 

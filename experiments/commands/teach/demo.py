@@ -35,7 +35,7 @@ from flexaxis.sim.errors import FlexaxisError
 if TYPE_CHECKING:
     from flexaxis.experiments.demo.lesson import Lesson
 
-HELP = "a live axis in the browser, or a lesson as GIF or MP4"
+HELP = "a live axis in the browser, or a lesson as GIF"
 GROUP = "teach"
 
 
@@ -60,7 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--port", type=int, metavar="N", help="this one or none (default 8080, or the next free)"
     )
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
-    parser.add_argument("--record", type=Path, metavar="FILE.gif|mp4", help="draw into a file")
+    parser.add_argument("--record", type=Path, metavar="FILE.gif", help="draw into a file")
     parser.add_argument("--script", type=Path, metavar="LESSON.toml", help="what is recorded")
     add_run_code(parser, "the estimators of LESSON.toml")
     parser.add_argument("--print-script", action="store_true", help="print the default lesson")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.reporting.charts import Chart, Heat, Line, Panel
+from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.page import render
 from flexaxis.experiments.reporting.shapes import extremes
 from flexaxis.experiments.reporting.tables import Table
@@ -101,7 +101,7 @@ class LogPage:
         What comes of it, in one sentence.
     remarks : sequence of Finding
         What there is to say besides.
-    charts : sequence of Chart or Heat
+    charts : sequence of Chart
         The first one stands with the finding, the others behind the tables.
     tables : sequence of Table
     """
@@ -110,7 +110,7 @@ class LogPage:
     command: str
     finding: Finding
     remarks: Sequence[Finding]
-    charts: Sequence[Chart | Heat]
+    charts: Sequence[Chart]
     tables: Sequence[Table]
 
 

@@ -5,7 +5,7 @@ const UNITS = 10000; // of the inner picture, as `reporting/drawing.py` has it
 
 /** Make a figure of the page one that can be read, zoomed and saved. */
 function setUpFigure(place) {
-  const boxes = [...place.querySelectorAll(".view:not(.heat)")];
+  const boxes = [...place.querySelectorAll(".view")];
   const figure = { name: place.id, place, views: boxes.map((box, i) => viewOf(place, box, i)) };
   Figures.set(place.id, figure);
   place.querySelector(".legend").append(chartMenu(figure));

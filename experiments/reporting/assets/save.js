@@ -125,14 +125,13 @@ function chartMenu(figure) {
   return menu(
     "Save", `Save chart ${figure.place.dataset.title}`,
     item("CSV of the curves", () => download(`${figure.name}.csv`, separated(valuesOf(figure), ","), "text/csv")),
-    ...(figure.views.length ? [item("SVG, as shown", () => savePictures(figure))] : []),
+    item("SVG, as shown", () => savePictures(figure)),
   );
 }
 
 /** All values of a chart as they are drawn, a row a point; of two views the whole one. */
 function valuesOf(figure) {
   const view = figure.views[figure.views.length - 1];
-  if (!view) return cellsOf(figure.place);
   const heads = ["panel", "quantity", "estimator", "curve", view.label, "y", "low", "high", "x_low", "x_high"];
   const rows = view.panels.flatMap((panel) => panel.lines.flatMap((line) => {
     const about = [panel.title, panel.label, line.who, line.said === line.who ? "" : line.said];
@@ -141,15 +140,6 @@ function valuesOf(figure) {
     return values.map((row) => [...about, ...Array.from({ length: 6 }, (_, i) => number(row[i]))]);
   }));
   return { heads, rows };
-}
-
-function cellsOf(place) {
-  const rows = [...place.querySelectorAll("table.heat")].flatMap((table) => {
-    const across = [...table.tFoot.rows[0].cells].slice(1).map((cell) => cell.textContent);
-    return [...table.tBodies[0].rows].flatMap((row) => [...row.cells].slice(1).map((cell, i) =>
-      [table.caption.textContent, across[i], row.cells[0].textContent, asValue(cell.dataset.value ?? "")]));
-  });
-  return { heads: ["map", "across", "up", `value [${place.dataset.unit}]`], rows };
 }
 
 /** A number to six digits, as the page has it; what is none is nothing. */

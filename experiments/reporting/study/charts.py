@@ -1,4 +1,4 @@
-"""Charts of a study: scores over its axes, what was found, what it was taken for.
+"""Charts of a study: scores over its axes, and what was found.
 
 Rows are those of `Results.pooled`, each with a `who`: the estimator, with the options that are
 swept of it where they are told apart. Whiskers are 95 % intervals over the cases behind a point.
@@ -6,15 +6,14 @@ swept of it where they are told apart. Whiskers are 95 % intervals over the case
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel, ends
-from flexaxis.experiments.reporting.study.rows import MISSED, SEVERAL, UNMODELLED, Alarms
+from flexaxis.experiments.reporting.charts import Chart, Line, Panel, ends
+from flexaxis.experiments.reporting.study.rows import Alarms
 from flexaxis.experiments.results.finds import Finds
 
 Row = Mapping[str, Any]
@@ -174,95 +173,3 @@ def _settings(
             )
         )
     return [Line(who=method, x=x, y=y), *points]
-
-
-def isolation(counts: Mapping[str, Counter[tuple[str, str]]], *, words: str) -> Heat:
-    """Return a map a method: what changed, what was named, in % of the faults.
-
-    Parameters
-    ----------
-    counts : mapping of str to Counter
-        From `flexaxis.experiments.reporting.study.rows.confusion`.
-    words : str
-    """
-    pairs = [pair for counter in counts.values() for pair in counter]
-    faults = list(dict.fromkeys(fault for fault, _ in pairs))
-    others = sorted({named for _, named in pairs} - set(faults) - {MISSED, UNMODELLED, SEVERAL})
-    columns = [*faults, *others, SEVERAL, UNMODELLED, MISSED]
-    faults = faults[::-1]  # the first on top
-    panels = []
-    for method, counter in counts.items():
-        table = np.array([[counter[fault, name] for name in columns] for fault in faults], float)
-        share = 100 * table / np.maximum(1, table.sum(axis=1, keepdims=True))
-        panels.append(Cells(who=method, values=share))
-    return Heat(
-        title="Isolation",
-        words=words,
-        x="named",
-        y="changed",
-        xs=columns,
-        ys=faults,
-        panels=panels,
-        unit="% of the faults",
-    )
-
-
-def lag_map(
-    rows: Sequence[Row], axes: tuple[str, str], *, labels: tuple[str, str], words: str
-) -> Heat:
-    """Return the lag after the fault over two axes, a map an estimator.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Of the parameters that changed.
-    axes, labels : (str, str)
-        Swept keys across and up, and what they are called.
-    words : str
-    """
-    x, y = axes
-    across, up = (_ordered(row[key] for row in rows) for key in axes)
-    panels = [
-        Cells(
-            who=who, values=_mean_lags([row for row in rows if row["who"] == who], x, y, across, up)
-        )
-        for who in dict.fromkeys(row["who"] for row in rows)
-    ]
-    return Heat(
-        title=f"Lag over {labels[0]} and {labels[1]}",
-        words=words,
-        x=labels[0],
-        y=labels[1],
-        xs=[_tick(value) for value in across],
-        ys=[_tick(value) for value in up],
-        panels=panels,
-        unit="s",
-        log=wide(np.concatenate([panel.values.ravel() for panel in panels])),
-        name=f"lag-{x}-{y}",
-    )
-
-
-def _mean_lags(
-    rows: Sequence[Row], x: str, y: str, across: Sequence[Any], up: Sequence[Any]
-) -> Array:
-    table = np.full((len(up), len(across)), np.nan)
-    for i, j in np.ndindex(table.shape):
-        here = [row for row in rows if (row[y], row[x]) == (up[i], across[j])]
-        if here:
-            weights = [row["runs"] for row in here]
-            table[i, j] = np.average([row["lag"] for row in here], weights=weights)
-    return table
-
-
-def _ordered(values: Iterable[Any]) -> list[Any]:
-    found = list(dict.fromkeys(values))
-    try:
-        return sorted(found)
-    except TypeError:
-        return found
-
-
-def _tick(value: Any) -> str | float:
-    """Return a number as it is, and whatever else as text."""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if number else str(value)

@@ -10,12 +10,18 @@ from typing import Any
 import numpy as np
 
 from flexaxis.experiments.reporting import page
-from flexaxis.experiments.reporting.charts import Chart, Heat
+from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.study import charts
 from flexaxis.experiments.reporting.study import rows as study_rows
-from flexaxis.experiments.reporting.study.rows import alarms, confusion, scores_tables
+from flexaxis.experiments.reporting.study.rows import (
+    alarms,
+    confusion,
+    isolation_table,
+    lag_table,
+    scores_tables,
+)
 from flexaxis.experiments.reporting.study.words import axis_words
-from flexaxis.experiments.reporting.tables import number, pair
+from flexaxis.experiments.reporting.tables import Table, number, pair
 from flexaxis.experiments.reporting.terminal import failures_in_words
 from flexaxis.experiments.results.finds import PER_HOUR, Finds, finds
 from flexaxis.experiments.results.groups import Bins
@@ -25,7 +31,7 @@ from flexaxis.experiments.storage.schema import axis_kind
 
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each
-MAPS = 3  # heat maps
+MAPS = 3  # tables over two axes
 TOLD = 3  # estimators in the sentence
 DRAWN = ("lag", "lag_bound", "std", "bias")
 
@@ -38,12 +44,12 @@ DETECTION = (
     "A point is one setting of an estimator that reports findings: how late it finds a fault, and "
     "how many it misses, against how often it finds one where there is none."
 )
-ISOLATION = "What was named (columns) where something changed (rows)."
+ISOLATION = "What was named (columns) where something changed (lines), in % of the faults."
 FINDS = (
     "Share of the faults found within 1 s. A find names what changed, or is one that the same run "
     "without the fault, its twin, does not show; at 1 stands what is found in twins, by chance. "
 )
-HEAT = "Lag after the fault, geometric mean. Empty: not run, or never in range. "
+OVER_TWO = "Lag after the fault, geometric mean; –: not run, or never in range. "
 WHISKERS = (
     " Whiskers are 95 % intervals over the seeds behind a point, where values of other keys are "
     "averaged over about the mean of each; runs that were lost are in none of them, but counted in "
@@ -77,11 +83,12 @@ def render(results: Results) -> str:
         "failed": len(failed),
         "failures": failures_in_words(failed[:10]),
         "charts": [chart for each in CHARTS for chart in each(results, bins)],
+        "maps": [*over_pairs_of_axes(results, bins), *what_it_was_taken_for(results)],
     }
     return page.render("reporting/templates/study.html", content)
 
 
-def what_is_found(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
+def what_is_found(results: Results, bins: Bins) -> Iterator[Chart]:
     """Yield the share of faults found over their size, where there are twins."""
     del bins
     found = finds(results)
@@ -102,7 +109,7 @@ def _false_alarms(each: Finds) -> str:
     return f"{each.estimator} {each.alarms} in {each.hours:.2g} h ({within} an hour{how})"
 
 
-def over_each_axis(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
+def over_each_axis(results: Results, bins: Bins) -> Iterator[Chart]:
     """Yield lag and error over each axis of numbers."""
     values = results.values()
     for axis in (a for a in values if len(values[a]) > 1 and _is_number(values[a])):
@@ -113,8 +120,8 @@ def over_each_axis(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
             yield charts.degradation(rows, axis, label=label, words=words)
 
 
-def over_pairs_of_axes(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
-    """Yield maps of the lag over two axes each."""
+def over_pairs_of_axes(results: Results, bins: Bins) -> Iterator[Table]:
+    """Yield tables of the lag over two axes each."""
     values = results.values()
     # Those with the fault first: size of the fault against all else is what one asks for.
     wide = [axis for axis in values if len(values[axis]) > 1]
@@ -125,17 +132,21 @@ def over_pairs_of_axes(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
         rows = [row for row in rows if row["changed"] and row["lag"] is not None]
         if rows:
             labels = _words(results, x), _words(results, y)
-            words = HEAT + _averaged(results, [x, y])
-            yield charts.lag_map(rows, (x, y), labels=labels, words=words)
+            words = OVER_TWO + _averaged(results, [x, y])
+            yield lag_table(rows, (x, y), labels, words)
 
 
-def what_was_found(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
-    """Yield delay and missed faults over false alarms, and what was named where."""
+def what_was_found(results: Results, bins: Bins) -> Iterator[Chart]:
+    """Yield delay and missed faults over false alarms."""
     del bins
     if found := alarms(results):
         yield charts.detection(found, words=DETECTION + WHISKERS)
+
+
+def what_it_was_taken_for(results: Results) -> Iterator[Table]:
+    """Yield what was named where something changed."""
     if counts := confusion(results):
-        yield charts.isolation(counts, words=ISOLATION)
+        yield isolation_table(counts, words=ISOLATION)
 
 
 def finding(results: Results) -> str:
@@ -208,10 +219,9 @@ def _is_number(values: Sequence[Any]) -> bool:
     return axis_kind(values) == "number"
 
 
-CHARTS: Sequence[Callable[[Results, Bins], Iterator[Chart | Heat]]] = (
+CHARTS: Sequence[Callable[[Results, Bins], Iterator[Chart]]] = (
     what_is_found,
     over_each_axis,
-    over_pairs_of_axes,
     what_was_found,
 )
 """The charts of a study, in the order of the page: a new one is a function that yields it, for

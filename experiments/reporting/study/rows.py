@@ -151,6 +151,66 @@ def _named(names: Sequence[str] | None) -> str:
     return names[0] if len(names) == 1 else SEVERAL if names else UNMODELLED
 
 
+def isolation_table(counts: Mapping[str, Counter[tuple[str, str]]], *, words: str) -> Table:
+    """Return what was named where something changed, in % of the faults, a line a method and fault.
+
+    Parameters
+    ----------
+    counts : mapping of str to Counter
+        As from `confusion`.
+    words : str
+    """
+    pairs = [pair for counter in counts.values() for pair in counter]
+    faults = list(dict.fromkeys(fault for fault, _ in pairs))
+    others = sorted({named for _, named in pairs} - {*faults, MISSED, UNMODELLED, SEVERAL})
+    named = [*faults, *others, SEVERAL, UNMODELLED, MISSED]
+    lines = []
+    for method, counter in counts.items():
+        for fault in faults:
+            number = max(1, sum(counter[fault, name] for name in named))
+            shares = [100 * counter[fault, name] / number for name in named]
+            cells = [Cell(method), Cell(fault), *(scored(share) for share in shares)]
+            lines.append(Row(cells, who=method))
+    heads = [Column("estimator", kind="text"), Column("changed", kind="text")]
+    return Table("Isolation", [*heads, *(Column(f"{name} [%]") for name in named)], lines, words)
+
+
+def lag_table(
+    rows: Sequence[Mapping[str, Any]], axes: tuple[str, str], labels: tuple[str, str], words: str
+) -> Table:
+    """Return the lag over two axes: a line a value of the second and estimator.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of the parameters that changed.
+    axes, labels : (str, str)
+        Swept keys across and down, and what they are called.
+    words : str
+    """
+    found: dict[tuple[str, Any], dict[Any, list[tuple[float, int]]]] = {}
+    for row in rows:
+        line = found.setdefault((row["who"], row[axes[1]]), {})
+        line.setdefault(row[axes[0]], []).append((row["lag"], row["runs"]))
+    across = list(dict.fromkeys(row[axes[0]] for row in rows))
+    lines = []
+    for (method, value), line in found.items():
+        means = (_mean(line.get(x)) for x in across)
+        cells = [Cell(method), Cell(short(value), value), *map(scored, means)]
+        lines.append(Row(cells, who=method))
+    heads = [Column("estimator", kind="text"), Column(labels[1])]
+    heads += [Column(f"lag [s] at {labels[0]} {short(x)}") for x in across]
+    return Table(f"Lag over {labels[0]} and {labels[1]}", heads, lines, words)
+
+
+def _mean(each: Sequence[tuple[float, int]] | None) -> float | None:
+    """Return the mean of lags, weighted by their runs."""
+    if each is None:
+        return None
+    lags, runs = zip(*each, strict=True)
+    return float(np.average(lags, weights=runs))
+
+
 LINES = 300  # of both tables
 POOLED = ("lag", "lag_bound", "t10", "std", "bias", "score", "diverged", "never_settled",
          "detection")  # fmt: skip
