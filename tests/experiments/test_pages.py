@@ -66,7 +66,11 @@ def test_every_class_has_a_style():
 
 @pytest.mark.parametrize(
     ("module", "kind", "known"),
-    [(run_page, "Chart", "CHARTS"), (study_page, "Chart | Heat", "CHARTS")],
+    [
+        (run_page, "Chart", "CHARTS"),
+        (study_page, "Chart", "CHARTS"),
+        (study_page, "Table", "TABLES"),
+    ],
 )
 def test_every_figure_is_on_its_page(module, kind, known):
     made = [

@@ -211,7 +211,8 @@ def test_the_folder_of_a_study(finished):
     assert len(rows) == 2 * 2 * (2 + 1) * 3
     assert [f.name for f in folder.glob("scores*")] == ["scores.sqlite"]
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert page.count('<figure class="chart"') >= 3 and " src=" not in page
+    assert page.count('<figure class="chart"') >= 2 and " src=" not in page
+    assert page.count('data-name="Lag over ') == 1
     assert "rpem-forgetting" in page
     one = next(row for row in rows.values() if row["method"] == "rpem-forgetting")
     assert set(one["axes"]) == {"fault[0].factor", "rpem-forgetting.forgetting"}

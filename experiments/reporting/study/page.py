@@ -83,7 +83,7 @@ def render(results: Results) -> str:
         "failed": len(failed),
         "failures": failures_in_words(failed[:10]),
         "charts": [chart for each in CHARTS for chart in each(results, bins)],
-        "maps": [*over_pairs_of_axes(results, bins), *what_it_was_taken_for(results)],
+        "further": [table for each in TABLES for table in each(results, bins)],
     }
     return page.render("reporting/templates/study.html", content)
 
@@ -143,8 +143,9 @@ def what_was_found(results: Results, bins: Bins) -> Iterator[Chart]:
         yield charts.detection(found, words=DETECTION + WHISKERS)
 
 
-def what_it_was_taken_for(results: Results) -> Iterator[Table]:
+def what_it_was_taken_for(results: Results, bins: Bins) -> Iterator[Table]:
     """Yield what was named where something changed."""
+    del bins
     if counts := confusion(results):
         yield isolation_table(counts, words=ISOLATION)
 
@@ -226,3 +227,9 @@ CHARTS: Sequence[Callable[[Results, Bins], Iterator[Chart]]] = (
 )
 """The charts of a study, in the order of the page: a new one is a function that yields it, for
 what its axes allow, and its name here. It takes the edges of bins for axes with many values."""
+
+TABLES: Sequence[Callable[[Results, Bins], Iterator[Table]]] = (
+    over_pairs_of_axes,
+    what_it_was_taken_for,
+)
+"""The same of tables behind the charts."""
