@@ -125,6 +125,8 @@ def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Rec
         steps = np.diff(signals["angle"], prepend=signals["angle"][0]) / found.period
         valid = valid & np.r_[True, valid[:-1]]  # an increment needs both of its ends
     moving = signals["speed"] if steps is None else steps
+    if not (valid.any() and np.ptp(signals["torque"][valid]) and np.ptp(moving[valid])):
+        raise LogError("torque or motion are constant where both are there: nothing can be learnt")
     if burn_in is None:
         resting = np.max(abs(moving[:5])) < 0.05 * np.std(moving)
         burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * found.period)

@@ -1,14 +1,12 @@
 """What import sees in logs of an axis that is known, each with one thing wrong with it."""
 
-import json
-
 import h5py
 import numpy as np
 import pytest
 from scipy.signal import butter, cont2discrete, dlsim, lfilter, sosfilt
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.doubts import MOVED, SAMPLED, doubts_of
+from flexaxis.experiments.logs.doubts import MOVED, SAMPLED
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.moved import outliers
 from flexaxis.experiments.logs.doubts.sampled import updates_every
@@ -17,7 +15,6 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.importing import import_log, read_any
 from flexaxis.experiments.logs.prepare import unwrapped
-from flexaxis.sim.record import Record, load_record
 
 T, FINE = 1e-3, 20  # s, steps of the simulation a sample
 J, F = 0.01, 0.05  # kg m², N m s/rad
@@ -147,15 +144,6 @@ def test_no_axis_that_moves_has_outliers(kind, clean):
     assert not outliers(unwrapped(moved[kind])[0]).any()
 
 
-def test_all_that_a_record_tells_is_told_of_it_alone(clean, tmp_path):
-    found = imported(tmp_path, clean | {"torque": clean["torque"] + 0.3})
-    path = found.record.save(tmp_path / "rec.nc")
-    told = {doubt.name: doubt for doubt in doubts_of(read_any(path, {}))}
-    for check in found.checks:
-        if check.name in told and check.name != "clipping of the torque":
-            assert told[check.name].told() == check.told()
-
-
 @pytest.mark.parametrize("coulomb", [0.05, 0.2, 0.6])
 def test_dry_friction(coulomb, tmp_path):
     u = shaken(10.0)
@@ -208,7 +196,7 @@ def test_gravity_in_a_loop_is_no_sign(gravity, bits, tmp_path):
     assert doubt.kind == "ok" and "--scale" not in doubt.command
 
 
-def test_dry_friction_is_seen_through_a_controller_without_noise():
+def test_dry_friction_is_seen_through_a_controller_without_noise(tmp_path):
     """In closed loop and without noise, the torque is a linear function of the motion as well."""
     h, reference = T / FINE, 0.5 * np.cumsum(shaken(10.0, low=0.5, high=5.0)) * T
     v, phi, before = 0.0, 0.0, 0.0
@@ -220,12 +208,10 @@ def test_dry_friction_is_seen_through_a_controller_without_noise():
             push = u[k] - F * v
             v += h / J * (push - np.clip(push + J * v / h, -0.1, 0.1))
             phi += h * v
-    record = Record(time=T * np.arange(len(u)), torque=u, angle=angle)
-    told = {doubt.name: doubt for doubt in doubts_of(record)}
-    assert told["dry friction"].kind == "problem"
+    assert seen(imported(tmp_path, log(u, angle)), "dry friction").kind == "problem"
 
 
-def test_a_flexible_axis_is_not_dry():
+def test_a_flexible_axis_is_not_dry(tmp_path):
     """Two masses and a spring, lightly damped, through both of whose modes the torque goes."""
     k, d = 400.0, 0.02
     A = np.array([[0, 1, -1], [-k / J, -(d + F) / J, d / J], [k / J, d / J, -(d + F) / J]])
@@ -233,9 +219,9 @@ def test_a_flexible_axis_is_not_dry():
     u = shaken(10.0)
     _, speed, _ = dlsim(cont2discrete((A, B, C, D), T), u)
     noise = 1e-2 * np.random.default_rng(0).standard_normal(len(u))
-    record = Record(time=T * np.arange(len(u)), torque=u, speed=speed[:, 0] + noise)
-    told = {doubt.name: doubt for doubt in doubts_of(record)}
-    assert told["dry friction"].value < 2 and told["dry friction"].kind == "ok"
+    columns = {"time": T * np.arange(len(u)), "torque": u, "speed": speed[:, 0] + noise}
+    doubt = seen(imported(tmp_path, columns, {"torque_is": "held"}), "dry friction")
+    assert doubt.value < 2 and doubt.kind == "ok"
 
 
 @pytest.mark.slow
@@ -353,25 +339,22 @@ def test_gaps_and_jitter(clean, tmp_path):
     assert doubt.kind == "note" and doubt.command == "--rate 1000"
 
 
-def test_a_record_of_standstill_has_one_doubt():
-    record = Record(
-        time=T * np.arange(500),
-        torque=np.zeros(500),
-        speed=np.random.default_rng(0).standard_normal(500),
-    )
-    (doubt,) = doubts_of(record)
-    assert doubt.name == "motion" and doubt.kind == "problem"
+def test_a_torque_that_acts_only_where_no_motion_is_logged_is_refused(clean, tmp_path):
+    u, angle = np.zeros(len(clean["torque"])), clean["angle"].copy()
+    u[3000:3500], angle[3000:3600] = 1.0, np.nan
+    with pytest.raises(LogError, match="constant where both are there"):
+        imported(tmp_path, clean | {"torque": u, "angle": angle})
 
 
-def test_slow_motion_ruled_by_friction_is_no_opposite_sign():
+def test_slow_motion_ruled_by_friction_is_no_opposite_sign(tmp_path):
     """Far below the corner f/J, 80 Hz, the acceleration leads by 90°, and by more if shifted."""
     u = shaken(40.0, low=0.5, high=2.0)
     speed = np.roll(lfilter([0, T / J], [1, -np.exp(-5.0 * T / J)], u), -3)
     for sign in (1, -1):
-        record = Record(time=T * np.arange(len(u)), torque=sign * u, speed=speed)
-        told = {doubt.name: doubt for doubt in doubts_of(record)}
+        columns = {"time": T * np.arange(len(u)), "torque": sign * u, "speed": speed}
+        found = imported(tmp_path, columns, {"torque_is": "held"})
         wanted = "" if sign > 0 else "--scale torque=-1"
-        assert told["signs of torque and motion"].command == wanted
+        assert seen(found, "signs of torque and motion").command == wanted
 
 
 def gapped(folder, columns, **more):
@@ -395,12 +378,13 @@ def test_options_on_a_record_do_not_make_a_log_of_it(clean, tmp_path):
 
 def test_gaps_are_not_what_the_torque_does_not_explain(clean, tmp_path):
     """Spectra over bridges of 50 ms, in which an angle is a line, are of another motion."""
-    whole = Evidence(imported(tmp_path, clean).record)
+    found = imported(tmp_path, clean)
+    whole = Evidence(found.record, None, None)
     kept = np.ones(len(clean["time"]), bool)
     for start in (4000, 9500, 15500):
         kept[start : start + round(0.05 / T)] = False
     found = imported(tmp_path, {name: values[kept] for name, values in clean.items()}, STATED)
-    gaps = Evidence(found.record)
+    gaps = Evidence(found.record, None, None)
     slow = whole.spectra.frequency < whole.spectra.band[1]
     assert np.median(1 - gaps.spectra.coherence[slow]) < 2 * np.median(
         1 - whole.spectra.coherence[slow]
@@ -427,23 +411,10 @@ def test_what_a_record_cannot_take_is_refused(tables, treatment, word, clean, tm
         read_any(path, tables, **treatment)
 
 
-def test_to_import_a_record_is_to_look_at_it_again(clean, tmp_path, capsys):
-    """Its torque is no mean of means, its gaps stay gaps, and what is not asked is not written."""
-    path, record = gapped(tmp_path, clean, tables={"torque_is": "smooth"})
-    assert main(["import", str(path), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["record"] == str(path)
-    assert next(c for c in told["checks"] if c["name"] == "time stamps")["value"] > 0
-    assert not (tmp_path / "rec-imported.nc").exists()
-    assert main(["import", str(path), "--burn-in", "1.5"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert f"is a record already: go on with flexaxis identify {tmp_path}/rec-imported.nc" in said
-    made = load_record(tmp_path / "rec-imported.nc")
-    assert made.burn_in == 1.5
-    np.testing.assert_array_equal(made.torque, record.torque)
-    np.testing.assert_array_equal(made.valid, record.valid)
-    assert main(["import", str(path), "--angle", "angle"]) == 2
-    assert "--angle (and --map) are for logs" in capsys.readouterr().err
+def test_a_record_needs_no_import(clean, tmp_path, capsys):
+    path, _ = gapped(tmp_path, clean)
+    assert main(["import", str(path)]) == 2
+    assert f"go on with flexaxis identify {path}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,7 @@
 
 LOG is a table of text, MAT (all versions), HDF5, NetCDF or parquet. The report says what to doubt
 before any estimator runs, and what to type against it: time stamps and gaps, wrapping, clipping,
-clocks, units, outliers, the kind of torque, signs, dry friction. A record that flexaxis wrote is
-imported already: it is looked at as it is, and takes --burn-in.
+clocks, units, outliers, the kind of torque, signs, dry friction.
 
 example:
   flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
@@ -18,12 +17,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import MARKS, ordered, waiting
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 from flexaxis.experiments.storage.files import spare
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.logs.findings import Finding
+    from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import Finding
 
 HELP = "make a record of your own log, with a plausibility report"
 GROUP = "your own axis"
@@ -42,14 +43,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
-    from flexaxis.experiments.logs.doubts import doubts_of
     from flexaxis.experiments.logs.files import (
         is_record,
         record_beside,
         require_suffix,
         spare_foreign,
     )
-    from flexaxis.experiments.logs.importing import Imported, import_any, import_log
+    from flexaxis.experiments.logs.importing import import_log
     from flexaxis.experiments.logs.pages.import_page import import_page
     from flexaxis.experiments.logs.pages.page import write_page
 
@@ -58,24 +58,21 @@ def main(args: argparse.Namespace) -> int:
     spare((args.log, args.map), path, report)
     require_suffix(path, ".nc", "a record")
     spare_foreign(path, report)
-    already, tables, treated = is_record(args.log), tables_of(args), treatment(args)
+    if is_record(args.log):
+        raise LogError(
+            f"{args.log}: is a record that flexaxis wrote, and needs no import: go on with "
+            f"flexaxis identify {args.log}"
+        )
     with waiting(f"importing {args.log.name}"):
-        found = (import_any if already else import_log)(args.log, tables, **treated)
-        if already:
-            found = Imported(found.record, doubts_of(found.record))
-    same = already and not (args.output or tables or any(v is not None for v in treated.values()))
-    record = args.log if same else path
-    if not same:
-        found.record.save(path)
+        found = import_log(args.log, tables_of(args), **treatment(args))
+    found.record.save(path)
     write_page(import_page(found, args.log, args.line), report)
     status = int(args.strict and any(check.kind == "problem" for check in found.checks))
     if args.json:
         checks = [check.told() for check in found.checks]
-        return answer(args, {"record": record, "checks": checks, "report": report}, status)
+        return answer(args, {"record": path, "checks": checks, "report": report}, status)
     _print(found.checks)
-    if already:
-        print(f"{args.log} is a record already: go on with flexaxis identify {record}")
-    print(record)
+    print(path)
     print(report)
     return status
 

@@ -21,18 +21,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Evidence:
-    """A log on its even grid, and where it is at hand, as it was sampled.
+    """A log on its even grid, and as it was sampled.
 
     Attributes
     ----------
     record : Record
-    raw : Raw or None
-    prepared : Prepared or None
+    raw : Raw
+    prepared : Prepared
     """
 
     record: Record
-    raw: Raw | None = None
-    prepared: Prepared | None = None
+    raw: Raw
+    prepared: Prepared
 
     @property
     def period(self) -> float:
@@ -78,11 +78,6 @@ class Evidence:
     def smooth(self) -> bool:
         """Whether the torque was taken for a measured, smooth one."""
         return self.told("torque") == "smooth"
-
-    @property
-    def still(self) -> bool:
-        """Whether torque or motion are constant, so that there is nothing to see."""
-        return not (np.ptp(self.torque[self.usable]) and np.ptp(self.speed[self.usable]))
 
     @cached_property
     def spectra(self) -> Spectra:

@@ -33,13 +33,12 @@ SLOW, OFTEN, PUSHED = 0.02, 8.0, 0.2  # of the rms speed; % of the samples; of t
 
 def outliers_of(e: Evidence) -> Finding:
     """Return samples of the motion that are far from those before and after them."""
-    source, usable = (e.record, e.usable) if e.raw is None else (e.raw, True)
     for name, unit in (("angle", "rad"), ("speed", "rad/s")):
-        values = getattr(source, name)
+        values = getattr(e.raw, name)
         if values is None:
             continue
-        there = np.isfinite(values) & usable
-        time, signal = source.time[there], values[there]
+        there = np.isfinite(values)
+        time, signal = e.raw.time[there], values[there]
         far = outliers(unwrapped(signal)[0] if name == "angle" else signal)
         if far.any():
             count, worst = int(far.sum()), np.abs(signal[far] - np.median(signal)).max()

@@ -34,7 +34,7 @@ def time_stamps(e: Evidence) -> Finding:
     """Return the rate, jitter of the stamps, and what is missing."""
     name, missing = "time stamps", 100 * float(np.mean(~e.usable))
     text = f"{1 / e.period:.6g} Hz, {len(e.time)} samples, {len(e.time) * e.period:.4g} s"
-    jitter = 0.0 if e.prepared is None else 100 * e.prepared.jitter
+    jitter = 100 * e.prepared.jitter
     edges = np.flatnonzero(np.diff(np.r_[1, e.usable, 1]))
     if len(edges):
         gaps, longest = len(edges) // 2, float((edges[1::2] - edges[::2]).max() * e.period)
@@ -56,7 +56,7 @@ def time_stamps(e: Evidence) -> Finding:
 
 def _infinite(e: Evidence) -> str:
     """Return in words which signals of a log have infinite values, and how many."""
-    there = {n: getattr(e.raw, n, None) for n in ("torque", "angle", "speed", "load_angle")}
+    there = {n: getattr(e.raw, n) for n in ("torque", "angle", "speed", "load_angle")}
     counts = {n: int(np.isinf(values).sum()) for n, values in there.items() if values is not None}
     return ", ".join(
         f"{n} in {count} sample{'s' * (count > 1)}" for n, count in counts.items() if count
@@ -65,7 +65,7 @@ def _infinite(e: Evidence) -> str:
 
 def wrapping(e: Evidence) -> Finding | None:
     """Return where turns were added, and where it cannot be told how many."""
-    if e.prepared is None or e.raw is None or e.raw.angle is None:
+    if e.raw.angle is None:
         return None
     name, wrap = "wrapping of the angle", e.prepared.wrap
     if not wrap.turn:
@@ -81,12 +81,9 @@ def wrapping(e: Evidence) -> Finding | None:
     return Finding("problem", text, name, float(wrap.jumps), "jumps", command)
 
 
-def clipping(e: Evidence) -> Finding | None:
+def clipping(e: Evidence) -> Finding:
     """Return whether the torque stands at its extreme value."""
-    if e.raw is None and e.smooth:
-        return None  # means have blurred what stood still
-    u = e.torque if e.raw is None else e.raw.torque
-    u = u[np.isfinite(u)]
+    u = e.raw.torque[np.isfinite(e.raw.torque)]
     name, stuck = "clipping of the torque", at_limit(u)
     share = 100 * float(stuck.mean())
     if share == 0 or len(np.unique(u[:10_000])) <= LEVELS:
@@ -108,10 +105,8 @@ def at_limit(u: Array) -> Flags:
     return stuck
 
 
-def clocks(e: Evidence) -> Finding | None:
+def clocks(e: Evidence) -> Finding:
     """Return which signals are updated less often than the log has samples."""
-    if e.raw is None:
-        return None
     signals = {name: getattr(e.raw, name) for name in ("torque", "angle", "speed")}
     every = {name: updates_every(v) for name, v in signals.items() if v is not None}
     name, slowest = "clocks", max(k for n, k in every.items() if n != "torque")
@@ -156,10 +151,8 @@ def step_of(values: Array) -> float | None:
     return smallest if np.mean(np.abs(multiples - np.rint(multiples)) < 0.05) > 0.9 else None
 
 
-def units(e: Evidence) -> Finding | None:
+def units(e: Evidence) -> Finding:
     """Return which units were stated, and which were taken for granted."""
-    if e.raw is None:
-        return None
     there = [name for name in SI if getattr(e.raw, name) is not None]
     assumed = [name for name in there if name not in e.raw.stated]
     if e.period < SECONDS and "time" in assumed:
