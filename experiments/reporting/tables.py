@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
 from markupsafe import Markup, escape
 
 from flexaxis.experiments.scoring.table import SCORES
@@ -78,6 +79,8 @@ class Cell:
         The place on the page that it leads to; the `Pick` that it opens.
     who : str
         The estimator that it is of: with it the cell is hidden.
+    tone : float, optional
+        Where its value lies on the page's scale of colours, 0 to 1, so that the table is a map too.
     """
 
     text: str
@@ -88,6 +91,7 @@ class Cell:
     link: str = ""
     opens: str = ""
     who: str = ""
+    tone: float | None = None
 
 
 @dataclass(frozen=True)
@@ -136,6 +140,24 @@ class Table:
 def scored(value: float | None, *, within: str = "", digits: int = 3) -> Cell:
     """Return a cell with a number, to be sorted by all of its digits."""
     return Cell(number(value, digits), "" if value is None else value, within)
+
+
+def toned(values: Sequence[float | None], *, log: bool) -> list[Cell]:
+    """Return cells of numbers on one scale of colours, from the smallest to the largest of them."""
+    scale = [None if v is None or (log and v <= 0) else np.log(v) if log else v for v in values]
+    known = [v for v in scale if v is not None] or [0.0]
+    low, over = min(known), (max(known) - min(known)) or 1.0
+    tones = [None if v is None else float((v - low) / over) for v in scale]
+    return [replace(scored(v), tone=tone) for v, tone in zip(values, tones, strict=True)]
+
+
+def tone_style(tone: float) -> str:
+    """Return the style of a cell of a tone; the colours read the same to the colour-blind."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    letters = "#000" if tone > 0.47 else "#fff"  # from there on black is easier to read
+    return f"background:{to_hex(colormaps['cividis'](tone))};color:{letters}"
 
 
 def texts(heading: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

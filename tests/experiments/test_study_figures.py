@@ -146,6 +146,9 @@ def test_the_lag_over_two_axes_has_a_cell_for_every_pair():
     values = [[cell.value for cell in row.cells[1:]] for row in table.rows]
     assert values == [[1.5, pytest.approx(1.8), ""], [2.0, pytest.approx(2.4), 2.0],
                       [3.0, pytest.approx(0.9), 3.0]]  # fmt: skip
+    tones = [cell.tone for row in table.rows for cell in row.cells[2:]]
+    assert tones[0] == pytest.approx(np.log(1.8 / 0.9) / np.log(3.0 / 0.9))  # one scale for all
+    assert tones[1] is None and tones[4:] == [0.0, 1.0]
     assert [c.heading for c in table.columns[1:]] == [
         "size", "lag [s] at start 1.2", "lag [s] at start 1",
     ]  # fmt: skip

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from flexaxis.experiments.reporting.run.measures import over_bound, t10
 from flexaxis.experiments.reporting.study.words import axis_words
-from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, pair, scored
+from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, pair, scored, toned
 from flexaxis.experiments.results.groups import Bins
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.study import applies, is_option
@@ -169,7 +169,8 @@ def isolation_table(counts: Mapping[str, Counter[tuple[str, str]]], *, words: st
         for fault in faults:
             number = max(1, sum(counter[fault, name] for name in named))
             shares = [100 * counter[fault, name] / number for name in named]
-            cells = [Cell(method), Cell(fault), *(scored(share) for share in shares)]
+            told = (replace(scored(share), tone=share / 100) for share in shares)
+            cells = [Cell(method), Cell(fault), *told]
             lines.append(Row(cells, who=method))
     heads = [Column("estimator", kind="text"), Column("changed", kind="text")]
     return Table("Isolation", [*heads, *(Column(f"{name} [%]") for name in named)], lines, words)
@@ -193,10 +194,10 @@ def lag_table(
         line = found.setdefault((row["who"], row[axes[1]]), {})
         line.setdefault(row[axes[0]], []).append((row["lag"], row["runs"]))
     across = list(dict.fromkeys(row[axes[0]] for row in rows))
+    means = iter(toned([_mean(line.get(x)) for line in found.values() for x in across], log=True))
     lines = []
-    for (method, value), line in found.items():
-        means = (_mean(line.get(x)) for x in across)
-        cells = [Cell(method), Cell(short(value), value), *map(scored, means)]
+    for method, value in found:
+        cells = [Cell(method), Cell(short(value), value), *(next(means) for _ in across)]
         lines.append(Row(cells, who=method))
     heads = [Column("estimator", kind="text"), Column(labels[1])]
     heads += [Column(f"lag [s] at {labels[0]} {short(x)}") for x in across]
