@@ -104,8 +104,9 @@ class FirstSeconds:
         """Go on from where a pass has come to; return whether it was the last."""
         work, bank = self._work, self._work.bank[0]
         if not self._catches_up:
-            theta, deviation = self._weigh_once()
-            cost = float(bank["cost_first"]) if np.isfinite(theta).all() else np.inf
+            finite = all(np.isfinite(work.states[1][key]).all() for key in ("theta", "P"))
+            theta, deviation = self._weigh_once() if finite else (self._from, np.zeros(work.p))
+            cost = float(bank["cost_first"]) if finite and np.isfinite(theta).all() else np.inf
             better = self._best is None or cost < self._best[0]
             if better:
                 self._best = cost, work.states[1].copy(), int(bank["at"])
@@ -119,7 +120,8 @@ class FirstSeconds:
             work.states[1], bank["at"] = self._best[1:]
             bank["end"], self._catches_up = bank["taken"], True
         if work.caught_up:
-            if np.isfinite(work.states[1]["theta"]).all():
+            best = self._best[0] if self._best else np.inf
+            if best < np.inf and np.isfinite(work.states[1]["theta"]).all():
                 P = work.states["P"][1]
                 P[self._shapeless, self._shapeless] = np.diag(work.design.P0)[self._shapeless]
                 work.adopt()

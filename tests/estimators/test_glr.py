@@ -11,6 +11,7 @@ from flexaxis.estimators.glr.bank import PER_LEVEL
 from flexaxis.estimators.glr.pace import time_scale
 from flexaxis.estimators.models.axes import N1, one_mass, three_mass
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import started_nominal
@@ -142,6 +143,14 @@ def test_structure_that_was_told_wrong_is_learnt():
     """k_g 10 % off: the linear filter is biased by tens of per cent."""
     _, theta, _ = tracked("told_kg_fm_step-v1")
     assert abs(theta[1500:2000, 2].mean() / 0.05 - 1) < 0.02
+
+
+def test_a_pass_through_the_first_seconds_that_is_lost_is_not_taken():
+    """Friction that depends on the angle: a pass ends in infinities, and what was known stays."""
+    scenario = find_scenario("position_fm_step-v1")
+    record, made = simulate(scenario, [0])[0], build(parse("glr"), scenario)
+    theta = made.run(record.torque[:1200], record.speed[:1200])
+    assert np.isfinite(theta).all() and (np.diag(made.covariance) > 0).all()
 
 
 def test_a_rest_before_the_motion_tells_of_the_noise():
