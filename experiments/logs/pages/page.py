@@ -21,22 +21,13 @@ from flexaxis.experiments.storage.files import write_text
 Array = NDArray[np.float64]
 
 LOG = "log"  # what a line of the log is called, on every page of one
-ROOM = 0.05  # above and below what is drawn
 BINS, FEW = 60, 5  # of means, and samples that one holds at the least
 GAPS = 200  # that are shaded: more are a pattern, and seen as one
 
 
 def panel(y: str, *lines: Line, y_log: bool = False) -> Panel:
     """Return a panel that shows all there is: what sticks out of a log is what one looks for."""
-    sides = [s for each in lines for s in (each.y, each.low, each.high) if s is not None]
-    values = np.concatenate([np.zeros(0), *sides])
-    values = values[np.isfinite(values) & ((values > 0) | (not y_log))]
-    if not values.size or values.min() == values.max():
-        return Panel(y=y, lines=lines, y_log=y_log)
-    low, high = float(values.min()), float(values.max())
-    room = ROOM * (high - low)
-    shown = (low / 1.1, high * 1.1) if y_log else (low - room, high + room)
-    return Panel(y=y, lines=lines, y_log=y_log, y_range=shown)
+    return Panel(y=y, lines=lines, y_log=y_log, whole=True)
 
 
 def line(x: ArrayLike, y: ArrayLike, who: str = LOG, *, log: bool = False, **more: Any) -> Line:

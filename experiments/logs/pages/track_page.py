@@ -164,13 +164,8 @@ def _panel(found: Tracked, i: int, estimator: str) -> Panel:
     band = None if sure is None else 2 * sure[kept, i] / abs(nominal)
     sides: Any = {} if band is None else {"low": y - band, "high": y + band}
     one = Line(x=found.time[[0, -1]], y=np.ones(2), role="bound", label="nominal: as identified")
-    low, high = np.nanpercentile(values[len(values) // 50 :], [0.5, 99.5])
-    room = max(0.1 * (high - low), 0.02)
-    return Panel(
-        y=f"{found.names[i]} / nominal",
-        lines=[Line(who=estimator, x=x, y=y, **sides), one],
-        y_range=(float(low - room), float(high + room)),
-    )
+    estimate = Line(who=estimator, x=x, y=y, **sides)
+    return Panel(y=f"{found.names[i]} / nominal", lines=[estimate, one])
 
 
 def residual_chart(found: Tracked, period: float) -> Chart:
@@ -192,11 +187,11 @@ def residual_chart(found: Tracked, period: float) -> Chart:
     )
 
 
-def load_chart(found: Tracked, seconds: float = 0.5) -> Chart:
+def load_chart(found: Tracked) -> Chart:
     """Return a piece of the predicted load angle over the hidden encoder, and the error."""
     assert found.load is not None
     middle = found.time[found.usable][np.sum(found.usable) // 2]
-    piece = slice(*np.searchsorted(found.time, [middle, middle + seconds]))
+    piece = slice(*np.searchsorted(found.time, [middle, middle + 0.5]))
     sides = {"from motor angle and model": found.load.predicted}
     return Chart(
         title="Load angle",
