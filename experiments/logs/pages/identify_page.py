@@ -17,7 +17,7 @@ from flexaxis.experiments.logs.identification.candidates import Candidate
 from flexaxis.experiments.logs.identification.friction import linear_part
 from flexaxis.experiments.logs.identification.identify import Identification
 from flexaxis.experiments.logs.identification.validate import Validation, liveliest
-from flexaxis.experiments.logs.pages.page import LogPage, compared, line, means, panel, points
+from flexaxis.experiments.logs.pages.page import LogPage, compared, line, means, panel
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
@@ -163,7 +163,7 @@ def bode_chart(found: Identification, period: float) -> Chart:
 
     def both(of: Callable[[Any], Any]) -> list[Line]:
         return [
-            points(seen.omega / (2 * np.pi), of(seen.gain)),
+            line(seen.omega / (2 * np.pi), of(seen.gain), kind="points"),
             line(fine / (2 * np.pi), of(gain), "identified model"),
         ]
 
