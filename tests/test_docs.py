@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import runpy
 import shlex
 import sys
 import tomllib
@@ -79,6 +80,14 @@ def test_tables_of_scenarios_hold_those_they_are_of(tables, written, name, first
 @pytest.mark.parametrize("name", ["equal-noise", "mismatch", "self-test"])
 def test_measured_tables_say_how_they_were_made(written, name):
     assert re.search(r"`flexaxis \w+ .*`, commit [0-9a-f]{7,}", written[name, "text"])
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "tests/experiments").glob("*_tables.py")), ids=lambda path: path.stem
+)
+def test_what_makes_a_measured_table_finds_all_that_it_names(path, monkeypatch):
+    monkeypatch.syspath_prepend(path.parent)
+    runpy.run_path(str(path), run_name="imported")
 
 
 def test_the_tables_of_friction_are_of_what_their_command_makes():

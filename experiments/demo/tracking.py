@@ -13,15 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.experiments.demo.racer import NAMES, SHOWN
-from flexaxis.experiments.scoring.bounds import cramer_rao, lag_bound
+from flexaxis.experiments.scoring.bounds import bound_from, lag_bound
 from flexaxis.experiments.scoring.case import lag
-from flexaxis.experiments.scoring.true_model import (
-    jump_gradient,
-    model_theta,
-    sizes,
-    tracked,
-    true_model,
-)
+from flexaxis.experiments.scoring.true_model import tracked
 from flexaxis.experiments.scoring.windows import WINDOW
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.timing import PERIOD, sample_index
@@ -85,15 +79,10 @@ def allowed(jump: Jump, torque: ArrayLike) -> Allowed:
     """
     scenario, names = jump.scenario, tracked(jump.scenario, NAMES)
     parameters = np.array([jump.values[name] for name in scenario.parameter_names])
-    model = true_model(scenario, parameters).parametrize(names)
-    theta = model_theta(scenario, names, parameters)
-    x = np.zeros(model.states)
-    x[: len(jump.state)] = jump.state
-    psi = jump_gradient(model, theta, torque, x, period=PERIOD)
-    scale, i = sizes(scenario, names, theta), names.index(jump.parameter)
-    single = cramer_rao(psi[:, [i]], jump.noise**2, scale[[i]])[:, 0, 0]
-    unknown = cramer_rao(psi, jump.noise**2, scale)[:, i, i]
-    deviations = np.sqrt(np.stack([single, unknown], axis=1))
+    u, variance = np.asarray(torque, float), jump.noise**2
+    found = bound_from(scenario, names, parameters, jump.state, u, variance=variance)
+    i = names.index(jump.parameter)
+    deviations = np.stack([found.single[:, i], found.unknown[:, i]], axis=1)
     lags = [lag_bound(each, jump.size, period=PERIOD) for each in deviations.T]
     error = np.minimum(1.0, np.sqrt(2 / np.pi) * deviations / jump.size)
     return Allowed(error=error, lag=(lags[0], lags[1]))

@@ -102,6 +102,14 @@ class Axis:
         nominal = dict(self.model.nominal) | dict(values)
         return replace(self, model=replace(self.model, nominal=nominal))
 
+    def check_known(self) -> None:
+        """Refuse an axis of which nobody gave the values; LogError."""
+        if not self.known:
+            raise LogError(
+                f"model {self.model.name} has no nominal values: give the file that `flexaxis "
+                "identify` wrote"
+            )
+
     def check_rate(self, period: float) -> None:
         """Refuse a log of another rate than that of the noise filter.
 

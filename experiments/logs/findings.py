@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from flexaxis.experiments.running.progress import is_quiet
+from flexaxis.experiments.streams import visible
 
 ROUNDING = 1e-6  # of whatever unit a value has: less is that of numbers in a computer
 MARKS = {"problem": "✗", "note": "!", "ok": "✓"}  # of kinds, in the order of their weight
@@ -84,6 +85,17 @@ def say_problems(path: Path, checks: Sequence[Finding], *, met: Collection[str] 
     """Print a line for each problem of a log, as of `problems_of`."""
     for text in problems_of(checks, met=met):
         print(f"✗ {path}: {text}", file=sys.stderr)
+
+
+def tell(found: Iterable[Finding]) -> None:
+    """Print a line for each, with its mark."""
+    from rich.console import Console
+
+    console = Console()
+    for each in found:
+        style = "yellow" if each.kind == "problem" else None
+        text = f"{MARKS[each.kind]} {visible(each.text)}"
+        console.print(text, style=style, markup=False, soft_wrap=True)
 
 
 def waiting(doing: str) -> AbstractContextManager[Any]:

@@ -161,6 +161,7 @@ def track(
     Of an axis with laws the estimator is given the signals as they are, as a law does not hold for
     filtered ones.
     """
+    axis.check_known()
     axis.check_rate(record.period)
     log, lawful = log_of(record, axis), bool(axis.model.laws)
     output, period, ok = log.output, log.period, log.ok

@@ -71,6 +71,8 @@ class Panel:
         The label, with its unit.
     y_range : (float, float), optional
         What is shown at first; else what the lines cover, truth and medians before bands.
+    whole : bool
+        Whether all that there is has to be seen, bursts and bands as well.
     """
 
     y: str
@@ -78,6 +80,7 @@ class Panel:
     title: str = ""
     y_log: bool = False
     y_range: tuple[float, float] | None = None
+    whole: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

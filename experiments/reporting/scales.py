@@ -126,13 +126,16 @@ def _range(sides: Sequence[Any], *, log: bool) -> tuple[float, float]:
 
 
 def upward(panel: Panel, x: Scale) -> Scale:
-    """Return the range of y of a panel: truth and points whole, curves not all of a burst."""
+    """Return the range of y of a panel: truth and points whole, curves not all of a burst.
+
+    But of a panel that is to be seen whole.
+    """
     if panel.y_range is not None:
         return Scale(*panel.y_range, panel.y_log)
     certain: list[Any] = []
     drawn: list[Any] = []
     for line in panel.lines:
-        pointed = line.kind in {"points", "both"}
+        pointed = panel.whole or line.kind in {"points", "both"}
         there = _within(line, x)
         sides = (line.y, line.low, line.high) if pointed else (line.y,)
         into = certain if pointed or line.role == "truth" else drawn

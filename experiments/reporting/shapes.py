@@ -15,7 +15,6 @@ Array = NDArray[np.float64]
 
 UNITS = 10_000  # across and up, of the inner picture
 COLUMNS = 500  # of a view, of which least and greatest are drawn
-WIDE = 1200  # columns of a wide screen
 SLACK = 30  # units by which a drawn line may pass a point: half a pixel
 
 
@@ -48,7 +47,7 @@ def path(a: Array, b: Array, *, steps: bool = False) -> str:
         a, b = np.repeat(a, 2)[1:], np.repeat(b, 2)[:-1]
     elif len(a) > 1:
         forward = slice(None, None, 1 if a[-1] >= a[0] else -1)
-        kept = extremes(a[forward], b[forward], columns=COLUMNS)
+        kept = extremes(a[forward], b[forward])
         a, b = a[forward][kept][forward], b[forward][kept][forward]
         kept_ = _needed(a.tolist(), b.tolist())
         a, b = a[kept_], b[kept_]
@@ -77,21 +76,17 @@ def _needed(xs: Sequence[float], ys: Sequence[float]) -> list[int]:
     return kept if kept[-1] == len(xs) - 1 else [*kept, len(xs) - 1]
 
 
-def extremes(
-    x: ArrayLike, *sides: ArrayLike, columns: int = WIDE, log: bool = False
-) -> NDArray[np.int64]:
+def extremes(x: ArrayLike, *sides: ArrayLike, columns: int = COLUMNS) -> NDArray[np.int64]:
     """Return the places of a curve that a screen needs: no spike is lost, and no gap.
 
     Parameters
     ----------
     x : (N,) array_like
-        Not falling; of `log` above 0.
+        Not falling.
     *sides : (N,) array_like
         The curve; of a band its sides too. NaN is a gap.
     columns : int
         Of how many the screen is; a shorter curve is kept whole.
-    log : bool
-        Whether columns are of equal ratio.
 
     Examples
     --------
@@ -99,7 +94,7 @@ def extremes(
     >>> extremes(range(8), y, columns=2).tolist()
     [0, 2, 5, 7]
     """
-    place = np.log(np.asarray(x, float)) if log else np.asarray(x, float)
+    place = np.asarray(x, float)
     if len(place) <= 2 * columns:
         return np.arange(len(place))
     wide = (place[-1] - place[0]) / columns or 1.0

@@ -107,13 +107,43 @@ def jump_bound(
     """
     truth = scenario.true_parameters()
     u = np.asarray(u, float)
-    x = state_at(scenario, truth, u, index)
-    model = true_model(scenario, truth[index]).parametrize(names)
-    theta = model_theta(scenario, names, truth[index])
-    psi = jump_gradient(model, theta, u[index:stop], x, period=scenario.period)
+    x, variance = state_at(scenario, truth, u, index), noise_variance(scenario)
+    return bound_from(scenario, names, truth[index], x, u[index:stop], variance=variance)
+
+
+def bound_from(
+    scenario: Scenario,
+    names: Sequence[str],
+    parameters: Array,
+    x: Array,
+    u: Array,
+    *,
+    variance: float,
+) -> JumpBound:
+    """
+    Return the same from parameters after a jump (q,) and the state at it on.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Laws of the axis.
+    names : sequence of str
+    parameters : (q,) ndarray
+        As of `Scenario.parameter_names`.
+    x : (n,) ndarray
+        Bristles may be left out: they forget in milliseconds.
+    u : (N,) ndarray
+        Torque from the jump on.
+    variance : float
+        σ² of the output noise.
+    """
+    model = true_model(scenario, parameters).parametrize(names)
+    theta = model_theta(scenario, names, parameters)
+    state = np.zeros(model.states)
+    state[: len(x)] = x
+    psi = jump_gradient(model, theta, u, state, period=scenario.period)
     # A friction that has fallen to zero gives the prior no scale; its nominal value does.
     scale = sizes(scenario, names, theta)
-    variance = noise_variance(scenario)
     bound = cramer_rao(psi, variance, scale)
     alone = [cramer_rao(psi[:, [i]], variance, scale[[i]])[:, 0, 0] for i in range(len(names))]
     return JumpBound(

@@ -103,6 +103,10 @@ def test_a_burst_does_not_set_the_scale():
     x = np.arange(1000.0)
     y = np.where(x == 500, 1e6, np.sin(x))
     assert shown(Line(x=x, y=y))["high"] < 2
+    whole = Panel(y="y", lines=[Line(x=x, y=y)], whole=True)
+    html = str(drawn(Chart(title="t", words="", x="x", panels=[whole]), "t"))
+    ((view,),) = charts_of(html).values()
+    assert view["panels"][0]["high"] > 1e6
 
 
 def chart(title, who="ekf", **more):

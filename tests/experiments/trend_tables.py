@@ -28,7 +28,7 @@ from flexaxis.experiments.logs.days import (
 from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.importing import read_any
 from flexaxis.experiments.logs.trend.covariates import clock, covariates_of
-from flexaxis.experiments.logs.trend.estimates import Source, estimate_all, plan_for, tasks
+from flexaxis.experiments.logs.trend.estimates import Source, estimate_all, plan_for
 from flexaxis.experiments.logs.trend.wear import CHANGED, OPEN, verdict, verdicts
 
 STYLE = LogStyle(counts=65536)
@@ -94,7 +94,7 @@ def main():
         for wear in map(float, args.wear.split(",")):
             logs = logs_of(args.folder, scenario, wear, seed)
             plan = plan or plan_for(logs, axis, Source({}, {}))
-            rows = estimate_all(plan, list(tasks(plan, logs)), args.folder)
+            rows = estimate_all(plan, logs, args.folder)
             bad = [row["problem"] for row in rows if row["problem"]]
             for covariates in (["temp"], []):
                 when, found = judged(rows, covariates, 60)

@@ -21,10 +21,9 @@ from typing import TYPE_CHECKING
 from flexaxis.experiments.building.neighbours import code_file
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.findings import MARKS, problems_of, say_problems, waiting
+from flexaxis.experiments.logs.findings import problems_of, say_problems, tell, waiting
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 from flexaxis.experiments.storage.files import spare
-from flexaxis.experiments.streams import visible
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.track import Tracked
@@ -79,11 +78,6 @@ def main(args: argparse.Namespace) -> int:
     if not args.start > 0:
         raise LogError(f"--start {args.start}: give a factor above 0")
     axis = find_axis(args.model)
-    if not axis.known:
-        raise LogError(
-            f"--model {args.model}: has no nominal values; give the file that "
-            "`flexaxis identify` wrote"
-        )
     with waiting(f"reading {args.log.name}"):
         log = import_any(args.log, tables_of(args), **treatment(args))
     met = {"dry friction"} if axis.model.laws else set()
@@ -123,4 +117,4 @@ def _print(found: Tracked) -> None:
     for row in estimates_of(found):
         table.add_row(*(cell.text for cell in row.cells))
     Console().print(table)
-    print("\n".join(f"{MARKS[each.kind]} {visible(each.text)}" for each in findings(found)))
+    tell(findings(found))

@@ -20,10 +20,9 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.findings import MARKS
+from flexaxis.experiments.logs.findings import tell
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 from flexaxis.experiments.storage.files import REPORT, write_json
-from flexaxis.experiments.streams import visible
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.trend.trend import Trend
@@ -72,8 +71,6 @@ def main(args: argparse.Namespace) -> int:
     if not 0 <= args.smallest < 100:
         raise LogError(f"--smallest {args.smallest}: give per cent, such as 1")
     axis = find_axis(args.model)
-    if not axis.known:
-        raise LogError(f"--model {args.model}: has no values; give what `flexaxis identify` wrote")
     try:
         found = trend_of(
             args.logs, axis, Source(tables_of(args), treatment(args)), args.output,
@@ -87,8 +84,7 @@ def main(args: argparse.Namespace) -> int:
     content = _result(args, found, report)
     if args.json:
         return answer(args, content, status)
-    for each in remarks(found):
-        print(f"{MARKS[each.kind]} {visible(each.text)}")
+    tell(remarks(found))
     print(content["report"])
     return status
 

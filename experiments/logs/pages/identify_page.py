@@ -12,12 +12,12 @@ from rich.table import Table as Printed
 
 from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
-from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
+from flexaxis.experiments.logs.findings import Finding, ordered, tell, texts_of
 from flexaxis.experiments.logs.identification.candidates import Candidate
 from flexaxis.experiments.logs.identification.friction import linear_part
 from flexaxis.experiments.logs.identification.identify import Identification
 from flexaxis.experiments.logs.identification.validate import Validation, liveliest
-from flexaxis.experiments.logs.pages.page import LogPage, compared, line, means, panel, points
+from flexaxis.experiments.logs.pages.page import LogPage, compared, line, means, panel
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
@@ -77,13 +77,10 @@ def print_identification(found: Identification, tried: Validation | None) -> Non
     table = Printed("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
     for each in _rows(found):
         table.add_row(*(escape(cell.text.replace("–", "")) for cell in each.cells))
-    console = Console()
-    console.print(table)
+    Console().print(table)
     for what, text in facts(found, tried):
         print(f"{what}: {text}")
-    for said in findings(found, tried):
-        style = "yellow" if said.kind == "problem" else None
-        console.print(f"{MARKS[said.kind]} {said.text}", style=style, markup=False, soft_wrap=True)
+    tell(findings(found, tried))
 
 
 def identification_page(
@@ -163,7 +160,7 @@ def bode_chart(found: Identification, period: float) -> Chart:
 
     def both(of: Callable[[Any], Any]) -> list[Line]:
         return [
-            points(seen.omega / (2 * np.pi), of(seen.gain)),
+            line(seen.omega / (2 * np.pi), of(seen.gain), kind="points"),
             line(fine / (2 * np.pi), of(gain), "identified model"),
         ]
 

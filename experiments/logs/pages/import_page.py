@@ -11,7 +11,7 @@ import numpy as np
 from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.findings import Finding, ordered
 from flexaxis.experiments.logs.importing import Imported
-from flexaxis.experiments.logs.pages.page import LogPage, gaps, line, panel, thinned
+from flexaxis.experiments.logs.pages.page import LogPage, gaps, line, panel
 from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
@@ -72,7 +72,7 @@ def log_chart(record: Record) -> Chart:
     motion = np.asarray(getattr(record, output_of(record)))
     return Chart(
         title="The log",
-        words=f"Shaded: missing, or before the end of the burn-in.{thinned(record.time)}",
+        words="Shaded: missing, or before the end of the burn-in.",
         x="time [s]",
         panels=[
             panel("torque [as logged]", line(record.time, record.torque)),
@@ -85,7 +85,7 @@ def log_chart(record: Record) -> Chart:
 def spectrum_chart(record: Record) -> Chart:
     """Return the spectrum of the torque."""
     seen = spectra(record.torque, record.torque, record.period)
-    density = line(seen.frequency[1:], np.sqrt(seen.torque[1:]), log=True)
+    density = line(seen.frequency[1:], np.sqrt(seen.torque[1:]))
     return Chart(
         title="What the torque excites",
         words="Amplitude spectral density of the torque, over segments of 4 s.",

@@ -1,4 +1,4 @@
-"""What pages of logs are made of: curves, thinned and with room about them, and the page."""
+"""What pages of logs are made of: curves, panels that show all of them, and the page."""
 
 from __future__ import annotations
 
@@ -14,41 +14,24 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.page import render
-from flexaxis.experiments.reporting.shapes import extremes
 from flexaxis.experiments.reporting.tables import Table
 from flexaxis.experiments.storage.files import write_text
 
 Array = NDArray[np.float64]
 
 LOG = "log"  # what a line of the log is called, on every page of one
-ROOM = 0.05  # above and below what is drawn
 BINS, FEW = 60, 5  # of means, and samples that one holds at the least
 GAPS = 200  # that are shaded: more are a pattern, and seen as one
 
 
 def panel(y: str, *lines: Line, y_log: bool = False) -> Panel:
     """Return a panel that shows all there is: what sticks out of a log is what one looks for."""
-    sides = [s for each in lines for s in (each.y, each.low, each.high) if s is not None]
-    values = np.concatenate([np.zeros(0), *sides])
-    values = values[np.isfinite(values) & ((values > 0) | (not y_log))]
-    if not values.size or values.min() == values.max():
-        return Panel(y=y, lines=lines, y_log=y_log)
-    low, high = float(values.min()), float(values.max())
-    room = ROOM * (high - low)
-    shown = (low / 1.1, high * 1.1) if y_log else (low - room, high + room)
-    return Panel(y=y, lines=lines, y_log=y_log, y_range=shown)
+    return Panel(y=y, lines=lines, y_log=y_log, whole=True)
 
 
-def line(x: ArrayLike, y: ArrayLike, who: str = LOG, *, log: bool = False, **more: Any) -> Line:
-    """Return a curve, thinned to what a screen shows; `log` where its x is drawn so."""
-    across, up = np.asarray(x, float), np.asarray(y, float)
-    kept = extremes(across, up, log=log)
-    return Line(who=who, x=across[kept], y=up[kept], **more)
-
-
-def points(x: ArrayLike, y: ArrayLike, who: str = LOG) -> Line:
-    """Return points."""
-    return Line(who=who, x=np.asarray(x, float), y=np.asarray(y, float), kind="points")
+def line(x: ArrayLike, y: ArrayLike, who: str = LOG, **more: Any) -> Line:
+    """Return a curve, or points."""
+    return Line(who=who, x=np.asarray(x, float), y=np.asarray(y, float), **more)
 
 
 def means(x: Array, y: Array, who: str = LOG, *, band: bool = True) -> Line:
@@ -71,16 +54,6 @@ def compared(
         panel(label, log, *(line(t, x[piece], who) for who, x in sides.items())),
         panel(f"error {unit}", *(line(t, (y - x)[piece], who) for who, x in sides.items())),
     ]
-
-
-def thinned(time: ArrayLike) -> str:
-    """Return what there is to know of a curve that is thinned, empty for one that is not."""
-    x = np.asarray(time, float)
-    kept = len(extremes(x, np.zeros(len(x))))
-    return "" if kept == len(x) else (
-        f" Of {len(x)} samples the least and the greatest of each column of the screen are "
-        "drawn, so that no spike is lost."
-    )  # fmt: skip
 
 
 def gaps(time: ArrayLike, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:

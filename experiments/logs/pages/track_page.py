@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.identification.validate import MATCHED, correlations
-from flexaxis.experiments.logs.pages.page import LogPage, capital, compared, gaps, panel, thinned
+from flexaxis.experiments.logs.pages.page import LogPage, capital, compared, gaps, panel
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
-from flexaxis.experiments.reporting.shapes import extremes
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
 
 Array = NDArray[np.float64]
@@ -148,7 +147,7 @@ def estimates_chart(found: Tracked, estimator: str) -> Chart:
     return Chart(
         title="Estimates",
         words=f"Over nominal{claimed}. Shaded: not used. Vertical: changes that were found, and "
-        f"alarms of the estimator.{thinned(found.time)}",
+        "alarms of the estimator.",
         x="time [s]",
         panels=[_panel(found, i, estimator) for i in range(len(found.names))],
         marks=marks,
@@ -158,19 +157,11 @@ def estimates_chart(found: Tracked, estimator: str) -> Chart:
 
 def _panel(found: Tracked, i: int, estimator: str) -> Panel:
     nominal, sure = found.nominal[i], found.deviations
-    values = found.theta[:, i] / nominal
-    kept = extremes(found.time, values)
-    x, y = found.time[kept], values[kept]
-    band = None if sure is None else 2 * sure[kept, i] / abs(nominal)
-    sides: Any = {} if band is None else {"low": y - band, "high": y + band}
+    y, band = found.theta[:, i] / nominal, 0.0 if sure is None else 2 * sure[:, i] / abs(nominal)
+    sides: Any = {} if sure is None else {"low": y - band, "high": y + band}
     one = Line(x=found.time[[0, -1]], y=np.ones(2), role="bound", label="nominal: as identified")
-    low, high = np.nanpercentile(values[len(values) // 50 :], [0.5, 99.5])
-    room = max(0.1 * (high - low), 0.02)
-    return Panel(
-        y=f"{found.names[i]} / nominal",
-        lines=[Line(who=estimator, x=x, y=y, **sides), one],
-        y_range=(float(low - room), float(high + room)),
-    )
+    estimate = Line(who=estimator, x=found.time, y=y, **sides)
+    return Panel(y=f"{found.names[i]} / nominal", lines=[estimate, one])
 
 
 def residual_chart(found: Tracked, period: float) -> Chart:
@@ -192,11 +183,11 @@ def residual_chart(found: Tracked, period: float) -> Chart:
     )
 
 
-def load_chart(found: Tracked, seconds: float = 0.5) -> Chart:
+def load_chart(found: Tracked) -> Chart:
     """Return a piece of the predicted load angle over the hidden encoder, and the error."""
     assert found.load is not None
     middle = found.time[found.usable][np.sum(found.usable) // 2]
-    piece = slice(*np.searchsorted(found.time, [middle, middle + seconds]))
+    piece = slice(*np.searchsorted(found.time, [middle, middle + 0.5]))
     sides = {"from motor angle and model": found.load.predicted}
     return Chart(
         title="Load angle",

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.pages.page import LogPage, capital, points
+from flexaxis.experiments.logs.pages.page import LogPage, capital, line
 from flexaxis.experiments.logs.trend.trend import Trend, ailments
 from flexaxis.experiments.logs.trend.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
 from flexaxis.experiments.logs.trend.words import remarks, sentences
@@ -122,7 +122,7 @@ def _panel(found: Verdict, trend: Trend, title: str = "", *, raw: bool = False) 
     lines.append(Line(who="as found", x=times, y=found.percent(found.found.fitted - level)))
     out = [outlier.place for outlier in found.found.outliers]
     if out:
-        lines.append(points(times[out], percent[out], "out of line"))
+        lines.append(line(times[out], percent[out], "out of line", kind="points"))
     return Panel(y=f"{found.name} [%]", title=title, lines=lines)
 
 
@@ -134,7 +134,7 @@ def _over_covariate(found: Verdict, name: str, values: Array) -> Chart:
                 *(np.split(side, turn) for side in (x, y)), strict=False)  # fmt: skip
     order = np.argsort(x)
     explained = found.percent(found.found.of_covariates)[order]
-    lines = [points(across, up, who) for who, across, up in parts]
+    lines = [line(across, up, who, kind="points") for who, across, up in parts]
     lines.append(Line(who=f"what {name} explains", x=x[order], y=explained))
     return Chart(
         title=f"{found.name} over {name}",

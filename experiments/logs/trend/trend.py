@@ -90,8 +90,7 @@ def trend_of(
     LogError
         If there are no logs, or too few of them.
     """
-    if not axis.known:
-        raise LogError("the model has no values; give what `flexaxis identify` wrote")
+    axis.check_known()
     axis.having(dict.fromkeys(free, 1.0))  # raises for unknown names
     check_folder(folder, given)
     logs, fewest = find_logs(given), fewest_logs(len(covariates))

@@ -59,7 +59,6 @@ def trajectories(
     scenario: Scenario,
     *,
     name: str,
-    bands: int = BANDS,
     picks: Mapping[str, str] = MappingProxyType({}),
 ) -> Chart:
     """Return the estimates of all estimators over time on one scenario, a panel a parameter.
@@ -71,12 +70,10 @@ def trajectories(
     scenario : Scenario
     name : str
         Of its place in the page.
-    bands : int
-        How many have a band about their median.
     picks : mapping of str to str, optional
         What a click on the curve of an estimator opens.
     """
-    banded = {curve.estimator for curve in curves[:bands]}
+    banded = {curve.estimator for curve in curves[:BANDS]}
     changed = {event.parameter for event in scenario.events()}
     panels = []
     names = dict.fromkeys(n for curve in curves for n in curve.names)
