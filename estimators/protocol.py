@@ -29,7 +29,7 @@ class Estimator(Protocol):
     names : sequence of str
         What θ means, in this order.
     output : str
-        What it reads: ``"speed"`` or ``"increment"``.
+        What it reads, of `flexaxis.estimators.signals.SIGNALS`: such as ``"speed"``.
     """
 
     @property

@@ -13,6 +13,7 @@ from flexaxis.estimators.filters.loop import Record, joined, record
 from flexaxis.estimators.filters.noise import level
 from flexaxis.estimators.glr.bank import PER_LEVEL
 from flexaxis.estimators.models.discretisation import Pattern
+from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 NEVER = -1  # a sample that does not come
@@ -146,8 +147,7 @@ def glr_records(  # noqa: PLR0917
         alarm=alarm,
         misfit_share=1.0 / timing.memory,
         period=design.period,
-        increments=float(design.output == "increment"),
-        turned=design.period * (1.0 if design.output == "increment" else 0.5),
+        mean_speed=np.array(find_signal(design.output).mean_speed(design.period)),
         **vars(dictionary)
         | {"waves": min(dictionary.waves, (PER_LEVEL * timing.levels * q - 2) // 4)},
     )

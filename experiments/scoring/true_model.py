@@ -22,9 +22,10 @@ from flexaxis.estimators.models.axes import (
 from flexaxis.estimators.models.compiler import compiled
 from flexaxis.estimators.models.discretisation import law_steps, sampled_system
 from flexaxis.estimators.models.laws import Law
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.sampled import Prepared, copy, prepare, travel
+from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.scoring.theta import physical, true_theta
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
@@ -114,7 +115,7 @@ def true_model(scenario: Scenario, parameters: Array) -> Model:
 
 
 def _read(scenario: Scenario, model: Model) -> Model:
-    return increment(model, scenario.period) if scenario.output == "increment" else model
+    return SIGNALS[scenario.output].predicted(model, scenario.period)
 
 
 def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
