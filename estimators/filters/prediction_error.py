@@ -245,7 +245,6 @@ def predict(tuning, state):
             for i in range(p):
                 column[i] = P[i, axis]
             subtract(P, column, mu / (1.0 + mu * P[axis, axis]))
-    bound_P(tuning, state)
 
 
 @inlined

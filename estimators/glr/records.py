@@ -1,22 +1,27 @@
 """Records of a filter with a bank of hypotheses, before the first sample."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.constrained import told_records
-from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.filters.design import Design, at_least_zero
 from flexaxis.estimators.filters.joint import ekf_records
 from flexaxis.estimators.filters.loop import Record, joined, record
-from flexaxis.estimators.filters.noise import level
 from flexaxis.estimators.glr.bank import PER_LEVEL
 from flexaxis.estimators.models.discretisation import Pattern
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 NEVER = -1  # a sample that does not come
+FIRST, REVIEW, MISFIT = 10.0, 2.6, 26.0  # time scales of the axis: of motion until structure is
+# learnt, until a name is final, and of the memory of how well the model fits
+SPAN, FINEST = 2.8, 80  # time scales that the bank covers at least, and its finest spacings in one
+FEWEST, MOST = 80, 800  # samples of the time scale of an axis that does not swing
+PASSES = 6  # through the first seconds, at most
 
 
 @dataclass(frozen=True)
@@ -79,6 +84,53 @@ class Timing:
         return self.base * PER_LEVEL * 2 ** (self.levels - 1)
 
 
+def time_scale(model: Model, period: float) -> float:
+    """
+    Return the time in which an axis forgets [s]: that of its slowest oscillation.
+
+    What does not swing has its slowest pole's, within `FEWEST` and `MOST` samples: how long a
+    motor coasts says nothing of how soon a torque shows.
+
+    Parameters
+    ----------
+    model : Model
+    period : float
+        Sampling period [s].
+    """
+    linear = replace(model, laws=())
+    one = linear.parametrize(linear.parameters[:1])
+    poles = np.linalg.eigvals(one.matrices(one.theta)[0])
+    rates = np.abs(poles.real)
+    moves = rates > 1e-6 * np.abs(poles).max(initial=0.0)
+    swings = moves & (np.abs(poles.imag) > rates)
+    if swings.any():
+        return float(1.0 / rates[swings].min())
+    slowest = 1.0 / rates[moves].min() if moves.any() else np.inf
+    return float(np.clip(slowest, FEWEST * period, MOST * period))
+
+
+def lengths(
+    model: Model, period: float, budget: int, commissioning: float | None, known: bool
+) -> Timing:
+    """Return lengths in samples, from the time scale of the axis."""
+    scale = time_scale(model, period)
+    if commissioning is None:
+        commissioning = 0.0 if known else FIRST * scale
+    at_least_zero("commissioning", commissioning, "how long the first seconds are, in seconds")
+    samples = scale / period
+    base = max(1, round(samples / FINEST))
+    levels = max(1, int(np.ceil(np.log2(SPAN * samples / (8 * base)))) + 1)
+    return Timing(
+        base=base,
+        levels=levels,
+        first=round(commissioning / period),
+        review=round(REVIEW * samples),
+        memory=round(MISFIT * samples),
+        budget=budget,
+        passes=PASSES,
+    )
+
+
 @dataclass(frozen=True)
 class Dictionary:
     """
@@ -105,7 +157,6 @@ class Dictionary:
 def glr_records(  # noqa: PLR0917
     design: Design,
     pattern: Pattern,
-    covariance: Array,
     jumps: Jumps,
     timing: Timing,
     alarm: float,
@@ -121,8 +172,6 @@ def glr_records(  # noqa: PLR0917
     design : Design
     pattern : Pattern
         Of its model, `flexaxis.estimators.filters.joint.with_state`.
-    covariance : (n, n) array
-        Of x(0).
     jumps : Jumps
     timing : Timing
     alarm : float
@@ -133,7 +182,7 @@ def glr_records(  # noqa: PLR0917
         The first so many of θ are estimates.
     dictionary : Dictionary
     """
-    tuning, start = ekf_records(design, pattern, covariance, level(design, rests=True))
+    tuning, start = ekf_records(design, pattern, rests=True)
     told, drawn = told_records(tracked, groups)
     p, m, q = len(design.theta0), pattern.p, len(jumps.which)
     tuning["drift"][0] = np.diag(jumps.walk)

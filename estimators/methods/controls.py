@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.filters.design import above_zero, finite_vector
 from flexaxis.estimators.filters.filter import RecursiveEstimator
 from flexaxis.estimators.filters.prediction_error import LINEAR
@@ -13,6 +12,7 @@ from flexaxis.estimators.methods.paper import rpem_corrected
 from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]

@@ -6,12 +6,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import above_zero, at_least_zero, make_design
 from flexaxis.estimators.glr.filter import Glr
-from flexaxis.estimators.glr.pace import lengths
-from flexaxis.estimators.glr.records import Dictionary, Jumps
+from flexaxis.estimators.glr.records import Dictionary, Jumps, lengths
 from flexaxis.estimators.glr.shapes import fastest_wave
 from flexaxis.estimators.models.axes import with_shape
 from flexaxis.estimators.models.meaning import fixable as fixable_of
@@ -31,6 +29,7 @@ from flexaxis.estimators.offline.roles import (
 from flexaxis.estimators.offline.sizes import measured, state_sizes
 from flexaxis.estimators.offline.structure import TRACKED, prior, told_of, with_laws
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 WALK = 7e-4  # 1/√s, of θ over its scale: 1 % in a quarter of an hour
 FRICTION = 4.5  # times as far that friction walks, which warms: 2.4 % in a minute
@@ -60,7 +59,8 @@ def glr(
     """
     Make the filter with a bank of hypotheses for an axis with or without friction.
 
-    All lengths of time follow from one time scale of the axis, see `flexaxis.estimators.glr.pace`.
+    All lengths of time follow from one time scale of the axis, see
+    `flexaxis.estimators.glr.records.lengths`.
 
     Parameters
     ----------
@@ -195,7 +195,6 @@ def _made(
         told=told_groups(model, names, learnt, stated),
         fixable={n: AS_TOLD if n in stated else AS_ABSENT for n in fixable},
         shapes=shapes,
-        x0_covariance=design.x0_covariance,
         dictionary=Dictionary() if richer is None else _dictionary(model, torque, period, sizes),
         angle=model.states.index("angle_motor")
         if "angle_motor" in model.states

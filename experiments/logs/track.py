@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators import RECOMMENDED
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.colour import Colour, colourless
 from flexaxis.estimators.offline.delay import delayed
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.estimators.registry import REGISTRY
+from flexaxis.estimators.registry import REGISTRY, Entry
 from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.building.specs import Spec, made
 from flexaxis.experiments.logs.axis_file import Axis
