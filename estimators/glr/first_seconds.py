@@ -132,6 +132,9 @@ class FirstSeconds:
         work, state, p = self._work, self._work.states[1], self._work.p
         free, m = self._free, len(state["P"])
         P = state["P"][:, free].copy()
+        if not np.isfinite(P).all():  # the pass has come to nothing, and is left
+            state["theta"][:] = np.nan
+            return np.full(p, np.nan), np.zeros(p)
         root = np.linalg.cholesky(self._open)
         told, ways = np.linalg.eigh(root.T @ P[free] @ root)  # of P D, which is below one
         ways = root @ ways / np.sqrt(1.0 - np.minimum(told, LEAST))

@@ -225,6 +225,12 @@ def test_what_a_pass_hardly_narrowed_is_no_end_of_the_estimates():
     assert np.isfinite(theta).all()
 
 
+def test_a_pass_that_ends_nowhere_is_left():
+    """Its covariance is no number: the filter keeps what it had learnt without it."""
+    _, theta, _ = tracked("position_fm_step-v1", 0)
+    assert np.isfinite(theta).all()
+
+
 # ------------------------------------------------------------------ friction of no known shape
 
 
