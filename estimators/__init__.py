@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import one_mass, three_mass, two_mass
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.signals import increment
 
 if TYPE_CHECKING:
     from flexaxis.estimators.methods.controls import Frozen

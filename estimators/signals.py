@@ -1,16 +1,47 @@
 """The signals that an estimator reads: what each is, and whether what is given can be used."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.model import Model
 
 Array = NDArray[np.float64]
+
+
+def increment(model: Model, period: float) -> Model:
+    """
+    Return the model whose output is the mean speed (φ[k]−φ[k−1])/T over the last sample.
+
+    One more state integrates the output from zero in every sample, so the increment of the angle
+    is modelled exactly; differencing the angle and calling it speed biases the estimates instead.
+
+    Parameters
+    ----------
+    model : Model
+        Model whose output is the speed.
+    period : float
+        Sampling period T [s].
+
+    Returns
+    -------
+    Model
+        The same with the state ``angle_increment`` appended, and the new output.
+    """
+    grown = [[*row, "0"] for row in model.A] + [[*model.C, "0"]]
+    return replace(
+        model,
+        name=f"{model.name}, increments",
+        states=(*model.states, "angle_increment"),
+        A=grown,
+        B=(*model.B, "0"),
+        C=(*("0" for _ in model.states), repr(1 / float(period))),
+        reset=(*model.reset, "angle_increment"),
+    )
 
 
 @dataclass(frozen=True)

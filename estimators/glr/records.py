@@ -184,7 +184,7 @@ def glr_records(  # noqa: PLR0917
     """
     tuning, start = ekf_records(design, pattern, rests=True)
     told, drawn = told_records(tracked, groups)
-    p, m, q = len(design.theta0), pattern.p, len(jumps.which)
+    p, q = len(design.theta0), len(jumps.which)
     tuning["drift"][0] = np.diag(jumps.walk)
     more = record(
         which=np.array(jumps.which),
@@ -200,13 +200,19 @@ def glr_records(  # noqa: PLR0917
         **vars(dictionary)
         | {"waves": min(dictionary.waves, (PER_LEVEL * timing.levels * q - 2) // 4)},
     )
-    slots, n = PER_LEVEL * timing.levels, m - p
+    P = start["P"].shape[1:]
+    searches = record(searching=int(dictionary.waves > 0))
+    bank = joined(
+        _again(pattern, p, timing), _hypotheses(pattern, p, q, timing, P), searches, drawn
+    )
+    return joined(tuning, more, told), np.repeat(start, 2), bank
+
+
+def _hypotheses(pattern: Pattern, p: int, q: int, timing: Timing, P: tuple[int, ...]) -> Record:
+    """Return the bank of q jumps at each onset, and what the dictionary has in its place before."""
+    slots, m, n = PER_LEVEL * timing.levels, pattern.p, pattern.p - p
     H = slots * q
-    grows = (timing.budget / (timing.budget - 1)) ** (timing.passes + 1)  # while a pass catches up
-    needed = grows * max(1.5 * timing.first, 2.0 * (timing.span + timing.review)) + timing.budget
-    length = 2 ** int(np.ceil(np.log2(needed)))  # few lengths, as each is compiled for
-    bank = record(
-        searching=int(dictionary.waves > 0),
+    return record(
         pull=np.zeros(H),
         push=np.zeros(n + pattern.laws + 1),
         cross=np.zeros(H),
@@ -228,7 +234,7 @@ def glr_records(  # noqa: PLR0917
         used=0.0,
         chi2_at=np.zeros(slots),
         used_at=np.zeros(slots),
-        kept_P=np.zeros((slots, *start["P"].shape[1:])),
+        kept_P=np.zeros((slots, *P)),
         kept_xi=np.zeros((slots, m)),
         kappa=1.0,
         misfit=1.0,
@@ -237,6 +243,16 @@ def glr_records(  # noqa: PLR0917
         last=np.nan,
         odds=-np.inf,
         mixed=np.zeros(p),
+    )
+
+
+def _again(pattern: Pattern, p: int, timing: Timing) -> Record:
+    """Return the samples that are kept, and how far they have been gone through again."""
+    m, n = pattern.p, pattern.p - p
+    grows = (timing.budget / (timing.budget - 1)) ** (timing.passes + 1)  # while a pass catches up
+    needed = grows * max(1.5 * timing.first, 2.0 * (timing.span + timing.review)) + timing.budget
+    length = 2 ** int(np.ceil(np.log2(needed)))  # few lengths, as each is compiled for
+    return record(
         history=np.zeros((length, 3)),
         delta=np.zeros(m),
         moved_one=np.zeros(n),
@@ -261,4 +277,3 @@ def glr_records(  # noqa: PLR0917
         patience=0,
         asks=0,  # whether somebody has to look after the last sample
     )
-    return joined(tuning, more, told), np.repeat(start, 2), joined(bank, drawn)
