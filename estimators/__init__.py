@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import one_mass, three_mass, two_mass
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.signals import increment
 
 if TYPE_CHECKING:
     from flexaxis.estimators.methods.controls import Frozen
-    from flexaxis.estimators.methods.literal import LiteralRpem, literal_rpem
+    from flexaxis.estimators.methods.literal import LiteralRpem
     from flexaxis.estimators.methods.rpem import Rpem
 
 __all__ = [
@@ -24,7 +25,6 @@ __all__ = [
     "Model",
     "Rpem",
     "increment",
-    "literal_rpem",
     "one_mass",
     "three_mass",
     "two_mass",
@@ -37,7 +37,6 @@ RECOMMENDED = "glr"
 _LATER = {
     "Frozen": "methods.controls",
     "LiteralRpem": "methods.literal",
-    "literal_rpem": "methods.literal",
     "Rpem": "methods.rpem",
 }
 

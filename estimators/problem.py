@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import (
-    OUTPUTS,
     Design,
     above_zero,
     forgetting_factor,
@@ -17,6 +16,7 @@ from flexaxis.estimators.filters.design import (
 )
 from flexaxis.estimators.models.axes import PAPER, three_mass
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.signals import find_signal
 from flexaxis.estimators.tuned import tuned
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class Problem:
     identify : tuple of str
         Parameters to estimate, or their inverses.
     output : str
-        ``"speed"`` or ``"increment"``.
+        What y is, of `flexaxis.estimators.signals.SIGNALS`: such as ``"speed"``.
     P0 : (p,) or (p, p) array_like, or None
         P(0), where it was told.
     torque : (N,) array_like, or None
@@ -165,9 +165,8 @@ def make_problem(
         estimator takes, which may have laws besides.
     """
     above_zero("period", period, "the sampling period in seconds")
-    if output not in OUTPUTS:
-        raise EstimatorError(f"unknown output {output!r}: {did_you_mean(str(output), OUTPUTS)}")
+    unit = find_signal(output).unit
     if noise is not None:
-        above_zero("noise", noise, "the standard deviation of y")
+        above_zero("noise", noise, f"the standard deviation of y in {unit}")
     model = nominal if isinstance(nominal, Model) else three_mass(nominal)
     return Problem(nominal, model, period, tuple(identify), output, P0, torque, noise, bounds)

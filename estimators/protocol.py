@@ -1,6 +1,11 @@
-"""What an estimator is: a structural protocol, so that a user's class imports nothing of ours."""
+"""
+What an estimator is, and what it may tell of a change.
+
+A structural protocol, so that a user's class imports nothing of ours.
+"""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -29,7 +34,7 @@ class Estimator(Protocol):
     names : sequence of str
         What θ means, in this order.
     output : str
-        What it reads: ``"speed"`` or ``"increment"``.
+        What it reads, of `flexaxis.estimators.signals.SIGNALS`: such as ``"speed"``.
     """
 
     @property
@@ -40,6 +45,36 @@ class Estimator(Protocol):
 
     def step(self, u: float, y: float | None) -> ArrayLike:
         """Take u[k] and y[k] (None in a gap), return θ[k] (p,); u[k] first acts on y[k+1]."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """
+    A change that was found.
+
+    Attributes
+    ----------
+    alarm : int
+        Sample at which it was found.
+    onset : int
+        Sample after which the parameters were different.
+    parameters : tuple of str
+        What changed; empty for an unmodelled change, which no hypothesis explains.
+    ratio : tuple of float
+        New value over the value before, for each.
+    reason : str
+        Why there are no parameters, in words; empty where there are.
+    interval : tuple of (float, float)
+        Between which the ratio lies with a probability of 95 %, for each; empty where none is
+        claimed.
+    """
+
+    alarm: int
+    onset: int
+    parameters: tuple[str, ...]
+    ratio: tuple[float, ...]
+    reason: str = ""
+    interval: tuple[tuple[float, float], ...] = ()
 
 
 def run_estimator(

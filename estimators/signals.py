@@ -1,13 +1,101 @@
-"""Check the signals that an estimator is given."""
+"""The signals that an estimator reads: what each is, and whether what is given can be used."""
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.models.model import Model
 
 Array = NDArray[np.float64]
+
+
+def increment(model: Model, period: float) -> Model:
+    """
+    Return the model whose output is the mean speed (φ[k]−φ[k−1])/T over the last sample.
+
+    One more state integrates the output from zero in every sample, so the increment of the angle
+    is modelled exactly; differencing the angle and calling it speed biases the estimates instead.
+
+    Parameters
+    ----------
+    model : Model
+        Model whose output is the speed.
+    period : float
+        Sampling period T [s].
+
+    Returns
+    -------
+    Model
+        The same with the state ``angle_increment`` appended, and the new output.
+    """
+    grown = [[*row, "0"] for row in model.A] + [[*model.C, "0"]]
+    return replace(
+        model,
+        name=f"{model.name}, increments",
+        states=(*model.states, "angle_increment"),
+        A=grown,
+        B=(*model.B, "0"),
+        C=(*("0" for _ in model.states), repr(1 / float(period))),
+        reset=(*model.reset, "angle_increment"),
+    )
+
+
+@dataclass(frozen=True)
+class Signal:
+    """
+    A measured signal y that an estimator may read.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+    predicted : callable
+        ``predicted(model, period)``: the model whose output is y, of one whose output is the speed.
+    noise : callable
+        ``noise(speed, angle, period)``: variance of the noise of y, from those of motor speed
+        [(rad/s)²] and motor angle [rad²], rounding included.
+    mean_speed : callable
+        ``mean_speed(period)``: weights of y[k] and y[k−1] in the mean speed between the two.
+    """
+
+    name: str
+    unit: str
+    predicted: Callable[[Model, float], Model]
+    noise: Callable[[float, float, float], float]
+    mean_speed: Callable[[float], tuple[float, float]]
+
+
+SIGNALS = {
+    signal.name: signal
+    for signal in (
+        Signal(
+            "speed",
+            "rad/s",
+            predicted=lambda model, period: model,
+            noise=lambda speed, angle, period: speed,
+            mean_speed=lambda period: (0.5, 0.5),
+        ),
+        Signal(
+            "increment",
+            "rad/s",
+            predicted=increment,
+            noise=lambda speed, angle, period: 2 * angle / period**2,
+            mean_speed=lambda period: (1.0, 0.0),
+        ),
+    )
+}
+"""By the name that an estimator has as its ``output``."""
+
+
+def find_signal(output: str) -> Signal:
+    """Return a signal by name; EstimatorError if there is none."""
+    if output not in SIGNALS:
+        raise EstimatorError(f"unknown output {output!r}: {did_you_mean(str(output), SIGNALS)}")
+    return SIGNALS[output]
 
 
 def check_signals(

@@ -25,7 +25,7 @@ class Follower(Protocol):
     names : sequence of str
         What is estimated, such as ``("k_T", "1/J_a", "f_m")``.
     output : str
-        What it reads: ``"speed"`` or ``"increment"``.
+        What it reads: ``"speed"``, ``"increment"`` or ``"angle"``.
     """
 
     @property
@@ -141,9 +141,10 @@ class FeedForward:
         """Give each follower what was commanded and measured (R,) in sample k."""
         increment = (angle - self._angle) / self._period if k else np.zeros_like(angle)
         self._angle = angle.copy()
+        read = {"speed": speed, "angle": angle, "increment": increment}
         for run, follower in enumerate(self._followers):
             if follower is not None:
-                y = (speed if follower.output == "speed" else increment)[run]
+                y = read[follower.output][run]
                 theta = follower.step(float(torque[run]), float(y))
                 self._use(run, dict(zip(follower.names, theta, strict=True)))
 

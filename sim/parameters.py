@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -112,16 +112,6 @@ class AxisParameters:
         for name, value in self.as_dict().items():
             if problem := parameter_problem(name, value):
                 raise ParameterError(f"{name} {problem}.")
-
-    @classmethod
-    def from_array(cls, values: Sequence[float] | NDArray[np.float64]) -> AxisParameters:
-        """Make parameters from values (12,) in the order of `PARAMETER_NAMES`."""
-        if np.shape(values) != (len(PARAMETER_NAMES),):
-            raise ParameterError(
-                f"expected {len(PARAMETER_NAMES)} values ({', '.join(PARAMETER_NAMES)}), "
-                f"got shape {np.shape(values)}."
-            )
-        return cls(**dict(zip(PARAMETER_NAMES, map(float, values), strict=True)))
 
     def as_dict(self) -> dict[str, float]:
         """Return the values by name."""

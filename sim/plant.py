@@ -178,16 +178,6 @@ class Plant:
         """Motor angle (R,) [rad], now; a live view."""
         return self._angle[:, 0]
 
-    @property
-    def angle_g(self) -> Array:
-        """Gear angle (R,) on the arm side [rad], now; a live view."""
-        return self._angle[:, 1]
-
-    @property
-    def angle_a(self) -> Array:
-        """Arm angle (R,) [rad], now; a live view."""
-        return self._angle[:, 2]
-
     def _fail(self) -> None:
         """Raise the error of the first run that has gone wrong."""
         counts = self._batch.warning[:, :, 1]

@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from flexaxis.sim import friction as dry
 from flexaxis.sim import identity
 from flexaxis.sim import nonlinear as beyond
+from flexaxis.sim import sensors as sensing
 from flexaxis.sim.config import Config, Frozen, NotNegative, Positive, Table, Values, Word
 from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
@@ -27,7 +28,6 @@ from flexaxis.sim.onsets import drawn
 from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
 from flexaxis.sim.reading import read_text, toml_tables
-from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig, Sensor
 from flexaxis.sim.timing import PERIOD, Grid, sample_index
 from flexaxis.sim.toml_text import toml_text
 
@@ -102,10 +102,10 @@ class Scenario(Config):
     burn_in: NotNegative = 5.0
     streams: identity.Streams = identity.PLANT
     feedback: Literal["clean", "measured"] = "clean"
-    delay: DelayConfig = DelayConfig()
-    noise: NoiseConfig = NoiseConfig()
-    encoder: EncoderConfig = EncoderConfig()
-    filter: FilterConfig | None = None
+    delay: sensing.DelayConfig = sensing.DelayConfig()
+    noise: sensing.NoiseConfig = sensing.NoiseConfig()
+    encoder: sensing.EncoderConfig = sensing.EncoderConfig()
+    filter: sensing.FilterConfig | None = None
     controller: ControllerConfig = ControllerConfig()
     friction: beyond.FrictionConfig | None = None
     lugre: beyond.LuGreConfig | None = None
@@ -169,9 +169,9 @@ class Scenario(Config):
         }
 
     @property
-    def sensors(self) -> dict[str, Sensor]:
+    def sensors(self) -> dict[str, sensing.Sensor]:
         """What lies between axis and log, by key, in the order in which a signal meets it."""
-        return {k: table for k, table in self.tables.items() if isinstance(table, Sensor)}
+        return {k: table for k, table in self.tables.items() if isinstance(table, sensing.Sensor)}
 
     @property
     def linear(self) -> bool:

@@ -21,7 +21,7 @@ FRONT = {
 
 ELSEWHERE = {
     "flexaxis.estimators.protocol": ("Estimator", "StepError", "run_estimator"),
-    "flexaxis.estimators.entry": ("Entry",),
+    "flexaxis.estimators.registry": ("Entry",),
 }
 """What extensions rely on besides."""
 

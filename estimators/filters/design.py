@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
+from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 
-OUTPUTS = ("speed", "increment")
 TIME_CONSTANT = 1.0  # s, of forgetting where nothing is said; λ = 0.995 at 5 ms, as in the paper
 DEFAULT_BOX = (0.1, 10.0)  # times θ(0)
 
@@ -31,7 +31,7 @@ class Design:
     scale : (p,) array
         θ(0), by which η is multiplied to give θ; ones for a design in θ itself.
     output : str
-        ``"speed"`` or ``"increment"``.
+        What y is, of `flexaxis.estimators.signals.SIGNALS`: such as ``"speed"``.
     period : float
         Sampling period [s].
     theta0 : (p,) array
@@ -133,10 +133,8 @@ def make_design(
     EstimatorError
         On the first option that cannot be used, saying what would be allowed.
     """
-    if output not in OUTPUTS:
-        raise EstimatorError(f"unknown output {output!r}: {did_you_mean(str(output), OUTPUTS)}")
     above_zero("period", period, "the sampling period in seconds")
-    chosen = increment(model, period) if output == "increment" else model
+    chosen = find_signal(output).predicted(model, period)
     tracked = model.identify if identify is None else identify
     parametrization = chosen.parametrize([*tracked, *learn])
     p = len(parametrization.names)

@@ -1,4 +1,4 @@
-"""Prediction-error methods that differ from the paper's in the time update of P only."""
+"""Prediction-error methods by their rule for the time update of P: the paper's, or another."""
 
 from collections.abc import Callable, Mapping
 
@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.loop import joined, on_lanes, record, sample_loop
+from flexaxis.estimators.filters.loop import Record, joined, on_lanes, record, sample_loop
 from flexaxis.estimators.filters.prediction_error import (
     bound_P,
     correct_state,
@@ -34,6 +34,30 @@ def forgetful_filter(
 
     Parameters
     ----------
+    design, rule, robust, ceiling, correct, tuning, state
+        As for `adaptation`.
+    """
+    parts = adaptation(
+        design, rule, robust=robust, ceiling=ceiling, correct=correct, tuning=tuning, state=state
+    )
+    return CompiledFilter(*parts, design, read_claim, restarts=True)
+
+
+def adaptation(
+    design: Design,
+    rule: Callable,
+    *,
+    robust: float,
+    ceiling: float,
+    correct: bool,
+    tuning: Mapping[str, ArrayLike],
+    state: Mapping[str, ArrayLike] | None,
+) -> tuple[Compiled, Record, Record]:
+    """
+    Return loop, tuning and start of a prediction-error method.
+
+    Parameters
+    ----------
     design : Design
     rule : callable
         ``rule(tuning, state, valid)``, marked as `inlined`: moves ``state["P"]`` on after a
@@ -51,7 +75,7 @@ def forgetful_filter(
     parts = measurement_records(design, clip=robust, correct=correct, ceiling=ceiling)
     tunings = joined(lanes[0], parts[0], record(**tuning))
     states = joined(lanes[1], parts[1], record(**(state or {})))
-    return CompiledFilter(_loop(pattern, rule), tunings, states, design, read_claim, restarts=True)
+    return _loop(pattern, rule), tunings, states
 
 
 @remembered
@@ -67,4 +91,4 @@ def _loop(pattern: Pattern, rule: Compiled) -> Compiled:
         publish(state, k, estimates, trace)
         return state["anew"] > tuning["heeds"]
 
-    return sample_loop(pattern, forget, rule.function.__name__)
+    return sample_loop(pattern, forget, "prediction error")

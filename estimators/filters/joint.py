@@ -14,12 +14,7 @@ from flexaxis.estimators.models.discretisation import Pattern
 Array = NDArray[np.float64]
 
 
-def ekf_records(
-    design: Design,
-    pattern: Pattern,
-    covariance: Array | None = None,
-    noise: tuple[Record, Record] | None = None,
-) -> tuple[Record, Record]:
+def ekf_records(design: Design, pattern: Pattern, *, rests: bool = False) -> tuple[Record, Record]:
     """
     Return tuning and start of the filter.
 
@@ -27,16 +22,14 @@ def ekf_records(
     ----------
     design : Design
     pattern : Pattern
-    covariance : (n, n) array, optional
-        Of x(0), in the place of that of the design.
-    noise : tuple of Record, optional
-        As `flexaxis.estimators.filters.noise.level` gives it.
+    rests : bool
+        As for `flexaxis.estimators.filters.noise.level`.
     """
     p, n, m = len(design.theta0), pattern.states, pattern.p
     tuning, start = on_lanes(design, pattern)
     blocks, P = design.model.blocks(design.theta0), np.zeros((m, padded(m)))
     P[:p, :p] = design.P0
-    P[p:, p:m] = design.x0_covariance if covariance is None else covariance
+    P[p:, p:m] = design.x0_covariance
     X, C = start["X"][0], blocks[:, -1, :-1]
     X[:n, 1 + p : 1 + m] = np.eye(n)
     X[-1, 1 : 1 + p], X[-1, 1 + p : 1 + m] = C[1:] @ design.x0, C[0, :n]
@@ -52,7 +45,7 @@ def ekf_records(
         gain=np.zeros(m),  # K √S
         spread=0.0,  # hᵀPh
     )
-    known, level_start = noise or level(design)
+    known, level_start = level(design, rests=rests)
     return joined(tuning, limits, known), joined(start, work, level_start)
 
 

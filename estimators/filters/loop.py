@@ -11,6 +11,7 @@ from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.models.discretisation import MAX_ORDER, Pattern, law_plan, plan, split
 from flexaxis.estimators.models.kernel import advance, evaluate
 from flexaxis.estimators.models.reaction import assign, couple, drives, react, room
+from flexaxis.estimators.models.sampled import copy
 
 Record = NDArray[np.void]
 
@@ -185,7 +186,7 @@ def _with_laws(pattern: Pattern) -> Compiled:
             unit[first + i, 0] = 1.0
             series(M, unit, 0.0, weights, order, substeps)
             _clear(unit, first, n)
-            _copy(unit, response[i])
+            copy(unit, response[i])
         couple(laws[2], response, work[5])
         for i in reset:
             _clear(X, i, i + 1)
@@ -204,14 +205,6 @@ def _clear(X, first, end):
     for i in range(first, end):
         for a in range(X.shape[1]):
             X[i, a] = 0.0
-
-
-@inlined
-def _copy(X, Y):
-    """Y ← X."""
-    for i in range(X.shape[0]):
-        for a in range(X.shape[1]):
-            Y[i, a] = X[i, a]
 
 
 def sample_loop(pattern: Pattern, correct: Callable, label: str) -> Compiled:

@@ -192,6 +192,10 @@ def _learn(tuning, state, square):
     """
     Take a squared residual into R̂, exact over the first samples, then with a memory.
 
+    All of it, and not the rough part only, as `filters.noise` takes: a predictor
+    has no process noise, so that what its model leaves must be in R̂. Without it the claims on an
+    axis with friction that the model lacks are five times worse in NEES, and resets come too often.
+
     Not while the axis is not excited; return whether it is.
     """
     excitation = 0.0
@@ -245,7 +249,6 @@ def predict(tuning, state):
             for i in range(p):
                 column[i] = P[i, axis]
             subtract(P, column, mu / (1.0 + mu * P[axis, axis]))
-    bound_P(tuning, state)
 
 
 @inlined

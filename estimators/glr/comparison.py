@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.glr.bank import PER_LEVEL
 from flexaxis.estimators.glr.records import NEVER
 from flexaxis.estimators.glr.workspace import Workspace
+from flexaxis.estimators.protocol import Finding
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ Z95 = 1.96  # standard deviations on both sides that hold 95 %
 
 
 @dataclass
-class Candidate:
+class _Candidate:
     """
     A jump of one parameter at one onset.
 
@@ -96,14 +96,14 @@ class Comparison:
     def __init__(self, work: Workspace, origin: int = 0) -> None:
         self._work, self._origin = work, origin
         self.findings: list[Finding] = []
-        self._candidates: list[Candidate] = []
-        self._todo: list[Candidate] = []
+        self._candidates: list[_Candidate] = []
+        self._todo: list[_Candidate] = []
         self._others: list[float] = []  # evidence of what is not gone through again
-        self._rest: list[Candidate] = []  # what the last finding may still give way to
+        self._rest: list[_Candidate] = []  # what the last finding may still give way to
         self._reviews: list[int] = []
         self._path = 0.0
         self._told = (0, 1.0)  # what the last finding names, and its value before
-        self._chosen: Candidate | None = None
+        self._chosen: _Candidate | None = None
 
     def begin(self) -> None:
         """Compare the best that the bank has, and what the last finding may give way to."""
@@ -147,7 +147,7 @@ class Comparison:
             self._decide()
         return False
 
-    def _best(self) -> list[Candidate]:
+    def _best(self) -> list[_Candidate]:
         """Return the best onset of the parameters that explain most."""
         bank, tuning, q = self._work.bank[0], self._work.tuning[0], len(self._work.jumps.which)
         table = bank["evidence"].reshape(-1, q)
@@ -166,7 +166,7 @@ class Comparison:
                 found.append(replace(before, path=path, spread=float(spread[i])))
                 continue
             found.append(
-                Candidate(
+                _Candidate(
                     which=i,
                     onset=onset,
                     size=float(bank["size"][row * q + i]),
@@ -179,7 +179,7 @@ class Comparison:
             )
         return found
 
-    def _compare(self, candidates: Sequence[Candidate]) -> None:
+    def _compare(self, candidates: Sequence[_Candidate]) -> None:
         bank = self._work.bank[0]
         self._candidates, self._todo = list(candidates), list(candidates)
         for candidate in candidates:
@@ -188,13 +188,13 @@ class Comparison:
         self._chi2, self._before = float(bank["chi2"]), self._path
         self._pass(self._todo[0])
 
-    def _inside(self, candidate: Candidate) -> float:
+    def _inside(self, candidate: _Candidate) -> float:
         """Return the size of a jump, cut off where the box ends."""
         i, design = self._work.jumps.which[candidate.which], self._work.design
         start = candidate.xi[i]
         return float(np.clip(start + candidate.size, design.lower[i], design.upper[i]) - start)
 
-    def _pass(self, candidate: Candidate, *, follow: bool = False) -> None:
+    def _pass(self, candidate: _Candidate, *, follow: bool = False) -> None:
         """Go through the samples since an onset again, with the jump."""
         i, bank = self._work.jumps.which[candidate.which], self._work.bank[0]
         candidate.size = self._inside(candidate)
@@ -206,7 +206,7 @@ class Comparison:
         if not follow:
             bank["end"] = self._now
 
-    def _weigh(self, candidate: Candidate) -> float:
+    def _weigh(self, candidate: _Candidate) -> float:
         """Return the step of Gauss and Newton after a pass, and note what the pass tells."""
         bank, variance = self._work.bank[0], self._work.tuning["variance"][0, candidate.which]
         J, prior = float(bank["J_one"]) / self._kappa, 1.0 / float(variance)
@@ -242,7 +242,7 @@ class Comparison:
         if not all(c.instead for c in self._candidates):
             bank["patience"] = self._now + max(1, (self._now - best.onset) // AGAIN)
 
-    def _take(self, chosen: Candidate) -> bool:
+    def _take(self, chosen: _Candidate) -> bool:
         """Let what was gone through with a jump take the filter's place; whether that is told."""
         work, self._chosen = self._work, None
         bank = work.bank[0]
@@ -279,7 +279,7 @@ class Comparison:
         else:
             self.forget()
 
-    def _tell(self, chosen: Candidate) -> bool:
+    def _tell(self, chosen: _Candidate) -> bool:
         """Note what was found, and return whether it is worth telling."""
         i = self._work.jumps.which[chosen.which]
         before = float(chosen.xi[i]) or 1e-12

@@ -26,7 +26,8 @@ def look_for_shapes(tuning, state, bank):
     speed, read = state["mean"][0, 0], state["prediction"]
     if not np.isnan(state["innovation"]):  # where the model is wrong, its angle soon is
         read += state["innovation"]
-    bank["angle"] += tuning["turned"] * (read + bank["read"] * (1.0 - tuning["increments"]))
+    now, before = tuning["mean_speed"]
+    bank["angle"] += tuning["period"] * (now * read + before * bank["read"])
     bank["read"] = read
     angle = bank["angle"] + 0.5 * tuning["period"] * speed
     for i in range(len(push)):

@@ -9,7 +9,6 @@ from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.filters.filter import RecursiveEstimator
 from flexaxis.estimators.filters.joint import with_state
-from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.glr.comparison import ALARM, Comparison
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
 from flexaxis.estimators.glr.loop import glr_loop
@@ -18,6 +17,7 @@ from flexaxis.estimators.glr.shapes import IN_WORDS, best_shape, share, taken_up
 from flexaxis.estimators.glr.workspace import Kit, Workspace
 from flexaxis.estimators.models.axes import SHAPE
 from flexaxis.estimators.models.discretisation import split
+from flexaxis.estimators.protocol import Finding
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,6 @@ class Glr(RecursiveEstimator):
         What of these is fixed where it is not seen, and how `fixed_because` says so.
     shapes : mapping of tuple of str to tuple of str
         Levels of dry friction, and what shapes it where one of these is not zero.
-    x0_covariance : (n, n) array
     dictionary : Dictionary
         Shapes of friction that are looked for.
     richer : Glr, optional
@@ -80,7 +79,6 @@ class Glr(RecursiveEstimator):
         told: Sequence[Mapping[str, float]],
         fixable: Mapping[str, str],
         shapes: Mapping[tuple[str, ...], tuple[str, ...]],
-        x0_covariance: Array,
         dictionary: Dictionary,
         angle: int = 0,
         richer: "Glr | None" = None,
@@ -98,7 +96,6 @@ class Glr(RecursiveEstimator):
         records = glr_records(
             design,
             pattern,
-            x0_covariance,
             jumps,
             timing,
             ALARM,

@@ -104,9 +104,8 @@ class FirstSeconds:
         """Go on from where a pass has come to; return whether it was the last."""
         work, bank = self._work, self._work.bank[0]
         if not self._catches_up:
-            finite = all(np.isfinite(work.states[1][key]).all() for key in ("theta", "P"))
-            theta, deviation = self._weigh_once() if finite else (self._from, np.zeros(work.p))
-            cost = float(bank["cost_first"]) if finite and np.isfinite(theta).all() else np.inf
+            theta, deviation = self._weigh_once()
+            cost = float(bank["cost_first"]) if np.isfinite(theta).all() else np.inf
             better = self._best is None or cost < self._best[0]
             if better:
                 self._best = cost, work.states[1].copy(), int(bank["at"])
@@ -120,8 +119,7 @@ class FirstSeconds:
             work.states[1], bank["at"] = self._best[1:]
             bank["end"], self._catches_up = bank["taken"], True
         if work.caught_up:
-            best = self._best[0] if self._best else np.inf
-            if best < np.inf and np.isfinite(work.states[1]["theta"]).all():
+            if np.isfinite(work.states[1]["theta"]).all():
                 P = work.states["P"][1]
                 P[self._shapeless, self._shapeless] = np.diag(work.design.P0)[self._shapeless]
                 work.adopt()
@@ -134,6 +132,9 @@ class FirstSeconds:
         work, state, p = self._work, self._work.states[1], self._work.p
         free, m = self._free, len(state["P"])
         P = state["P"][:, free].copy()
+        if not np.isfinite(P).all():  # the pass has come to nothing, and is left
+            state["theta"][:] = np.nan
+            return np.full(p, np.nan), np.zeros(p)
         root = np.linalg.cholesky(self._open)
         told, ways = np.linalg.eigh(root.T @ P[free] @ root)  # of P D, which is below one
         ways = root @ ways / np.sqrt(1.0 - np.minimum(told, LEAST))

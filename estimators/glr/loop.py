@@ -23,7 +23,7 @@ def glr_loop(pattern: Pattern) -> Compiled:
     samples again, a stated number at a time; what a pass leaves of it, ``left``, the next one has.
     """
     over = over_sample(pattern)
-    search = look_for_shapes if pattern.laws else nothing
+    search = look_for_shapes if pattern.laws else _nothing
 
     def run(tunings, states, banks, u, y, valid, estimates, trace):  # noqa: PLR0917
         tuning, bank = tunings[0], banks[0]
@@ -39,11 +39,11 @@ def glr_loop(pattern: Pattern) -> Compiled:
                 state = states[min(again, 1)]
                 look(state)
                 if again == 0:
-                    remember(tuning, state, bank, u[k], y[k], valid[k])
-                torque = measure(tuning, states, bank, again, p)
+                    _remember(tuning, state, bank, u[k], y[k], valid[k])
+                torque = _measure(tuning, states, bank, again, p)
                 start_sample(state["X"], len(state["gain"]) - p, p)
                 if again == 0:
-                    asks = think(tuning, state, bank, p, estimates[k])
+                    asks = _think(tuning, state, bank, p, estimates[k])
                     show(state, trace[k])
                 over(tuning, state, torque)
                 if again == 0 and bank["searching"] > 0:
@@ -58,12 +58,12 @@ def glr_loop(pattern: Pattern) -> Compiled:
 
 
 @inlined
-def nothing(tuning, state, bank):
+def _nothing(tuning, state, bank):
     """Look for no shapes: a model without laws has none."""
 
 
 @inlined
-def remember(tuning, state, bank, u, y, valid):  # noqa: PLR0917
+def _remember(tuning, state, bank, u, y, valid):  # noqa: PLR0917
     """Judge a sample, and keep it for those who go through it again."""
     row = bank["taken"] % bank["history"].shape[0]
     history = bank["history"][row]
@@ -72,7 +72,7 @@ def remember(tuning, state, bank, u, y, valid):  # noqa: PLR0917
 
 
 @inlined
-def measure(tuning, states, bank, again, p):
+def _measure(tuning, states, bank, again, p):
     """Take the filter, or what goes through samples again, through one; return its torque."""
     row = (bank["taken"] if again == 0 else bank["at"]) % bank["history"].shape[0]
     torque, used, noise = bank["history"][row]
@@ -85,7 +85,7 @@ def measure(tuning, states, bank, again, p):
         if again == 0:
             carry_columns(bank, state, e, S, p)
         else:
-            carry_one(bank, state, e, S, p)
+            _carry_one(bank, state, e, S, p)
     if again > 0:
         bank["at"] += 1
         bank["first"] = 0
@@ -96,7 +96,7 @@ def measure(tuning, states, bank, again, p):
 
 
 @inlined
-def think(tuning, state, bank, p, estimates):
+def _think(tuning, state, bank, p, estimates):
     """Weigh the hypotheses and write the estimate; return whether somebody has to look."""
     now = bank["taken"]
     bank["taken"] = now + 1
@@ -105,7 +105,7 @@ def think(tuning, state, bank, p, estimates):
     mixed = bank["mixed"]
     asks = (bank["busy"] == 0 and 0 <= bank["due"] <= now) or state["anew"] > 0.0
     if bank["awake"] > 0:
-        follow_misfit(tuning, bank, state)
+        _follow_misfit(tuning, bank, state)
         open_slots(bank, state, tuning["which"], tuning["base"], now, p)
         odds = weigh(
             bank,
@@ -122,7 +122,7 @@ def think(tuning, state, bank, p, estimates):
             asks = True
     else:
         if bank["busy"] == 0:
-            asks = asks or has_moved(tuning, state, bank, now)
+            asks = asks or _has_moved(tuning, state, bank, now)
         for a in range(p):
             mixed[a] = state["theta"][a]
     draw_estimates(tuning, bank, state["P"], mixed, estimates)
@@ -131,7 +131,7 @@ def think(tuning, state, bank, p, estimates):
 
 
 @inlined
-def has_moved(tuning, state, bank, now):
+def _has_moved(tuning, state, bank, now):
     """Return whether the axis has moved long enough for its structure to be learnt."""
     if state["prediction"] ** 2 > state["noise"] > 0.0:
         bank["moves"] += 1
@@ -149,7 +149,7 @@ def has_moved(tuning, state, bank, now):
 
 
 @inlined
-def follow_misfit(tuning, bank, state):
+def _follow_misfit(tuning, bank, state):
     """
     Learn κ: the mean of e²/S as it was before the oldest onset in the bank, times its repetition.
 
@@ -171,7 +171,7 @@ def follow_misfit(tuning, bank, state):
 
 
 @inlined
-def carry_one(bank, state, e, S, p):
+def _carry_one(bank, state, e, S, p):
     """Take the δ of what is gone through again over a sample, as `bank.carry_columns` does."""
     delta, X, gain, moved = bank["delta"], state["X"], state["gain"], bank["moved_one"]
     m = len(delta)

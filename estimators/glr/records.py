@@ -1,21 +1,27 @@
 """Records of a filter with a bank of hypotheses, before the first sample."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.constrained import told_records
-from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.filters.design import Design, at_least_zero
 from flexaxis.estimators.filters.joint import ekf_records
 from flexaxis.estimators.filters.loop import Record, joined, record
-from flexaxis.estimators.filters.noise import level
 from flexaxis.estimators.glr.bank import PER_LEVEL
 from flexaxis.estimators.models.discretisation import Pattern
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 NEVER = -1  # a sample that does not come
+FIRST, REVIEW, MISFIT = 10.0, 2.6, 26.0  # time scales of the axis: of motion until structure is
+# learnt, until a name is final, and of the memory of how well the model fits
+SPAN, FINEST = 2.8, 80  # time scales that the bank covers at least, and its finest spacings in one
+FEWEST, MOST = 80, 800  # samples of the time scale of an axis that does not swing
+PASSES = 6  # through the first seconds, at most
 
 
 @dataclass(frozen=True)
@@ -78,6 +84,53 @@ class Timing:
         return self.base * PER_LEVEL * 2 ** (self.levels - 1)
 
 
+def time_scale(model: Model, period: float) -> float:
+    """
+    Return the time in which an axis forgets [s]: that of its slowest oscillation.
+
+    What does not swing has its slowest pole's, within `FEWEST` and `MOST` samples: how long a
+    motor coasts says nothing of how soon a torque shows.
+
+    Parameters
+    ----------
+    model : Model
+    period : float
+        Sampling period [s].
+    """
+    linear = replace(model, laws=())
+    one = linear.parametrize(linear.parameters[:1])
+    poles = np.linalg.eigvals(one.matrices(one.theta)[0])
+    rates = np.abs(poles.real)
+    moves = rates > 1e-6 * np.abs(poles).max(initial=0.0)
+    swings = moves & (np.abs(poles.imag) > rates)
+    if swings.any():
+        return float(1.0 / rates[swings].min())
+    slowest = 1.0 / rates[moves].min() if moves.any() else np.inf
+    return float(np.clip(slowest, FEWEST * period, MOST * period))
+
+
+def lengths(
+    model: Model, period: float, budget: int, commissioning: float | None, known: bool
+) -> Timing:
+    """Return lengths in samples, from the time scale of the axis."""
+    scale = time_scale(model, period)
+    if commissioning is None:
+        commissioning = 0.0 if known else FIRST * scale
+    at_least_zero("commissioning", commissioning, "how long the first seconds are, in seconds")
+    samples = scale / period
+    base = max(1, round(samples / FINEST))
+    levels = max(1, int(np.ceil(np.log2(SPAN * samples / (8 * base)))) + 1)
+    return Timing(
+        base=base,
+        levels=levels,
+        first=round(commissioning / period),
+        review=round(REVIEW * samples),
+        memory=round(MISFIT * samples),
+        budget=budget,
+        passes=PASSES,
+    )
+
+
 @dataclass(frozen=True)
 class Dictionary:
     """
@@ -104,7 +157,6 @@ class Dictionary:
 def glr_records(  # noqa: PLR0917
     design: Design,
     pattern: Pattern,
-    covariance: Array,
     jumps: Jumps,
     timing: Timing,
     alarm: float,
@@ -120,8 +172,6 @@ def glr_records(  # noqa: PLR0917
     design : Design
     pattern : Pattern
         Of its model, `flexaxis.estimators.filters.joint.with_state`.
-    covariance : (n, n) array
-        Of x(0).
     jumps : Jumps
     timing : Timing
     alarm : float
@@ -132,9 +182,9 @@ def glr_records(  # noqa: PLR0917
         The first so many of θ are estimates.
     dictionary : Dictionary
     """
-    tuning, start = ekf_records(design, pattern, covariance, level(design, rests=True))
+    tuning, start = ekf_records(design, pattern, rests=True)
     told, drawn = told_records(tracked, groups)
-    p, m, q = len(design.theta0), pattern.p, len(jumps.which)
+    p, q = len(design.theta0), len(jumps.which)
     tuning["drift"][0] = np.diag(jumps.walk)
     more = record(
         which=np.array(jumps.which),
@@ -146,18 +196,23 @@ def glr_records(  # noqa: PLR0917
         alarm=alarm,
         misfit_share=1.0 / timing.memory,
         period=design.period,
-        increments=float(design.output == "increment"),
-        turned=design.period * (1.0 if design.output == "increment" else 0.5),
+        mean_speed=np.array(find_signal(design.output).mean_speed(design.period)),
         **vars(dictionary)
         | {"waves": min(dictionary.waves, (PER_LEVEL * timing.levels * q - 2) // 4)},
     )
-    slots, n = PER_LEVEL * timing.levels, m - p
+    P = start["P"].shape[1:]
+    searches = record(searching=int(dictionary.waves > 0))
+    bank = joined(
+        _again(pattern, p, timing), _hypotheses(pattern, p, q, timing, P), searches, drawn
+    )
+    return joined(tuning, more, told), np.repeat(start, 2), bank
+
+
+def _hypotheses(pattern: Pattern, p: int, q: int, timing: Timing, P: tuple[int, ...]) -> Record:
+    """Return the bank of q jumps at each onset, and what the dictionary has in its place before."""
+    slots, m, n = PER_LEVEL * timing.levels, pattern.p, pattern.p - p
     H = slots * q
-    grows = (timing.budget / (timing.budget - 1)) ** (timing.passes + 1)  # while a pass catches up
-    needed = grows * max(1.5 * timing.first, 2.0 * (timing.span + timing.review)) + timing.budget
-    length = 2 ** int(np.ceil(np.log2(needed)))  # few lengths, as each is compiled for
-    bank = record(
-        searching=int(dictionary.waves > 0),
+    return record(
         pull=np.zeros(H),
         push=np.zeros(n + pattern.laws + 1),
         cross=np.zeros(H),
@@ -179,7 +234,7 @@ def glr_records(  # noqa: PLR0917
         used=0.0,
         chi2_at=np.zeros(slots),
         used_at=np.zeros(slots),
-        kept_P=np.zeros((slots, *start["P"].shape[1:])),
+        kept_P=np.zeros((slots, *P)),
         kept_xi=np.zeros((slots, m)),
         kappa=1.0,
         misfit=1.0,
@@ -188,6 +243,16 @@ def glr_records(  # noqa: PLR0917
         last=np.nan,
         odds=-np.inf,
         mixed=np.zeros(p),
+    )
+
+
+def _again(pattern: Pattern, p: int, timing: Timing) -> Record:
+    """Return the samples that are kept, and how far they have been gone through again."""
+    m, n = pattern.p, pattern.p - p
+    grows = (timing.budget / (timing.budget - 1)) ** (timing.passes + 1)  # while a pass catches up
+    needed = grows * max(1.5 * timing.first, 2.0 * (timing.span + timing.review)) + timing.budget
+    length = 2 ** int(np.ceil(np.log2(needed)))  # few lengths, as each is compiled for
+    return record(
         history=np.zeros((length, 3)),
         delta=np.zeros(m),
         moved_one=np.zeros(n),
@@ -212,4 +277,3 @@ def glr_records(  # noqa: PLR0917
         patience=0,
         asks=0,  # whether somebody has to look after the last sample
     )
-    return joined(tuning, more, told), np.repeat(start, 2), joined(bank, drawn)

@@ -25,7 +25,7 @@ FASTEST = 2.0  # radians that a wave may turn in a period at the rms speed; torq
 # are gone from their mean over the period
 
 
-class Shape(NamedTuple):
+class _Shape(NamedTuple):
     """
     A torque that the model lacks: `which` of the law, its waves in a turn, its coefficients.
 
@@ -46,7 +46,7 @@ class Shape(NamedTuple):
     gain: float
 
 
-def best_shape(bank: Record, tuning: Record, variance: float) -> Shape | None:
+def best_shape(bank: Record, tuning: Record, variance: float) -> _Shape | None:
     """
     Return what of the dictionary explains the first seconds best, or None.
 
@@ -83,8 +83,8 @@ def best_shape(bank: Record, tuning: Record, variance: float) -> Shape | None:
         return None
     a, b = size[best].tolist()
     if best == 0:
-        return Shape(SIDES, 1.0 / float(tuning["load_size"]), b, a, float(gain[best]))
-    return Shape((best - 1) % 2, (best - 1) // 2 + 1.0, a, b, float(gain[best]))
+        return _Shape(SIDES, 1.0 / float(tuning["load_size"]), b, a, float(gain[best]))
+    return _Shape((best - 1) % 2, (best - 1) // 2 + 1.0, a, b, float(gain[best]))
 
 
 def fastest_wave(speed: float, period: float) -> int:
@@ -92,7 +92,7 @@ def fastest_wave(speed: float, period: float) -> int:
     return max(1, int(FASTEST / (speed * period)))
 
 
-def taken_up(plain: Workspace, rich: Workspace, shape: Shape) -> None:
+def taken_up(plain: Workspace, rich: Workspace, shape: _Shape) -> None:
     """
     Let a filter that has one shape more begin where another one is.
 
@@ -103,7 +103,7 @@ def taken_up(plain: Workspace, rich: Workspace, shape: Shape) -> None:
     rich : Workspace
         As before the first sample. Its parameters are those of the other and, as the last three,
         those of the shape, which is its last law; it may have the angle as one more state.
-    shape : Shape
+    shape : _Shape
     """
     _told(rich, shape)
     share(plain.bank, rich.bank)
@@ -122,7 +122,7 @@ def taken_up(plain: Workspace, rich: Workspace, shape: Shape) -> None:
     rich.bank["mixed"][0] = now["theta"][: rich.p]
 
 
-def _told(rich: Workspace, shape: Shape) -> None:
+def _told(rich: Workspace, shape: _Shape) -> None:
     """Tell the law and the prior of a filter which shape it has."""
     tuning, n = rich.tuning[0], rich.p - 1
     tuning["law_value"][-1, WHICH] = shape.which

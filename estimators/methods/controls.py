@@ -5,15 +5,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.filters.design import OUTPUTS, above_zero, finite_vector
+from flexaxis.estimators.filters.design import above_zero, finite_vector
 from flexaxis.estimators.filters.filter import RecursiveEstimator
 from flexaxis.estimators.filters.prediction_error import LINEAR
 from flexaxis.estimators.methods.paper import rpem_corrected
 from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
+from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 
@@ -51,8 +51,7 @@ class Frozen(RecursiveEstimator):
         theta0: ArrayLike | None = None,
         output: str = "speed",
     ) -> None:
-        if output not in OUTPUTS:
-            raise EstimatorError(f"unknown output {output!r}: {did_you_mean(output, OUTPUTS)}")
+        find_signal(output)
         parametrization = model.parametrize(identify)
         start = parametrization.theta if theta0 is None else theta0
         self._theta = finite_vector("theta0", start, len(parametrization.names))

@@ -5,7 +5,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.joint import (
@@ -20,6 +19,7 @@ from flexaxis.estimators.filters.noise import judge, show
 from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.models.discretisation import Pattern, split
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import above_zero, forgetting_factor
 from flexaxis.estimators.filters.prediction_error import CALM, ROBUST
@@ -28,6 +27,7 @@ from flexaxis.estimators.offline.structure import (
     with_laws,
 )
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 NOISE = 0.04  # of the rms speed, σ that P(0) reckons with where none is told: with less than what
 # an axis is off its model before that is learnt, the first steps are too long

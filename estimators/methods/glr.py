@@ -6,12 +6,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import above_zero, at_least_zero, make_design
 from flexaxis.estimators.glr.filter import Glr
-from flexaxis.estimators.glr.pace import lengths
-from flexaxis.estimators.glr.records import Dictionary, Jumps
+from flexaxis.estimators.glr.records import Dictionary, Jumps, lengths
 from flexaxis.estimators.glr.shapes import fastest_wave
 from flexaxis.estimators.models.axes import with_shape
 from flexaxis.estimators.models.meaning import fixable as fixable_of
@@ -31,6 +29,7 @@ from flexaxis.estimators.offline.roles import (
 from flexaxis.estimators.offline.sizes import measured, state_sizes
 from flexaxis.estimators.offline.structure import TRACKED, prior, told_of, with_laws
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 WALK = 7e-4  # 1/√s, of θ over its scale: 1 % in a quarter of an hour
 FRICTION = 4.5  # times as far that friction walks, which warms: 2.4 % in a minute
@@ -60,7 +59,8 @@ def glr(
     """
     Make the filter with a bank of hypotheses for an axis with or without friction.
 
-    All lengths of time follow from one time scale of the axis, see `flexaxis.estimators.glr.pace`.
+    All lengths of time follow from one time scale of the axis, see
+    `flexaxis.estimators.glr.records.lengths`.
 
     Parameters
     ----------
@@ -147,43 +147,32 @@ def _made(
     commissioning: float | None,
 ) -> Glr:
     """Return the filter for a model, and what it goes on with where it finds a shape."""
-    identify, period, torque = problem.identify, problem.period, problem.torque
+    period, torque = problem.period, problem.torque
     inverses = (f"1/{p}" for p in model.parameters if p not in model.law_parameters)
     may = (*model.parameters, *inverses)
     track = names_of("track", track, (*may, *TRACKED))
-    tracked = (*identify, *(name for name in track if is_left(model, name, identify)))
+    tracked = (*problem.identify, *(n for n in track if is_left(model, n, problem.identify)))
     learnt = learnt_of(model, tracked, learn)
     names = (*tracked, *learnt)
+    which = (*tracked, *_suspects(model, suspects, tracked, learnt, may))
     model = without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])
+    sizes = state_sizes(model, torque, period)
     thought = prior(model, names, torque=torque, period=period, told=told, spread=spread)
     refuse_zero(thought)
     thought = thought if deviations is None else known_better(model, thought, deviations)
-    sizes = state_sizes(model, torque, period)
-    design = make_design(
-        model,
-        identify=names,
-        theta0=thought.start,
-        P0=thought.P0,
-        period=period,
-        bounds=thought.bounds,
-        output=problem.output,
-        noise=noise,
-        scale=thought.scale,
-        x0_covariance=sizes**2,
-    )
     stated = (*told, *structure(model))  # which every axis has
     fixable = fixable_of(model) if learn == "auto" else ()
-    suspects = structure(model) if suspects == "auto" else names_of("suspects", suspects, may)
-    if odd := [name for name in suspects if name not in (*names, *structure(model))]:
-        raise EstimatorError(
-            f"suspects names {odd[0]!r}, which is not learnt; of what is learnt there are "
-            f"{', '.join(learnt) or 'none'}"
-        )
-    shapes = shapes_of_friction(model, names) if learn == "auto" else {}
-    which = (*tracked, *(name for name in suspects if name in learnt))
     rates = np.where(np.arange(len(which)) < len(tracked), 1.0, SUSPECTED)
+    states = list(model.states)
     return Glr(
-        design,
+        make_design(
+            model,
+            **problem.asked | {"identify": names, "noise": noise, "bounds": thought.bounds},
+            theta0=thought.start,
+            P0=thought.P0,
+            scale=thought.scale,
+            x0_covariance=sizes**2,
+        ),
         tracked=len(tracked),
         jumps=Jumps(
             which=tuple(names.index(name) for name in which),
@@ -194,14 +183,29 @@ def _made(
         timing=lengths(model, period, int(budget), commissioning, deviations is not None),
         told=told_groups(model, names, learnt, stated),
         fixable={n: AS_TOLD if n in stated else AS_ABSENT for n in fixable},
-        shapes=shapes,
-        x0_covariance=design.x0_covariance,
+        shapes=shapes_of_friction(model, names) if learn == "auto" else {},
         dictionary=Dictionary() if richer is None else _dictionary(model, torque, period, sizes),
-        angle=model.states.index("angle_motor")
-        if "angle_motor" in model.states
-        else len(model.states),
+        angle=states.index("angle_motor") if "angle_motor" in states else len(states),
         richer=richer,
     )
+
+
+def _suspects(
+    model: Model,
+    suspects: Sequence[str] | str,
+    tracked: Sequence[str],
+    learnt: Sequence[str],
+    may: Sequence[str],
+) -> list[str]:
+    """Return what of that which is learnt once may jump all the same."""
+    usual = structure(model)
+    asked = usual if suspects == "auto" else names_of("suspects", suspects, may)
+    if odd := [name for name in asked if name not in (*tracked, *learnt, *usual)]:
+        raise EstimatorError(
+            f"suspects names {odd[0]!r}, which is not learnt; of what is learnt there are "
+            f"{', '.join(learnt) or 'none'}"
+        )
+    return [name for name in asked if name in learnt]
 
 
 def _dictionary(

@@ -5,7 +5,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import Design, above_zero, finite_vector
 from flexaxis.estimators.filters.filter import CompiledFilter
@@ -17,6 +16,7 @@ from flexaxis.estimators.filters.joint import (
 from flexaxis.estimators.filters.loop import joined, record
 from flexaxis.estimators.models.discretisation import split
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 Array = NDArray[np.float64]
 

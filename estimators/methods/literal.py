@@ -10,13 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.filters.filter import RecursiveEstimator, Trace, trace
 from flexaxis.estimators.filters.noise import MEMORY
 from flexaxis.estimators.models.discretisation import discretize, extended_system
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 Array = NDArray[np.float64]
 
@@ -152,9 +152,6 @@ class LiteralRpem(RecursiveEstimator):
         transition, gain = discretize(*self._system[:2], self._design.period)
         self._X[:, list(self._design.model.reset)] = 0.0
         self._X = (transition @ self._X.ravel() + gain[:, 0] * u).reshape(self._X.shape)
-
-
-literal_rpem = LiteralRpem
 
 
 def _literal_forgetting(

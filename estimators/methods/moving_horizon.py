@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.covariance import triangular_root
 from flexaxis.estimators.filters.design import Design, above_zero
@@ -11,6 +10,7 @@ from flexaxis.estimators.filters.filter import RecursiveEstimator
 from flexaxis.estimators.filters.noise import FINEST, KNOWN, MOVING, ODD
 from flexaxis.estimators.models.sampled import along, move, prepare
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 Array = NDArray[np.float64]
 

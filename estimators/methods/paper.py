@@ -4,11 +4,11 @@ from functools import partial
 
 import numpy as np
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.filters.design import above_zero, at_least_zero, covariance_matrix
 from flexaxis.estimators.filters.prediction_error import CALM, ROBUST
 from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 
 def _rpem_forgetting(

@@ -12,18 +12,9 @@ from flexaxis.estimators.filters.design import (
     make_design,
 )
 from flexaxis.estimators.filters.filter import CompiledFilter, Trace, trace
-from flexaxis.estimators.filters.loop import Record, joined, on_lanes, record, sample_loop
-from flexaxis.estimators.filters.prediction_error import (
-    CEILING,
-    correct_state,
-    measure,
-    measurement_records,
-    predict,
-    publish,
-    read_claim,
-)
-from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.models.discretisation import Pattern, split
+from flexaxis.estimators.filters.forgetful import adaptation
+from flexaxis.estimators.filters.prediction_error import CEILING, predict, read_claim
+from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.model import Model
 
 Array = NDArray[np.float64]
@@ -167,15 +158,20 @@ class Rpem(CompiledFilter):
             learn=learn,
             scale=scale,
         )
-        pattern, _ = split(design.model)
-        parts = measurement_records(design, clip=robust, correct=state_correction, ceiling=ceiling)
-        lanes, later = on_lanes(design, pattern), _settling(design, settle)
-        tuning, start = map(joined, lanes, parts, later)
+        loop, tuning, start = adaptation(
+            design,
+            _adapt,
+            robust=robust,
+            ceiling=ceiling,
+            correct=state_correction,
+            tuning=_settling(design, settle),
+            state={"taken": 0},
+        )
         if settle:
-            waits = later[0]["known_before"][0] > 0.0
+            waits = tuning["known_before"][0] > 0.0
             start["P"][0, waits] = start["P"][0, :, waits] = 0.0
             start["claim"] = start["P"]
-        super().__init__(_rpem_loop(pattern), tuning, start, design, read_claim, restarts=True)
+        super().__init__(loop, tuning, start, design, read_claim, restarts=True)
 
     @property
     def P(self) -> Array:  # noqa: D102
@@ -227,13 +223,13 @@ class Rpem(CompiledFilter):
         return trace(self, u, y, valid)
 
 
-def _settling(design: Design, settle: float) -> tuple[Record, Record]:
-    """Return tuning and state for `_begin_to_learn`."""
+def _settling(design: Design, settle: float) -> dict[str, ArrayLike]:
+    """Return what `_begin_to_learn` needs of tuning."""
     seconds = at_least_zero("settle", settle, "seconds before anything is learnt once")
     known = np.diag(design.P0).copy()
     known[: design.tracked] = 0.0
     known[np.array(design.model.additive)] = 0.0
-    return record(settled=round(seconds / design.period), known_before=known), record(taken=0)
+    return {"settled": round(seconds / design.period), "known_before": known}
 
 
 @inlined
@@ -246,20 +242,8 @@ def _begin_to_learn(tuning, state):
                 state["P"][i, i] = state["claim"][i, i] = tuning["known_before"][i]
 
 
-@remembered
-def _rpem_loop(pattern: Pattern) -> Compiled:
-    """Return the compiled loop of the method for models of this pattern."""
-    return sample_loop(pattern, _adapt, "prediction error")
-
-
 @inlined
-def _adapt(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
-    """Take one sample, as `flexaxis.estimators.filters.loop` wants it."""
-    tuning, state = tunings[0], states[0]
-    measure(tuning, state, y[k], valid[k])
-    if tuning["correct"] > 0.0:
-        correct_state(state)
+def _adapt(tuning, state, valid):
+    """Do the time update of the paper, in a gap as well."""
     predict(tuning, state)
     _begin_to_learn(tuning, state)
-    publish(state, k, estimates, trace)
-    return state["anew"] > tuning["heeds"]

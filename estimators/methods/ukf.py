@@ -5,7 +5,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.covariance import (
     bound_root,
@@ -22,6 +21,7 @@ from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.models.discretisation import Pattern, split
 from flexaxis.estimators.models.kernel import convey, place
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def joint_ukf(design: Design, *, spread: float = 1.0) -> CompiledFilter:
     tuning = joined(_tuning(design, pattern, spread, v0), known)
     start = _start(design, pattern, tuning)
     return CompiledFilter(
-        ukf_loop(pattern), tuning, joined(start, level_start), design, partial(_read, pattern.p)
+        _loop(pattern), tuning, joined(start, level_start), design, partial(_read, pattern.p)
     )
 
 
@@ -151,7 +151,7 @@ ENTRIES = (
 
 
 @remembered
-def ukf_loop(pattern: Pattern) -> Compiled:
+def _loop(pattern: Pattern) -> Compiled:
     """Return the compiled loop for models of this pattern."""
     entries, series = place(pattern), convey(pattern)
 

@@ -8,7 +8,7 @@ derivatives, and the compiled filters, for any choice of identified parameters.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -269,34 +269,3 @@ class Model:
             laws=acting(self.laws, self.states, self.nominal, identify) if self.laws else None,
             additive=tuple(name in self.law_parameters for name in identify),
         )
-
-
-def increment(model: Model, period: float) -> Model:
-    """
-    Return the model whose output is the mean speed (φ[k]−φ[k−1])/T over the last sample.
-
-    One more state integrates the output from zero in every sample, so the increment of the angle
-    is modelled exactly; differencing the angle and calling it speed biases the estimates instead.
-
-    Parameters
-    ----------
-    model : Model
-        Model whose output is the speed.
-    period : float
-        Sampling period T [s].
-
-    Returns
-    -------
-    Model
-        The same with the state ``angle_increment`` appended, and the new output.
-    """
-    grown = [[*row, "0"] for row in model.A] + [[*model.C, "0"]]
-    return replace(
-        model,
-        name=f"{model.name}, increments",
-        states=(*model.states, "angle_increment"),
-        A=grown,
-        B=(*model.B, "0"),
-        C=(*("0" for _ in model.states), repr(1 / float(period))),
-        reset=(*model.reset, "angle_increment"),
-    )

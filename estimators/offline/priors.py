@@ -12,9 +12,10 @@ from flexaxis.estimators.filters.design import Design, make_design
 from flexaxis.estimators.filters.prediction_error import subtract
 from flexaxis.estimators.models.compiler import compiled
 from flexaxis.estimators.models.meaning import is_axis, moves_as, named_values
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.predictor import as_torque, predict
+from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 
@@ -170,7 +171,7 @@ def default_drift(
     theta = model.parametrize(identify).theta
     alike = moves_as(model, AXIS)
     if torque is not None:
-        chosen = increment(model, period) if output == "increment" else model
+        chosen = find_signal(output).predicted(model, period)
         Q = _energy(_gradient_along(chosen.parametrize(identify), theta, torque, period))
         seconds = [FOLLOWS.get(n, FOLLOWS_MEAN) if alike else FOLLOWS_MEAN for n in identify]
         return (period / np.array(seconds)) ** 2 / Q

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.compiler import compiled
 from flexaxis.estimators.models.discretisation import LAW_STEPS, law_steps
 from flexaxis.estimators.models.forces import BRISTLE, STATIC
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.sampled import copy, prepare, travel
 from flexaxis.estimators.offline.delay import delay_slope, delayed
 from flexaxis.estimators.offline.dry import dry, is_dry
 from flexaxis.estimators.offline.reversals import follow
+from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 
@@ -183,8 +184,7 @@ def course(
     beside : (m, N) array, optional
         What acts beside the torque, see `Course`.
     """
-    grown = _with_offset(model)
-    chosen = (increment(grown, period) if output == "increment" else grown).parametrize(names)
+    chosen = find_signal(output).predicted(_with_offset(model), period).parametrize(names)
     moving = [] if resting else [*range(len(model.states)), *_own(chosen)]
     free = (*moving, len(model.states))
     torque, alone = np.ascontiguousarray(u, float), is_dry(chosen, period)

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.signals import SIGNALS
 
 PATIENCE = 30.0  # s that a program may take for an answer, its start included
 VERSION = 1
@@ -31,7 +32,7 @@ NAME = 32  # bytes of a name, with at least one NUL behind it
 HEAD = struct.Struct("<8sII")  # of both sides: magic, version, mark of the byte order
 ASKED = struct.Struct("<dIII")  # period [s], output, number of nominal values, of names
 ANSWERED = struct.Struct("<II")  # number of names, output
-OUTPUTS = ("speed", "increment")
+OUTPUTS = tuple(SIGNALS)
 COUNT = struct.Struct("<Q")  # samples that follow; 0: the run has ended
 SAMPLE = struct.Struct("<Qdd")  # one sample, its count before it
 ROOM = 32768  # bytes in flight each way: half of what a pipe holds, so that neither side waits

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.offline.priors import DRIFT, known_P
-from flexaxis.estimators.protocol import Estimator, run_estimator
+from flexaxis.estimators.protocol import Estimator, Finding, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 from flexaxis.experiments.building.specs import Spec, made, parse
 from flexaxis.experiments.demo.live_axis import Samples

@@ -210,4 +210,4 @@ def usable(record: Record) -> NDArray[np.bool_]:
 
 def output_of(record: Record) -> str:
     """Return which output of a record the estimators are to read."""
-    return "speed" if record.increment is None else "increment"
+    return next(n for n in ("increment", "speed") if getattr(record, n) is not None)

@@ -11,8 +11,9 @@ from scipy.optimize import least_squares
 from scipy.signal import csd
 
 from flexaxis.estimators.models.axes import MODELS, Traits
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.frequency import frequency_response
+from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.logs.errors import LogError
 
 Array = NDArray[np.float64]
@@ -180,7 +181,7 @@ def fit_response(
     delay : float
         [s].
     """
-    chosen = (increment(model, period) if output == "increment" else model).parametrize(identify)
+    chosen = SIGNALS[output].predicted(model, period).parametrize(identify)
     # a hundred frequencies, evenly over the logarithm, say all there is to say
     wanted = np.geomspace(response.omega[0], response.omega[-1], 100)
     lines = np.unique(np.searchsorted(response.omega, wanted * 0.9999))

@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators import RECOMMENDED
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.colour import Colour, colourless
 from flexaxis.estimators.offline.delay import delayed
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.estimators.registry import REGISTRY
+from flexaxis.estimators.registry import REGISTRY, Entry
+from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.building.specs import Spec, made
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change, changes_along
@@ -177,7 +176,7 @@ def track(
     changed: dict[str, Any] = {output: y}
     theta, claimed, alarms = run_on(estimator, replace(record, torque=u, valid=valid, **changed))
     names = tuple(estimator.names)
-    model = increment(axis.model, period) if output == "increment" else axis.model
+    model = SIGNALS[output].predicted(axis.model, period)
     last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
     if not np.isfinite(last).all():
         raise LogError("the estimates diverged: identify first, or choose another estimator")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, dlsim, find_peaks
 
-from flexaxis.estimators import Rpem, literal_rpem
+from flexaxis.estimators import LiteralRpem, Rpem
 from flexaxis.estimators.offline.frequency import frequency_response, information, line_spectrum
 from flexaxis.estimators.offline.identification import Identified
 from flexaxis.estimators.offline.predictor import predict
@@ -104,7 +104,7 @@ def compiled_difference(e: Evidence) -> float:
             period=record.period,
             forgetting=FORGETTING,
         ).run(u[:1000], y[:1000])
-        for method in (Rpem, literal_rpem)
+        for method in (Rpem, LiteralRpem)
     )
     return float(np.max(np.abs(one - two) / model.theta))
 

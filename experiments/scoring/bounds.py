@@ -15,6 +15,7 @@ from hashlib import sha256
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.scoring.case import Track, finite, lag_of
 from flexaxis.experiments.scoring.theta import physical, started_theta, theta_over_time
 from flexaxis.experiments.scoring.true_model import (
@@ -154,11 +155,10 @@ def bound_from(
 
 def noise_variance(scenario: Scenario) -> float:
     """Return σ² of what estimators read; of an increment, that of the encoder and its noise."""
-    if scenario.output == "speed":
-        return scenario.noise.speed**2
     counts = scenario.encoder.counts
     step = 2 * np.pi / counts if counts else 0.0
-    return 2 * (scenario.noise.angle**2 + step**2 / 12) / scenario.period**2
+    angle = scenario.noise.angle**2 + step**2 / 12
+    return SIGNALS[scenario.output].noise(scenario.noise.speed**2, angle, scenario.period)
 
 
 RMSE_AT = (20, 50, 100, 200, 400, 1000)  # samples after onset

@@ -20,11 +20,12 @@ from flexaxis.estimators.models.axes import (
     with_angle,
 )
 from flexaxis.estimators.models.compiler import compiled
-from flexaxis.estimators.models.discretisation import law_steps, sampled_system
+from flexaxis.estimators.models.discretisation import law_steps
 from flexaxis.estimators.models.laws import Law
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.sampled import Prepared, copy, prepare, travel
+from flexaxis.estimators.models.sampled import copy, prepare, travel
+from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.scoring.theta import physical, true_theta
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
@@ -114,7 +115,7 @@ def true_model(scenario: Scenario, parameters: Array) -> Model:
 
 
 def _read(scenario: Scenario, model: Model) -> Model:
-    return increment(model, scenario.period) if scenario.output == "increment" else model
+    return SIGNALS[scenario.output].predicted(model, scenario.period)
 
 
 def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
@@ -193,27 +194,18 @@ def jump_gradient(
     period : float
         Sampling period T [s].
     """
-    u = np.ascontiguousarray(u, float)
-    if model.laws is not None:
-        prepared = _prepared(model, theta, period)
-        return _travelled(prepared, _start(model, x, len(model.names)), u)[0]
-    transition, gain, output = sampled_system(model, theta, period)
-    X = np.zeros(len(transition))
-    X[-model.n :] = x
-    return _driven(transition, gain, X, u)[:-1] @ output[:-1].T
+    return _travel(model, theta, u, x, period)[0]
 
 
-@compiled
-def _driven(transition, gain, x, u):
-    """Return the states (N+1, n) that u takes x to."""
-    states = np.empty((len(u) + 1, len(x)))
-    for i in range(len(x)):
-        states[0, i] = x[i]
-    for k in range(len(u)):
-        moved = np.dot(transition, states[k])
-        for i in range(len(x)):
-            states[k + 1, i] = moved[i] + gain[i] * u[k]
-    return states
+def _travel(
+    model: Parametrization, theta: ArrayLike, u: ArrayLike, x: ArrayLike, period: float
+) -> tuple[Array, Array]:
+    """Return the gradient (N, p) along a torque (N,) from a state (n,), and the state after it."""
+    X = np.zeros((1 + len(model.names), model.n + 1))  # no state depends on θ yet
+    X[0, : model.states] = x
+    prepared = prepare(model, theta, period, steps=FINER * law_steps(model, period))
+    gradient, X = _travelled(prepared, X, np.ascontiguousarray(u, float))
+    return gradient, X[0, : model.states]
 
 
 @compiled
@@ -228,17 +220,6 @@ def _travelled(prepared, X, u):
     return gradient, X
 
 
-def _prepared(model: Parametrization, theta: ArrayLike, period: float) -> Prepared:
-    return prepare(model, theta, period, steps=FINER * law_steps(model, period))
-
-
-def _start(model: Parametrization, x: ArrayLike, q: int) -> Array:
-    """Return states and sensitivities [x; y] at a sample: no state depends on θ yet."""
-    X = np.zeros((1 + q, model.n + 1))
-    X[0, : model.states] = x
-    return X
-
-
 def state_at(scenario: Scenario, truth: Array, u: Array, index: int) -> Array:
     """Return the true state (n,) at a sample, through every change before it.
 
@@ -248,16 +229,5 @@ def state_at(scenario: Scenario, truth: Array, u: Array, index: int) -> Array:
     x = np.zeros(true_model(scenario, truth[0]).parametrize(["k_T"]).states)
     for first, last in pairwise(edges):
         model = true_model(scenario, truth[first]).parametrize(["k_T"])
-        x = _after(model, u[first:last], x, scenario.period)
+        x = _travel(model, model.theta, u[first:last], x, scenario.period)[1]
     return x
-
-
-def _after(model: Parametrization, u: Array, x: Array, period: float) -> Array:
-    """Return the state (n,) to which a torque (N,) takes a model."""
-    if model.laws is not None:
-        X = _start(model, x, len(model.names))
-        prepared = _prepared(model, model.theta, period)
-        return _travelled(prepared, X, np.ascontiguousarray(u))[1][0, : model.states]
-    transition, gain, _ = sampled_system(model, model.theta, period)
-    A, b = transition[model.n :, model.n :].copy(), gain[model.n :].copy()
-    return _driven(A, b, x, u)[-1]

@@ -79,6 +79,18 @@ def test_sensor(flexaxis):
     assert error.mean() == pytest.approx(5.0, abs=4 * 0.1 / np.sqrt(error.size))  # 4 σ
 
 
+def test_signal(flexaxis):
+    """Who reads the angle finds the fault."""
+    table = f'output = "angle"\nencoder.counts = 65536\n{STEP}'
+    assert "angle" in scenario(flexaxis, "turned", table)
+    names = ["--estimator", "ekf", "--estimator", "frozen", "--jobs", "1"]
+    flexaxis("run", "turned.toml", *names, "--seeds", "2", "-o", "turned.run")
+    summary = json.loads((flexaxis.place / "turned.run" / "summary.json").read_text("utf-8"))
+    found = {row["estimator"]: row for row in summary["rows"] if row["parameter"] == "f_m"}
+    assert found["ekf"]["lag"] < 0.25 * found["frozen"]["lag"]
+    assert 0 < found["ekf"]["lag_bound"] < found["ekf"]["lag"]
+
+
 def test_nonlinearity(flexaxis):
     moves = '[excitation]\nkind = "moves"\ndwell = 3.5\n'
     card = scenario(flexaxis, "spring", f"spring.stiffness = 0.05\n{STEP}\n{moves}")
@@ -221,6 +233,7 @@ FORGOTTEN = {
     "fault": "Pulse (flexaxis.sim.faults) can be used by nobody: name it in the union",
     "excitation": "Chirp (flexaxis.sim.excitation) can be used by nobody: name it in the union",
     "sensor": "OffsetConfig (flexaxis.sim.sensors) can be used by nobody: give Scenario a key",
+    "signal": "estimators read speed, increment, angle, and scenarios have speed, increment",
     "nonlinearity": "ReturnConfig (flexaxis.sim.nonlinear) can be used by nobody: give Scenario",
     "scenario": 'fm_triple-v1: not frozen yet; when it is as it should be, add the line "fm_triple',
     "figure": "lag_by_lag is on no page: name it in CHARTS at the end of page.py",

@@ -15,7 +15,6 @@ def test_finds_the_coefficients_of_a_noiseless_record():
     found = fit_arx(u, lfilter(B, A, u), order=2, period=0.005)
     np.testing.assert_allclose(found.a, A, atol=1e-10)
     np.testing.assert_allclose(found.b, B, atol=1e-10)
-    assert found.residual_std < 1e-10
 
 
 def test_is_consistent_for_equation_noise():
@@ -25,7 +24,6 @@ def test_is_consistent_for_equation_noise():
     # least squares: standard deviations of 0.1/√20000 and less
     np.testing.assert_allclose(found.a, A, atol=4e-3)
     np.testing.assert_allclose(found.b, B, atol=4e-3)
-    assert abs(found.residual_std / 0.1 - 1) < 0.03
 
 
 def test_response_is_that_of_the_difference_equation():

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError
-from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.glr.bank import PER_LEVEL
-from flexaxis.estimators.glr.pace import time_scale
+from flexaxis.estimators.glr.records import time_scale
 from flexaxis.estimators.models.axes import N1, one_mass, three_mass
+from flexaxis.estimators.protocol import Finding
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario

@@ -29,7 +29,6 @@ def test_finds_the_parameters_within_its_own_deviations(nominal, loop, start):
     assert not found.warnings
     assert np.all(np.abs(found.theta - THETA) < 4 * found.standard_deviations)
     np.testing.assert_allclose(found.theta, THETA, rtol=0.003)
-    assert abs(found.residual_std / 0.1 - 1) < 0.03  # 12000 samples: 0.6 % standard deviation
 
 
 def test_covariance_is_that_of_linear_regression(nominal, loop):
@@ -57,7 +56,6 @@ def test_deviations_are_those_of_repeated_experiments(nominal, simulated):
 
 def test_says_so_in_a_local_minimum(nominal, loop):
     found = identified(nominal, loop, 0.7, max_evaluations=30)
-    assert found.residual_std > 1  # ten times the noise
     assert "local minimum" in " ".join(found.warnings)
 
 

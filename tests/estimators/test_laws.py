@@ -28,8 +28,8 @@ from flexaxis.estimators.models.axes import (
 from flexaxis.estimators.models.compiler import Compiled
 from flexaxis.estimators.models.discretisation import split
 from flexaxis.estimators.models.laws import KINDS, Law
-from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.models.sampled import prepare, travel
+from flexaxis.estimators.signals import increment
 from flexaxis.sim.nonlinear import (
     CoggingConfig,
     LuGreConfig,

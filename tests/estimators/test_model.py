@@ -6,6 +6,7 @@ from flexaxis.estimators import EstimatorError, Model, increment, three_mass, tw
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.formula import multiply_out
 from flexaxis.estimators.models.tables import model_from_tables
+from flexaxis.estimators.signals import SIGNALS
 
 EVERY = ("k_T", "J_m", "J_g", "1/J_a", "k_g", "1/k_a", "d_g", "d_a", "f_m", "f_g", "1/f_a", "r")
 
@@ -173,3 +174,14 @@ def test_an_entry_that_is_no_number_is_refused(J):
     with pytest.raises(EstimatorError, match=r"row 1, column 1 .* nominal values of .*J"):
         Model("lag", states=("v",), A=[["-f/J"]], B=["k"], C=["1"],
               nominal={"f": 2.0, "J": J, "k": 3.0})  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_mean_speed_between_two_samples_of_what_is_read(name):
+    """Of a motion at constant acceleration, φ = t²/2, for which the trapezoidal rule is exact."""
+    T, k = 0.005, np.arange(5)
+    angle, speed = (T * k) ** 2 / 2, T * k
+    moved = np.diff(angle) / T
+    y = {"speed": speed, "increment": np.r_[0.0, moved]}[name]
+    now, before = SIGNALS[name].mean_speed(T)
+    np.testing.assert_allclose(now * y[1:] + before * y[:-1], moved, rtol=1e-12)

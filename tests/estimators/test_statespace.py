@@ -9,8 +9,8 @@ import pytest
 
 from flexaxis.estimators import three_mass
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.predictor import predict
+from flexaxis.estimators.signals import increment
 
 T = 0.005
 

@@ -7,6 +7,7 @@ from typing import ClassVar, Literal, get_args
 import pytest
 
 import flexaxis.sim
+from flexaxis.estimators.signals import SIGNALS
 from flexaxis.sim.config import Config, kinds
 from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.excitation import Excitation
@@ -28,6 +29,13 @@ def declared():
         if table.__module__.startswith("flexaxis.sim.") and table not in (Config, Scenario):
             found.append(table)
     return sorted(found, key=lambda table: table.__name__)
+
+
+def test_scenarios_have_the_outputs_that_estimators_read():
+    outputs = get_args(Scenario.model_fields["output"].annotation)
+    assert outputs == tuple(SIGNALS), (
+        f"estimators read {', '.join(SIGNALS)}, and scenarios have {', '.join(outputs)}"
+    )
 
 
 PARTS = (AdaptConfig,)  # of the table of the controller, which speaks for them

@@ -9,7 +9,6 @@ zero: F. Gustafsson, *Adaptive Filtering and Change Detection*, Wiley 2000, ch. 
 
 import numpy as np
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.filters.design import above_zero
 from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.forgetful import forgetful_filter
@@ -17,6 +16,7 @@ from flexaxis.estimators.filters.noise import KNOWN
 from flexaxis.estimators.filters.prediction_error import CEILING, LINEAR, ROBUST
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 FIRST, NEXT = 1.0, 0.5  # s before the first alarm, in which R̂ is learnt, and between two
 

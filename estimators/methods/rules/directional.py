@@ -11,12 +11,12 @@ any other units v = diag(P(0)) ψ takes the place of ψ: P ← P + (1/λ − 1) 
 
 import numpy as np
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.forgetful import forgetful_filter
 from flexaxis.estimators.filters.prediction_error import ASLEEP, CALM, ROBUST
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 
 @inlined

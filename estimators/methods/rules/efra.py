@@ -8,12 +8,12 @@ the place of I, which has no units. β = ν/10, γ = ν/10, with ν = 1/λ − 1
 
 import numpy as np
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.forgetful import forgetful_filter
 from flexaxis.estimators.filters.prediction_error import CEILING, ROBUST
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 
 @inlined

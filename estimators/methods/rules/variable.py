@@ -9,13 +9,13 @@ of 0.3 s; σ_v², of the noise, one of 2 s; exact means before they have seen as
 
 import numpy as np
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.filters.design import above_zero
 from flexaxis.estimators.filters.filter import CompiledFilter
 from flexaxis.estimators.filters.forgetful import forgetful_filter
 from flexaxis.estimators.filters.prediction_error import CALM, ROBUST
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 SHORT, LONG = 0.3, 2.0  # s, memories of the residual and of the noise: 60 and 400 samples at 5 ms
 FASTEST = 0.05  # s, least time constant of forgetting; λ = 0.9 at 5 ms

@@ -8,7 +8,6 @@ Conference on Decision and Control (1983) 1488–1494.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import finite_vector
 from flexaxis.estimators.filters.filter import CompiledFilter
@@ -16,6 +15,7 @@ from flexaxis.estimators.filters.forgetful import forgetful_filter
 from flexaxis.estimators.filters.prediction_error import CALM, ROBUST
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 TIE = 1e-6  # relative; of parameters of which P(0) knows equally little none is the one
 

@@ -26,6 +26,7 @@ from flexaxis.estimators.offline.inverse import (
     pieces,
 )
 from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
+from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.logs.identification.setup import Log, Setup, noise_of
 from flexaxis.experiments.logs.identification.validate import correlations
 
@@ -193,8 +194,8 @@ def over_pieces(fitted: Fitted) -> Array:
 def motion(log: Log, delay: float = 0.0) -> Motion:
     """Return torque and motion of a log as the inverse dynamics take them."""
     after = np.append(log.y[1:], log.y[-1])
-    incremental = log.output == "increment"
-    speed = after if incremental else (log.y + after) / 2
+    later, earlier = SIGNALS[log.output].mean_speed(log.period)
+    speed = later * after + earlier * log.y
     angle = (log.angle + np.append(log.angle[1:], log.angle[-1])) / 2
     k = np.arange(len(log.u))
     torque = np.interp(k - delay / log.period, k, log.u)

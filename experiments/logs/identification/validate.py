@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate
 
-from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.colour import Colour
 from flexaxis.estimators.offline.predictor import predict
+from flexaxis.estimators.signals import increment
 from flexaxis.experiments.logs.axis_file import Axis, usable
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identification.setup import Setup, log_of

@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Printed
 
-from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
+from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.logs.findings import Finding, ordered, tell, texts_of
 from flexaxis.experiments.logs.identification.candidates import Candidate
 from flexaxis.experiments.logs.identification.friction import linear_part
@@ -150,9 +150,8 @@ def bode_chart(found: Identification, period: float) -> Chart:
     """Return the measured frequency response and that of the identified model."""
     assert found.response is not None
     model, seen = linear_part(found.axis.model), found.response
-    if found.best.setup.log.output == "increment":
-        model = increment(model, period)
-    chosen = model.parametrize(model.parameters)
+    signal = SIGNALS[found.best.setup.log.output]
+    chosen = signal.predicted(model, period).parametrize(model.parameters)
     # resonances are narrower than steps of lines
     fine = np.geomspace(seen.omega.min(), seen.omega.max(), 800)
     gain = frequency_response(chosen, chosen.theta, fine, period=period)[0]
