@@ -1,7 +1,6 @@
 """State and parameters in one extended Kalman filter, on lanes: what its kinds share."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.covariance import bound, carry, padded, project
 from flexaxis.estimators.filters.covariance import look as look_at
@@ -10,8 +9,6 @@ from flexaxis.estimators.filters.loop import Record, joined, on_lanes, record
 from flexaxis.estimators.filters.noise import level
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.discretisation import Pattern
-
-Array = NDArray[np.float64]
 
 
 def ekf_records(design: Design, pattern: Pattern, *, rests: bool = False) -> tuple[Record, Record]:

@@ -3,13 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.loop import Record
 from flexaxis.estimators.glr.workspace import Workspace
 from flexaxis.estimators.models.laws import LAWS
-
-Array = NDArray[np.float64]
 
 ALARM = 20.0  # nats by which a shape explains more than it costs: three times those of a jump, as
 # it stays for good, and as friction that is still being learnt makes columns wrong

@@ -3,7 +3,7 @@
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import Design, above_zero, finite_vector
@@ -17,8 +17,6 @@ from flexaxis.estimators.filters.loop import joined, record
 from flexaxis.estimators.models.discretisation import split
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
-
-Array = NDArray[np.float64]
 
 WALK, RATE, JUMP = 0.0015, 1e-3, 0.1581  # 1/√s, 1/s and of θ/θ(0), where no tuning is known
 

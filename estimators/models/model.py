@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.formula import Monomial, multiply_out
@@ -21,8 +20,6 @@ from flexaxis.estimators.models.parametrization import Parametrization
 
 if TYPE_CHECKING:
     from control import StateSpace
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

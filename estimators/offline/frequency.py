@@ -32,15 +32,12 @@ class Arx:
         1, a₁, …, a_n.
     b : (n+1,) array
         0, b₁, …, b_n: a torque acts from the next sample on.
-    residual_std : float
-        Standard deviation of e, in the unit of y.
     period : float
         Sampling period T [s].
     """
 
     a: Array
     b: Array
-    residual_std: float
     period: float
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
@@ -77,9 +74,8 @@ def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int, period: float) -> Arx:
     past_y, past_u = (sliding_window_view(x[:-1], order)[:, ::-1] for x in (y, u))
     regressors = np.hstack([-past_y, past_u])
     coefficients, *_ = np.linalg.lstsq(regressors, y[order:])
-    residual = y[order:] - regressors @ coefficients
     a, b = np.split(coefficients, 2)
-    return Arx(np.r_[1.0, a], np.r_[0.0, b], float(np.std(residual)), period)
+    return Arx(np.r_[1.0, a], np.r_[0.0, b], period)
 
 
 ComplexArray = NDArray[np.complex128]

@@ -40,8 +40,6 @@ class Identified:
     covariance : (p, p) array
         Covariance of the estimates for white output noise; astronomic where the data determine
         nothing.
-    residual_std : float
-        Standard deviation of y − ŷ, in the unit of y.
     correlation : float
         Correlation of successive residuals; near zero if all but white noise is explained.
     condition : float
@@ -56,7 +54,6 @@ class Identified:
     names: tuple[str, ...]
     theta: Array
     covariance: Array
-    residual_std: float
     correlation: float
     condition: float
     weakest: Array
@@ -152,7 +149,6 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
         names=names,
         theta=theta,
         covariance=(changes.T * deviations**2) @ changes * np.outer(theta, theta),
-        residual_std=float(np.sqrt(variance)),
         correlation=float(correlation),
         condition=float(singular[0] / singular[-1]),
         weakest=weakest,
