@@ -186,10 +186,13 @@ def in_closed_loop(reference, *, gravity=0.0, step=0.0):
     return u, angle
 
 
-@pytest.mark.parametrize("gravity", [0.5, 2.0])
-@pytest.mark.parametrize("bits", [13, 16])
-def test_gravity_in_a_loop_is_no_sign(gravity, bits, tmp_path):
-    reference = 0.8 * np.cumsum(shaken(20.0, low=0.5, high=5.0)) * T
+@pytest.mark.parametrize(
+    ("gravity", "bits", "band"),
+    [(0.5, 13, (0.5, 5.0)), (0.5, 16, (0.5, 5.0)), (2.0, 16, (0.5, 5.0)),
+     (2.0, 13, (0.2, 1.0))],  # the last is slower than the pendulum: the torque holds it up
+)  # fmt: skip
+def test_gravity_in_a_loop_is_no_sign(gravity, bits, band, tmp_path):
+    reference = 0.8 * np.cumsum(shaken(20.0, low=band[0], high=band[1])) * T
     u, angle = in_closed_loop(reference, gravity=gravity, step=2 * np.pi / 2**bits)
     found = imported(tmp_path, log(u, angle))
     doubt = seen(found, "signs of torque and motion")
