@@ -10,10 +10,11 @@ from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.filters.filter import RecursiveEstimator
 from flexaxis.estimators.filters.joint import with_state
 from flexaxis.estimators.glr.comparison import ALARM, Comparison
+from flexaxis.estimators.glr.contest import Contest
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
 from flexaxis.estimators.glr.loop import glr_loop
 from flexaxis.estimators.glr.records import Dictionary, Jumps, Timing, glr_records
-from flexaxis.estimators.glr.shapes import IN_WORDS, best_shape, share, taken_up
+from flexaxis.estimators.glr.shapes import GEAR, IN_WORDS, best_shape, share, taken_up
 from flexaxis.estimators.glr.workspace import Kit, Workspace
 from flexaxis.estimators.models.axes import SHAPE
 from flexaxis.estimators.models.discretisation import split
@@ -45,6 +46,8 @@ class Glr(RecursiveEstimator):
         Shapes of friction that are looked for.
     richer : Glr, optional
         One that has such a shape as its last law, and goes on where it is found.
+    geared : Glr, optional
+        One whose friction grows with the load of the gear, which goes on where it predicts better.
 
     Attributes
     ----------
@@ -67,7 +70,7 @@ class Glr(RecursiveEstimator):
         What friction the axis has that no law of the model tells, in words; empty for none.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_kit", "_plain", "_rich")
+    _shared = (*RecursiveEstimator._shared, "_kit", "_plain", "_base", "_rich")
 
     def __init__(
         self,
@@ -82,6 +85,7 @@ class Glr(RecursiveEstimator):
         dictionary: Dictionary,
         angle: int = 0,
         richer: "Glr | None" = None,
+        geared: "Glr | None" = None,
     ) -> None:
         names = design.model.names
         lower, upper = design.bounds
@@ -109,14 +113,18 @@ class Glr(RecursiveEstimator):
             for levels, of in shapes.items()
         }
         self._plain = Kit(design, jumps, timing, values, dict(fixable), at, records, loop, angle)
-        self._rich = richer._plain if richer else None
+        self._rich, self._geared = richer._plain if richer else None, geared
         self.reset()
         self.run(np.zeros(1), np.zeros(1))  # what has to be compiled is compiled now
         self.reset()
 
     def _start(self) -> None:
         self._before: list[Finding] = []
-        self._kit = self._plain
+        self._kit = self._base = self._plain
+        self._contest: Contest | None = None
+        if self._geared:
+            self._geared.reset()
+            self._contest = Contest(self._plain.timing.first)
         self._begin_at(0, self._kit.begin())
 
     def _begin_at(self, origin: int, work: Workspace) -> None:
@@ -230,7 +238,40 @@ class Glr(RecursiveEstimator):
             found["deviations"][physical] = deviation / value**2 if inverse else deviation
         return found
 
+    def __deepcopy__(self, memo: object) -> "Glr":
+        return self.copy()
+
     def _take(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> None:
+        done = 0
+        while done < len(u):
+            end = done + self._contest.wanted if self._contest else len(u)
+            part = slice(done, end)
+            given = u[part], y[part], valid[part], estimates[part], trace[part]
+            self._take_alone(*given)
+            if self._contest:
+                self._contend(*given)
+            done = end
+
+    def _contend(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> None:
+        """Take samples with the other model of friction as well; go on with it if it is better."""
+        other, contest = self._geared, self._contest
+        assert other and contest
+        theirs = np.empty_like(trace)
+        other._take_alone(u, y, valid, np.empty_like(estimates), theirs)
+        awake = all(filter_._work.bank["awake"][0] for filter_ in (self, other))
+        contest.take(trace, theirs, awake=awake, shaped=bool(self.shape))
+        if contest.won:
+            self._kit = self._base = other._kit
+            self._parts, self._before, self._origin = other._parts, other._before, other._origin
+            self.fixed_because, self.shape = other.fixed_because, IN_WORDS[GEAR]
+        if contest.over:
+            self._contest = None
+
+    def _take_alone(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
         done = 0
@@ -292,6 +333,6 @@ class Glr(RecursiveEstimator):
             return
         begin_anew(work.tuning, work.states[:1], work.begin[:1])
         states, taken = work.states[:1].copy(), int(work.bank["taken"][0])
-        self._before, self._kit = list(self.findings), self._plain
-        self._begin_at(self._origin + taken, self._plain.begin())
+        self._before, self._kit = list(self.findings), self._base
+        self._begin_at(self._origin + taken, self._base.begin())
         share(states, self._work.states[:1])
