@@ -3,12 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.filters.noise import MEMORY
+
 Array = NDArray[np.float64]
 
 TOGETHER = 64  # samples that are taken before they are looked at
 LEAD = 20.0  # nats by which one must predict better than the other to go on alone, as for a shape
 SHAPED = 3.0  # times that for who has to take the place of one that has taken up a shape already
-LONGEST = 2.0  # times the first seconds, after which the first goes on
+LONGEST = 2.0  # times the memory of the noise, or the first seconds if they are longer, after which
+# the first goes on: by then each knows the noise that its model leaves
 
 
 class Contest:
@@ -22,6 +25,8 @@ class Contest:
     ----------
     first : int
         Samples of the first seconds.
+    period : float
+        Sampling period [s].
 
     Attributes
     ----------
@@ -30,8 +35,8 @@ class Contest:
     over : bool
     """
 
-    def __init__(self, first: int) -> None:
-        self._most, self._all, self._used = LONGEST * first, 0, 0
+    def __init__(self, first: int, period: float) -> None:
+        self._most, self._all, self._used = max(first, LONGEST * MEMORY / period), 0, 0
         self._log, self._square = np.zeros(2), np.zeros(2)
         self.won, self.over = False, False
 
@@ -62,4 +67,5 @@ class Contest:
         if self._used and self._all % TOGETHER == 0:
             first, second = 0.5 * (self._log + self._used * np.log(self._square))
             self.won = bool(first - second > LEAD * (SHAPED if shaped else 1.0))
-            self.over = self.won or bool(second - first > LEAD) or self._used > self._most
+            lost = bool(second - first > LEAD) and not shaped  # which is worth another look
+            self.over = self.won or lost or self._used > self._most

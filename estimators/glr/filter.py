@@ -124,7 +124,7 @@ class Glr(RecursiveEstimator):
         self._contest: Contest | None = None
         if self._geared:
             self._geared.reset()
-            self._contest = Contest(self._plain.timing.first)
+            self._contest = Contest(self._plain.timing.first, self._plain.design.period)
         self._begin_at(0, self._kit.begin())
 
     def _begin_at(self, origin: int, work: Workspace) -> None:
