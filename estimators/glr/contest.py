@@ -38,7 +38,7 @@ class Contest:
     def __init__(self, first: int, period: float) -> None:
         self._most, self._all, self._used = max(first, LONGEST * MEMORY / period), 0, 0
         self._log, self._square = np.zeros(2), np.zeros(2)
-        self.won, self.over = False, False
+        self.won, self.over, self._begun = False, False, False
 
     @property
     def wanted(self) -> int:
@@ -60,11 +60,14 @@ class Contest:
         """
         self._all += len(ours)
         _, e, S = np.stack([ours, theirs]).transpose(2, 0, 1)
-        used = np.isfinite(e).all(axis=0) & (S > 0).all(axis=0) & awake
+        used = np.isfinite(e).all(axis=0) & (S > 0).all(axis=0) & self._begun
         self._log += np.log(S[:, used]).sum(axis=1)
         self._square += (e[:, used] ** 2 / S[:, used]).sum(axis=1)
         self._used += int(used.sum())
-        if self._used and self._all % TOGETHER == 0:
+        if self._all % TOGETHER:
+            return
+        self._begun = self._begun or awake
+        if self._used:
             first, second = 0.5 * (self._log + self._used * np.log(self._square))
             self.won = bool(first - second > LEAD * (SHAPED if shaped else 1.0))
             lost = bool(second - first > LEAD) and not shaped  # which is worth another look

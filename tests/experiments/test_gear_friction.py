@@ -10,15 +10,15 @@ from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.scoring import bounds, true_model
 from flexaxis.sim.simulate import simulate
 
-SIGMA = 0.01  # rad/s, a tenth of what the encoder of a servo leaves
 SHARES = ("mu_m", "mu_e", "mu_ms", "mu_es")
 
 
-@pytest.fixture(scope="module", params=["erob80_50_fm_step-v1", "mx64_fc_step-v1"])
+@pytest.fixture(scope="module", params=[("erob80_50_fm_step-v1", 0.01), ("mx64_fc_step-v1", 0.02)])
 def drive(request):
-    """A drive that nothing happens to, whose speed is read with white noise; and its record."""
-    scenario = find_scenario(request.param).override(
-        {"fault": [], "duration": 8.0, "output": "speed", "noise.speed": SIGMA, "encoder": {}}
+    """A drive that nothing happens to, whose speed is read with 2 % of white noise; its record."""
+    name, sigma = request.param
+    scenario = find_scenario(name).override(
+        {"fault": [], "duration": 8.0, "output": "speed", "noise.speed": sigma, "encoder": {}}
     )
     return scenario, simulate(scenario, [0])[0]
 
@@ -28,7 +28,12 @@ def repeated(scenario, record, **changed):
     model = true_model.true_model(scenario, scenario.true_parameters()[0])
     model = replace(model, nominal=dict(model.nominal) | changed)
     filter_ = REGISTRY["ekf"].factory(
-        model, scenario.period, identify=("k_T",), noise=SIGMA, walk=1e-9, spread=1e-9
+        model,
+        scenario.period,
+        identify=("k_T",),
+        noise=scenario.noise.speed,
+        walk=1e-9,
+        spread=1e-9,
     )
     filter_.run(record.torque, record.speed)
     e, S = filter_.innovations[200:].T
