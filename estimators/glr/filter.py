@@ -13,6 +13,7 @@ from flexaxis.estimators.glr.comparison import ALARM, Comparison
 from flexaxis.estimators.glr.contest import Contest
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
 from flexaxis.estimators.glr.loop import glr_loop
+from flexaxis.estimators.glr.mixture import beliefs, hypotheses, mean
 from flexaxis.estimators.glr.records import Dictionary, Jumps, Timing, glr_records
 from flexaxis.estimators.glr.shapes import GEAR, IN_WORDS, best_shape, share, taken_up
 from flexaxis.estimators.glr.workspace import Kit, Workspace
@@ -149,12 +150,12 @@ class Glr(RecursiveEstimator):
 
     @property
     def theta(self) -> Array:  # noqa: D102
-        return self._all()[0][: len(self.names)]
+        return mean(self._work)[0][: len(self.names)]
 
     @property
     def covariance(self) -> Array:  # noqa: D102
         p = len(self.names)
-        return self._all()[1][:p, :p]
+        return mean(self._work)[1][:p, :p]
 
     @property
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
@@ -162,50 +163,15 @@ class Glr(RecursiveEstimator):
 
     @property
     def learnt(self) -> dict[str, tuple[float, float]]:  # noqa: D102
-        return self._named(*self._all())
+        return self._named(*mean(self._work))
 
     @property
     def beliefs(self) -> dict[str, float]:  # noqa: D102
-        by = self._work.bank["weight"][0].reshape(-1, len(self._work.jumps.which)).sum(axis=0)
-        names = self._work.names
-        return {names[i]: float(w) for i, w in zip(self._work.jumps.which, by, strict=True)}
+        return beliefs(self._work)
 
     @property
     def hypotheses(self) -> dict[str, Array]:  # noqa: D102
-        bank, which = self._work.bank[0], self._work.jumps.which
-        held = np.flatnonzero(bank["onset"] >= 0)
-        rows = held[np.argsort(-bank["onset"][held], kind="stable")]
-        weight, size = (bank[key].reshape(-1, len(which))[rows] for key in ("weight", "size"))
-        ago = self._work.now - bank["onset"][rows]
-        names, scale = self._work.names, self._work.design.scale
-        return {
-            names[i]: np.stack([ago, weight[:, j], size[:, j] * scale[i]], axis=1)
-            for j, i in enumerate(which)
-        }
-
-    def _all(self) -> tuple[Array, Array]:
-        """Return all parameters (p,) and their covariance (p, p)."""
-        work = self._work
-        bank, scale, p = work.bank[0], work.design.scale, work.p
-        theta, P = work.states["theta"][0, :p].copy(), work.states["P"][0, :p, :p].copy()
-        if bank["taken"]:
-            theta[:] = bank["mixed"]
-            union = work.tuning["union"][0]
-            theta[union] = bank["given"]
-            P[np.ix_(union, union)] = bank["given_P"] + bank["given_between"]
-            P += self._between()
-        return theta * scale, P * np.outer(scale, scale)
-
-    def _between(self) -> Array:
-        """Return what of the covariance of θ lies between the hypotheses, and in their sizes."""
-        bank, tuning = self._work.bank[0], self._work.tuning[0]
-        likely = np.flatnonzero(bank["weight"] > 1e-9)
-        D, weight = bank["D"][: self._work.p, likely], bank["weight"][likely]
-        size = bank["size"][likely]
-        variance = tuning["variance"][likely % len(self._work.jumps.which)]
-        spread = 1.0 / (bank["J"][likely] / bank["kappa"] + 1.0 / variance)
-        mean = D @ (weight * size)
-        return (D * (weight * (size**2 + spread))) @ D.T - np.outer(mean, mean)
+        return hypotheses(self._work)
 
     def _named(self, theta: Array, P: Array) -> dict[str, tuple[float, float]]:
         """Return value and standard deviation by name."""
