@@ -164,6 +164,7 @@ def _with_laws(pattern: Pattern) -> Compiled:
             tuning["law_drive"],
             tuning["law_value"],
             tuning["law_parameter"],
+            tuning["law_load"],
         )
         work = (
             state["force"],

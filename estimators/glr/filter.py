@@ -10,10 +10,12 @@ from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.filters.filter import RecursiveEstimator
 from flexaxis.estimators.filters.joint import with_state
 from flexaxis.estimators.glr.comparison import ALARM, Comparison
+from flexaxis.estimators.glr.contest import Contest
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
 from flexaxis.estimators.glr.loop import glr_loop
+from flexaxis.estimators.glr.mixture import beliefs, hypotheses, mean
 from flexaxis.estimators.glr.records import Dictionary, Jumps, Timing, glr_records
-from flexaxis.estimators.glr.shapes import IN_WORDS, best_shape, share, taken_up
+from flexaxis.estimators.glr.shapes import GEAR, IN_WORDS, best_shape, share, taken_up
 from flexaxis.estimators.glr.workspace import Kit, Workspace
 from flexaxis.estimators.models.axes import SHAPE
 from flexaxis.estimators.models.discretisation import split
@@ -45,6 +47,8 @@ class Glr(RecursiveEstimator):
         Shapes of friction that are looked for.
     richer : Glr, optional
         One that has such a shape as its last law, and goes on where it is found.
+    geared : Glr, optional
+        One whose friction grows with the load of the gear, which goes on where it predicts better.
 
     Attributes
     ----------
@@ -67,7 +71,7 @@ class Glr(RecursiveEstimator):
         What friction the axis has that no law of the model tells, in words; empty for none.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_kit", "_plain", "_rich")
+    _shared = (*RecursiveEstimator._shared, "_kit", "_plain", "_base", "_rich")
 
     def __init__(
         self,
@@ -82,6 +86,7 @@ class Glr(RecursiveEstimator):
         dictionary: Dictionary,
         angle: int = 0,
         richer: "Glr | None" = None,
+        geared: "Glr | None" = None,
     ) -> None:
         names = design.model.names
         lower, upper = design.bounds
@@ -109,14 +114,18 @@ class Glr(RecursiveEstimator):
             for levels, of in shapes.items()
         }
         self._plain = Kit(design, jumps, timing, values, dict(fixable), at, records, loop, angle)
-        self._rich = richer._plain if richer else None
+        self._rich, self._geared = richer._plain if richer else None, geared
         self.reset()
         self.run(np.zeros(1), np.zeros(1))  # what has to be compiled is compiled now
         self.reset()
 
     def _start(self) -> None:
         self._before: list[Finding] = []
-        self._kit = self._plain
+        self._kit = self._base = self._plain
+        self._contest: Contest | None = None
+        if self._geared:
+            self._geared.reset()
+            self._contest = Contest(self._plain.timing.first, self._plain.design.period)
         self._begin_at(0, self._kit.begin())
 
     def _begin_at(self, origin: int, work: Workspace) -> None:
@@ -141,12 +150,12 @@ class Glr(RecursiveEstimator):
 
     @property
     def theta(self) -> Array:  # noqa: D102
-        return self._all()[0][: len(self.names)]
+        return mean(self._work)[0][: len(self.names)]
 
     @property
     def covariance(self) -> Array:  # noqa: D102
         p = len(self.names)
-        return self._all()[1][:p, :p]
+        return mean(self._work)[1][:p, :p]
 
     @property
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
@@ -154,50 +163,15 @@ class Glr(RecursiveEstimator):
 
     @property
     def learnt(self) -> dict[str, tuple[float, float]]:  # noqa: D102
-        return self._named(*self._all())
+        return self._named(*mean(self._work))
 
     @property
     def beliefs(self) -> dict[str, float]:  # noqa: D102
-        by = self._work.bank["weight"][0].reshape(-1, len(self._work.jumps.which)).sum(axis=0)
-        names = self._work.names
-        return {names[i]: float(w) for i, w in zip(self._work.jumps.which, by, strict=True)}
+        return beliefs(self._work)
 
     @property
     def hypotheses(self) -> dict[str, Array]:  # noqa: D102
-        bank, which = self._work.bank[0], self._work.jumps.which
-        held = np.flatnonzero(bank["onset"] >= 0)
-        rows = held[np.argsort(-bank["onset"][held], kind="stable")]
-        weight, size = (bank[key].reshape(-1, len(which))[rows] for key in ("weight", "size"))
-        ago = self._work.now - bank["onset"][rows]
-        names, scale = self._work.names, self._work.design.scale
-        return {
-            names[i]: np.stack([ago, weight[:, j], size[:, j] * scale[i]], axis=1)
-            for j, i in enumerate(which)
-        }
-
-    def _all(self) -> tuple[Array, Array]:
-        """Return all parameters (p,) and their covariance (p, p)."""
-        work = self._work
-        bank, scale, p = work.bank[0], work.design.scale, work.p
-        theta, P = work.states["theta"][0, :p].copy(), work.states["P"][0, :p, :p].copy()
-        if bank["taken"]:
-            theta[:] = bank["mixed"]
-            union = work.tuning["union"][0]
-            theta[union] = bank["given"]
-            P[np.ix_(union, union)] = bank["given_P"] + bank["given_between"]
-            P += self._between()
-        return theta * scale, P * np.outer(scale, scale)
-
-    def _between(self) -> Array:
-        """Return what of the covariance of θ lies between the hypotheses, and in their sizes."""
-        bank, tuning = self._work.bank[0], self._work.tuning[0]
-        likely = np.flatnonzero(bank["weight"] > 1e-9)
-        D, weight = bank["D"][: self._work.p, likely], bank["weight"][likely]
-        size = bank["size"][likely]
-        variance = tuning["variance"][likely % len(self._work.jumps.which)]
-        spread = 1.0 / (bank["J"][likely] / bank["kappa"] + 1.0 / variance)
-        mean = D @ (weight * size)
-        return (D * (weight * (size**2 + spread))) @ D.T - np.outer(mean, mean)
+        return hypotheses(self._work)
 
     def _named(self, theta: Array, P: Array) -> dict[str, tuple[float, float]]:
         """Return value and standard deviation by name."""
@@ -230,7 +204,40 @@ class Glr(RecursiveEstimator):
             found["deviations"][physical] = deviation / value**2 if inverse else deviation
         return found
 
+    def __deepcopy__(self, memo: object) -> "Glr":
+        return self.copy()
+
     def _take(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> None:
+        done = 0
+        while done < len(u):
+            end = done + self._contest.wanted if self._contest else len(u)
+            part = slice(done, end)
+            given = u[part], y[part], valid[part], estimates[part], trace[part]
+            self._take_alone(*given)
+            if self._contest:
+                self._contend(*given)
+            done = end
+
+    def _contend(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> None:
+        """Take samples with the other model of friction as well; go on with it if it is better."""
+        other, contest = self._geared, self._contest
+        assert other and contest
+        theirs = np.empty_like(trace)
+        other._take_alone(u, y, valid, np.empty_like(estimates), theirs)
+        awake = all(filter_._work.bank["awake"][0] for filter_ in (self, other))
+        contest.take(trace, theirs, awake=awake, shaped=bool(self.shape))
+        if contest.won:
+            self._kit = self._base = other._kit
+            self._parts, self._before, self._origin = other._parts, other._before, other._origin
+            self.fixed_because, self.shape = other.fixed_because, IN_WORDS[GEAR]
+        if contest.over:
+            self._contest = None
+
+    def _take_alone(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
         done = 0
@@ -292,6 +299,6 @@ class Glr(RecursiveEstimator):
             return
         begin_anew(work.tuning, work.states[:1], work.begin[:1])
         states, taken = work.states[:1].copy(), int(work.bank["taken"][0])
-        self._before, self._kit = list(self.findings), self._plain
-        self._begin_at(self._origin + taken, self._plain.begin())
+        self._before, self._kit = list(self.findings), self._base
+        self._begin_at(self._origin + taken, self._base.begin())
         share(states, self._work.states[:1])

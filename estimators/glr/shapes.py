@@ -11,11 +11,13 @@ from flexaxis.estimators.models.laws import LAWS
 ALARM = 20.0  # nats by which a shape explains more than it costs: three times those of a jump, as
 # it stays for good, and as friction that is still being learnt makes columns wrong
 LINE, WAVES, SIDES = 0, 1, 2  # which shape the law is told to be
+GEAR = 3  # none of these, but a law in the place of dry friction
 WHICH = list(LAWS["shape"].roles).index("which")
 IN_WORDS = {
     LINE: "a torque over the angle of the motor, such as cogging",
     WAVES: "dry friction that depends on the angle of the motor",
     SIDES: "dry friction that is larger one way, or grows with the load",
+    GEAR: "friction of the gear, of which each torque there has its share",
 }
 SINGLE = 2  # columns before those of waves
 FASTEST = 2.0  # radians that a wave may turn in a period at the rms speed; torques of faster ones

@@ -125,12 +125,19 @@ def glr(
     learns = learn == "auto" and deviations is None and commissioning != 0
     if not learns or isinstance(nominal, Model):
         return made(model)
-    return made(model, richer=made(with_shape(model)))
+    if "mu_m" in nominal:  # nothing else is looked for
+        return made(model)
+    geared = None
+    if not {"sigma_0", "sigma_1"} & {*nominal, *problem.identify, *track, *suspects}:
+        other = with_laws(nominal, torque=problem.torque, period=period, geared=True)
+        geared = made(other)
+    return made(model, richer=made(with_shape(model)), geared=geared)
 
 
 def _made(
     model: Model,
     richer: Glr | None = None,
+    geared: Glr | None = None,
     *,
     problem: Problem,
     told: Sequence[str],
@@ -187,6 +194,7 @@ def _made(
         dictionary=Dictionary() if richer is None else _dictionary(model, torque, period, sizes),
         angle=states.index("angle_motor") if "angle_motor" in states else len(states),
         richer=richer,
+        geared=geared,
     )
 
 

@@ -93,6 +93,26 @@ STATIC = Law(
     parameters={"coulomb": "f_c", "breakaway": "f_s", "alpha": "alpha", "beta": "beta"},
 )
 """The published static friction of an industrial robot's motor."""
+GEAR_FRICTION = Law(
+    "gear",
+    drive={"speed_motor": 1.0},
+    acts={"speed_motor": "-1/J_m"},
+    parameters={
+        "coulomb": "f_c",
+        "breakaway": "f_s",
+        "stribeck": "v_s",
+        "sharpness": "sharpness",
+        "motor": "mu_m",
+        "external": "mu_e",
+        "motor_slow": "mu_ms",
+        "external_slow": "mu_es",
+        "softness": "v_0",
+        "input": "k_T",
+        "stiffness": "k_g",
+        "ratio": "r",
+    },
+)
+"""Friction of a drive whose gear rubs the more it carries, for a model with `GEAR_SPRING`."""
 GEAR_SPRING = Law(
     "spring",
     drive={"twist_gear": 1.0},
@@ -145,17 +165,19 @@ def real_axis(nominal: Mapping[str, float]) -> Model:
     """
     Return the paper's axis with all that a real one has besides, as far as it can be told.
 
-    Dry friction of the motor, a gear spring that stiffens and has play; cogging where the number
-    of ``poles`` is among the nominal values, and a ``torque_limit`` where that is.
+    Dry friction of the motor, a gear spring that stiffens and has play; friction that grows with
+    the load of the gear where ``mu_m`` is among the nominal values, cogging where the number of
+    ``poles`` is, and a ``torque_limit`` where that is.
 
     Parameters
     ----------
     nominal : mapping
         As for `three_mass`, and f_c, f_s, v_s, sigma_0, sigma_1, v_0, kappa and gap, by
-        `flexaxis.estimators.models.laws`; c_sin and c_cos with poles.
+        `flexaxis.estimators.models.laws`; c_sin and c_cos with poles; with mu_m mu_e, mu_ms, mu_es
+        and sharpness in the place of sigma_0 and sigma_1.
     """
     model = three_mass(nominal)
-    laws = [BRISTLES, GEAR_SPRING]
+    laws = [GEAR_FRICTION if "mu_m" in nominal else BRISTLES, GEAR_SPRING]
     if "poles" in nominal:
         model = with_angle(model)
         laws.append(COGGING)

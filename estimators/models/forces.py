@@ -17,6 +17,7 @@ WIDTH = ROLE + 2 * MOST_ROLES
 BRISTLE, STATIC, SPRING, SINUSOID, CLIP, SHAPE = (
     KINDS.index(kind) for kind in ("bristle", "static", "spring", "sinusoid", "clip", "shape")
 )
+GEAR = KINDS.index("gear")
 SMALL = 0.1  # below it the relaxation functions are taken from their series, to round-off
 FAST = 20.0  # of v/v_0: tanh is one to round-off
 NEAR = 1e-4  # of v/v_0: below it x/tanh x is its series to round-off
@@ -24,7 +25,7 @@ LEAST = 1e-300  # [N m] a bristle's level, so that none divides by zero
 
 
 @compiled
-def force(kind, w, s, h, value, local):  # noqa: PLR0917
+def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
     """
     Write the torque of a law and its derivatives.
 
@@ -32,7 +33,9 @@ def force(kind, w, s, h, value, local):  # noqa: PLR0917
     ----------
     kind : int
     w, s : float
-        Mean drive over the step, and the law's own state before it.
+        Mean drive over the step, and the law's own state before it, or its load.
+    u : float
+        Input of the model, held over the step.
     h : float
         Length of the step [s].
     value : (R,) array
@@ -46,6 +49,8 @@ def force(kind, w, s, h, value, local):  # noqa: PLR0917
         _bristle(w, s, h, value, local)
     elif kind == STATIC:
         _static(w, value, local)
+    elif kind == GEAR:
+        _gear(w, s, u, value, local)
     elif kind == SPRING:
         _spring(w, value, local)
     elif kind == SINUSOID:
@@ -147,6 +152,52 @@ def _static(v, value, local):
     local[ROLE], local[ROLE + 2] = t, bell * t
     local[ROLE + 4] = -f_s * v * bell * fall * t
     local[ROLE + 6] = level * v * steep
+
+
+@inlined
+def _gear(v, twist, u, value, local):
+    """F = [f_c + |L| + (f_s + |L_s|) e^(−|v/v_s|^α)] tanh(v/v_0), L = μ_e r k_g x + μ_m k_T u."""
+    f_s, v_s, alpha, v_0 = value[1], value[2], value[3], value[8]
+    gear, motor = value[11] * value[10] * twist, value[9] * u
+    x, t = abs(v) / v_s, np.tanh(v / v_0)
+    power = x**alpha
+    e = np.exp(-power)
+    fast, by_gear, by_motor = _load(gear, motor, value[5], value[4])
+    slow, slow_gear, slow_motor = _load(gear, motor, value[7], value[6])
+    excess = f_s + slow
+    level, steep = value[0] + fast + excess * e, (1.0 - t * t) / v_0
+    fall = excess * e * alpha * power * t  # −∂F/∂ ln|v|, of the excess
+    local[F] = level * t
+    local[F_W] = level * steep - (fall / v if x > 0.0 else 0.0)
+    for role, slope in enumerate(
+        (
+            t,
+            e * t,
+            fall / v_s,
+            -excess * e * power * np.log(x) * t if x > 0.0 else 0.0,
+            by_motor * motor * t,
+            by_gear * gear * t,
+            slow_motor * motor * e * t,
+            slow_gear * gear * e * t,
+            -level * steep * v / v_0,
+        )
+    ):
+        local[ROLE + 2 * role] = slope
+    gear_share = (by_gear * value[5] + slow_gear * value[7] * e) * t
+    motor_share = (by_motor * value[4] + slow_motor * value[6] * e) * t
+    local[F_S] = gear_share * value[11] * value[10]
+    local[ROLE + 18], local[ROLE + 20] = motor_share * u, gear_share * value[11] * twist
+    local[ROLE + 22] = gear_share * value[10] * twist
+
+
+@inlined
+def _load(gear, motor, of_gear, of_motor):
+    """Return |L| of a load, and the signs with which torques of gear and motor enter it."""
+    load = of_gear * gear + of_motor * motor
+    if load == 0.0:  # as of shares that are zero: each can only grow
+        return 0.0, 1.0 if gear >= 0.0 else -1.0, 1.0 if motor >= 0.0 else -1.0
+    side = 1.0 if load > 0.0 else -1.0
+    return abs(load), side, side
 
 
 @inlined

@@ -23,16 +23,21 @@ shape (sine, cosine, waves, softness, which)
     0; that times tanh(v/v_0) for 1; [a N |x| + b tanh(v/v_0)] tanh(v/v_0) for 2, which grows with
     a load x and is larger one way. It is driven by v, and reads φ or x from a state that compiled
     code is told as its memory.
+gear (coulomb, breakaway, stribeck, sharpness, motor, external, motor_slow, external_slow,
+softness; input, stiffness, ratio)
+    Friction that grows with the load of a gear,
+    F = [f_c + |μ_e τ_g + μ_m τ_u| + (f_s + |μ_es τ_g + μ_ms τ_u|) exp(−|v/v_s|^α)] tanh(v/v_0),
+    with τ_g = r k_g x of the gear's twist x, by which the law ``spring`` of the model is driven,
+    and τ_u = k_T u. Model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction
+    models for the physics simulation of servo actuators*, arXiv:2410.08650, whose torque of the
+    gear has the other sign.
 clip (limit)
     F = u clipped to ± the limit, less u.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.formula import multiply_out
@@ -57,6 +62,8 @@ class Role(NamedTuple):
         Whether it is told by a data sheet or not there at all.
     fixable : bool
         Whether it is fixed where the first seconds do not show it.
+    shared : bool
+        Whether it is a parameter of the linear model, on which the torque depends as well.
     """
 
     size: str = ""
@@ -65,6 +72,7 @@ class Role(NamedTuple):
     needed: bool = False
     told: bool = False
     fixable: bool = False
+    shared: bool = False
 
 
 class Kind(NamedTuple):
@@ -79,6 +87,8 @@ class Kind(NamedTuple):
         Whether it has a state of its own.
     rubs : bool
         Whether it is friction: a speed drives it.
+    loaded : bool
+        Whether it grows with a load, by which a law ``spring`` of the model is driven.
     nominal : (drive, force, rate), optional
         Its sizes on the nominal axis and its reference, as of `flexaxis.estimators.offline.sizes`.
     """
@@ -86,6 +96,7 @@ class Kind(NamedTuple):
     roles: Mapping[str, Role]
     remembers: bool = False
     rubs: bool = False
+    loaded: bool = False
     nominal: tuple[float, float, float] | None = None
 
 
@@ -114,6 +125,25 @@ LAWS: Mapping[str, Kind] = {
             "beta": Role("1/drive", (20.0, 10.0, 1.0, 100.0)),
         },
         rubs=True,
+    ),
+    "gear": Kind(
+        {
+            "coulomb": Role("force", (0.05, 0.15, 0.0, 3.0)),
+            "breakaway": Role("force", (0.02, 0.15, 0.0, 5.0)),
+            "stribeck": Role("drive", (1.0, 1.0, 0.05, 20.0), needed=True),
+            "sharpness": Role("1", (2.0, 0.3, 0.5, 10.0), needed=True),  # that of bristles, about
+            "motor": Role("1", (0.1, 0.15, 0.0, 1.0)),
+            "external": Role("1", (0.1, 0.15, 0.0, 1.0)),
+            "motor_slow": Role("1", (0.05, 0.15, 0.0, 1.0)),
+            "external_slow": Role("1", (0.05, 0.15, 0.0, 1.0)),
+            "softness": Role("drive", (0.05, 0.05, 1e-3, 1.0), needed=True),
+            "input": Role(signed=True, shared=True),
+            "stiffness": Role(shared=True),
+            "ratio": Role(signed=True, shared=True),
+        },
+        rubs=True,
+        loaded=True,
+        nominal=(5.0, 0.85, 176.0),
     ),
     "spring": Kind(
         {
@@ -215,94 +245,36 @@ class Law:
         return LAWS[self.kind].roles
 
     @property
+    def own(self) -> dict[str, str]:
+        """Names of its parameters by role, without those that it shares with the linear model."""
+        return {
+            role: name
+            for role, name in self.parameters.items()
+            if isinstance(name, str) and not self.roles[role].shared
+        }
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of its parameters in the model."""
-        return tuple(name for name in self.parameters.values() if isinstance(name, str))
+        return tuple(self.own.values())
+
+    @property
+    def shared(self) -> tuple[str, ...]:
+        """Names of those of the linear model on which its torque depends as well."""
+        named = [name for name in self.parameters.values() if isinstance(name, str)]
+        return tuple(name for name in named if name not in self.names)
 
     @property
     def positive(self) -> tuple[str, ...]:
         """Names of those that must be above 0."""
-        return tuple(
-            name
-            for role, name in self.parameters.items()
-            if isinstance(name, str) and self.roles[role].needed
-        )
+        return tuple(name for role, name in self.own.items() if self.roles[role].needed)
 
     @property
     def nonnegative(self) -> tuple[str, ...]:
         """Names of those that must not be below 0."""
-        return tuple(
-            name
-            for role, name in self.parameters.items()
-            if isinstance(name, str) and not self.roles[role].signed
-        )
+        return tuple(name for role, name in self.own.items() if not self.roles[role].signed)
 
     @property
     def remembers(self) -> bool:
         """Whether it has a state of its own."""
         return LAWS[self.kind].remembers
-
-
-class Acting(NamedTuple):
-    """
-    The laws of a model as compiled code takes them, for θ relative or not.
-
-    Attributes
-    ----------
-    kind : (L,) int array
-        Place in `KINDS`.
-    memory : (L,) int array
-        State that a law has of its own; −1 for none.
-    drive : (L, n+1) array
-        w of each law, as factors of the n states and of the input.
-    value : (L, R) array
-        Parameters of each role, or where they are identified their factor of θ_i.
-    parameter : (L, R) int array
-        Which θ_i it is; −1 for none.
-    """
-
-    kind: NDArray[np.int64]
-    memory: NDArray[np.int64]
-    drive: NDArray[np.float64]
-    value: NDArray[np.float64]
-    parameter: NDArray[np.int64]
-
-    def relative(self, scale: NDArray[np.float64]) -> "Acting":
-        """Return the same as functions of θ/scale."""
-        factor = np.where(self.parameter >= 0, np.r_[scale, 1.0][self.parameter], 1.0)
-        return self._replace(value=self.value * factor)
-
-
-def acting(
-    laws: Sequence[Law],
-    states: Sequence[str],
-    nominal: Mapping[str, float],
-    identify: Sequence[str],
-) -> Acting:
-    """
-    Return laws as compiled code takes them.
-
-    Parameters
-    ----------
-    laws : sequence of Law
-    states : sequence of str
-        Of the model; the states that laws have of their own follow them, in their order.
-    nominal : mapping of str to float
-    identify : sequence of str
-        The identified parameters.
-    """
-    own = np.cumsum([law.remembers for law in laws], dtype=int)
-    memory = np.where([law.remembers for law in laws], len(states) + own - 1, -1)
-    drive = np.zeros((len(laws), len(states) + sum(law.remembers for law in laws) + 1))
-    value, index = np.zeros((len(laws), MOST_ROLES)), np.full((len(laws), MOST_ROLES), -1)
-    for i, law in enumerate(laws):
-        for state, factor in law.drive.items():
-            drive[i, -1 if state == INPUT else list(states).index(state)] = factor
-        for role, parameter in law.parameters.items():
-            r = list(law.roles).index(role)
-            if isinstance(parameter, str) and parameter in identify:
-                value[i, r], index[i, r] = 1.0, list(identify).index(parameter)
-            else:
-                value[i, r] = nominal[parameter] if isinstance(parameter, str) else parameter
-    kinds = np.array([KINDS.index(law.kind) for law in laws], np.int64)
-    return Acting(kinds, memory.astype(np.int64), drive, value, index.astype(np.int64))

@@ -15,6 +15,8 @@ from flexaxis.estimators.models.formula import multiply_out
 from flexaxis.estimators.models.laws import LAWS, Law
 from flexaxis.estimators.models.model import Model
 
+LEVELS = ("coulomb", "breakaway", "motor", "external", "motor_slow", "external_slow")
+"""Roles of friction that is not there where all of them are zero."""
 LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
 """The structure of the three-mass axis, in the order of estimates; that of others follows it."""
 
@@ -36,7 +38,7 @@ def shapes_of_friction(
     """Return levels of dry friction among names, and what shapes it where one is not zero."""
     found = {}
     for law in model.laws:
-        levels = [n for n in named([law], ("coulomb", "breakaway")) if n in names]
+        levels = [n for n in named([law], LEVELS) if n in names]
         shape = [n for n in law.names if n in names and n not in levels[:1]]
         if LAWS[law.kind].rubs and levels and shape:
             found[tuple(levels)] = tuple(shape)

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.models.acting import acting
 from flexaxis.estimators.models.formula import Monomial, multiply_out
-from flexaxis.estimators.models.laws import INPUT, Law, acting
+from flexaxis.estimators.models.laws import INPUT, LAWS, Law
 from flexaxis.estimators.models.parametrization import Parametrization
 
 if TYPE_CHECKING:
@@ -101,6 +102,11 @@ class Model:
                         f"law {law.kind!r} of model {self.name!r} names an unknown state "
                         f"{state!r}: {did_you_mean(state, (*self.states, INPUT))}"
                     )
+            if LAWS[law.kind].loaded and "spring" not in {other.kind for other in self.laws}:
+                raise EstimatorError(
+                    f"law {law.kind!r} grows with what drives a law 'spring', and model "
+                    f"{self.name!r} has none; give it one, of no play and no stiffening if need be"
+                )
         for name in self.parameters:
             if not np.isfinite(self.nominal.get(name, np.nan)):
                 raise EstimatorError(
@@ -234,6 +240,12 @@ class Model:
                     f"model {self.name!r} has no parameter {given!r} to identify: "
                     + did_you_mean(name, self.parameters)
                     + "; or an inverse, such as '1/J_a'"
+                )
+            shared = {mine for law in self.laws for mine in law.shared}
+            if name in shared and name != given:
+                raise EstimatorError(
+                    f"{given!r} cannot be identified beside a law that depends on {name}; name "
+                    f"{name!r} itself"
                 )
             if name in self.law_parameters and name != given:
                 raise EstimatorError(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.models.laws import Acting
+from flexaxis.estimators.models.acting import Acting
 
 Array = NDArray[np.float64]
 

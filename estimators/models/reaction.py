@@ -85,8 +85,8 @@ def react(laws, h, response, u, X, work):  # noqa: PLR0917
 
     Parameters
     ----------
-    laws : tuple (kind, memory, drive, value, parameter)
-        As in `flexaxis.estimators.models.laws.Acting`.
+    laws : tuple (kind, memory, drive, value, parameter, load)
+        As in `flexaxis.estimators.models.acting.Acting`.
     h : float
         Length of the step [s].
     response : (L, N, lanes) array
@@ -97,13 +97,13 @@ def react(laws, h, response, u, X, work):  # noqa: PLR0917
     work : tuple of arrays
         Those of `room`, in their order, with roles, coupling and before written.
     """
-    kind, memory, drive, _, _ = laws
+    drive = laws[2]
     _, _, _, _, local, _, _, _, before, mean, torque, _ = work
     drives(drive, X, u, mean)
     for i in range(len(mean)):
         for a in range(mean.shape[1]):
             mean[i, a] = 0.5 * (mean[i, a] + before[i, a])
-    _search(kind, memory, h, X, work)
+    _search(laws, h, u, X, work)
     _differentiate(laws, response, X, work)
     for m in range(len(X)):
         for i in range(len(mean)):
@@ -118,7 +118,7 @@ def react(laws, h, response, u, X, work):  # noqa: PLR0917
 @inlined
 def _differentiate(laws, response, X, work):
     """Write w̄' into ``mean``, as (I − G F_w) w̄', and F' into ``torque``; not their first lanes."""
-    _, memory, drive, value, parameter = laws
+    _, memory, drive, value, parameter, load = laws
     _, _, _, _, local, gain, _, inverse, _, mean, torque, _ = work
     L, lanes = mean.shape
     for i in range(L):  # F_s s' + F_θ
@@ -136,12 +136,14 @@ def _differentiate(laws, response, X, work):
     for i in range(L):
         for j in range(L):
             _add(torque[i], local[i, F_W] * inverse[i, j], mean[j])
+            if load[i] >= 0:
+                _add(torque[i], local[i, F_S] * inverse[load[i], j], mean[j])
 
 
 @inlined
 def _remember(laws, X, work):
     """Take the states that laws have of their own over the step, and keep their torques."""
-    kind, memory, _, value, parameter = laws
+    kind, memory, _, value, parameter, _ = laws
     torques, _, _, _, local, _, _, inverse, _, mean, _, _ = work
     for i in range(len(mean)):
         torques[i] = local[i, F]
@@ -166,7 +168,7 @@ def _add(row, factor, other):
 
 
 @compiled
-def _search(kind, memory, h, X, work):
+def _search(laws, h, u, X, work):
     """
     Solve w̄ = c + G F(w̄) by Newton's method, from the torques of the step before.
 
@@ -176,6 +178,7 @@ def _search(kind, memory, h, X, work):
     c is ``mean[:, 0]``, in the place of which w̄ comes; the laws are left in ``local`` as they are
     at w̄, and (I − G F_w)⁻¹ in ``inverse``.
     """
+    kind, memory, _, _, _, load = laws
     torques, offset, change, roles, local, gain, jacobian, inverse, _, mean, _, reach = work
     L = len(torques)
     for i in range(L):
@@ -190,10 +193,12 @@ def _search(kind, memory, h, X, work):
     for n in range(MOST_STEPS):
         for i in range(L):
             s = X[memory[i], 0] if memory[i] >= 0 else 0.0
-            force(kind[i], mean[i, 0], s, h, roles[i], local[i])
+            if load[i] >= 0:
+                s = mean[load[i], 0]
+            force(kind[i], mean[i, 0], s, u, h, roles[i], local[i])
         ended = ended or n == MOST_STEPS - 1
         flat = n >= TURNS and (lost or last > CLOSE) and not ended
-        _differences(gain, local, flat, jacobian)
+        _differences(gain, local, load, flat, jacobian)
         _invert(jacobian, inverse)
         if ended:
             break
@@ -213,7 +218,7 @@ def _search(kind, memory, h, X, work):
 
 
 @inlined
-def _differences(gain, local, flat, jacobian):
+def _differences(gain, local, load, flat, jacobian):
     """Write I − G F_w; where laws count as flat, without slopes that make two solutions."""
     for j in range(len(gain)):
         slope = local[j, F_W]
@@ -221,6 +226,9 @@ def _differences(gain, local, flat, jacobian):
             slope = 0.0
         for i in range(len(gain)):
             jacobian[i, j] = (1.0 if i == j else 0.0) - gain[i, j] * slope
+    for j in range(len(gain)):
+        for i in range(len(gain) if load[j] >= 0 else 0):
+            jacobian[i, load[j]] -= gain[i, j] * local[j, F_S]
 
 
 @inlined

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.models.acting import acting
 from flexaxis.estimators.models.compiler import compiled, inlined
 from flexaxis.estimators.models.discretisation import law_steps
-from flexaxis.estimators.models.laws import acting
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.reaction import assign, couple, drives, react, room
 
@@ -30,8 +30,8 @@ class Prepared(NamedTuple):
     ----------
     D : (1+p, n+1, n+1) array
         As from `sampled`, of a part of a sample.
-    laws : tuple (kind, memory, drive, value, parameter)
-        As in `flexaxis.estimators.models.laws.Acting`.
+    laws : tuple (kind, memory, drive, value, parameter, load)
+        As in `flexaxis.estimators.models.acting.Acting`.
     cleared : (r,) int array
         States that are zero before the first part.
     steps : int
@@ -137,8 +137,8 @@ def travel(prepared, X, moved, u):
         their torques, which are of no account.
     u : float
     """
-    kind, _, drive, _, _ = prepared.laws
-    L, n = len(kind), X.shape[1] - 1
+    drive = prepared.laws[2]
+    L, n = len(drive), X.shape[1] - 1
     if L == 0:
         move(prepared.D, X, moved, u)
         return

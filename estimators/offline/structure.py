@@ -71,6 +71,7 @@ def with_laws(
     *,
     torque: ArrayLike | None = None,
     period: float,
+    geared: bool = False,
 ) -> Model:
     """
     Return the axis with all that a real one has, each parameter that is not told at its start.
@@ -84,6 +85,8 @@ def with_laws(
         Torque of a run [N m], for the sizes; without it those of the nominal axis.
     period : float
         Sampling period [s].
+    geared : bool
+        Whether its friction grows with the load of the gear, though nobody told.
 
     Raises
     ------
@@ -95,6 +98,9 @@ def with_laws(
     missing = {"f_c": 0.0, "f_s": 0.0, "v_s": 0.0, "sigma_0": 1.0, "sigma_1": 0.0, "v_0": 0.0}
     missing |= {"kappa": 0.0, "gap": 0.0}
     missing |= {"c_sin": 0.0, "c_cos": 0.0} if "poles" in nominal else {}
+    if geared or "mu_m" in nominal:
+        missing |= dict.fromkeys(("mu_m", "mu_e", "mu_ms", "mu_es"), 0.0)
+        missing |= dict.fromkeys(("v_s", "sharpness", "v_0"), 1.0)
     empty = real_axis(missing | dict(nominal))
     return guessed(empty, told_of(nominal), torque=torque, period=period)
 
@@ -127,8 +133,8 @@ def guessed(
     start = {
         name: _guess(role, law, sizes)[0]
         for law, sizes in _sized(model, torque, period, motion)
-        for role, name in law.parameters.items()
-        if isinstance(name, str) and name not in told
+        for role, name in law.own.items()
+        if name not in told
     }
     return replace(model, nominal=dict(model.nominal) | start)
 
@@ -146,10 +152,7 @@ def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str
     """
     taken = {name.removeprefix("1/") for name in tracked}
     laws = [
-        name
-        for law in model.laws
-        for role, name in law.parameters.items()
-        if isinstance(name, str) and not law.roles[role].told
+        name for law in model.laws for role, name in law.own.items() if not law.roles[role].told
     ]
     # what is zero is not there, and has no size of its own
     linear = [p for p in structure(model) if model.nominal[p]]
@@ -187,8 +190,8 @@ def prior(
     guesses: dict[str, Array] = {}
     if any(name in model.law_parameters for name in names):
         for law, sizes in _sized(model, torque, period, motion):
-            for role, name in law.parameters.items():
-                if isinstance(name, str) and name in names:
+            for role, name in law.own.items():
+                if name in names:
                     guesses[name] = _guess(role, law, sizes)
     rows = []
     for name, start in zip(names, model.parametrize(names).theta, strict=True):

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.models.axes import (
     BRISTLES,
     COGGING,
+    GEAR_FRICTION,
     GEAR_SPRING,
     LIMIT,
     STATIC,
@@ -49,20 +50,37 @@ class Described:
         ``values(table)``: parameters of the law that are not among the parameters of the plant.
     learnt : tuple of str
         Parameters of the law that an estimator may learn once.
+    beside : tuple of Law
+        What the law reads its load from.
     """
 
     law: Law
     values: Callable[[Any], Mapping[str, float]]
     learnt: tuple[str, ...] = ()
+    beside: tuple[Law, ...] = ()
 
 
 PHASES = ("c_sin", "c_cos")
 COULOMB = {"f_s": 0.0, "v_s": 0.0, "sigma_0": STIFF, "sigma_1": 0.0, "v_0": 0.0}
 
+
+def _shares(table: Any) -> dict[str, float]:
+    """Return what of friction under load is no parameter of the plant."""
+    shares = {"mu_m": table.motor, "mu_e": table.external}
+    slow = {"mu_ms": table.motor_slow, "mu_es": table.external_slow}
+    return shares | slow | {"sharpness": table.alpha}
+
+
 DESCRIBED: Mapping[str, Described] = {
     "friction": Described(BRISTLES, lambda table: COULOMB),
     "lugre": Described(BRISTLES, lambda table: {"v_0": 0.0}, ("f_s", "v_s", "sigma_0", "sigma_1")),
     "static_friction": Described(STATIC, lambda table: {}, ("f_s", "alpha", "beta")),
+    "gear_friction": Described(
+        GEAR_FRICTION,
+        lambda table: _shares(table) | {"v_0": table.smooth, "kappa": 0.0, "gap": 0.0},
+        ("f_s", "v_s", "sharpness", "mu_m", "mu_e", "mu_ms", "mu_es", "v_0"),
+        (GEAR_SPRING,),
+    ),
     "stiffening": Described(GEAR_SPRING, lambda table: {"gap": 0.0}, ("kappa",)),
     "backlash": Described(GEAR_SPRING, lambda table: {"kappa": 0.0}, ("gap",)),
     "cogging": Described(
@@ -74,7 +92,7 @@ DESCRIBED: Mapping[str, Described] = {
 }
 """The tables of a scenario that have a law in the estimators' models, by key."""
 
-DRY = ("friction", "lugre", "static_friction")
+DRY = ("friction", "lugre", "static_friction", "gear_friction")
 """Tables whose laws share their parameters, so that a model has one of them."""
 
 
@@ -107,7 +125,7 @@ def true_model(scenario: Scenario, parameters: Array) -> Model:
     """Return the model of an axis with some parameters (P,), of what estimators read."""
     laws: list[Law] = []
     for part in _described(scenario).values():
-        laws += [part.law] * (part.law not in laws)
+        laws += [law for law in (part.law, *part.beside) if law not in laws]
     model = three_mass(_values(scenario, parameters))
     if COGGING in laws:
         model = with_angle(model)
