@@ -41,8 +41,9 @@ DRIVES = {
     "mx106": "mx106_fm_step-v1", "xl320": "xl320_fm_step-v1", "xl330": "xl330_fm_step-v1",
     "sts3215": "sts3215_fm_step-v1", "bench": "bench_fm_step-v1",
 }  # fmt: skip
+GEARED = "glr[gear=true]"
 WHO = {
-    "drives": ("glr", "ekf", "rpem-forgetting", "frozen"),
+    "drives": ("glr", GEARED, "ekf", "rpem-forgetting", "frozen"),
     "control": ("glr", "ekf", "rpem-forgetting", "rpem-drift", "cusum-reset"),
 }
 
@@ -177,7 +178,9 @@ def why() -> str:
         rows.append([f"`{name}`", *(_biases(s) for s in (published, without, only))])
     heads = ["as published", "without shares of load", "and without excess at low speed"]
     runs = f"seeds {FEW.start} to {FEW.stop - 1}"
-    return table(["scenario", *heads], rows) + f"\n`glr`, {runs}, `python docs/drives.py why`.\n"
+    return (
+        table(["scenario", *heads], rows) + f"\n`{GEARED}`, {runs}, `python docs/drives.py why`.\n"
+    )
 
 
 FEW = range(1000, 1002)
@@ -185,7 +188,7 @@ FEW = range(1000, 1002)
 
 def _biases(scenario: Scenario) -> str:
     """Return the mean error of each parameter from burn-in to the fault [% of nominal]."""
-    spec, k = parse("glr"), slice(round(5 / scenario.period), round(10 / scenario.period))
+    spec, k = parse(GEARED), slice(round(5 / scenario.period), round(10 / scenario.period))
     means = []
     for record in simulate(scenario, FEW):
         estimator = build(spec, scenario)

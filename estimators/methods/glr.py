@@ -54,6 +54,7 @@ def glr(
     rate: float = RATE,
     spread: float = SPREAD,
     budget: int = BUDGET,
+    gear: bool = False,
     commissioning: float | None = None,
 ) -> Glr:
     """
@@ -92,6 +93,9 @@ def glr(
     budget : int
         Samples that are gone through again in one sample, at most, to make a candidate exact; from
         16 down what is found comes later, and below 8 too late for the bank.
+    gear : bool
+        Whether the gear may have its share in the friction, as of a servo drive: then a filter that
+        knows of that runs beside the other one until it is clear which predicts better.
     commissioning : float, optional
         How long the axis moves until its structure is learnt [s]; ten time scales by default.
 
@@ -128,7 +132,8 @@ def glr(
     if "mu_m" in nominal:  # nothing else is looked for
         return made(model)
     geared = None
-    if not {"sigma_0", "sigma_1"} & {*nominal, *problem.identify, *track, *suspects}:
+    bristles = {"sigma_0", "sigma_1"} & {*nominal, *problem.identify, *track, *suspects}
+    if gear and not bristles:
         other = with_laws(nominal, torque=problem.torque, period=period, geared=True)
         geared = made(other)
     return made(model, richer=made(with_shape(model)), geared=geared)

@@ -54,7 +54,7 @@ def test_a_shape_is_given_up_for_more_and_not_at_once():
 
 def of_drive(name, seed=0):
     scenario = find_scenario(name)
-    return build(parse("glr"), scenario), simulate(scenario, [seed])[0]
+    return build(parse("glr[gear=true]"), scenario), simulate(scenario, [seed])[0]
 
 
 @pytest.mark.parametrize("name", ["mx64_fc_step-v1", "xl330_fm_step-v1"])
