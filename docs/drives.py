@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.cli import main as main_of_command
-from flexaxis.experiments.scoring.theta import nominal_theta
-from flexaxis.sim.friction import GearFrictionConfig, StaticFrictionConfig
+from flexaxis.experiments.scoring.parameter_names import nominal_theta
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate
-from flexaxis.sim.stability import _continuous, _sampled
+from flexaxis.sim.tables.friction import GearFrictionConfig, StaticFrictionConfig
+from flexaxis.sim.tables.stability import _continuous, _sampled
 
 Array = NDArray[np.float64]
 

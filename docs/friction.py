@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.bounds import noise_variance

@@ -35,7 +35,7 @@ from tables import table as markdown
 
 import flexaxis.estimators
 from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means

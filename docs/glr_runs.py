@@ -9,13 +9,13 @@ import numpy as np
 from glr_cases import Case
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import track_of
-from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.consistency import nees
-from flexaxis.experiments.scoring.table import rows as scores
-from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.scoring.parameter_names import physical
+from flexaxis.experiments.scoring.score_table import rows as scores
+from flexaxis.experiments.scoring.scores import Track
 
 AGES = (0.1, 0.5, 2.0)  # s after a fault at which claims are looked at
 Row = dict[str, Any]

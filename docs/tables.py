@@ -22,7 +22,7 @@ from flexaxis.experiments.catalogue.names import DRAWN, GROUPS
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, CONTROLS
 from flexaxis.experiments.gate import selftest
 from flexaxis.experiments.reporting.tables import number
-from flexaxis.experiments.scoring.table import SCORES
+from flexaxis.experiments.scoring.score_table import SCORES
 
 ROOT = Path(__file__).parents[1]
 PAGES = ("README.md", "docs/scenarios.md", "docs/scores.md", "docs/gate.md")

@@ -24,7 +24,7 @@ from flexaxis.experiments.commands.words import Parser, check_words, complete
 from flexaxis.experiments.running.interrupts import leave, one_stage, threads_left
 from flexaxis.experiments.running.progress import told
 from flexaxis.experiments.streams import Stream, forgiving, is_text, visible
-from flexaxis.sim.current_folder import without_its_style
+from flexaxis.sim.storage.current_folder import without_its_style
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """Exit status. A finding is what a command looks for: worse, a broken rule, a change, a case that

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.hdf5_apart import gone_through
 from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.record_file import ALL, SIGNALS, file_length, read_netcdf, write_netcdf
+from flexaxis.sim.storage.hdf5_apart import gone_through
+from flexaxis.sim.storage.record_file import ALL, SIGNALS, file_length, read_netcdf, write_netcdf
 from flexaxis.sim.timing import rate
 
 Array = NDArray[np.float64]

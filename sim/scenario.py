@@ -12,24 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from flexaxis.sim import friction as dry
-from flexaxis.sim import identity
-from flexaxis.sim import nonlinear as beyond
-from flexaxis.sim import sensors as sensing
-from flexaxis.sim.config import Config, Frozen, NotNegative, Positive, Table, Values, Word
-from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.events import Event, changed, find_events
-from flexaxis.sim.excitation import Excitation, Multisine
-from flexaxis.sim.faults import Fault
-from flexaxis.sim.keys import set_keys, suffix
-from flexaxis.sim.law_parameters import law_values
-from flexaxis.sim.onsets import drawn
 from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
-from flexaxis.sim.problems import conflicts, explain
-from flexaxis.sim.reading import read_text, toml_tables
+from flexaxis.sim.storage.reading import read_text, toml_tables
+from flexaxis.sim.storage.toml_text import toml_text
+from flexaxis.sim.tables import friction as dry
+from flexaxis.sim.tables import identity
+from flexaxis.sim.tables import nonlinear as beyond
+from flexaxis.sim.tables import sensors as sensing
+from flexaxis.sim.tables.config import Config, Frozen, NotNegative, Positive, Table, Values, Word
+from flexaxis.sim.tables.controller import ControllerConfig
+from flexaxis.sim.tables.drawn_onsets import drawn
+from flexaxis.sim.tables.events import Event, changed, find_events
+from flexaxis.sim.tables.excitation import Excitation, Multisine
+from flexaxis.sim.tables.faults import Fault
+from flexaxis.sim.tables.keys import set_keys, suffix
+from flexaxis.sim.tables.law_parameters import law_values
+from flexaxis.sim.tables.problems import conflicts, explain
 from flexaxis.sim.timing import PERIOD, Grid, sample_index
-from flexaxis.sim.toml_text import toml_text
 
 Array = NDArray[np.float64]
 Tuple = Field(strict=False)  # TOML has arrays where we keep tuples
@@ -132,7 +132,7 @@ class Scenario(Config):
         return self
 
     def drawn(self, seed: int) -> Scenario:
-        """Return the scenario as it is in the run of a seed, by `flexaxis.sim.onsets.drawn`."""
+        """Return the scenario as it is in the run of a seed, by `sim.tables.onsets`."""
         return self if self.onset_spread is None else drawn(self, seed)
 
     @property

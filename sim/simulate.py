@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.errors import ScenarioError, SimulationError
-from flexaxis.sim.feed_forward import Follower
-from flexaxis.sim.loop import Progress, Truth, closed_loop
+from flexaxis.sim.plant.loop import Progress, Truth, closed_loop
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.sensors import angle_increment, reading
 from flexaxis.sim.streams import stream
+from flexaxis.sim.tables.feed_forward import Follower
+from flexaxis.sim.tables.sensors import angle_increment, reading
 
 Array = NDArray[np.float64]
 

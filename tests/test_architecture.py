@@ -20,8 +20,8 @@ ESTIMATORS_MAY_USE = {
     "estimators/models/model.py": {"control"},
 }
 KNOW_MUJOCO = {
-    "sim/plant.py",
-    "sim/passive.py",
+    "sim/plant/plant.py",
+    "sim/plant/passive.py",
     "experiments/demo/view.py",
 }
 FILES = sorted(f for folder in MAY_IMPORT for f in (ROOT / folder).rglob("*.py"))
@@ -49,10 +49,10 @@ def test_imports_follow_the_arrows(path):
         assert "flexaxis" not in names, "the front door is for users: nobody inside uses it"
     assert ours <= MAY_IMPORT[folder] | {folder}
     place = path.relative_to(ROOT).as_posix()
-    if "flexaxis.sim.engine" in {n.rpartition(".")[0] for n in names}:
+    if "flexaxis.sim.plant.engine" in {n.rpartition(".")[0] for n in names}:
         assert place in KNOW_MUJOCO
     if "mujoco" in {n.split(".")[0] for n in names}:
-        assert place == "sim/engine.py", "which sees to it that nothing else is run by that"
+        assert place == "sim/plant/engine.py", "which sees to it that nothing else is run by that"
     if folder == "estimators":
         import sys
 
@@ -62,7 +62,7 @@ def test_imports_follow_the_arrows(path):
 
 def test_the_check_sees_a_wrong_arrow(tmp_path):
     wrong = tmp_path / "wrong.py"
-    wrong.write_text("from flexaxis.sim.plant import Plant\n")
+    wrong.write_text("from flexaxis.sim.plant.plant import Plant\n")
     assert {n.split(".")[1] for n in imported(wrong)} == {"sim"}
 
 
@@ -85,6 +85,9 @@ WAY = (
 )
 
 
+# The way through sim/: files, what a scenario is made of, the engine; above them what runs it.
+GROUND = (("storage",), ("tables",), ("plant",))
+
 # The way through estimators/: what an axis is and does in a sample, what filters do with it, what
 # looks at whole records, the bank of hypotheses, the methods.
 ROOMS = (
@@ -94,9 +97,10 @@ ROOMS = (
     ("glr",),
     ("methods",),
 )
+WAYS = (("experiments", WAY), ("sim", GROUND), ("estimators", ROOMS))
 
 
-@pytest.mark.parametrize(("folder", "way"), [("experiments", WAY), ("estimators", ROOMS)])
+@pytest.mark.parametrize(("folder", "way"), WAYS)
 def test_folders_show_the_way_of_the_data(folder, way):
     home, name = ROOT / folder, f"flexaxis.{folder}."
     place = {folder: i for i, line in enumerate(way) for folder in line}

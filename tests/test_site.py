@@ -13,7 +13,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import scenario_names, suite_names
 from flexaxis.experiments.catalogue.names import GROUPS
 from flexaxis.experiments.cli import commands
-from flexaxis.experiments.scoring.table import SCORES
+from flexaxis.experiments.scoring.score_table import SCORES
 
 ROOT = Path(__file__).parents[1]
 SITE = ROOT / "docs" / "site"

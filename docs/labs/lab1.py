@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from flexaxis.sim.parameters import preset
-from flexaxis.sim.plant import Plant
+from flexaxis.sim.plant.plant import Plant
 
 axis = preset("n1")
 r, k_T = axis.r, axis.k_T

@@ -19,8 +19,8 @@ from flexaxis.experiments.catalogue import card
 from flexaxis.experiments.catalogue import find as catalogue
 from flexaxis.experiments.catalogue.names import GROUPS as CATALOGUE
 from flexaxis.experiments.cli import GROUPS, commands, parser
-from flexaxis.experiments.scoring.score import Score
-from flexaxis.experiments.scoring.table import SCORES
+from flexaxis.experiments.scoring.score_definition import Score
+from flexaxis.experiments.scoring.score_table import SCORES
 from flexaxis.sim.scenario import Scenario
 
 FENCE = "`" * 5

@@ -21,8 +21,8 @@ from flexaxis.experiments.storage.files import dumps, write_json
 from flexaxis.experiments.studies.knobs import setting
 from flexaxis.experiments.studies.sweep import TURNS
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
-from flexaxis.sim.reading import json_value, read_text, read_toml, shown
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.storage.reading import json_value, read_text, read_toml, shown
 
 TUNING, REPORTING = range(100), range(1000, 5000)
 """Seeds that estimators may be tuned on, and those that are kept for reporting."""

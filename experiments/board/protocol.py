@@ -201,8 +201,8 @@ def serve(wire: Wire, asked: Mapping[str, Any]) -> None:
         ``estimator`` as for `--estimator`, and ``offer`` as of `Offer.as_data`, or, for a log,
         ``nominal, period, offered``.
     """
+    from flexaxis.experiments.building.estimator_text import build_of, made, parse
     from flexaxis.experiments.building.offer import offer_from
-    from flexaxis.experiments.building.specs import build_of, made, parse
 
     def torque(which: str) -> Any:
         wire.send({"torque": which})
@@ -255,7 +255,7 @@ def _ready() -> None:
     import numba  # noqa: F401
 
     from flexaxis.estimators.models import kernel  # noqa: F401
-    from flexaxis.experiments.building import specs  # noqa: F401
+    from flexaxis.experiments.building import estimator_text as specs  # noqa: F401
 
     kept = Path(os.environ["FLEXAXIS_COMPILED"])
     if kept == Path("/cache"):

@@ -26,8 +26,8 @@ from flexaxis.experiments.scoring.intervals import FLOOR
 from flexaxis.experiments.storage.files import dumps
 from flexaxis.experiments.studies.sweep import FACTORS, again, reference
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.reading import shown
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.storage.reading import shown
 
 Row = dict[str, Any]
 

@@ -27,8 +27,8 @@ from flexaxis.experiments.board.ranking import (
 )
 from flexaxis.experiments.board.sandbox import Sandbox
 from flexaxis.experiments.building.code import require
+from flexaxis.experiments.building.estimator_text import check_fits
 from flexaxis.experiments.building.offer import offer_of, torque_of
-from flexaxis.experiments.building.specs import check_fits
 from flexaxis.experiments.comparison import mismatch
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import identity_of, track_of

@@ -20,8 +20,8 @@ import numpy as np
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.building.estimator_text import Spec, build, check_fits, made, parse
 from flexaxis.experiments.building.offer import Misfit, offer_of, offered_to, torque_of
-from flexaxis.experiments.building.specs import Spec, build, check_fits, made, parse
 from flexaxis.sim.scenario import Scenario
 
 KEPT = 48  # estimators a thread: the registered ones, at two settings or on two axes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.sim.scenario import Scenario
 
 # What most scenarios have, and a line need not say.

@@ -130,7 +130,7 @@ def too_large(parser: argparse.ArgumentParser, args: argparse.Namespace) -> Iter
         given = getattr(args, action.dest, None)
         for value in given if isinstance(given, list) else [given]:
             if isinstance(value, int | float) and action.type in (int, float):
-                from flexaxis.sim.config import LARGEST  # takes a tenth of a second
+                from flexaxis.sim.tables.config import LARGEST  # takes a tenth of a second
 
                 option = action.option_strings[-1] if action.option_strings else action.metavar
                 if not math.isfinite(value):

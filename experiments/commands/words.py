@@ -162,8 +162,8 @@ def _of_suites(text: str) -> None:
 
 
 def _estimator(text: str) -> None:
+    from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.building.imports import no_file
-    from flexaxis.experiments.building.specs import parse
 
     path = Path(code_file(text))
     if not names_code(text):

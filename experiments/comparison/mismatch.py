@@ -13,7 +13,7 @@ import numpy as np
 
 from flexaxis.experiments.comparison.ranking import CONTROLS, REFERENCE, by_fault, leaders
 from flexaxis.experiments.scoring.intervals import rate_interval
-from flexaxis.experiments.scoring.theta import known_names, nominal_theta, theta_over_time
+from flexaxis.experiments.scoring.parameter_names import known_names, nominal_theta, theta_over_time
 from flexaxis.experiments.scoring.true_model import known_structure
 from flexaxis.sim.scenario import Scenario
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.crashes import EstimatorCrash
+from flexaxis.experiments.building.estimator_text import Spec, build
 from flexaxis.experiments.building.guest import hosted
-from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.conformance.endurance import rules
 from flexaxis.experiments.conformance.requirements import RULES, Rule

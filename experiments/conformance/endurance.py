@@ -17,7 +17,7 @@ from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.experiments.conformance.requirements import Rule, Seen, knows_gaps
 from flexaxis.experiments.conformance.subject import Subject, step
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.scoring.theta import theta_over_time
+from flexaxis.experiments.scoring.parameter_names import theta_over_time
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]

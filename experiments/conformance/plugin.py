@@ -85,7 +85,7 @@ def gate(
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
     from flexaxis.experiments.running.seeds import parse_seeds
-    from flexaxis.experiments.scoring.table import MARGINS
+    from flexaxis.experiments.scoring.score_table import MARGINS
 
     numbers = parse_seeds(str(seeds or default_seeds(names)))
     wanted = {**MARGINS, **(margins or {})}
@@ -99,7 +99,7 @@ def gate(
 
 def rules(estimator: str) -> list[RuleResult]:
     """Check an estimator, and fail with reason and hint of each rule that is broken."""
-    from flexaxis.experiments.building.specs import parse
+    from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.conformance.check import check
     from flexaxis.experiments.running.cache import default_cache
 

@@ -19,10 +19,10 @@ from flexaxis.experiments.demo.tracking import LENGTH, Point
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel, Role
 from flexaxis.experiments.reporting.page import macros
 from flexaxis.experiments.reporting.styles import NINE, Style, style
-from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.experiments.scoring.windows import WINDOW
-from flexaxis.sim.law_parameters import LAW_UNITS
 from flexaxis.sim.parameters import PARAMETER_UNITS
+from flexaxis.sim.tables.law_parameters import LAW_UNITS
 from flexaxis.sim.timing import PERIOD
 
 Array = NDArray[np.float64]

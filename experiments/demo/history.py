@@ -12,8 +12,8 @@ from typing import Any
 
 from flexaxis.experiments.demo.racer import SHOWN
 from flexaxis.experiments.demo.tracking import Tracking
+from flexaxis.sim.storage.toml_text import toml_text
 from flexaxis.sim.timing import PERIOD, sample_index
-from flexaxis.sim.toml_text import toml_text
 
 KEPT = 300
 """Entries that are kept; those before are forgotten."""

@@ -8,7 +8,7 @@ from math import log10
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.demo.input_check import InputCheck
 from flexaxis.experiments.demo.live_axis import EXCITATION, KINDS, LIMITS, UNITS
 from flexaxis.experiments.demo.racer import NAMES, KnobSettings

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.theta import true_theta
-from flexaxis.sim.controller import Controller, ControllerConfig
+from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.sim.errors import FlexaxisError, unknown
-from flexaxis.sim.excitation import Multisine
-from flexaxis.sim.nonlinear import substeps
 from flexaxis.sim.parameters import AxisParameters, preset
-from flexaxis.sim.plant import Plant
+from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.scenario import Scenario, scenario_from
-from flexaxis.sim.sensors import NoiseConfig
 from flexaxis.sim.streams import stream
+from flexaxis.sim.tables.controller import Controller, ControllerConfig
+from flexaxis.sim.tables.excitation import Multisine
+from flexaxis.sim.tables.nonlinear import substeps
+from flexaxis.sim.tables.sensors import NoiseConfig
 from flexaxis.sim.timing import PERIOD, sample_index
 
 KINDS = ("none", "Coulomb", "static curve", "LuGre")

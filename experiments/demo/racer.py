@@ -13,9 +13,9 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, Finding, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
-from flexaxis.experiments.building.specs import Spec, made, parse
+from flexaxis.experiments.building.estimator_text import Spec, made, parse
 from flexaxis.experiments.demo.live_axis import Samples
-from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.experiments.scoring.windows import WINDOW
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import AxisParameters

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.experiments.demo.racer import NAMES, SHOWN
 from flexaxis.experiments.scoring.bounds import bound_from, lag_bound
-from flexaxis.experiments.scoring.case import lag
+from flexaxis.experiments.scoring.scores import lag
 from flexaxis.experiments.scoring.true_model import tracked
 from flexaxis.experiments.scoring.windows import WINDOW
 from flexaxis.sim.scenario import Scenario

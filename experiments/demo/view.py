@@ -115,7 +115,7 @@ def window(record: Record, *, start: float, exaggerate: float) -> None:
 
 def scene() -> tuple[Any, Any, Any]:
     """Return the engine's module, and model and data of the axis with floor, light and camera."""
-    from flexaxis.sim.engine import mujoco
+    from flexaxis.sim.plant.engine import mujoco
 
     _, assets = model_files("three_mass")
     model = mujoco.MjModel.from_xml_string(assets["scene.xml"].decode(), assets)

@@ -11,14 +11,14 @@ import numpy as np
 from flexaxis._given import seed_of, spec_of
 from flexaxis._records import changed
 from flexaxis.estimators.protocol import numbers_of
-from flexaxis.experiments.building.specs import build
+from flexaxis.experiments.building.estimator_text import build
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.loop import Changes
-from flexaxis.sim.nonlinear import substeps
-from flexaxis.sim.plant import Plant
+from flexaxis.sim.plant.loop import Changes
+from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.sensors import reading
 from flexaxis.sim.streams import stream
+from flexaxis.sim.tables.nonlinear import substeps
+from flexaxis.sim.tables.sensors import reading
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.code import give, is_given
-from flexaxis.experiments.building.specs import Spec, parse
+from flexaxis.experiments.building.estimator_text import Spec, parse
 from flexaxis.experiments.catalogue.find import select
 from flexaxis.experiments.running.processes import check_jobs
 from flexaxis.experiments.running.seeds import MOST, check_number, check_seed, parse_seeds

@@ -137,7 +137,7 @@ def track(
     start : float
         θ(0) over what was identified.
     """
-    from flexaxis.experiments.building.specs import parse
+    from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.logs.pages.track_page import estimates_chart, residual_chart
     from flexaxis.experiments.logs.track import default_estimator
     from flexaxis.experiments.logs.track import track as tracked

@@ -15,8 +15,8 @@ from flexaxis._table import html_table
 from flexaxis.experiments.storage.files import needed
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import Record, load_record
-from flexaxis.sim.record_file import SIGNALS
 from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.storage.record_file import SIGNALS
 
 if TYPE_CHECKING:
     import pandas

@@ -16,14 +16,14 @@ from flexaxis._records import Recording, changed
 from flexaxis._table import Table
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
+from flexaxis.experiments.building.estimator_text import Spec, build
 from flexaxis.experiments.building.guest import hosted, limited
-from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.catalogue.names import scenario_names
 from flexaxis.experiments.running.case import case_id, followed, track_of
 from flexaxis.experiments.running.estimate import run_on
+from flexaxis.experiments.scoring.parameter_names import known_names
+from flexaxis.experiments.scoring.score_table import SCORES
 from flexaxis.experiments.scoring.summary import scored
-from flexaxis.experiments.scoring.table import SCORES
-from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
 from flexaxis.sim.scenario import Scenario

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import comb
 
 from flexaxis.experiments.comparison import statistics
-from flexaxis.experiments.scoring.table import SCORES
+from flexaxis.experiments.scoring.score_table import SCORES
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.specs import written_options
+from flexaxis.experiments.building.estimator_text import written_options
 from flexaxis.experiments.comparison.matching import MATCHED, Match, Noise, Setting, match, plain
 from flexaxis.experiments.gate.pairs import Paired, Pairs
 from flexaxis.experiments.running.bench import Bench, Runs

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.comparison import statistics
 from flexaxis.experiments.comparison.matching import SPREADS
-from flexaxis.experiments.scoring.table import MARGINS, METRICS, SCORES, Score
+from flexaxis.experiments.scoring.score_table import MARGINS, METRICS, SCORES, Score
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
 LOST = ("diverged", "never_settled")

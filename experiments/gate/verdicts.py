@@ -23,7 +23,7 @@ from flexaxis.experiments.gate.decide import (
     Family,
 )
 from flexaxis.experiments.gate.pairs import LOST, Paired, Pairs, Runs
-from flexaxis.experiments.scoring.table import METRICS
+from flexaxis.experiments.scoring.score_table import METRICS
 
 VERDICTS = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME)
 

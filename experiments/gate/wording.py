@@ -11,7 +11,7 @@ from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.verdicts import VERDICTS, Verdict
 from flexaxis.experiments.reporting.tables import number
-from flexaxis.experiments.scoring.table import METRICS
+from flexaxis.experiments.scoring.score_table import METRICS
 from flexaxis.experiments.studies.tuning import EXCESS
 
 LOST_WORDS = {"diverged": "diverge", "never_settled": "never settle"}

@@ -22,11 +22,11 @@ from flexaxis.experiments.logs.files import spare_foreign
 from flexaxis.experiments.logs.identification.identify import GIVEN
 from flexaxis.experiments.storage.files import OutputError, make_folder, write_text
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.faults import CHANGEABLE
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate
 from flexaxis.sim.streams import stream
+from flexaxis.sim.tables.faults import CHANGEABLE
 
 Array = NDArray[np.float64]
 

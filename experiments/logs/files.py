@@ -85,7 +85,7 @@ def _attributes(path: Path) -> dict[str, str]:
     """Return the texts that describe a file as a whole; none of a file that cannot be read."""
     import h5py
 
-    from flexaxis.sim.hdf5_apart import gone_through
+    from flexaxis.sim.storage.hdf5_apart import gone_through
 
     try:
         gone_through(path, ValueError, data=False)

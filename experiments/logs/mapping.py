@@ -15,8 +15,8 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.log import Log, shown
 from flexaxis.experiments.logs.units import ENDINGS, LINEAR, UNITS, completed, spelt
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.reading import GREATEST, read_toml
-from flexaxis.sim.reading import shown as limited
+from flexaxis.sim.storage.reading import GREATEST, read_toml
+from flexaxis.sim.storage.reading import shown as limited
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY, Entry
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.building.specs import Spec, made
+from flexaxis.experiments.building.estimator_text import Spec, made
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
@@ -144,7 +144,7 @@ def track(
     axis : Axis
         As identified.
     spec : Spec
-        From `flexaxis.experiments.building.specs.parse`.
+        From `flexaxis.experiments.building.estimator_text.parse`.
     identify : sequence of str
         What to estimate.
     start : float

@@ -18,9 +18,9 @@ from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.processes import spread
 from flexaxis.experiments.running.seeds import FIRST
 from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.sim.excitation import Multisine
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.tables.excitation import Multisine
 
 Array = NDArray[np.float64]
 

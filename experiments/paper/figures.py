@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.offline.frequency import frequency_response
-from flexaxis.experiments.paper.checks import PEAKS
-from flexaxis.experiments.paper.claims import Evidence, by_name
+from flexaxis.experiments.paper.claim import Evidence, by_name
+from flexaxis.experiments.paper.claims import PEAKS
 from flexaxis.experiments.paper.experiments import (
     BAND,
     HIGH_ORDER,

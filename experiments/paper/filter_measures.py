@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.adaptation import estimate_covariance
-from flexaxis.experiments.paper.claims import Evidence, by_name
+from flexaxis.experiments.paper.claim import Evidence, by_name
 from flexaxis.experiments.paper.experiments import (
     FORGETTING,
     FilterRuns,

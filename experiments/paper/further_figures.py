@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.paper.claims import Evidence
+from flexaxis.experiments.paper.claim import Evidence
 from flexaxis.experiments.paper.data import PAUSE
 from flexaxis.experiments.paper.experiments import FORGETTING, STRIDE
 from flexaxis.experiments.paper.figures import (

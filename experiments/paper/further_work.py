@@ -20,8 +20,8 @@ from flexaxis.experiments.paper.experiments import (
     pooled_std,
     settled_P,
 )
+from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.pooling import settles
-from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]

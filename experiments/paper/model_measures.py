@@ -12,7 +12,7 @@ from flexaxis.estimators import LiteralRpem, Rpem
 from flexaxis.estimators.offline.frequency import frequency_response, information, line_spectrum
 from flexaxis.estimators.offline.identification import Identified
 from flexaxis.estimators.offline.predictor import predict
-from flexaxis.experiments.paper.claims import Evidence, by_name
+from flexaxis.experiments.paper.claim import Evidence, by_name
 from flexaxis.experiments.paper.data import Data, signals
 from flexaxis.experiments.paper.experiments import (
     FAR,
@@ -22,7 +22,7 @@ from flexaxis.experiments.paper.experiments import (
     magnitude_error,
     steady,
 )
-from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from flexaxis.experiments.paper.checks import CHECKS
-from flexaxis.experiments.paper.claims import SHARES, Claim, Evidence, Measured, gather
+from flexaxis.experiments.paper.claim import SHARES, Claim, Evidence, Measured, gather
+from flexaxis.experiments.paper.claims import CHECKS
 from flexaxis.experiments.paper.data import Size
 from flexaxis.experiments.paper.further_figures import FIGURES
 from flexaxis.experiments.reporting import figures, page, tables

@@ -1,7 +1,7 @@
 """Tables: heads with units, cells with values to sort by, how values are written, what words mean.
 
 `table.html` writes them into a page, `terminal` on a screen. Scores are defined in
-`flexaxis.experiments.scoring.table` and nowhere else.
+`flexaxis.experiments.scoring.score_table` and nowhere else.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from markupsafe import Markup, escape
 
-from flexaxis.experiments.scoring.table import SCORES
+from flexaxis.experiments.scoring.score_table import SCORES
 
 # A letter with an index that is no part of a longer word; as in assets/dom.js.
 SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9θ]{1,3})(?![A-Za-z0-9_-])")

@@ -17,8 +17,8 @@ from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.reporting.tables import Table as Page
 from flexaxis.experiments.reporting.tables import number, pair, settled
 from flexaxis.experiments.scoring import pooling
-from flexaxis.experiments.scoring.score import Score
-from flexaxis.experiments.scoring.table import SCORES
+from flexaxis.experiments.scoring.score_definition import Score
+from flexaxis.experiments.scoring.score_table import SCORES
 from flexaxis.experiments.streams import visible
 from flexaxis.sim.scenario import stored_scenario
 

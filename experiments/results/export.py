@@ -16,7 +16,7 @@ from flexaxis.experiments.results.results import Results, Rows, frame
 from flexaxis.experiments.running.study import is_option
 from flexaxis.experiments.storage.files import StudyError, needed, new_file, write_rows, writing
 from flexaxis.experiments.storage.schema import COLUMNS, STORED, as_text, axis_kind, nested, told
-from flexaxis.sim.netcdf import add, new_netcdf
+from flexaxis.sim.storage.netcdf import add, new_netcdf
 
 if TYPE_CHECKING:
     import xarray

@@ -18,9 +18,9 @@ from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.study import SIZE
 from flexaxis.experiments.scoring.detection import WITHIN
 from flexaxis.experiments.scoring.intervals import rate_interval, share_interval
-from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.sim.errors import unknown
-from flexaxis.sim.law_parameters import meant
+from flexaxis.sim.tables.law_parameters import meant
 
 PER_HOUR = 10.0  # false alarms of who gets a threshold: one in 18 runs of 20 s
 HOUR = 3600.0  # s

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import summary
 from flexaxis.experiments.scoring.intervals import rate_interval
-from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.experiments.storage.schema import CASE
 from flexaxis.sim.parameters import PARAMETER_NAMES
 

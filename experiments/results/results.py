@@ -15,7 +15,7 @@ from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped, mi
 from flexaxis.experiments.results.source import Condition, Source, asked, having
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.study import find_point, is_option
-from flexaxis.experiments.scoring.score import Kind
+from flexaxis.experiments.scoring.score_definition import Kind
 from flexaxis.experiments.scoring.summary import POOLED
 from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import CASE, COLUMNS, STORED, as_text, axis_kind

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from flexaxis.experiments.building.estimator_text import Spec
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.ready import ready
-from flexaxis.experiments.building.specs import Spec
 from flexaxis.experiments.scoring.windows import remembered, windows
-from flexaxis.sim.feed_forward import USED, Follower
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import tracked
+from flexaxis.sim.tables.feed_forward import USED, Follower
 
 
 class Told:

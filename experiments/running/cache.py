@@ -21,11 +21,11 @@ import numpy as np
 from flexaxis.experiments.scoring.nominal import nominal_runs
 from flexaxis.experiments.storage.files import digest_of
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.files import atomic
 from flexaxis.sim.record import Record
-from flexaxis.sim.record_file import SIGNALS
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate, versions
+from flexaxis.sim.storage.files import atomic
+from flexaxis.sim.storage.record_file import SIGNALS
 
 LIMIT = 2 * 1024**3  # bytes
 SHARE = 1 / 64  # of its limit, by which a process may overfill a folder before it looks again

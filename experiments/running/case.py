@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.code import piped
+from flexaxis.experiments.building.estimator_text import Spec
 from flexaxis.experiments.building.guest import hosted, is_guest, note
 from flexaxis.experiments.building.ready import ready
-from flexaxis.experiments.building.specs import Spec
 from flexaxis.experiments.running.adapted import tracking
-from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.parameter_names import known_names
+from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.summary import Case, scored
-from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.experiments.scoring.windows import claimed_at
-from flexaxis.sim.onsets import first_onset
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.tables.drawn_onsets import first_onset
 from flexaxis.sim.timing import sample_index
 
 

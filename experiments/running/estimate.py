@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator, theta_of
+from flexaxis.experiments.building.estimator_text import Spec, build
 from flexaxis.experiments.building.guest import hosted
-from flexaxis.experiments.building.specs import Spec, build
+from flexaxis.experiments.scoring.parameter_names import physical, true_theta
 from flexaxis.experiments.scoring.summary import Case
-from flexaxis.experiments.scoring.theta import physical, true_theta
 from flexaxis.experiments.storage.files import TRAJECTORIES, writing
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, count_samples, record_pieces
@@ -64,7 +64,7 @@ def estimate(
     source, target : Path
         NetCDF-4 files.
     spec : Spec
-        The estimator, as from `flexaxis.experiments.building.specs.parse`.
+        The estimator, as from `flexaxis.experiments.building.estimator_text.parse`.
     scenario : Scenario, optional
         What the estimator is told; the record's own by default.
     covariance : bool
@@ -168,7 +168,7 @@ def estimates_file(
     OutputError
         If it cannot be written; it gets its name when it is complete.
     """
-    from flexaxis.sim.netcdf import add, declare, new_netcdf
+    from flexaxis.sim.storage.netcdf import add, declare, new_netcdf
 
     shape = {"time": samples, "estimate": len(names)}
     with writing(path), new_netcdf(path) as file:

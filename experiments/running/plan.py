@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building import specs
+from flexaxis.experiments.building import estimator_text as specs
 from flexaxis.experiments.building.code import digest, names_code
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.ready import ready

@@ -29,8 +29,8 @@ from flexaxis.experiments.building.pipe import held_back
 from flexaxis.experiments.running import interrupts
 from flexaxis.experiments.running.interrupts import Interrupts, threads_left, two_stage
 from flexaxis.experiments.storage.files import NotRun, StudyError
-from flexaxis.sim.current_folder import forget_safe_path, safe_path, without_its_style
 from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.storage.current_folder import forget_safe_path, safe_path, without_its_style
 
 MOST = max(64, 4 * (os.cpu_count() or 1))  # processes: each is a Python of its own in memory
 PATIENCE = 0.5  # s for which a wait may last before it looks whether anything was asked

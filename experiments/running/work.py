@@ -12,7 +12,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building import specs
+from flexaxis.experiments.building import estimator_text as specs
 from flexaxis.experiments.building.code import own_digest
 from flexaxis.experiments.building.crashes import is_its_own
 from flexaxis.experiments.building.guest import Remark, is_guest, limited, noted
@@ -21,10 +21,10 @@ from flexaxis.experiments.running.cache import records as simulated_or_kept
 from flexaxis.experiments.running.case import identity_of, run_case, warm
 from flexaxis.experiments.running.interrupts import asked
 from flexaxis.experiments.running.study import Entry, Unit, Variant
-from flexaxis.experiments.scoring.case import failed_track
+from flexaxis.experiments.scoring.score_table import rows as score_rows
+from flexaxis.experiments.scoring.score_table import undefined
+from flexaxis.experiments.scoring.scores import failed_track
 from flexaxis.experiments.scoring.summary import Case
-from flexaxis.experiments.scoring.table import rows as score_rows
-from flexaxis.experiments.scoring.table import undefined
 from flexaxis.experiments.storage.files import NotRun
 from flexaxis.experiments.storage.traces import packed
 from flexaxis.sim.errors import SimulationError

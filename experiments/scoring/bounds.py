@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.scoring.case import Track, finite, lag_of
-from flexaxis.experiments.scoring.theta import physical, started_theta, theta_over_time
+from flexaxis.experiments.scoring.parameter_names import physical, started_theta, theta_over_time
+from flexaxis.experiments.scoring.scores import Track, finite, lag_of
 from flexaxis.experiments.scoring.true_model import (
     describes,
     jump_gradient,
@@ -28,8 +28,8 @@ from flexaxis.experiments.scoring.true_model import (
     true_model,
 )
 from flexaxis.experiments.scoring.windows import Known, Window, windows
-from flexaxis.sim.faults import Step
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.tables.faults import Step
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.case import Track, finite
+from flexaxis.experiments.scoring.scores import Track, finite
 from flexaxis.experiments.scoring.windows import claimed_at
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.case import Track
-from flexaxis.experiments.scoring.theta import nominal_theta, theta_over_time
+from flexaxis.experiments.scoring.parameter_names import nominal_theta, theta_over_time
+from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.windows import windows
 from flexaxis.sim.scenario import Scenario
 

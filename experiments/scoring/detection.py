@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.case import Track
-from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.scoring.parameter_names import physical
+from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.windows import WINDOW, Window, windows
-from flexaxis.sim.law_parameters import meant
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.tables.law_parameters import meant
 
 WITHIN = (0.5, 1.0, 2.0, 5.0)
 """Times after a fault [s] within which is asked whether it was found."""

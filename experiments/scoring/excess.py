@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.scoring.bounds import noise_variance
-from flexaxis.experiments.scoring.case import Track, finite
 from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.scoring.theta import nominal_theta, started_theta, true_theta
+from flexaxis.experiments.scoring.parameter_names import nominal_theta, started_theta, true_theta
+from flexaxis.experiments.scoring.scores import Track, finite
 from flexaxis.experiments.scoring.true_model import linear_model
 from flexaxis.experiments.scoring.windows import remembered
-from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.tables.law_parameters import LAW_NAMES
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.experiments.scoring.windows import remembered
-from flexaxis.sim.excitation import Standstill
 from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate
+from flexaxis.sim.tables.excitation import Standstill
 
 Array = NDArray[np.float64]
 Torque = Callable[[Scenario], Array]

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.experiments.scoring.case import finite, settling
 from flexaxis.experiments.scoring.intervals import (
     FLOOR,
     by_seed,
@@ -26,6 +25,7 @@ from flexaxis.experiments.scoring.intervals import (
     spread_interval,
     t_interval,
 )
+from flexaxis.experiments.scoring.scores import finite, settling
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

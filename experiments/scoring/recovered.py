@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from flexaxis.experiments.scoring.case import Track, finite
+from flexaxis.experiments.scoring.scores import Track, finite
 
 COSTS = 0.2
 """By which part the fault has to raise the tracking error for the score to be defined."""

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.bounds import RMSE_AT
-from flexaxis.experiments.scoring.case import Track, finite, relative_error
 from flexaxis.experiments.scoring.curves import CURVE_STEP, Detail, detail_of, later, shifted
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import by_seed, mean_interval
-from flexaxis.experiments.scoring.table import SCORES, rows
-from flexaxis.experiments.scoring.table import columns as kinds
+from flexaxis.experiments.scoring.score_table import SCORES, rows
+from flexaxis.experiments.scoring.score_table import columns as kinds
+from flexaxis.experiments.scoring.scores import Track, finite, relative_error
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -110,7 +110,7 @@ def pool_group(
     Returns
     -------
     list of dict
-        The scores as `flexaxis.experiments.scoring.table.SCORES` pools them, `seeds` their number;
+        The scores as `scoring.score_table.SCORES` pools them, `seeds` their number;
         `cost` is the median.
     """
     runs = sorted(runs, key=lambda rows: rows[0].get("seed", 0))  # in whatever order they came

@@ -27,7 +27,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.sampled import copy, prepare, travel
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.scoring.theta import physical, true_theta
+from flexaxis.experiments.scoring.parameter_names import physical, true_theta
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
 

@@ -10,9 +10,9 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.theta import physical
-from flexaxis.sim.events import Event
+from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.tables.events import Event
 from flexaxis.sim.timing import sample_index
 
 P = ParamSpec("P")

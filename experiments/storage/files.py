@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.files import atomic
-from flexaxis.sim.reading import Refusal, json_value, read_text
+from flexaxis.sim.storage.files import atomic
+from flexaxis.sim.storage.reading import Refusal, json_value, read_text
 
 STUDY, TRAJECTORIES = "study.json", "trajectories"
 REPORT = "report.html"

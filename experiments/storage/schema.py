@@ -16,8 +16,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.scoring.score import Kind
-from flexaxis.experiments.scoring.table import SCORES, columns, units
+from flexaxis.experiments.scoring.score_definition import Kind
+from flexaxis.experiments.scoring.score_table import SCORES, columns, units
 from flexaxis.experiments.storage.files import NotRun, OutputError, StudyError
 
 COLUMNS: Mapping[str, Kind] = {

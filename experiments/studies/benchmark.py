@@ -24,7 +24,7 @@ from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.scoring.case import failed_track, relative_error
+from flexaxis.experiments.scoring.scores import failed_track, relative_error
 from flexaxis.experiments.scoring.summary import POOLED, of_trajectories
 from flexaxis.experiments.storage.files import REPORT, STUDY, SUMMARY, SWEEP, write_json, write_text
 from flexaxis.experiments.storage.schema import row_files

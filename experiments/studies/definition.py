@@ -13,18 +13,18 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building import specs
+from flexaxis.experiments.building import estimator_text as specs
 from flexaxis.experiments.building.code import names_code
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.seeds import END, parse_seeds
 from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_option
 from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.studies.design import MOST, Span, listed, product, sobol
-from flexaxis.sim.config import Config, Word
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
-from flexaxis.sim.problems import explain
-from flexaxis.sim.reading import read_toml
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.storage.reading import read_toml
+from flexaxis.sim.tables.config import Config, Word
+from flexaxis.sim.tables.problems import explain
 
 Problem = tuple[str, str]
 

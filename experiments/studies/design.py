@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.experiments.running.study import Point
-from flexaxis.sim.config import Config
+from flexaxis.sim.tables.config import Config
 
 MOST = 100_000  # points: what is run of each takes seconds, and all lie in memory
 DIGITS = 6  # of a drawn value: enough to fill any axis, and still to be read in a name

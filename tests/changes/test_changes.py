@@ -230,11 +230,14 @@ def test_option(flexaxis):
 
 
 FORGOTTEN = {
-    "fault": "Pulse (flexaxis.sim.faults) can be used by nobody: name it in the union",
-    "excitation": "Chirp (flexaxis.sim.excitation) can be used by nobody: name it in the union",
-    "sensor": "OffsetConfig (flexaxis.sim.sensors) can be used by nobody: give Scenario a key",
+    "fault": "Pulse (flexaxis.sim.tables.faults) can be used by nobody: name it in the union",
+    "excitation": "Chirp (flexaxis.sim.tables.excitation) can be used by "
+    "nobody: name it in the union",
+    "sensor": "OffsetConfig (flexaxis.sim.tables.sensors) can be used by "
+    "nobody: give Scenario a key",
     "signal": "estimators read speed, increment, angle, and scenarios have speed, increment",
-    "nonlinearity": "ReturnConfig (flexaxis.sim.nonlinear) can be used by nobody: give Scenario",
+    "nonlinearity": "ReturnConfig (flexaxis.sim.tables.nonlinear) can be used by "
+    "nobody: give Scenario",
     "scenario": 'fm_triple-v1: not frozen yet; when it is as it should be, add the line "fm_triple',
     "figure": "lag_by_lag is on no page: name it in CHARTS at the end of page.py",
 }

@@ -11,10 +11,10 @@ from flexaxis.estimators.glr.records import time_scale
 from flexaxis.estimators.models.axes import N1, one_mass, three_mass
 from flexaxis.estimators.protocol import Finding
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.sim.simulate import simulate
 
 T = 0.005

@@ -10,7 +10,7 @@ from flexaxis.estimators.models.axes import N1
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.sim.simulate import simulate
 
 T = 0.005

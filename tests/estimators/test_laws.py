@@ -31,15 +31,15 @@ from flexaxis.estimators.models.discretisation import split
 from flexaxis.estimators.models.laws import KINDS, Law
 from flexaxis.estimators.models.sampled import prepare, travel
 from flexaxis.estimators.signals import increment
-from flexaxis.sim.friction import GearFrictionConfig
-from flexaxis.sim.nonlinear import (
+from flexaxis.sim.parameters import preset
+from flexaxis.sim.plant.plant import Plant
+from flexaxis.sim.tables.friction import GearFrictionConfig
+from flexaxis.sim.tables.nonlinear import (
     CoggingConfig,
     LuGreConfig,
     SaturationConfig,
     StiffeningConfig,
 )
-from flexaxis.sim.parameters import preset
-from flexaxis.sim.plant import Plant
 
 T = 0.005
 VALUES = N1 | {

@@ -18,7 +18,7 @@ from flexaxis.experiments.board.submission import submit
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import default_cache, records
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.scoring.theta import theta_over_time
+from flexaxis.experiments.scoring.parameter_names import theta_over_time
 
 RELEASE = bool(os.environ.get("FLEXAXIS_RELEASE"))
 TOKENS = [f"{number:016d}" for number in range(1, 11 if RELEASE else 2)]

@@ -36,7 +36,7 @@ def short_toml(short, tmp_path):
 def stored():
     """A function that writes rows to a folder as a run or a study does, and gives `Results`."""
     from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.scoring.table import undefined
+    from flexaxis.experiments.scoring.score_table import undefined
     from flexaxis.experiments.storage.store import Store
 
     def write(folder, rows, axes=(), **study):

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.conformance import endurance
 from flexaxis.experiments.conformance.check import check
 from flexaxis.experiments.running.cache import RecordCache

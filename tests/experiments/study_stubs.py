@@ -6,7 +6,7 @@ from pathlib import Path
 
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.work import Outcome
-from flexaxis.experiments.scoring.table import undefined
+from flexaxis.experiments.scoring.score_table import undefined
 
 PARAMETERS = ("k_T", "1/J_a", "f_m")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building import specs
+from flexaxis.experiments.building import estimator_text as specs
 from flexaxis.experiments.catalogue import find, names
 from flexaxis.experiments.catalogue.card import in_a_line, reference_card
 from flexaxis.experiments.catalogue.find import (
@@ -22,8 +22,8 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.excitation import Multisine
 from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.tables.excitation import Multisine
 
 HOME = Path(find.__file__).parent
 FROZEN = tomllib.loads((HOME / "hashes.toml").read_text(encoding="utf-8"))

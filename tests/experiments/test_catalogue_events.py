@@ -3,7 +3,7 @@
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
-from flexaxis.sim.faults import CHANGEABLE
+from flexaxis.sim.tables.faults import CHANGEABLE
 
 # a step while the same parameter warms up
 OVERLAPPING = {

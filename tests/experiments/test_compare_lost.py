@@ -9,7 +9,7 @@ from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.gate.wording import headline, meaning
-from flexaxis.experiments.scoring.table import MARGINS
+from flexaxis.experiments.scoring.score_table import MARGINS
 
 SCENARIOS, SEEDS = ("s", "t", "u", "v"), range(1000, 1008)
 RUNS = [(scenario, seed) for scenario in SCENARIOS for seed in SEEDS]

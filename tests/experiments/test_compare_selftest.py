@@ -15,7 +15,7 @@ from flexaxis.experiments.gate.pairs import LOST, table
 from flexaxis.experiments.gate.resampling import Drawn, Pool, draw, judged
 from flexaxis.experiments.gate.selftest import LOOKS, Rate, columns, lines
 from flexaxis.experiments.gate.trials import NONE, Promise, trials
-from flexaxis.experiments.scoring.table import MARGINS
+from flexaxis.experiments.scoring.score_table import MARGINS
 
 GATE = Path(__file__).parents[2] / "docs" / "gate.md"
 

@@ -8,7 +8,7 @@ import pytest
 from flexaxis.experiments.gate.report import write
 from flexaxis.experiments.gate.stored import compare_runs
 from flexaxis.experiments.gate.wording import headline, meaning
-from flexaxis.experiments.scoring.table import MARGINS
+from flexaxis.experiments.scoring.score_table import MARGINS
 from flexaxis.experiments.storage.files import SUMMARY
 from flexaxis.sim.errors import FlexaxisError
 

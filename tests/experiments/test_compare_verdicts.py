@@ -14,7 +14,7 @@ from flexaxis.experiments.gate.report import markdown, write
 from flexaxis.experiments.gate.verdicts import by_metric, judge
 from flexaxis.experiments.gate.wording import cells, headline, meaning, row_command, worst
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.scoring.table import MARGINS
+from flexaxis.experiments.scoring.score_table import MARGINS
 from flexaxis.sim.errors import FlexaxisError
 
 sys.path.insert(0, str(Path(__file__).parent))

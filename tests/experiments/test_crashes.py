@@ -4,7 +4,7 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments import cli
-from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.cli import CRASH, FINDING, WRONG_USE, main
 from flexaxis.experiments.demo.racer import Racer
 from flexaxis.experiments.logs.axis_file import find_axis

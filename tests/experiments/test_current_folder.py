@@ -14,7 +14,7 @@ from scipy.io import savemat
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.processes import spread
-from flexaxis.sim.current_folder import SAFE_PATH, safe_path
+from flexaxis.sim.storage.current_folder import SAFE_PATH, safe_path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from test_architecture import FILES, ROOT, imported
@@ -136,7 +136,7 @@ STARTERS = {
     "experiments/building/pipe.py": "programs of a user, with their own variables",
     "experiments/logs/reading/mat_file.py": "reads MAT files, -P",
     "experiments/running/processes.py": "workers, in safe_path",
-    "sim/hdf5_apart.py": "reads HDF5 files, -P",
+    "sim/storage/hdf5_apart.py": "reads HDF5 files, -P",
 }
 """Modules that start processes, and how those leave the current folder out."""
 START = {"subprocess", "multiprocessing", "concurrent.futures.ProcessPoolExecutor", "pty"}

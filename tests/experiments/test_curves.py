@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.scoring.curves import curve_of, near_fault, residual
@@ -76,8 +76,8 @@ class Plain:
 
 
 def test_a_finding_of_a_user_needs_no_more_than_the_contract(short, record):
-    from flexaxis.experiments.scoring.case import Track
     from flexaxis.experiments.scoring.curves import detail_of
+    from flexaxis.experiments.scoring.scores import Track
 
     theta = np.ones((short.samples, 1))
     track = Track(short, ("f_m",), theta, record.true_parameters, findings=[Plain()])

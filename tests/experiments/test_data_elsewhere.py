@@ -8,8 +8,8 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.hdf5_file import open_file
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.hdf5_inside import only_inside
 from flexaxis.sim.record import count_samples, load_record
+from flexaxis.sim.storage.hdf5_inside import only_inside
 
 N = 400
 SECRET = np.arange(N) + 0.5

@@ -6,12 +6,12 @@ import pytest
 from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.pooling import excess
-from flexaxis.experiments.scoring.table import rows
-from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.experiments.scoring.score_table import rows
+from flexaxis.experiments.scoring.scores import Track
 
 NAMES = ("k_T", "1/J_a", "f_m")
 

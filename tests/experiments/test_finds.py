@@ -7,9 +7,9 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.results.finds import finds
-from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.detection import find_of, moved_of
 from flexaxis.experiments.scoring.intervals import rate_interval, share_interval
+from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.studies.definition import study_from
 
 SIZE = "fault[0].factor"

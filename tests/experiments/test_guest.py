@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.building.guest import hosted, limited, put_back
-from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import CRASH, FINDING, main
 
 OWN = """\

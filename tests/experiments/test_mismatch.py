@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.sim.simulate import simulate
 
 

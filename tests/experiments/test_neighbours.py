@@ -8,7 +8,7 @@ import pytest
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.building.estimator_text import parse
 
 MINE = """
 from __future__ import annotations

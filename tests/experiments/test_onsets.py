@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import flexaxis as fx
+from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.building.offer import offer_of, torque_of
-from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import RecordCache, records

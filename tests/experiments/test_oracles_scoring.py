@@ -8,8 +8,8 @@ from scipy.stats import halfnorm
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring import bounds
 from flexaxis.experiments.scoring.bounds import limits
+from flexaxis.experiments.scoring.score_table import undefined
 from flexaxis.experiments.scoring.summary import columns_of, of_trajectories, pool_columns
-from flexaxis.experiments.scoring.table import undefined
 from flexaxis.experiments.scoring.windows import windows
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.simulate import simulate

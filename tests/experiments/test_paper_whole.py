@@ -10,7 +10,7 @@ from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline import priors
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.paper import data, reproduce
-from flexaxis.experiments.paper.claims import gather
+from flexaxis.experiments.paper.claim import gather
 from flexaxis.experiments.paper.data import Size
 
 pytestmark = pytest.mark.slow

@@ -16,9 +16,9 @@ import pytest
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.code import digest
+from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.building.guest import in_words, noted
 from flexaxis.experiments.building.pipe import PipeEstimator
-from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.case import run_case
 from flexaxis.sim.simulate import simulate

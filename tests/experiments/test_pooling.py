@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
-from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.pooling import rmse, settles, spread, spread_at_a_time
+from flexaxis.experiments.scoring.score_table import SCORES, rows, undefined
+from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.summary import of_trajectories, pool_group
-from flexaxis.experiments.scoring.table import SCORES, rows, undefined
-from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")
@@ -296,7 +296,7 @@ def test_losing_the_hard_runs_does_not_raise_the_score(short):
 def complaints(scores):
     """Return what is missing in a table of scores, each with what to do."""
     for score in scores:
-        here = f"{score.name} in experiments/scoring/table.py"
+        here = f"{score.name} in experiments/scoring/score_table.py"
         if not score.words.strip().endswith("."):
             yield f"{here}: say in `words` what it is, in a sentence with a full stop"
         if score.kind in {"number", "integer"} and not score.parts and score.unit is None:

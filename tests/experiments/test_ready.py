@@ -6,8 +6,8 @@ import pytest
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building import ready as ready_
+from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.building.ready import ready
-from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.running.case import followed
 from flexaxis.sim.simulate import simulate
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.experiments.building import specs
+from flexaxis.experiments.building import estimator_text as specs
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.running import adapted
 from flexaxis.experiments.running.adapted import Told, tracking

@@ -220,7 +220,7 @@ def test_the_folder_of_a_study(finished):
 
 def test_rows_are_those_of_a_run(finished, short):
     """The study adds columns; the scores are those of the same definition by itself."""
-    from flexaxis.experiments.building.specs import parse
+    from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.running.case import run_case
     from flexaxis.sim.simulate import simulate
 

@@ -10,7 +10,7 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting import terminal
 from flexaxis.experiments.running import verify as running_verify
 from flexaxis.experiments.running.verify import Repeated
-from flexaxis.experiments.scoring.table import SCORES
+from flexaxis.experiments.scoring.score_table import SCORES
 
 NAMES = ["rpem-forgetting", "pipe:/home/somebody/of/us/a_very_long_name_of_a_program --x"]
 

@@ -17,11 +17,11 @@ from flexaxis.experiments.scoring.bounds import (
     record_limits,
     score,
 )
-from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.consistency import nees
 from flexaxis.experiments.scoring.detection import detection
-from flexaxis.experiments.scoring.table import rows
-from flexaxis.experiments.scoring.theta import started_nominal, true_theta
+from flexaxis.experiments.scoring.parameter_names import started_nominal, true_theta
+from flexaxis.experiments.scoring.score_table import rows
+from flexaxis.experiments.scoring.scores import Track
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")

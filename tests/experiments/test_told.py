@@ -7,19 +7,23 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import Spec, build, parse
+from flexaxis.experiments.building.estimator_text import Spec, build, parse
 from flexaxis.experiments.catalogue.card import in_a_line, reference_card
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting.terminal import score_table
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.estimate import estimate
-from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.nominal import design_torque
+from flexaxis.experiments.scoring.parameter_names import (
+    started_nominal,
+    started_theta,
+    theta_over_time,
+)
+from flexaxis.experiments.scoring.score_table import rows
+from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.summary import pool_group
-from flexaxis.experiments.scoring.table import rows
-from flexaxis.experiments.scoring.theta import started_nominal, started_theta, theta_over_time
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.simulate import simulate

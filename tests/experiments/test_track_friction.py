@@ -8,7 +8,7 @@ import pytest
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.discretisation import law_plan
-from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.changes import changes_along
 from flexaxis.experiments.logs.track import track

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from track_axes import NAMES, VALUES, changing_log
 
-from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.track import track

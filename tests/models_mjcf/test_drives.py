@@ -9,7 +9,7 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.sim.parameters import PARAMETER_NAMES, preset, presets
-from flexaxis.sim.stability import loop_problem
+from flexaxis.sim.tables.stability import loop_problem
 
 TEXT = files("flexaxis.models_mjcf").joinpath("drives.toml").read_text(encoding="utf-8")
 DRIVES = tomllib.loads(TEXT)

@@ -12,7 +12,7 @@ import time
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.catalogue.names import scenario_names
-from flexaxis.sim import plant
+from flexaxis.sim.plant import plant
 from flexaxis.sim.simulate import simulate
 
 

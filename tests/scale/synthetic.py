@@ -19,7 +19,7 @@ import numpy as np
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.study import varied
 from flexaxis.experiments.running.work import made_with
-from flexaxis.experiments.scoring.table import SCORES, undefined
+from flexaxis.experiments.scoring.score_table import SCORES, undefined
 from flexaxis.experiments.storage.store import Store
 
 BASE, METHODS, NAMES = "fm_step-v1", ("rpem-forgetting", "glr"), ("k_T", "1/J_a", "f_m")

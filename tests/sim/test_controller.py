@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flexaxis.sim.controller import Controller, ControllerConfig
+from flexaxis.sim.tables.controller import Controller, ControllerConfig
 
 T = 1 / 200
 

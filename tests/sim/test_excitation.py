@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.excitation import Moves, Multisine, Standstill
+from flexaxis.sim.tables.excitation import Moves, Multisine, Standstill
 from flexaxis.sim.timing import PERIOD, Grid
 
 

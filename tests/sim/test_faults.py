@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.faults import Intermittent, Profile, Ramp, Step, Thermal
+from flexaxis.sim.tables.faults import Intermittent, Profile, Ramp, Step, Thermal
 from flexaxis.sim.timing import PERIOD, Grid
 
 GRID = Grid.first(4000, PERIOD)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.controller import Controller
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.loop import closed_loop
 from flexaxis.sim.parameters import preset
+from flexaxis.sim.plant.loop import closed_loop
 from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.simulate import simulate, tracked
+from flexaxis.sim.tables.controller import Controller
 
 N1 = preset("n1")
 TEXT = """name = "x"

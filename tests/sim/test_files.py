@@ -8,8 +8,8 @@ import threading
 
 import pytest
 
-from flexaxis.sim.files import atomic
-from flexaxis.sim.netcdf import new_netcdf
+from flexaxis.sim.storage.files import atomic
+from flexaxis.sim.storage.netcdf import new_netcdf
 
 
 def write(path, text):
@@ -47,7 +47,7 @@ def test_a_name_as_long_as_names_may_be(tmp_path):
 
 HALF = """
 import sys, time
-from flexaxis.sim.files import atomic
+from flexaxis.sim.storage.files import atomic
 with atomic(sys.argv[1]) as new:
     new.write_text("half")
     print("there", flush=True)
@@ -67,7 +67,8 @@ def test_what_a_killed_writer_left_goes_with_the_next_and_that_of_a_living_one_s
         writers[0].wait()
         assert len(os.listdir(tmp_path)) == 2
         run = (
-            "import sys; from flexaxis.sim.files import atomic\nwith atomic(sys.argv[1]) as new:\n"
+            "import sys; from flexaxis.sim.storage.files import atomic\n"
+            "with atomic(sys.argv[1]) as new:\n"
         )
         run += "    new.write_text('whole')"
         subprocess.run([sys.executable, "-c", run, path], check=True)
@@ -93,7 +94,7 @@ def test_what_is_not_ours_or_of_another_machine_stays(tmp_path, name):
 
 def test_a_lock_comes_too_late_where_the_folder_was_cleared_before_it(tmp_path, monkeypatch):
     """Between the making of a folder and its lock another process may take it for a dead one."""
-    from flexaxis.sim import files
+    from flexaxis.sim.storage import files
 
     locked, taken = files._locked, []
 
@@ -109,7 +110,7 @@ def test_a_lock_comes_too_late_where_the_folder_was_cleared_before_it(tmp_path, 
 
 
 def test_a_drive_without_locks_is_written_to_all_the_same(tmp_path, monkeypatch):
-    from flexaxis.sim import files
+    from flexaxis.sim.storage import files
 
     def refuse(file, how):
         raise OSError(errno.ENOLCK, "No locks available")

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexaxis.sim import passive
 from flexaxis.sim.errors import ParameterError, SimulationError
-from flexaxis.sim.friction import (
+from flexaxis.sim.parameters import preset
+from flexaxis.sim.plant import passive
+from flexaxis.sim.plant.plant import Plant
+from flexaxis.sim.scenario import parse_scenario
+from flexaxis.sim.simulate import simulate
+from flexaxis.sim.tables.friction import (
     LAWS,
     WIDTH,
     DirectionalFrictionConfig,
@@ -20,11 +24,7 @@ from flexaxis.sim.friction import (
     PowerFrictionConfig,
     StaticFrictionConfig,
 )
-from flexaxis.sim.nonlinear import FrictionConfig, LuGreConfig, StiffeningConfig
-from flexaxis.sim.parameters import preset
-from flexaxis.sim.plant import Plant
-from flexaxis.sim.scenario import parse_scenario
-from flexaxis.sim.simulate import simulate
+from flexaxis.sim.tables.nonlinear import FrictionConfig, LuGreConfig, StiffeningConfig
 
 N1, WG = preset("n1"), preset("wg")
 T = 0.005
@@ -312,7 +312,7 @@ def test_what_the_engine_was_made_to_call_by_others_is_not_lost():
 
 def test_linear_plants_need_neither_the_callback_nor_its_compiler():
     code = (
-        "import sys, mujoco\nfrom flexaxis.sim.plant import Plant\n"
+        "import sys, mujoco\nfrom flexaxis.sim.plant.plant import Plant\n"
         "from flexaxis.sim.parameters import preset\n"
         "Plant([preset('n1')], period=.005, substeps=5)\n"
         "print('numba' in sys.modules, mujoco.get_mjcb_passive())"

@@ -10,10 +10,10 @@ import h5py
 import numpy as np
 import pytest
 
-from flexaxis.sim import hdf5_apart
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.hdf5_apart import gone_through
 from flexaxis.sim.record import load_record, record_pieces
+from flexaxis.sim.storage import hdf5_apart
+from flexaxis.sim.storage.hdf5_apart import gone_through
 
 N = 1000
 READS = (load_record, lambda path: list(record_pieces(path)))
@@ -135,7 +135,7 @@ def test_of_a_file_that_ends_its_reader_we_hear_in_one_line_and_go_on(
             RecordError, match=r"good\.nc: the process .* was ended by signal 11; is it broken"
         ):
             read(good)
-    monkeypatch.setattr(hdf5_apart, "MODULE", "flexaxis.sim.hdf5_apart")
+    monkeypatch.setattr(hdf5_apart, "MODULE", "flexaxis.sim.storage.hdf5_apart")
     read(good)  # by the next process
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexaxis.sim.plant import Plant
+from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.simulate import simulate
 from flexaxis.sim.streams import stream
 

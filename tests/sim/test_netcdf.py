@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from flexaxis.sim.netcdf import add, declare, new_netcdf
+from flexaxis.sim.storage.netcdf import add, declare, new_netcdf
 
 
 def test_what_is_written_is_there_for_others(tmp_path):
@@ -66,7 +66,7 @@ def test_a_length_that_does_not_fit_its_dimension_is_refused(tmp_path):
 FULL = """
 import resource, signal, sys
 import numpy as np
-from flexaxis.sim.netcdf import add, declare, new_netcdf
+from flexaxis.sim.storage.netcdf import add, declare, new_netcdf
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)

@@ -5,7 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.nonlinear import (
+from flexaxis.sim.parameters import preset
+from flexaxis.sim.plant.plant import Plant
+from flexaxis.sim.scenario import parse_scenario
+from flexaxis.sim.tables.nonlinear import (
     BacklashConfig,
     CoggingConfig,
     FrictionConfig,
@@ -13,9 +16,6 @@ from flexaxis.sim.nonlinear import (
     SaturationConfig,
     StiffeningConfig,
 )
-from flexaxis.sim.parameters import preset
-from flexaxis.sim.plant import Plant
-from flexaxis.sim.scenario import parse_scenario
 
 N1 = preset("n1")
 T = 0.005

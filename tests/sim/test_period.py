@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.excitation import Moves, Multisine
-from flexaxis.sim.faults import Intermittent, Ramp, Step, Thermal
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate
-from flexaxis.sim.stability import _radius, loop_problem
 from flexaxis.sim.streams import stream
+from flexaxis.sim.tables.controller import ControllerConfig
+from flexaxis.sim.tables.excitation import Moves, Multisine
+from flexaxis.sim.tables.faults import Intermittent, Ramp, Step, Thermal
+from flexaxis.sim.tables.stability import _radius, loop_problem
 from flexaxis.sim.timing import Grid
 
 from .conftest import exact_speed
@@ -158,8 +158,8 @@ def test_growth_is_that_of_the_simulated_loop(period, ticks, late, Kv, make):
 
 def _measured_growth(config, period, ticks, late):
     """Step plant and controller from a kick on, and fit the growth of the angles' size."""
-    from flexaxis.sim.controller import Controller
-    from flexaxis.sim.plant import Plant
+    from flexaxis.sim.plant.plant import Plant
+    from flexaxis.sim.tables.controller import Controller
 
     each = round(period / 0.001)
     plant = Plant([preset("n1")], period=0.001, substeps=1)

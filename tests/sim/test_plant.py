@@ -8,7 +8,7 @@ import pytest
 
 from flexaxis.sim.errors import ParameterError, SimulationError
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, preset
-from flexaxis.sim.plant import Plant
+from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.timing import PERIOD
 
 from .conftest import exact_speed, state_space

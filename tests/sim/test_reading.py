@@ -5,7 +5,7 @@ import os
 import pytest
 
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.reading import json_value, read_text, read_toml, shown, toml_tables
+from flexaxis.sim.storage.reading import json_value, read_text, read_toml, shown, toml_tables
 
 
 def toml(text):

@@ -212,7 +212,7 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(record, tmp_path, mo
     def full(*_args, **_kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("flexaxis.sim.record_file._write_parameters", full)
+    monkeypatch.setattr("flexaxis.sim.storage.record_file._write_parameters", full)
     with pytest.raises(RecordError, match="No space left on device"):
         record.save(path)
     assert path.read_bytes() == before and os.listdir(tmp_path) == ["run.nc"]

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.events import Event
 from flexaxis.sim.parameters import PARAMETER_NAMES, preset
 from flexaxis.sim.scenario import load_scenario, parse_scenario
+from flexaxis.sim.tables.events import Event
 
 BARE = """
 name = "fm_step-v1"

@@ -7,13 +7,13 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
-from flexaxis.sim.config import kinds
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.excitation import Excitation, Multisine
-from flexaxis.sim.faults import Fault
-from flexaxis.sim.law_parameters import LAW_NAMES, LAW_UNITS, LAWS
 from flexaxis.sim.parameters import DATA_SHEET
 from flexaxis.sim.scenario import Scenario, parse_scenario
+from flexaxis.sim.tables.config import kinds
+from flexaxis.sim.tables.excitation import Excitation, Multisine
+from flexaxis.sim.tables.faults import Fault
+from flexaxis.sim.tables.law_parameters import LAW_NAMES, LAW_UNITS, LAWS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
@@ -96,7 +96,7 @@ def test_every_parameter_of_a_law_is_explained(name):
 def test_examples_are_valid():
     whole, fault = EXAMPLES
     assert parse_scenario(whole).name == "fm_step-v1"
-    assert len(parse_scenario(whole + fault).fault) == 2
+    assert len(parse_scenario(whole + fault).fault) == 3
 
 
 def test_the_messages_are_real():

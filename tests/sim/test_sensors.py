@@ -6,9 +6,10 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from flexaxis.sim.config import Config
 from flexaxis.sim.scenario import Scenario, parse_scenario
-from flexaxis.sim.sensors import (
+from flexaxis.sim.simulate import simulate
+from flexaxis.sim.tables.config import Config
+from flexaxis.sim.tables.sensors import (
     DelayConfig,
     EncoderConfig,
     FilterConfig,
@@ -16,7 +17,6 @@ from flexaxis.sim.sensors import (
     angle_increment,
     reading,
 )
-from flexaxis.sim.simulate import simulate
 
 ANGLE = np.cumsum(np.random.default_rng(0).normal(0, 0.01, (500, 2)), axis=0)
 ALL = (DelayConfig(measurement=3), NoiseConfig(speed=0.1, angle=1e-3), EncoderConfig(counts=2048),

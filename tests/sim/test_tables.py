@@ -8,12 +8,12 @@ import pytest
 
 import flexaxis.sim
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.sim.config import Config, kinds
-from flexaxis.sim.controller import ControllerConfig
-from flexaxis.sim.excitation import Excitation
-from flexaxis.sim.faults import Fault
-from flexaxis.sim.feed_forward import AdaptConfig
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.tables.config import Config, kinds
+from flexaxis.sim.tables.controller import ControllerConfig
+from flexaxis.sim.tables.excitation import Excitation
+from flexaxis.sim.tables.faults import Fault
+from flexaxis.sim.tables.feed_forward import AdaptConfig
 
 UNIONS = {**kinds(Fault), **kinds(Excitation)}
 

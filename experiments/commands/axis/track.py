@@ -58,7 +58,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
-    from flexaxis.experiments.building.specs import parse
+    from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.files import require_suffix, spare_foreign
     from flexaxis.experiments.logs.importing import import_any

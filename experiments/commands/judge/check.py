@@ -60,8 +60,8 @@ def main(args: argparse.Namespace) -> int:
     from rich.markup import escape
     from rich.table import Table
 
+    from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.building.guest import limited
-    from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.conformance.check import check
     from flexaxis.experiments.running.cache import default_cache
 

@@ -49,8 +49,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
+    from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.building.guest import limited
-    from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.running.estimate import estimate
     from flexaxis.sim.record import count_samples

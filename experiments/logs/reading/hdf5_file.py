@@ -53,8 +53,8 @@ def _opened(path: Path) -> Iterator[Any]:
     """Open a file that another process has gone through; say in one line what is wrong with it."""
     import h5py
 
-    from flexaxis.sim.hdf5_apart import gone_through
-    from flexaxis.sim.hdf5_inside import only_inside
+    from flexaxis.sim.storage.hdf5_apart import gone_through
+    from flexaxis.sim.storage.hdf5_inside import only_inside
 
     def refuse(said: str) -> LogError:
         return LogError(f"{path}: {said}")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.reading import read_text
+from flexaxis.sim.storage.reading import read_text
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from flexaxis.experiments.reporting.tables import TERMS, Cell, pair, scored, settled
 from flexaxis.experiments.scoring import pooling
-from flexaxis.experiments.scoring.score import Score
-from flexaxis.experiments.scoring.table import SCORES, label
+from flexaxis.experiments.scoring.score_definition import Score
+from flexaxis.experiments.scoring.score_table import SCORES, label
 
 Pooled = Mapping[str, Any]
 NOTHING = 1e-9  # per cent, or a plain number: less is rounding

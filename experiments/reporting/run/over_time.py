@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.scoring.curves import CURVE_STEP, Curve, near_fault
-from flexaxis.experiments.scoring.theta import nominal_theta, physical, theta_over_time
+from flexaxis.experiments.scoring.parameter_names import nominal_theta, physical, theta_over_time
 from flexaxis.experiments.scoring.windows import WINDOW
 from flexaxis.sim.scenario import Scenario
 

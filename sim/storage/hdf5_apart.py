@@ -22,8 +22,8 @@ from typing import Any
 
 import h5py
 
-from flexaxis.sim.hdf5_inside import only_inside
-from flexaxis.sim.reading import Refusal
+from flexaxis.sim.storage.hdf5_inside import only_inside
+from flexaxis.sim.storage.reading import Refusal
 
 PATIENCE = 300.0
 """Seconds that a file may take, as a log may."""
@@ -34,7 +34,7 @@ MEMORY = 4 << 30
 SPARE = 64 << 20
 """Bytes that a piece may take to unpack, beside four times what it says that it is."""
 
-MODULE = "flexaxis.sim.hdf5_apart"
+MODULE = "flexaxis.sim.storage.hdf5_apart"
 MARK = b"\x1e"  # begins an answer
 _KEPT = 1000  # files of which is known that they are good
 
@@ -45,7 +45,7 @@ def gone_through(
     """Go through a file in another process, which ends in our place if the file is a bad one.
 
     What merely cannot be read is left to who reads it, and so is a file that is not HDF5, and the
-    question whether its data lie elsewhere: `flexaxis.sim.hdf5_inside.only_inside`.
+    question whether its data lie elsewhere: `flexaxis.sim.storage.hdf5_inside.only_inside`.
 
     Parameters
     ----------

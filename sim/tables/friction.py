@@ -1,10 +1,10 @@
 r"""Laws of friction of the motor beyond the engine's, a table of a scenario each.
 
-The engine knows none of them; `sim/passive.py` makes it call them. Beside its keys, a table has the
-law itself (`torque`), a plain function that is compiled: a new one is a table here with its name in
-`LAWS`, and a key of `Scenario`. None of them is dry in the strict sense: where a law has a sign of
-the speed v, it is :math:`\tanh(v/v_0)` with the key `smooth` for v₀, so that the motor creeps
-where it would stick.
+The engine knows none of them; `sim/plant/passive.py` makes it call them. Beside its keys, a table
+has the law itself (`torque`), a plain function that is compiled: a new one is a table here with its
+name in `LAWS`, and a key of `Scenario`. None of them is dry in the strict sense: where a law has a
+sign of the speed v, it is :math:`\tanh(v/v_0)` with the key `smooth` for v₀, so that the motor
+creeps where it would stick.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, Field
 
-from flexaxis.sim.config import Config, NotNegative, Positive
-from flexaxis.sim.places import Place
+from flexaxis.sim.plant.places import Place
+from flexaxis.sim.tables.config import Config, NotNegative, Positive
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of a row, by which it is known to be ours."""

@@ -8,18 +8,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from flexaxis.sim.config import kinds
 from flexaxis.sim.errors import did_you_mean, unknown
-from flexaxis.sim.excitation import Excitation
-from flexaxis.sim.faults import Fault
-from flexaxis.sim.law_parameters import (
-    FIXED,
-    LAW_MAY_BE_ZERO,
-    LAW_NAMES,
-    LAWS,
-    law_owners,
-    meant,
-)
 from flexaxis.sim.parameters import (
     DATA_SHEET,
     DEFAULT_IDENTIFY,
@@ -28,7 +17,19 @@ from flexaxis.sim.parameters import (
     parameter_problem,
     presets,
 )
-from flexaxis.sim.rate_problems import (
+from flexaxis.sim.storage.reading import shown
+from flexaxis.sim.tables.config import kinds
+from flexaxis.sim.tables.excitation import Excitation
+from flexaxis.sim.tables.faults import Fault
+from flexaxis.sim.tables.law_parameters import (
+    FIXED,
+    LAW_MAY_BE_ZERO,
+    LAW_NAMES,
+    LAWS,
+    law_owners,
+    meant,
+)
+from flexaxis.sim.tables.rate_problems import (
     Problem,
     as_list,
     as_number,
@@ -37,7 +38,6 @@ from flexaxis.sim.rate_problems import (
     rate_problems,
     span_problems,
 )
-from flexaxis.sim.reading import shown
 from flexaxis.sim.timing import sample_index
 
 _KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}

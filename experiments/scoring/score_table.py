@@ -13,15 +13,15 @@ import numpy as np
 
 from flexaxis.experiments.scoring import (
     bounds,
-    case,
     consistency,
     detection,
     excess,
     pooling,
     recovered,
+    scores,
 )
-from flexaxis.experiments.scoring.case import Track
-from flexaxis.experiments.scoring.score import Kind, Score
+from flexaxis.experiments.scoring.score_definition import Kind, Score
+from flexaxis.experiments.scoring.scores import Track
 
 AFTER = tuple(map(str, bounds.RMSE_AT))  # samples after onset
 
@@ -30,7 +30,7 @@ SCORES: Mapping[str, Score] = {
     for score in (
         Score(
             "lag",
-            case.lag_of,
+            scores.lag_of,
             "T Σ |θ̃|/D over 5 s after the fault, or until the next event; D is the size of the "
             "fault. Where nothing moves at the fault, the clock starts when the excitation "
             "returns. Geometric mean over the runs.",
@@ -44,7 +44,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "t10",
-            case.t10_of,
+            scores.t10_of,
             "The last time that the error leaves ±10 % of the fault, within the same window. "
             "Median over the runs; never settled and lost runs count as never.",
             unit="s",
@@ -56,7 +56,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "std",
-            case.std_of,
+            scores.std_of,
             "Standard deviation of the error before the fault (last 5 s of excitation; last 10 s "
             "without a fault), over time and runs about their common mean.",
             unit="%",
@@ -69,7 +69,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "bias",
-            case.bias_of,
+            scores.bias_of,
             "Mean of the error in the same time, over all runs.",
             unit="%",
             pool=pooling.mean,
@@ -79,7 +79,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "std_after",
-            case.std_after_of,
+            scores.std_after_of,
             "Standard deviation of the error in the last 2 s of the window after the fault: who "
             "is quiet before a fault only because it is frozen is not quiet here.",
             unit="%",
@@ -90,14 +90,14 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "bias_after",
-            case.bias_after_of,
+            scores.bias_after_of,
             "Mean of the error in the same time.",
             unit="%",
             pool=pooling.mean,
         ),
         Score(
             "cross_talk",
-            case.cross_talk_of,
+            scores.cross_talk_of,
             "Root mean square error that the fault causes in a parameter that did not change.",
             unit="%",
             better="less",
@@ -136,7 +136,7 @@ SCORES: Mapping[str, Score] = {
             heading="failed",
             kind="truth",
         ),
-        Score("lost_at", case.lost_at_of, "When the run was lost.", unit="s"),
+        Score("lost_at", scores.lost_at_of, "When the run was lost.", unit="s"),
         Score(
             "lost_before",
             lambda track, _: track.lost_before,
@@ -151,7 +151,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "never_settled",
-            case.never_settled_of,
+            scores.never_settled_of,
             "Runs outside ±10 % of the fault at the end of the window, lost ones aside.",
             better="less",
             pool=pooling.count_kept,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from flexaxis.experiments.scoring import pooling
-from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.scores import Track
 
 Kind = Literal["text", "number", "integer", "truth"]
 

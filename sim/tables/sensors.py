@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from flexaxis.sim.config import Config, NotNegative, Positive
+from flexaxis.sim.tables.config import Config, NotNegative, Positive
 from flexaxis.sim.timing import TICK
 
 Array = NDArray[np.float64]

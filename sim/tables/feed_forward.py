@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from flexaxis.sim.config import Config, Positive
+from flexaxis.sim.tables.config import Config, Positive
 
 Array = NDArray[np.float64]
 

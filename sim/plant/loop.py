@@ -10,13 +10,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.sim.controller import Controller
-from flexaxis.sim.feed_forward import FeedForward, Follower
-from flexaxis.sim.nonlinear import substeps
 from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.plant import QUIET, Plant
+from flexaxis.sim.plant.plant import QUIET, Plant
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.sensors import White, reading
+from flexaxis.sim.tables.controller import Controller
+from flexaxis.sim.tables.feed_forward import FeedForward, Follower
+from flexaxis.sim.tables.nonlinear import substeps
+from flexaxis.sim.tables.sensors import White, reading
 from flexaxis.sim.timing import TICK
 
 Array = NDArray[np.float64]

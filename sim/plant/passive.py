@@ -1,8 +1,9 @@
 """Friction that MuJoCo does not have, as one compiled function that it calls.
 
 MuJoCo calls one such function for all models of the process, whenever it sums up passive forces.
-Ours looks for rows of friction among the custom numbers of the model (see `sim/friction.py`), which
-a batch holds for each run, and leaves every model without them as it is.
+Ours looks for rows of friction among the custom numbers of the model (see
+`sim/tables/friction.py`), which a batch holds for each run, and leaves every model without them as
+it is.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from functools import cache
 from threading import Lock
 from typing import Any, NamedTuple
 
-from flexaxis.sim.engine import mujoco
 from flexaxis.sim.errors import SimulationError
-from flexaxis.sim.friction import LAWS, MARK, WIDTH
+from flexaxis.sim.plant.engine import mujoco
+from flexaxis.sim.tables.friction import LAWS, MARK, WIDTH
 
 _LOCK = Lock()
 _SEARCHED = 1 << 18  # bytes of a structure of the engine: what we look for lies in these

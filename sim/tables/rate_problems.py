@@ -8,14 +8,14 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from flexaxis.sim.config import kinds
-from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ParameterError
-from flexaxis.sim.excitation import Excitation
-from flexaxis.sim.faults import A_SAMPLE, Fault
 from flexaxis.sim.parameters import preset
-from flexaxis.sim.sensors import DelayConfig
-from flexaxis.sim.stability import loop_problem
+from flexaxis.sim.tables.config import kinds
+from flexaxis.sim.tables.controller import ControllerConfig
+from flexaxis.sim.tables.excitation import Excitation
+from flexaxis.sim.tables.faults import A_SAMPLE, Fault
+from flexaxis.sim.tables.sensors import DelayConfig
+from flexaxis.sim.tables.stability import loop_problem
 from flexaxis.sim.timing import PERIOD, TICK, period_problem, rate
 
 Made = TypeVar("Made", bound=BaseModel)

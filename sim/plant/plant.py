@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import model_files
-from flexaxis.sim import passive
-from flexaxis.sim.engine import Batch, mujoco
 from flexaxis.sim.errors import ParameterError, SimulationError, unknown
-from flexaxis.sim.friction import LAWS
-from flexaxis.sim.nonlinear import FrictionConfig, Law, Nonlinearity
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
-from flexaxis.sim.places import CubicSprings, KeptLaw, parameter_places
+from flexaxis.sim.plant import passive
+from flexaxis.sim.plant.engine import Batch, mujoco
+from flexaxis.sim.plant.places import CubicSprings, KeptLaw, parameter_places
+from flexaxis.sim.tables.friction import LAWS
+from flexaxis.sim.tables.nonlinear import FrictionConfig, Law, Nonlinearity
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Plant:
     threads : int
         Threads that share the runs.
     nonlinear : sequence of Nonlinearity
-        What the axis has beyond the linear model; see `flexaxis.sim.nonlinear`.
+        What the axis has beyond the linear model; see `flexaxis.sim.tables.nonlinear`.
 
     Raises
     ------

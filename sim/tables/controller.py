@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from flexaxis.sim.config import Config, NotNegative, Positive
-from flexaxis.sim.feed_forward import AdaptConfig
+from flexaxis.sim.tables.config import Config, NotNegative, Positive
+from flexaxis.sim.tables.feed_forward import AdaptConfig
 
 
 class ControllerConfig(Config):

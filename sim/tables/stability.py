@@ -11,9 +11,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.sim.controller import ControllerConfig
-from flexaxis.sim.nonlinear import substeps
 from flexaxis.sim.parameters import AxisParameters
+from flexaxis.sim.tables.controller import ControllerConfig
+from flexaxis.sim.tables.nonlinear import substeps
 from flexaxis.sim.timing import TICK
 
 Array = NDArray[np.float64]

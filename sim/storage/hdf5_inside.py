@@ -11,7 +11,7 @@ from typing import Any
 
 import h5py
 
-from flexaxis.sim.reading import Refusal
+from flexaxis.sim.storage.reading import Refusal
 
 
 def only_inside(file: h5py.File, refuse: Refusal) -> None:

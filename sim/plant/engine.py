@@ -5,7 +5,7 @@ It imports a library for windows, which starts a Python to ask for the version o
 
 from __future__ import annotations
 
-from flexaxis.sim.current_folder import safe_path
+from flexaxis.sim.storage.current_folder import safe_path
 
 with safe_path():
     import mujoco
