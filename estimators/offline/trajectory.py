@@ -234,7 +234,7 @@ def _turns(laws, X, moved, peak, last):
     step.
     """
     found = False
-    kind, _, drive, _, _ = laws
+    kind, drive = laws[0], laws[2]
     for i in range(len(kind)):
         if kind[i] != BRISTLE and kind[i] != STATIC:
             continue
