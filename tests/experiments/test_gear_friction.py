@@ -79,5 +79,6 @@ def test_units_do_not_matter(drive):
     for nominal, u in ((values, 1.0), (small, 100.0), (geared, 1.0)):
         x = np.zeros(len(model.states))
         one = replace(model, nominal=nominal).parametrize(["k_T"])
-        ends.append(true_model._after(one, u * record.torque[:400], x, scenario.period)[2])
+        moved = true_model._travel(one, one.theta, u * record.torque[:400], x, scenario.period)
+        ends.append(moved[1][2])
     np.testing.assert_allclose(ends[1:], ends[0], rtol=1e-9)
