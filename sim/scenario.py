@@ -79,7 +79,7 @@ class Scenario(Config):
     delay, noise, encoder, controller, excitation, fault
         Tables of their own.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
-        What the axis has beyond the linear model, a table each, and so the laws of `sim.friction`.
+        What the axis has beyond the linear model, a table each, and so `sim.tables.friction`.
     onset_spread : float, optional
         By how much faults and pauses come earlier or later at most, drawn by seed [s] (`drawn`).
     nuisance : tuple of Fault, optional
@@ -132,7 +132,7 @@ class Scenario(Config):
         return self
 
     def drawn(self, seed: int) -> Scenario:
-        """Return the scenario as it is in the run of a seed, by `sim.tables.onsets`."""
+        """Return the scenario as it is in the run of a seed, by `sim.tables.drawn_onsets`."""
         return self if self.onset_spread is None else drawn(self, seed)
 
     @property

@@ -66,9 +66,11 @@ class Contest:
         self._used += int(used.sum())
         if self._all % TOGETHER:
             return
-        self._begun = self._begun or awake
+        self._begun = awake  # one that begins anew learns once more
         if self._used:
-            first, second = 0.5 * (self._log + self._used * np.log(self._square))
+            first, second = 0.5 * (
+                self._log + self._used * np.log(np.maximum(self._square, 1e-300))
+            )
             self.won = bool(first - second > LEAD * (SHAPED if shaped else 1.0))
             lost = bool(second - first > LEAD) and not shaped  # which is worth another look
             self.over = self.won or lost or self._used > self._most

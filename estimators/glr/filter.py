@@ -136,7 +136,7 @@ class Glr(RecursiveEstimator):
         self._parts = work, Comparison(work, origin), first  # together, as a copy copies them
         self._origin, self.alarm = origin, False
         self.fixed_because: dict[str, str] = {}
-        self.shape = ""
+        self.shape = "" if self._base is self._plain else IN_WORDS[GEAR]
         if work.timing.first == 0:
             work.bank["awake"] = 1
 
@@ -234,6 +234,7 @@ class Glr(RecursiveEstimator):
             self._kit = self._base = other._kit
             self._parts, self._before, self._origin = other._parts, other._before, other._origin
             self.fixed_because, self.shape = other.fixed_because, IN_WORDS[GEAR]
+            estimates[-1:] = self.theta
         if contest.over:
             self._contest = None
 
@@ -249,7 +250,7 @@ class Glr(RecursiveEstimator):
             self._attend()
             if done and not np.isfinite(estimates[done - 1]).all():  # it has just begun anew
                 estimates[done - 1] = self._work.states["theta"][0, : len(self.names)]
-        estimates *= self._plain.design.scale[: len(self.names)]
+        estimates *= self._base.design.scale[: len(self.names)]
 
     def _attend(self) -> None:
         """Do what is due after a sample."""

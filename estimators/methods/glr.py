@@ -95,7 +95,8 @@ def glr(
         16 down what is found comes later, and below 8 too late for the bank.
     gear : bool
         Whether the gear may have its share in the friction, as of a servo drive: then a filter that
-        knows of that runs beside the other one until it is clear which predicts better.
+        knows of that runs beside the other one until it is clear which predicts better. Not where
+        `learn` is not ``"auto"``, for a model of one's own, or where bristles are told or asked.
     commissioning : float, optional
         How long the axis moves until its structure is learnt [s]; ten time scales by default.
 

@@ -43,9 +43,9 @@ A_SAMPLE = "a sample at least"
 Span = Annotated[Positive, A_SAMPLE]
 
 
-def _change(fault: Fault) -> str:
+def _change(fault: Fault, share: float = 1.0) -> str:
     """Return what changes and how much, such as "f_m +50 %"."""
-    factor = fault.factor
+    factor = 1.0 + share * (fault.factor - 1.0)
     much = f"{factor:g}-fold" if factor >= 3 else f"{100 * factor - 100:+.3g} %"
     return f"{fault.parameter} {much}"
 
@@ -251,7 +251,8 @@ class Profile(Config):
         """Return what changes, how much and when, such as "f_m +50 % from 10 s in 3 points"."""
         number = len(self.points)
         points = "a point" if number == 1 else f"{number} points"
-        return f"{_change(self)} from {self.at:g} s in {points}"
+        most = max(share for _, share in self.points)
+        return f"{_change(self, most)} from {self.at:g} s in {points}"
 
     def _knots(self, grid: Grid) -> tuple[list[int], list[float]]:
         """Return samples and shares of the ends of the lines."""

@@ -87,8 +87,8 @@ def _spread_problems(
 ) -> Iterator[Problem]:
     """Yield how far an onset may be drawn from where it is written, if it leaves the run."""
     spread = as_number(content.get("onset_spread"))
-    times = [as_number(change.get("at")) for place, change in _changes(content)
-             if place.startswith("fault")]  # fmt: skip
+    times = [time for place, change in _changes(content) if place.startswith("fault")
+             for time in _onsets(change)]  # fmt: skip
     pauses = [as_number(t) for pair in as_list(as_table(content.get("excitation")).get("pause"))
               for t in as_list(pair)]  # fmt: skip
     known = [time for time in (*times, *pauses) if time is not None]
@@ -101,6 +101,15 @@ def _spread_problems(
             f"must be {max(most, 0):g} s at most, so that its changes, from {min(known):g} to "
             f"{max(known):g} s, stay within the run of {duration:g} s; it is {spread:g}",
         )
+
+
+def _onsets(change: Mapping[str, Any]) -> Iterator[float | None]:
+    """Yield the onset of a fault, and of a profile where each line begins."""
+    at = as_number(change.get("at"))
+    yield at
+    for point in as_list(change.get("points"))[:-1]:
+        time = as_number(next(iter(as_list(point)), None))
+        yield None if at is None or time is None else at + time
 
 
 def estimated_problems(
@@ -278,7 +287,8 @@ def _change_problems(
     yield from span_problems(fault, period)
     at, until, factor = (as_number(fault.get(key)) for key in ("at", "until", "factor"))
     index = partial(sample_index, period=period)
-    if at is not None and duration is not None and index(at) >= index(duration):
+    later = fault.get("kind") == "profile"  # whose line begins with the value before
+    if at is not None and duration is not None and index(at) + later >= index(duration):
         yield "at", f"the onset at {at:g} s is not before the end of the run at {duration:g} s"
     if at is not None and until is not None and index(until) <= index(at):
         yield "until", f"the end at {until:g} s is not after the onset at {at:g} s"

@@ -16,7 +16,7 @@ from flexaxis.sim.tables.excitation import Excitation
 from flexaxis.sim.tables.faults import A_SAMPLE, Fault
 from flexaxis.sim.tables.sensors import DelayConfig
 from flexaxis.sim.tables.stability import loop_problem
-from flexaxis.sim.timing import PERIOD, TICK, period_problem, rate
+from flexaxis.sim.timing import PERIOD, TICK, period_problem, rate, sample_index
 
 Made = TypeVar("Made", bound=BaseModel)
 Problem = tuple[str, str]
@@ -57,11 +57,13 @@ def span_problems(change: Mapping[str, Any], period: float) -> Iterator[Problem]
             yield key, f"must be a sample of {period:g} s at least, not {value:g}"
     times = [as_number(next(iter(as_list(p)), None)) for p in as_list(change.get("points"))]
     for i, (before, after) in enumerate(pairwise([0.0, *times])):
-        if before is not None and after is not None and 0 < after - before < period:
+        if before is None or after is None or after <= before:
+            continue
+        if sample_index(after, period) == sample_index(before, period):
             yield (
                 f"points[{i}]",
-                f"must be a sample of {period:g} s at least after the one before, not "
-                f"{after - before:g} s",
+                f"must be a sample of {period:g} s at least after the one before, and in another; "
+                f"it comes {after - before:g} s later",
             )
 
 
