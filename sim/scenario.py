@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.law_parameters import law_values
 from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
 from flexaxis.sim.storage.reading import read_text, toml_tables
 from flexaxis.sim.storage.toml_text import toml_text
@@ -27,7 +28,6 @@ from flexaxis.sim.tables.events import Event, changed, find_events
 from flexaxis.sim.tables.excitation import Excitation, Multisine
 from flexaxis.sim.tables.faults import Fault
 from flexaxis.sim.tables.keys import set_keys, suffix
-from flexaxis.sim.tables.law_parameters import law_values
 from flexaxis.sim.tables.problems import conflicts, explain
 from flexaxis.sim.timing import PERIOD, Grid, sample_index
 

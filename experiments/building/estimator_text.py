@@ -37,9 +37,9 @@ from flexaxis.experiments.building.offer import (
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.scoring.parameter_names import known_names
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.storage.reading import shown, toml_tables
-from flexaxis.sim.tables.law_parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.tables.problems import estimated_problems
 
 ENTRY_POINTS = "flexaxis.estimators"

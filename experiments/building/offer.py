@@ -18,9 +18,9 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.guest import is_guest
 from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.tables.law_parameters import LAW_NAMES
 
 if TYPE_CHECKING:
     from flexaxis.experiments.building.estimator_text import Spec

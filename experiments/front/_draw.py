@@ -9,8 +9,8 @@ import numpy as np
 
 from flexaxis.experiments.reporting.figures import mark, typeset
 from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.law_parameters import LAW_UNITS
 from flexaxis.sim.parameters import PARAMETER_UNITS
-from flexaxis.sim.tables.law_parameters import LAW_UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.windows import WINDOW, Window, windows
+from flexaxis.sim.law_parameters import meant
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.tables.law_parameters import meant
 
 WITHIN = (0.5, 1.0, 2.0, 5.0)
 """Times after a fault [s] within which is asked whether it was found."""

@@ -22,8 +22,8 @@ from flexaxis.experiments.scoring.parameter_names import (
     true_theta,
 )
 from flexaxis.experiments.scoring.windows import Window, quiet, windows
+from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.tables.law_parameters import LAW_NAMES
 
 Array = NDArray[np.float64]
 

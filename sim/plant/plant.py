@@ -14,9 +14,9 @@ from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
 from flexaxis.sim.plant import passive
 from flexaxis.sim.plant.engine import Batch, mujoco
-from flexaxis.sim.plant.places import CubicSprings, KeptLaw, parameter_places
 from flexaxis.sim.tables.friction import LAWS
 from flexaxis.sim.tables.nonlinear import FrictionConfig, Law, Nonlinearity
+from flexaxis.sim.tables.places import CubicSprings, KeptLaw, parameter_places
 
 Array = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.errors import RecordError
+from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.storage.hdf5_inside import only_inside
 from flexaxis.sim.storage.netcdf import new_netcdf
 from flexaxis.sim.storage.reading import json_value
-from flexaxis.sim.tables.law_parameters import LAW_NAMES
 
 Array = NDArray[np.float64]
 

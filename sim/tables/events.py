@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.sim.law_parameters import meant
 from flexaxis.sim.tables.faults import CHANGEABLE, Fault
-from flexaxis.sim.tables.law_parameters import meant
 from flexaxis.sim.timing import Grid
 
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, field_validator
 
 from flexaxis.sim.errors import unknown
+from flexaxis.sim.law_parameters import COULOMB, LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.tables.config import Config, Positive
-from flexaxis.sim.tables.law_parameters import COULOMB, LAW_NAMES
 from flexaxis.sim.timing import Grid
 
 Array = NDArray[np.float64]

@@ -16,8 +16,8 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, Field
 
-from flexaxis.sim.plant.places import Place
 from flexaxis.sim.tables.config import Config, NotNegative, Positive
+from flexaxis.sim.tables.places import Place
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of a row, by which it is known to be ours."""

@@ -14,8 +14,8 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from pydantic import Field, model_validator
 
-from flexaxis.sim.plant.places import Place
 from flexaxis.sim.tables.config import Config, Positive
+from flexaxis.sim.tables.places import Place
 
 SPAN = 0.005  # s, of which `substeps` says into how many steps it is cut
 LINEAR_SUBSTEPS = 5

@@ -9,6 +9,14 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from flexaxis.sim.errors import did_you_mean, unknown
+from flexaxis.sim.law_parameters import (
+    FIXED,
+    LAW_MAY_BE_ZERO,
+    LAW_NAMES,
+    LAWS,
+    law_owners,
+    meant,
+)
 from flexaxis.sim.parameters import (
     DATA_SHEET,
     DEFAULT_IDENTIFY,
@@ -21,14 +29,6 @@ from flexaxis.sim.storage.reading import shown
 from flexaxis.sim.tables.config import kinds
 from flexaxis.sim.tables.excitation import Excitation
 from flexaxis.sim.tables.faults import Fault
-from flexaxis.sim.tables.law_parameters import (
-    FIXED,
-    LAW_MAY_BE_ZERO,
-    LAW_NAMES,
-    LAWS,
-    law_owners,
-    meant,
-)
 from flexaxis.sim.tables.rate_problems import (
     Problem,
     as_list,

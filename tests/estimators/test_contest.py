@@ -69,6 +69,16 @@ def test_a_drive_is_known_by_the_friction_of_its_gear(name):
     assert not made.findings
 
 
+def test_what_is_tracked_besides_has_its_own_scale():
+    """The Stribeck speed of a gear has another size than that of bristles."""
+    scenario = find_scenario("mx64_fc_step-v1")
+    made = build(parse('glr[gear=true,track=["k_T","1/J_a","f_m","f_c","v_s"]]'), scenario)
+    record = simulate(scenario, [0])[0]
+    theta = made.run(record.torque[:1900], record.increment[:1900])
+    assert "gear" in made.shape and made.names[-1] == "v_s"
+    np.testing.assert_allclose(theta[-1], made.theta, rtol=1e-9)
+
+
 def test_samples_one_by_one_are_those_of_a_run_and_a_reset_begins_again():
     made, record = of_drive("mx64_fc_step-v1")
     u, y = record.torque[:900], record.increment[:900]

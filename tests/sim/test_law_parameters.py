@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from flexaxis.sim.errors import RecordError
+from flexaxis.sim.law_parameters import FIXED, LAW_NAMES, LAWS
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.record import load_record
 from flexaxis.sim.scenario import Scenario, parse_scenario
 from flexaxis.sim.simulate import simulate
-from flexaxis.sim.tables.law_parameters import FIXED, LAW_NAMES, LAWS
 from flexaxis.sim.tables.nonlinear import Law
 
 LUGRE = "lugre = { stiffness = 100.0, damping = 0.3, coulomb = 0.1, static = 0.15, stribeck = 0.5 }"

@@ -8,12 +8,12 @@ import pytest
 from pydantic import BaseModel
 
 from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.law_parameters import LAW_NAMES, LAW_UNITS, LAWS
 from flexaxis.sim.parameters import DATA_SHEET
 from flexaxis.sim.scenario import Scenario, parse_scenario
 from flexaxis.sim.tables.config import kinds
 from flexaxis.sim.tables.excitation import Excitation, Multisine
 from flexaxis.sim.tables.faults import Fault
-from flexaxis.sim.tables.law_parameters import LAW_NAMES, LAW_UNITS, LAWS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
