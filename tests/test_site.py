@@ -93,8 +93,8 @@ def test_links_to_files_of_the_repository_lead_to_pages_that_show_them(site, sta
     assert said == "[code](source/estimators/protocol.py.md), [`rules`](source/estimators.md)"
     assert one.shown == {"estimators/protocol.py", "estimators"}
     assert one.rewritten("`[a](b.md)`", "docs/gate.md") == "`[a](b.md)`"
-    shown = (staged / "source" / "experiments" / "scoring" / "table.py.md").read_text("utf-8")
-    assert (ROOT / "experiments" / "scoring" / "table.py").read_text("utf-8") in shown
+    shown = (staged / "source" / "experiments" / "scoring" / "score_table.py.md").read_text("utf-8")
+    assert (ROOT / "experiments" / "scoring" / "score_table.py").read_text("utf-8") in shown
 
 
 def test_the_reference_of_commands_has_every_command(staged):

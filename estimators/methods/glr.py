@@ -107,6 +107,8 @@ def glr(
     """
     nominal, period, noise = problem.nominal, problem.period, problem.noise
     _check(period=period, walk=walk, jump=jump, rate=rate, spread=spread, budget=budget)
+    if not isinstance(gear, bool):
+        raise EstimatorError(f"gear is {gear!r}; give true or false")
     model = with_laws(nominal, torque=problem.torque, period=period)
     told = told_of(nominal)
     if noise is None and not isinstance(nominal, Model):

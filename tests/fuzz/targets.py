@@ -99,6 +99,7 @@ def merged_with(name: str) -> Callable[[Path], int]:
 
 
 LOG = ("import", "DIR/log.csv", "-o", "DIR/log.nc")
+TRACK = ("track", "DIR/log.csv", "-o", "DIR/tracked.nc", "--identify", "J_m")
 OWN = ("import", "FILE", "-o", "DIR/log.nc", "--time", "t", "--torque", "u", "--angle", "phi")
 ESTIMATE = ("estimate", "-o", "DIR/estimates.nc", "--estimator")
 ANSWERS = f"{sys.executable} -S DIR/answers.py"  # a program that says what stands in a file
@@ -110,7 +111,7 @@ TARGETS = {
     "axis": Target(
         documents.axes,
         documents.toml,
-        command(*LOG, "--time", "t", "--torque", "u", "--angle", "phi", "--model", "FILE"),
+        command(*TRACK, "--time", "t", "--torque", "u", "--angle", "phi", "--model", "FILE"),
     ),
     "map": Target(documents.maps, documents.toml, command(*LOG, "--map", "FILE")),
     "estimator": Target(documents.estimators, None, command(*ESTIMATE, "TEXT", "DIR/record.nc")),
