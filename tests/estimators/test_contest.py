@@ -43,6 +43,7 @@ def test_who_predicts_better_goes_on():
 def test_what_they_claim_of_the_noise_is_right_but_for_a_factor():
     assert held(1.5, 1.0, claimed=(1e-6, 1e4)) == (True, 1)
     assert held(1.0, 1.5, claimed=(1e4, 1e-6)) == (False, 1)
+    assert held(1.0, 1.5, claimed=(1e-6, 1e4)) == (False, 1)  # or too little
 
 
 def test_a_shape_is_given_up_for_more_and_not_at_once():
