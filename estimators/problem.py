@@ -1,5 +1,6 @@
 """What there is to estimate, and what is known beforehand: one object from registry to filter."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,10 +16,13 @@ from flexaxis.estimators.filters.design import (
     make_design,
 )
 from flexaxis.estimators.models.axes import PAPER, three_mass
+from flexaxis.estimators.models.meaning import moving_poles
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.signals import find_signal
 from flexaxis.estimators.tuned import tuned
 
+SHORT = 0.1  # of the slowest time constant, below which a memory is too short: with 1 s and an axis
+# that coasts for 13.5 s estimates run away, with one of 4 s they do not
 Array = NDArray[np.float64]
 Nominal = Mapping[str, float] | Model
 
@@ -78,7 +82,17 @@ class Problem:
     def factor(self, name: str, forgetting: float | None) -> float:
         """Return λ: as given, as tuned for this axis, or that of a time constant of 1 s."""
         given = self.tuned(name) if forgetting is None else forgetting
-        return forgetting_factor(given, self.period)
+        weight = forgetting_factor(given, self.period)
+        rates = np.abs(moving_poles(self.model).real)
+        memory, slowest = self.period / max(1 - weight, 1e-300), 1 / rates.min(initial=np.inf)
+        if memory < SHORT * slowest:
+            warnings.warn(
+                f"{name} remembers {memory:.3g} s (forgetting {weight:g}), and the slowest pole of "
+                f"the axis has a time constant of {slowest:.3g} s: estimates may run away; give "
+                f"forgetting={1 - self.period / slowest:.6g} or more, or use one that needs none",
+                stacklevel=2,
+            )
+        return weight
 
     def initial_P(self, known: Array | None, **time_update: Any) -> ArrayLike:
         """

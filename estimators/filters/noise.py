@@ -31,8 +31,13 @@ SURE = 2.0  # times the mean over the last KNOWN, above which R falls to it: 7 o
 SMOOTH = 0.25  # squared differences over squares, of white noise 1 ± .2, below which it is a model
 # that is wrong, from which R is learnt more slowly
 SLOWER = 10.0  # times the memory
-ODD = 100.0  # standard deviations beyond which a sample that stands alone is not used: no noise
-# reaches that. A fault that does lasts; from its second sample on it counts as one of that size
+ODD = 100.0  # standard deviations beyond which a sample that differs as much from the one before is
+# not used: no noise reaches that. A fault that does lasts, and counts as one of that size
+WILD = 8.0  # the same, of a sensor that has given such a sample alone: normal noise gets there once
+# in 1e15 samples. Of any other it would cost the first sample of a large fault
+ROW = 2  # such samples in a row, at most, that are not used: a fault lasts
+GROWS = 3.0  # times the first of them that the second may be, with its sign and not smaller, and is
+# used: what a jump of torque does to a speed doubles in a sample
 FINEST = 1e-6  # of y, below which its noise is that of the arithmetic
 MOVING = 0.5  # ŷ over its noise from which on a sample counts for R: an encoder at rest is exact
 
@@ -70,7 +75,10 @@ def level(design: Design, *, rests: bool = False) -> tuple[Record, Record]:
         samples=0.0,  # that they are the means of
         past=np.zeros(3),  # innovations before, the last one first
         run=0.0,  # samples in a row that were used
-        odd=0.0,  # 1 where the last sample was beyond ODD
+        latest=0.0,  # the innovation before, whether its sample was used or not
+        wild=0.0,  # samples in a row that are far from ŷ and from the one before
+        lone=0.0,  # whether the last sample was, by WILD, and the one before it as usual, by CLIP
+        spikes=0.0,  # whether such a one was followed by a usual one
     )
     more, sensor = monitor_records(design.period)
     return joined(tuning, more), joined(state, sensor)
@@ -105,13 +113,11 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
             return np.nan
         _begin(state, e**2 + spread)
         return y
-    limit, alone = ODD * np.sqrt(S), state["odd"] == 0.0
-    state["odd"] = 1.0 if abs(e) > limit else 0.0
-    if state["odd"] > 0.0:
-        if alone:
-            state["run"] = 0.0
-            return np.nan
-        e = limit if e > 0.0 else -limit
+    sd = np.sqrt(S)
+    if _is_wild(state, e, sd, judged):
+        state["run"] = 0.0
+        return np.nan
+    e = min(max(e, -ODD * sd), ODD * sd)
     rough = _roughness(state["past"], e)
     state["run"] += 1.0
     moves = fresh if tuning["rests"] > 0.0 else prediction**2 > MOVING**2 * noise
@@ -119,6 +125,24 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
         _learn(tuning, state, spread, e**2, rough if state["run"] > 3.0 else np.nan)
         state["noise"] = max(state["noise"], (FINEST * prediction) ** 2)
     return prediction + e
+
+
+@inlined
+def _is_wild(state, e, sd, judged):
+    """Return whether a sample is a wild one, which says nothing of the axis."""
+    before, state["latest"] = state["latest"], e
+    if state["lone"] > 0.0 and abs(e) <= CLIP * sd:
+        state["spikes"] = 1.0
+    state["lone"] = 1.0 if judged and abs(e) > WILD * sd and abs(before) <= CLIP * sd else 0.0
+    far = WILD * sd
+    if state["spikes"] == 0.0 or not judged:
+        far = ODD * sd
+    if min(abs(e), abs(e - before)) <= far:
+        state["wild"] = 0.0
+        return False
+    state["wild"] += 1.0
+    grows = state["wild"] > 1.0 and 1.0 <= e / before <= GROWS
+    return state["wild"] <= ROW and not grows
 
 
 @inlined

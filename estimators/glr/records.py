@@ -1,7 +1,7 @@
 """Records of a filter with a bank of hypotheses, before the first sample."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from flexaxis.estimators.filters.joint import ekf_records
 from flexaxis.estimators.filters.loop import Record, joined, record
 from flexaxis.estimators.glr.bank import PER_LEVEL
 from flexaxis.estimators.models.discretisation import Pattern
+from flexaxis.estimators.models.meaning import moving_poles
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.signals import find_signal
 
@@ -97,15 +98,11 @@ def time_scale(model: Model, period: float) -> float:
     period : float
         Sampling period [s].
     """
-    linear = replace(model, laws=())
-    one = linear.parametrize(linear.parameters[:1])
-    poles = np.linalg.eigvals(one.matrices(one.theta)[0])
-    rates = np.abs(poles.real)
-    moves = rates > 1e-6 * np.abs(poles).max(initial=0.0)
-    swings = moves & (np.abs(poles.imag) > rates)
+    poles = moving_poles(model)
+    rates, swings = np.abs(poles.real), np.abs(poles.imag) > np.abs(poles.real)
     if swings.any():
         return float(1.0 / rates[swings].min())
-    slowest = 1.0 / rates[moves].min() if moves.any() else np.inf
+    slowest = 1.0 / rates.min() if rates.size else np.inf
     return float(np.clip(slowest, FEWEST * period, MOST * period))
 
 

@@ -6,6 +6,7 @@ alone; springs and dampers couple states and are divided by an inertia.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,6 +155,14 @@ def moves_as(model: Model, name: str) -> bool:
     if len(ours) != len(theirs) or not ours.all():
         return False
     return bool(np.abs(np.log(ours / theirs)).max() <= np.log(NEAR))
+
+
+def moving_poles(model: Model) -> NDArray[np.complex128]:
+    """Return the poles [1/s] of the linear part of a model, but for those that do not move."""
+    linear = replace(model, laws=())
+    one = linear.parametrize(linear.parameters[:1])
+    poles = np.linalg.eigvals(one.matrices(one.theta)[0])
+    return poles[np.abs(poles.real) > 1e-6 * np.abs(poles).max(initial=0.0)]
 
 
 def named_values(name: str, identify: Sequence[str]) -> NDArray[np.float64]:

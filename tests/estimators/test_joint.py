@@ -107,6 +107,42 @@ def test_how_far_off_a_burst_is_does_not_matter(nominal, simulated, name):
     np.testing.assert_array_equal(*found)
 
 
+def with_spikes(nominal, loop, spikes, *, told=()):
+    """Run over 30 s with these readings added, those of ``told`` declared invalid."""
+    y, valid = loop.y.copy(), np.ones(len(loop.y), bool)
+    for k, size in spikes.items():
+        y[k] += size
+    valid[list(told)] = False
+    return make("ekf", nominal).run(loop.u, y, valid)[-1]
+
+
+def test_wild_readings_are_left_out_once_a_sensor_has_shown_that_it_gives_them(nominal, simulated):
+    """300 standard deviations, then 50, then two that have nothing in common: as if not valid."""
+    loop = simulated(30.0, seed=6)
+    spikes = {3000: 30.0, 4000: 5.0, 5000: 4.0, 5001: -3.0}
+    expected = with_spikes(nominal, loop, {}, told=spikes)
+    np.testing.assert_allclose(with_spikes(nominal, loop, spikes), expected, rtol=1e-9)
+
+
+def test_what_may_be_a_fault_is_used(nominal, simulated):
+    """50 standard deviations of a sensor that has not erred, and a reading that goes on so."""
+    loop = simulated(30.0, seed=6)
+    left_out = with_spikes(nominal, loop, {}, told=(3000, 4000, 4001))
+    for spikes in ({4000: 5.0}, {3000: 30.0, 4000: 2.0, 4001: 4.0}):
+        used = with_spikes(nominal, loop, spikes, told={3000, 4000, 4001} - spikes.keys())
+        assert np.abs(used / left_out - 1).max() > 1e-6
+
+
+def test_a_reading_in_a_hundred_may_be_wild(nominal, simulated):
+    loop, rng = simulated(60.0, seed=6), np.random.default_rng(14)
+    wild = rng.random(len(loop.y)) < 0.01
+    y = loop.y + 30 * wild * rng.standard_normal(len(wild))
+    filter_ = make("ekf", nominal, start=1.2)
+    theta = filter_.run(loop.u, y)
+    np.testing.assert_allclose(theta[-200:], np.tile(TRUTH, (200, 1)), rtol=0.02)
+    assert 0.085 < deviation(filter_) < 0.115
+
+
 def deviation(filter_):
     """σ̂ of a filter."""
     known = getattr(filter_, "noise_variance", None)

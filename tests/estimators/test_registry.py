@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -170,6 +171,19 @@ def test_unknown_names_are_answered(nominal):
         registry.REGISTRY["rpem-drif"]
     with pytest.raises(EstimatorError, match="scale is 0"):
         registry.REGISTRY["rpem-drift"].factory(nominal, 0.005, scale=0)
+
+
+def test_a_memory_far_shorter_than_the_axis_s_own_is_said(nominal):
+    """An axis that coasts for 13 s, and a method that forgets in one; not with a longer memory."""
+    light = nominal | {"f_m": 1.3e-4, "f_g": 0.0, "f_a": 0.0}
+    make = partial(registry.REGISTRY["rpem-forgetting"].factory, period=0.005, P0=np.eye(3))
+    with pytest.warns(
+        UserWarning, match=r"remembers 1 s .* time constant of 1[0-9]\.?[0-9]* s"
+    ) as told:
+        make(light)
+    enough = float(str(told[0].message).split("forgetting=")[1].split()[0])
+    make(light, forgetting=enough)
+    make(nominal)
 
 
 def test_recipe_gives_the_published_data(nominal, loop):
