@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexaxis.experiments.demo.session import BUTTONS, DEFAULT_RACERS, DemoSession, FaultButton
+from flexaxis.experiments.demo.session import BUTTONS, DEFAULT_RACERS, DemoSession
 from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.windows import WINDOW
 from flexaxis.sim.timing import PERIOD, sample_index
@@ -24,13 +24,13 @@ BEFORE = 9.0
 """Seconds of the axis before the fault."""
 
 
-def lags(button: FaultButton) -> Sequence[Sequence[float]]:
+def lags(parameter: str, factor: float) -> Sequence[Sequence[float]]:
     """Return the lags of A and B, and those allowed, told which and not; a row for each seed."""
     rows = []
     for seed in SEEDS:
         session = DemoSession(seed=seed)
         session.advance(sample_index(BEFORE, PERIOD))
-        session.inject(button.parameter, button.factor)
+        session.inject(parameter, factor)
         session.advance(sample_index(WINDOW, PERIOD))
         entry = session.history.last
         assert entry is not None
@@ -42,13 +42,13 @@ def table() -> str:
     """Return what to expect of each fault that has a button and a lag."""
     names = ("A, the paper's method", "B, recommended")
     lines = [("fault", *names, "allowed: told which – not told"), ("---",) * 4]
-    for button in BUTTONS:
-        if button.parameter == "k_a":  # nobody estimates it
+    for label, (parameter, factor) in BUTTONS.items():
+        if parameter == "k_a":  # nobody estimates it
             continue
-        values = np.array(lags(button))
+        values = np.array(lags(parameter, factor))
         mean, longest = values.mean(axis=0), values.max(axis=0)
         racers = [f"{number(mean[i], 2)} ({number(longest[i], 2)})" for i in range(len(names))]
-        lines.append((button.label, *racers, f"{number(mean[2], 2)} – {number(mean[3], 2)}"))
+        lines.append((label, *racers, f"{number(mean[2], 2)} – {number(mean[3], 2)}"))
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 

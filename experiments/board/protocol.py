@@ -198,23 +198,16 @@ def serve(wire: Wire, asked: Mapping[str, Any]) -> None:
     ----------
     wire : Wire
     asked : mapping
-        ``estimator`` as for `--estimator`, and ``offer`` as of `Offer.as_data`, or, for a log,
-        ``nominal, period, offered``.
+        ``estimator`` as for `--estimator`, and ``offer`` as of `Offer.as_data`.
     """
-    from flexaxis.experiments.building.estimator_text import build_of, made, parse
+    from flexaxis.experiments.building.estimator_text import build_of, parse
     from flexaxis.experiments.building.offer import offer_from
 
     def torque(which: str) -> Any:
         wire.send({"torque": which})
         return wire.receive(1 << 30)
 
-    spec = parse(asked["estimator"])
-    estimator: Any
-    if "offer" in asked:
-        estimator = build_of(spec, offer_from(asked["offer"]), torque)
-    else:
-        given = {k: np.array(v) if k == "torque" else v for k, v in asked["offered"].items()}
-        estimator = made(spec, asked["nominal"], asked["period"], given)
+    estimator = build_of(parse(asked["estimator"]), offer_from(asked["offer"]), torque)
     wire.send({"names": list(estimator.names), "output": estimator.output})
     while True:
         got = wire.receive()

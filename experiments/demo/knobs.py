@@ -36,19 +36,19 @@ class Bench:
     session: DemoSession
     guarded: Callable[[Callable[..., None]], Callable[..., None]]
 
+    @staticmethod
+    def on(control: Any, act: Callable[[], None]) -> None:
+        """Let a control act when a viewer turns it, and not when it follows something itself."""
+        control.on_update(lambda event: act() if event.client else None)
+
 
 def add_axis_knobs(bench: Bench) -> None:
     """Add sliders for noise, and the choice of an excitation."""
     gui, axis, session = bench.gui, bench.session.axis, bench.session
     noise = bench.check.slider(gui, "noise [rad/s]", 0.0, 0.5, 0.01, axis.noise)
-    # A control that follows a lesson has no client, and changes nothing.
-    noise.on_update(
-        lambda event: bench.guarded(session.disturb)(float(noise.value)) if event.client else None
-    )
+    bench.on(noise, lambda: bench.guarded(session.disturb)(float(noise.value)))
     moving = bench.check.choice(gui, "excitation", EXCITATION, initial=axis.excitation)
-    moving.on_update(
-        lambda event: bench.guarded(session.excite)(moving.value) if event.client else None
-    )
+    bench.on(moving, lambda: bench.guarded(session.excite)(moving.value))
 
 
 class FrictionKnobs:
@@ -66,7 +66,7 @@ class FrictionKnobs:
         }
         self._show()
         for control in (self._kind, *self._sliders.values()):
-            control.on_update(lambda event: self._rub() if event.client else None)
+            bench.on(control, self._rub)
 
     def _rub(self) -> None:
         values = {name: float(slider.value) for name, slider in self._sliders.items()}
@@ -107,10 +107,9 @@ class Knobs:
         self._mu = check.slider(gui, "μ", 0.0, 1.0, 0.01, 0.0)
         self._none = gui.add_markdown("it tunes itself: nothing to turn")
         self._show()
-        # A slider that is put where its knob stands has no client, and turns nothing.
-        self._choice.on_update(lambda event: self._choose() if event.client else None)
+        bench.on(self._choice, self._choose)
         for knob in (self._forgetting, *self._drift.values(), self._mu):
-            knob.on_update(lambda event: self._turn() if event.client else None)
+            bench.on(knob, self._turn)
 
     def _choose(self) -> None:
         self._guarded(self._session.choose)(self._number, self._specs[self._choice.value])

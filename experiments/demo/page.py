@@ -178,8 +178,7 @@ class Page:
         gui.main_panel.set_width(WIDTH)
         gui.set_panel_label("flexaxis: break it, and watch who sees it first")
         gui.add_html(_style())
-        self._faults = {button.label: button for button in BUTTONS}
-        broken = check.group(gui, BREAK, [*self._faults, REPAIR])
+        broken = check.group(gui, BREAK, [*BUTTONS, REPAIR])
         broken.on_click(_clicked(self._break))
         clock = check.group(gui, CLOCK, [RUN, PAUSE, STEP])
         clock.on_click(_clicked(self._wind))
@@ -220,8 +219,7 @@ class Page:
         if label == REPAIR:
             self._guarded(self.session.repair)()
         else:
-            button = self._faults[label]
-            self._guarded(self.session.inject)(button.parameter, button.factor)
+            self._guarded(self.session.inject)(*BUTTONS[label])
 
     def _wind(self, label: str) -> None:
         self.pace.paused = label != RUN

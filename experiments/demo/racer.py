@@ -110,11 +110,6 @@ class Racer:
             )
 
     @property
-    def estimator(self) -> Estimator:
-        """The estimator, as it stands."""
-        return self._estimator
-
-    @property
     def label(self) -> str:
         """Name and where the knobs stand, in a few characters."""
         tuning, words = self.tuning, []

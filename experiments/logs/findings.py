@@ -98,6 +98,18 @@ def tell(found: Iterable[Finding]) -> None:
         console.print(text, style=style, markup=False, soft_wrap=True)
 
 
+def show(heads: Sequence[str], rows: Iterable[Any]) -> None:
+    """Print rows of a page's table; a dash there is nothing here."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(*heads, box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(*(escape(cell.text.replace("–", "")) for cell in row.cells))
+    Console().print(table)
+
+
 def waiting(doing: str) -> AbstractContextManager[Any]:
     """Show on a terminal that something goes on; a file is told nothing."""
     from rich.console import Console

@@ -217,19 +217,17 @@ def _check_columns(log: Log, given: Mapping[str, str], mapping: LogMap) -> None:
         for name, column in given.items()
         if column not in log.names
     ]
-    if "time" not in given and mapping.rate is None:
-        problems.append(
-            f"{log.source}: which column is the time? Give --time COLUMN, or --rate HZ; {there}"
-        )
-    if "torque" not in given:
-        problems.append(
-            f"{log.source}: which column is the torque, or current? Give --torque COLUMN; {there}"
-        )
-    if not {"angle", "speed"} & set(given):
-        problems.append(
-            f"{log.source}: which column is the motor angle, or speed? Give --angle COLUMN or "
-            f"--speed COLUMN; {there}"
-        )
+    asked = {
+        "time? Give --time COLUMN, or --rate HZ": "time" in given or mapping.rate is not None,
+        "torque, or current? Give --torque COLUMN": "torque" in given,
+        "motor angle, or speed? Give --angle COLUMN or --speed COLUMN":
+            not {"angle", "speed"}.isdisjoint(given),
+    }  # fmt: skip
+    problems += [
+        f"{log.source}: which column is the {question}; {there}"
+        for question, answered in asked.items()
+        if not answered
+    ]
     twice = [c for c in set(given.values()) if list(given.values()).count(c) > 1]
     if twice:
         names = ", ".join(name for name, column in given.items() if column == twice[0])

@@ -109,7 +109,11 @@ class Tracked:
     @property
     def last(self) -> Array:
         """Median (p,) of the last fifth of the estimates: what they came to."""
-        return np.median(self.theta[-max(len(self.theta) // 5, 1) :], axis=0)
+        return _last(self.theta)
+
+
+def _last(theta: Array) -> Array:
+    return np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
 
 
 def save(found: Tracked, path: Path, *, estimator: str) -> None:
@@ -177,7 +181,7 @@ def track(
     theta, claimed, alarms = run_on(estimator, replace(record, torque=u, valid=valid, **changed))
     names = tuple(estimator.names)
     model = SIGNALS[output].predicted(axis.model, period)
-    last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
+    last = _last(theta)
     if not np.isfinite(last).all():
         raise LogError("the estimates diverged: identify first, or choose another estimator")
     look = _Look(model.parametrize(names), torque, log.y, colour, ok, period)

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.experiments.paper.data import Data, Size, collect
 from flexaxis.experiments.paper.experiments import (
@@ -19,6 +19,7 @@ from flexaxis.experiments.paper.experiments import (
 from flexaxis.experiments.paper.further_work import FurtherWork, further_work
 from flexaxis.experiments.running.cache import RecordCache
 
+Array = NDArray[np.float64]
 Measured = float | Mapping[str, float]
 SHARES = {"data": 0.6, "offline": 0.05, "convergence": 0.05, "further": 0.2, "figures": 0.1}
 """What part of the time a stage takes."""
@@ -113,12 +114,13 @@ class Check:
     source: str
     claim: str
     expected: str
-    measure: Callable[[Evidence], Measured]
+    measure: Callable[[Evidence], Measured | Array]
     holds: Callable[[Any], Any]
 
     def __call__(self, evidence: Evidence) -> Claim:
-        """Return the claim, decided."""
-        measured = self.measure(evidence)
+        """Return the claim, decided; what is measured of each parameter has their names."""
+        found = self.measure(evidence)
+        measured = by_name(evidence, found) if isinstance(found, np.ndarray) else found
         holds = bool(self.holds(measured))
         return Claim(self.id, self.claim, self.source, measured, self.expected, holds)
 

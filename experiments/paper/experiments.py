@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +25,8 @@ from flexaxis.experiments.scoring.pooling import settles, spread_at_a_time
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
+Adaptation = Mapping[str, Any]
+"""What is chosen in the recursive method, as `Rpem` takes it: λ or Δ, and μ."""
 
 NEAR = (1.2, 1.5)
 FAR = (0.5, 0.7, 2.0)
@@ -39,15 +42,6 @@ FORGETTING = 0.995
 SLOW_FORGETTING = 0.999
 SLOW_DRIFT = 1 / 16  # on Δ: a quarter of the speed
 SPREAD_OVER = 10.0  # s at the end on which the standard deviation is taken
-
-
-@dataclass(frozen=True)
-class Adaptation:
-    """What is chosen in the recursive method: λ or Δ, and μ."""
-
-    forgetting: float | None = None
-    drift: ArrayLike | None = None
-    regularization: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -79,17 +73,13 @@ class Convergence:
     ----------
     Q : ndarray (p, p)
         E ψψᵀ of the reference torque at nominal parameters, eq. (31).
-    forgetting, drift : FilterRuns
-        λ = 0.995, and Δ of eq. (32); from 1.2 times nominal.
-    slow_forgetting, slow_drift : FilterRuns
-        λ = 0.999, and Δ/16; 60 s, from nominal.
+    runs : dict of str to FilterRuns
+        By method. Those of `methods` from 1.2 times nominal; ``"slow forgetting"``, λ = 0.999, and
+        ``"slow modification"``, Δ/16, over 60 s, from nominal.
     """
 
     Q: Array
-    forgetting: FilterRuns
-    drift: FilterRuns
-    slow_forgetting: FilterRuns
-    slow_drift: FilterRuns
+    runs: Mapping[str, FilterRuns]
 
 
 def filtered(
@@ -125,10 +115,8 @@ def filtered(
         theta0=start * nominal,
         P0=P0,
         period=data.scenario.period,
-        forgetting=adaptation.forgetting,
-        drift=adaptation.drift,
-        regularization=adaptation.regularization,
         ceiling=np.inf,  # the paper has none
+        **adaptation,
     )
     done = [_follow(estimator, record, reset, stride) for record in records]
     initial = np.asarray(P0, float)
@@ -158,18 +146,26 @@ def drift() -> Array:
     return np.array(list(priors.DRIFT.values()))
 
 
+def methods() -> dict[str, Adaptation]:
+    """Return the two methods of the paper: its λ, and Δ of eq. (32)."""
+    return {"forgetting": {"forgetting": FORGETTING}, "modification": {"drift": drift()}}
+
+
 def converge(data: Data) -> Convergence:
     """Run the experiments of section 5 on the data."""
     lines = line_spectrum(steady(data, data.reference_torque), period=data.scenario.period)
     model = data.parametrization
     Q = information(model, model.theta, *lines, period=data.scenario.period)
-    return Convergence(
-        Q=Q,
-        forgetting=_paper(data, Adaptation(forgetting=FORGETTING)),
-        drift=_paper(data, Adaptation(drift=drift())),
-        slow_forgetting=_slow(data, Q, Adaptation(forgetting=SLOW_FORGETTING)),
-        slow_drift=_slow(data, Q, Adaptation(drift=SLOW_DRIFT * drift())),
-    )
+    slow: dict[str, Adaptation] = {
+        "slow forgetting": {"forgetting": SLOW_FORGETTING},
+        "slow modification": {"drift": SLOW_DRIFT * drift()},
+    }
+    runs = {name: _paper(data, adaptation) for name, adaptation in methods().items()}
+    runs |= {
+        name: filtered(data, data.long, adaptation, P0=steady_P(Q, **adaptation))
+        for name, adaptation in slow.items()
+    }
+    return Convergence(Q, runs)
 
 
 def steady(data: Data, signal: Array) -> Array:
@@ -183,19 +179,9 @@ def _paper(data: Data, adaptation: Adaptation) -> FilterRuns:
         data.reference_torque,
         identify=data.names,
         period=data.scenario.period,
-        forgetting=adaptation.forgetting,
-        drift=adaptation.drift,
+        **adaptation,
     )
     return filtered(data, data.nominal, adaptation, P0=P0, start=data.scenario.start)
-
-
-def settled_P(Q: Array, adaptation: Adaptation) -> Array:
-    """Return P (p, p) as theory has it in the steady state, eq. (29) and (30)."""
-    return steady_P(Q, forgetting=adaptation.forgetting, drift=adaptation.drift)
-
-
-def _slow(data: Data, Q: Array, adaptation: Adaptation) -> FilterRuns:
-    return filtered(data, data.long, adaptation, P0=settled_P(Q, adaptation))
 
 
 def times(data: Data, runs: FilterRuns, level: float) -> dict[str, float]:

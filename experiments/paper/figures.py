@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.offline.adaptation import steady_P
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.paper.claim import Evidence, by_name
 from flexaxis.experiments.paper.claims import PEAKS
@@ -18,12 +19,9 @@ from flexaxis.experiments.paper.experiments import (
     BAND,
     HIGH_ORDER,
     STRIDE,
-    FilterRuns,
     decibels,
-    settled_P,
     times,
 )
-from flexaxis.experiments.paper.filter_measures import forgetting, modification
 from flexaxis.experiments.paper.model_measures import (
     gradient_power,
     low_energy,
@@ -148,9 +146,9 @@ def fig5(e: Evidence) -> Chart:
     )
 
 
-def _estimates(e: Evidence, runs: FilterRuns, name: str, title: str) -> Chart:
+def estimates(method: str, name: str, title: str, e: Evidence) -> Chart:
     """Return estimates, the same axes for each method."""
-    time = e.data.scenario.times[::STEP]
+    time, runs = e.data.scenario.times[::STEP], e.convergence.runs[method]
     t63, panels = times(e.data, runs, 0.37), []
     for i, parameter in enumerate(e.data.names):
         low, high = np.percentile(runs.theta[:, ::STEP, i], [10, 90], axis=0)
@@ -167,10 +165,10 @@ def _estimates(e: Evidence, runs: FilterRuns, name: str, title: str) -> Chart:
     return Chart(name=name, title=title, words=words, x="time [s]", panels=panels)
 
 
-def _diagonal(e: Evidence, runs: FilterRuns, name: str, title: str, theory: str) -> Chart:
+def diagonal(method: str, name: str, title: str, theory: str, e: Evidence) -> Chart:
     """Return diag P of the first run beside theory, the same axes for each method."""
-    time = e.data.scenario.times[STRIDE - 1 :: STRIDE]
-    steady = by_name(e, np.diag(settled_P(e.convergence.Q, runs.adaptation)))
+    time, runs = e.data.scenario.times[STRIDE - 1 :: STRIDE], e.convergence.runs[method]
+    steady = by_name(e, np.diag(steady_P(e.convergence.Q, **runs.adaptation)))
     lines = [
         each
         for i, (parameter, theory_) in enumerate(steady.items())
@@ -181,27 +179,3 @@ def _diagonal(e: Evidence, runs: FilterRuns, name: str, title: str, theory: str)
     ]
     panel = Panel(y="diagonal of P", lines=lines, y_log=True, y_range=(1.5e-6, 2e-3))
     return Chart(name=name, title=title, words="", x="time [s]", panels=[panel])
-
-
-def fig6(e: Evidence) -> Chart:
-    """Return the estimates with forgetting."""
-    return _estimates(e, forgetting(e), "fig6", "Figure 6. Estimates with forgetting")
-
-
-def fig7(e: Evidence) -> Chart:
-    """Return diag P with forgetting."""
-    title = "Figure 7. Diagonal of P with forgetting, first run"
-    return _diagonal(e, forgetting(e), "fig7", title, "(1−λ) Q⁻¹, eq. (29)")
-
-
-def fig8(e: Evidence) -> Chart:
-    """Return the estimates with covariance modification."""
-    return _estimates(
-        e, modification(e), "fig8", "Figure 8. Estimates with covariance modification"
-    )
-
-
-def fig9(e: Evidence) -> Chart:
-    """Return diag P with covariance modification."""
-    title = "Figure 9. Diagonal of P with covariance modification, first run"
-    return _diagonal(e, modification(e), "fig9", title, "P Q P = Δ, eq. (30)")

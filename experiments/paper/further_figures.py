@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,19 +12,17 @@ from flexaxis.experiments.paper.claim import Evidence
 from flexaxis.experiments.paper.data import PAUSE
 from flexaxis.experiments.paper.experiments import FORGETTING, STRIDE
 from flexaxis.experiments.paper.figures import (
+    diagonal,
+    estimates,
     fig3,
     fig4,
     fig5,
-    fig6,
-    fig7,
-    fig8,
-    fig9,
     level,
     line,
     truth,
 )
 from flexaxis.experiments.paper.filter_measures import price
-from flexaxis.experiments.paper.further_work import WANTED, Windup
+from flexaxis.experiments.paper.further_work import WANTED, Windups
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 
 SHOWN_MU = (0.0, 1e-2, 1.0)
@@ -74,12 +73,13 @@ def figB(e: Evidence) -> Chart:
     """Return one run through a standstill, with and without regularisation."""
     time, i = e.data.pause[0].time, e.data.names.index("1/J_a")
     growth, estimate = [], [truth(time[[0, -1]], [1, 1])]
-    for study in (s for s in e.further.forgetting if s.mu in SHOWN_MU):
-        who, largest = f"μ = {study.mu:g}", study.runs.P[0].max(axis=1)
+    for mu in SHOWN_MU:
+        runs = e.further.windups["forgetting"][mu].runs
+        who, largest = f"μ = {mu:g}", runs.P[0].max(axis=1)
         growth.append(line(time[STRIDE - 1 :: STRIDE], largest, who))
-        if study.mu:
-            growth.append(level(PAUSE, (1 - FORGETTING) / study.mu, who, label="(1−λ)/μ"))
-        estimate.append(line(time, study.runs.theta[0, :, i], who))
+        if mu:
+            growth.append(level(PAUSE, (1 - FORGETTING) / mu, who, label="(1−λ)/μ"))
+        estimate.append(line(time, runs.theta[0, :, i], who))
     return Chart(
         name="figB",
         title="Figure B. A standstill of 20 s",
@@ -99,13 +99,12 @@ def figB(e: Evidence) -> Chart:
 
 def figC(e: Evidence) -> Chart:
     """Return what regularisation gives and costs, over μ."""
-    methods = {"forgetting": e.further.forgetting, "modification": e.further.drift}
 
-    def over_mu(score: Callable[[list[Windup], Windup], float]) -> list[Line]:
-        rows = {who: [(s.mu, score(each, s)) for s in each] for who, each in methods.items()}
-        return _over(rows, "μ = 0")
+    def over_mu(score: Callable[[Windups, float], float]) -> list[Line]:
+        windups = e.further.windups.items()
+        return _over({who: [(mu, score(s, mu)) for mu in s] for who, s in windups}, "μ = 0")
 
-    burst = over_mu(lambda studies, study: study.burst)
+    burst = over_mu(lambda studies, mu: studies[mu].burst)
     return Chart(
         name="figC",
         title="Figure C. What regularisation gives, and what it costs",
@@ -135,9 +134,8 @@ def figD(e: Evidence) -> Chart:
     time = e.data.faults["f_m"][0].time - e.data.onset * e.data.scenario.period
     near, i = (time > -0.5) & (time < 4.0), e.data.names.index("f_m")
     lines = [
-        line(time[near], np.median(s.runs.theta[:, near, i], axis=0), SHOWN_RESETS[s.fraction])
-        for s in e.further.resets
-        if s.fraction in SHOWN_RESETS
+        line(time[near], np.median(e.further.resets[prior].runs.theta[:, near, i], axis=0), who)
+        for prior, who in SHOWN_RESETS.items()
     ]
     stepped = truth([-0.5, 0, 0, 4], [1, 1, 1.5, 1.5])
     return Chart(
@@ -153,7 +151,8 @@ def figE(e: Evidence) -> Chart:
     """Return what a reset of P gives, over the prior that it is reset to."""
 
     def over_priors(score: str) -> list[Line]:
-        points = [(100 * (s.fraction or 0.0), getattr(s, score)) for s in e.further.resets]
+        resets = e.further.resets.items()
+        points = [(100 * (prior or 0.0), getattr(s, score)) for prior, s in resets]
         rows = {name: [(x, values[name]) for x, values in points] for name in e.data.names}
         return _over(rows, "no reset")
 
@@ -172,8 +171,26 @@ def figE(e: Evidence) -> Chart:
     )
 
 
-FIGURES = {
-    draw.__name__: draw
-    for draw in (fig3, fig4, fig5, fig6, fig7, fig8, fig9, figA, figB, figC, figD, figE)
-}
+FIGURES: Mapping[str, Callable[[Evidence], Chart]] = {
+    "fig3": fig3,
+    "fig4": fig4,
+    "fig5": fig5,
+    "fig6": partial(estimates, "forgetting", "fig6", "Figure 6. Estimates with forgetting"),
+    "fig7": partial(
+        diagonal, "forgetting", "fig7", "Figure 7. Diagonal of P with forgetting, first run",
+        "(1−λ) Q⁻¹, eq. (29)",
+    ),
+    "fig8": partial(
+        estimates, "modification", "fig8", "Figure 8. Estimates with covariance modification"
+    ),
+    "fig9": partial(
+        diagonal, "modification", "fig9",
+        "Figure 9. Diagonal of P with covariance modification, first run", "P Q P = Δ, eq. (30)",
+    ),
+    "figA": figA,
+    "figB": figB,
+    "figC": figC,
+    "figD": figD,
+    "figE": figE,
+}  # fmt: skip
 """All figures, by the name of their files."""

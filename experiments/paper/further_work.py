@@ -8,17 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.offline.adaptation import drift_for, estimate_covariance
+from flexaxis.estimators.offline.adaptation import drift_for, estimate_covariance, steady_P
 from flexaxis.experiments.paper.data import PAUSE, Data
 from flexaxis.experiments.paper.experiments import (
     COARSE,
     FORGETTING,
     Adaptation,
     FilterRuns,
-    drift,
     filtered,
+    methods,
     pooled_std,
-    settled_P,
 )
 from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.pooling import settles
@@ -71,7 +70,6 @@ class Windup:
 
     Attributes
     ----------
-    mu : float
     runs : FilterRuns
     peak : float
         Largest diagonal element of P.
@@ -81,11 +79,14 @@ class Windup:
         Lag after a step fault of each parameter, without any standstill [s]: what μ costs.
     """
 
-    mu: float
     runs: FilterRuns
     peak: float
     burst: float
     lag: dict[str, float]
+
+
+Windups = Mapping[float, Windup]
+"""Standstills by μ."""
 
 
 @dataclass(frozen=True)
@@ -94,8 +95,6 @@ class Reset:
 
     Attributes
     ----------
-    fraction : float or None
-        Prior standard deviation as a fraction of each parameter; None for no reset.
     lag : dict of str to float
         By the parameter that changed [s].
     cross_talk : dict of str to float
@@ -104,7 +103,6 @@ class Reset:
         Those of the fault in f_m.
     """
 
-    fraction: float | None
     lag: dict[str, float]
     cross_talk: dict[str, float]
     runs: FilterRuns
@@ -112,14 +110,24 @@ class Reset:
 
 @dataclass(frozen=True)
 class FurtherWork:
-    """The three studies."""
+    """The three studies.
+
+    Attributes
+    ----------
+    diagonal, coupled : list of DriftChoice
+        For each of `WANTED`.
+    apart : DriftChoice
+    windups : dict of str to dict
+        By method and μ.
+    resets : dict of float to Reset
+        By the prior standard deviation as a fraction of each parameter; None for no reset.
+    """
 
     diagonal: list[DriftChoice]
     coupled: list[DriftChoice]
     apart: DriftChoice
-    forgetting: list[Windup]
-    drift: list[Windup]
-    resets: list[Reset]
+    windups: Mapping[str, Windups]
+    resets: Mapping[float | None, Reset]
 
 
 def further_work(data: Data, Q: Array) -> FurtherWork:
@@ -136,18 +144,20 @@ def further_work(data: Data, Q: Array) -> FurtherWork:
         diagonal=[choose_drift(data, Q, np.full(3, tau)) for tau in WANTED],
         coupled=[choose_drift(data, Q, np.full(3, tau), coupled=True) for tau in WANTED],
         apart=choose_drift(data, Q, np.array(APART)),
-        forgetting=[
-            windup(data, Q, Adaptation(forgetting=FORGETTING, regularization=mu)) for mu in mus
-        ],
-        drift=[windup(data, Q, Adaptation(drift=drift(), regularization=mu)) for mu in mus],
-        resets=[reset(data, Q, fraction) for fraction in (None, *RESETS)],
+        windups={
+            method: {mu: windup(data, Q, adaptation, mu) for mu in mus}
+            for method, adaptation in methods().items()
+        },
+        resets={fraction: reset(data, Q, fraction) for fraction in (None, *RESETS)},
     )
 
 
 def choose_drift(data: Data, Q: Array, wanted: Array, *, coupled: bool = False) -> DriftChoice:
     """Choose Δ for wanted time constants (p,) [s], predict and measure what it does."""
-    chosen = Adaptation(drift=drift_for(wanted, Q, period=data.scenario.period, coupled=coupled))
-    P = settled_P(Q, chosen)
+    chosen: Adaptation = {
+        "drift": drift_for(wanted, Q, period=data.scenario.period, coupled=coupled)
+    }
+    P = steady_P(Q, **chosen)
     small, large = (_steps(data, faults, chosen, P) for faults in (data.small, data.faults))
     variance = np.diag(estimate_covariance(P, data.scenario.noise.speed**2))
     return DriftChoice(
@@ -169,19 +179,18 @@ def _steps(data: Data, faults: Mapping[str, list[Record]], chosen: Adaptation, P
     return np.array(found)
 
 
-def windup(data: Data, Q: Array, adaptation: Adaptation) -> Windup:
+def windup(data: Data, Q: Array, adaptation: Adaptation, mu: float) -> Windup:
     """Go through a standstill, and through step faults without one."""
     period = data.scenario.period
-    P0 = settled_P(Q, adaptation)
-    runs = filtered(data, data.pause, adaptation, P0=P0)
+    P0, regular = steady_P(Q, **adaptation), {**adaptation, "regularization": mu}
+    runs = filtered(data, data.pause, regular, P0=P0)
     restart = round(PAUSE[1] / period)
     after = np.abs(runs.theta[:, restart : restart + round(WINDOW / period)] - 1)
     return Windup(
-        mu=adaptation.regularization,
         runs=runs,
         peak=float(runs.P.max()),
         burst=100 * float(np.median(after.max(axis=(1, 2)))),
-        lag=lags(data, _filtered(data, data.faults, adaptation, P0)),
+        lag=lags(data, _filtered(data, data.faults, regular, P0)),
     )
 
 
@@ -190,10 +199,9 @@ def reset(data: Data, Q: Array, fraction: float | None) -> Reset:
     noise = data.scenario.noise.speed**2
     # P is in units of the noise variance
     new = (fraction or 0) ** 2 * np.diag(data.parametrization.theta**2) / noise
-    usual, at = Adaptation(forgetting=FORGETTING), None if fraction is None else (data.onset, new)
-    runs = _filtered(data, data.faults, usual, settled_P(Q, usual), reset=at)
+    usual, at = {"forgetting": FORGETTING}, None if fraction is None else (data.onset, new)
+    runs = _filtered(data, data.faults, usual, steady_P(Q, **usual), reset=at)
     return Reset(
-        fraction=fraction,
         lag=lags(data, runs),
         cross_talk={name: cross_talk(data, runs[name], name) for name in data.names},
         runs=runs["f_m"],

@@ -100,7 +100,7 @@ def compiled_difference(e: Evidence) -> float:
             e.data.model,
             identify=e.data.names,
             theta0=e.data.scenario.start * model.theta,
-            P0=e.convergence.forgetting.P0,
+            P0=e.convergence.runs["forgetting"].P0,
             period=record.period,
             forgetting=FORGETTING,
         ).run(u[:1000], y[:1000])
@@ -136,7 +136,7 @@ def gradient_power(e: Evidence) -> ByName:
     return by_name(e, np.diag(e.convergence.Q))
 
 
-def power_over_spectrum(e: Evidence) -> ByName:
+def power_over_spectrum(e: Evidence) -> Array:
     """Return the mean of ψ² over the integral of |G_θ|² over the spectrum, the worst run's."""
     model, period = e.data.parametrization, e.data.scenario.period
     ratios = []
@@ -145,7 +145,7 @@ def power_over_spectrum(e: Evidence) -> ByName:
         lines = line_spectrum(steady(e.data, record.torque), period=period)
         from_spectrum = np.diag(information(model, model.theta, *lines, period=period))
         ratios.append(np.mean(steady(e.data, psi) ** 2, axis=0) / from_spectrum)
-    return by_name(e, worst(np.array(ratios)))
+    return worst(np.array(ratios))
 
 
 def worst(ratios: Array) -> Array:
@@ -153,10 +153,10 @@ def worst(ratios: Array) -> Array:
     return ratios[np.argmax(np.abs(np.log(ratios)), axis=0), np.arange(ratios.shape[1])]
 
 
-def offline_error(e: Evidence) -> ByName:
+def offline_error(e: Evidence) -> Array:
     """Return the largest error of off-line identification in any run [% of nominal]."""
     ratios = np.array([run.theta / e.data.parametrization.theta for run in e.offline.runs])
-    return by_name(e, 100 * np.abs(ratios - 1).max(axis=0))
+    return 100 * np.abs(ratios - 1).max(axis=0)
 
 
 def _normalised(e: Evidence) -> Array:
@@ -165,9 +165,9 @@ def _normalised(e: Evidence) -> Array:
     return np.array([(run.theta - theta) / run.standard_deviations for run in e.offline.runs])
 
 
-def offline_deviations(e: Evidence) -> ByName:
+def offline_deviations(e: Evidence) -> Array:
     """Return the largest error in any run, in standard deviations claimed with it."""
-    return by_name(e, np.abs(_normalised(e)).max(axis=0))
+    return np.abs(_normalised(e)).max(axis=0)
 
 
 def offline_rms(e: Evidence) -> float:

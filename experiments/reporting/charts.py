@@ -140,4 +140,4 @@ class Pick:
 def ends(rows: Sequence[Mapping[str, Any]], key: str, unit: float = 1.0) -> Any:
     """Return the ends (2, n) of the intervals beside a score; of what has none the score itself."""
     spans = [row.get(f"{key}_interval") or (row[key], row[key]) for row in rows]
-    return np.array(spans, float).T / unit
+    return np.array(spans, float).reshape(-1, 2).T / unit

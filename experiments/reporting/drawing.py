@@ -73,17 +73,13 @@ def _legend(chart: Chart) -> str:
         piece = swatch(line.who, kind=line.kind, role=_role(chart, line))
         if named == line.who:
             said = line.who if line.pick and line.kind == "points" else line.label or line.who
-            found[named] = _button(line.who, piece, said)
+            found[named] = (
+                '<button type="button" class="who" aria-pressed="true" '
+                f'data-toggle="{escape(line.who)}">{piece}<span>{symbols(said)}</span></button>'
+            )
         else:
             found[named] = f'<span class="role">{piece}<span>{symbols(named)}</span></span>'
     return "".join(found.values())
-
-
-def _button(who: str, piece: str, said: str) -> str:
-    return (
-        f'<button type="button" class="who" aria-pressed="true" data-toggle="{escape(who)}">{piece}'
-        f"<span>{symbols(said)}</span></button>"
-    )
 
 
 def _role(chart: Chart, line: Line) -> str:

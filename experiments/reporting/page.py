@@ -21,7 +21,7 @@ from markupsafe import Markup, escape
 from flexaxis.experiments.reporting import styles
 from flexaxis.experiments.reporting.charts import ChartError, Pick
 from flexaxis.experiments.reporting.drawing import drawn, swatch
-from flexaxis.experiments.reporting.tables import TERMS, number, pair, settled, symbols, tone_style
+from flexaxis.experiments.reporting.tables import TERMS, number, pair, symbols, tone_style
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -146,8 +146,9 @@ def _environment() -> Environment:
         trim_blocks=True,
         loader=FunctionLoader(_source),
     )
-    found.filters |= {"number": number, "pair": pair, "settled": settled}
     found.filters |= {
+        "number": number,
+        "pair": pair,
         "symbols": symbols,
         "term": term,
         "tone_style": tone_style,

@@ -166,7 +166,7 @@ def _within(line: Line, x: Scale) -> NDArray[np.bool_]:
     return np.asarray(there)
 
 
-def _middle(values: Array, share: float = 0.99) -> Array:
-    """Return the ends of the middle share of values, so that a burst does not set the scale."""
+def _middle(values: Array) -> Array:
+    """Return the ends of 99 % of the values, so that a burst does not set the scale."""
     known = values[np.isfinite(values)]
-    return np.quantile(known, [(1 - share) / 2, (1 + share) / 2]) if known.size else known
+    return np.quantile(known, [0.005, 0.995]) if known.size else known

@@ -142,9 +142,9 @@ def scored(value: float | None, *, within: str = "", digits: int = 3) -> Cell:
     return Cell(number(value, digits), "" if value is None else value, within)
 
 
-def toned(values: Sequence[float | None], *, log: bool) -> list[Cell]:
-    """Return cells of numbers on one scale of colours, from the smallest to the largest of them."""
-    scale = [None if v is None or (log and v <= 0) else np.log(v) if log else v for v in values]
+def toned(values: Sequence[float | None]) -> list[Cell]:
+    """Return cells of numbers on one scale of colours, of their logarithms."""
+    scale = [None if v is None or v <= 0 else np.log(v) for v in values]
     known = [v for v in scale if v is not None] or [0.0]
     low, over = min(known), (max(known) - min(known)) or 1.0
     tones = [None if v is None else float((v - low) / over) for v in scale]

@@ -196,18 +196,11 @@ def _cells(row: Mapping[str, Any], scores: Sequence[Score], cross_talk: float | 
     ]
 
 
-def _with_half_width(
-    value: float | None, interval: Sequence[float] | None, *, digits: int = 2
-) -> str:
-    if interval is None or interval[0] == interval[1]:
-        return number(value, digits)
-    return f"{number(value, digits)} ±{(interval[1] - interval[0]) / 2:.1g}"
-
-
 def _cell(score: Score, row: Mapping[str, Any]) -> str:
     value = row.get(score.name)
     if score.name == "lag":
-        return _with_half_width(value, row["lag_interval"])
+        low, high = row["lag_interval"] or (0.0, 0.0)
+        return number(value, 2) + f" ±{(high - low) / 2:.1g}" * (low != high)
     if score.pool is pooling.median:
         return settled(value, row["changed"])
     if score.kind == "truth":  # a count, of runs in which there was something to settle

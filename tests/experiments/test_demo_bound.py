@@ -8,7 +8,6 @@ from flexaxis.estimators import three_mass
 from flexaxis.experiments.demo.live_axis import KINDS, Friction, LiveAxis
 from flexaxis.experiments.demo.racer import NAMES, SHOWN
 from flexaxis.experiments.demo.tracking import LENGTH, Jump, Tracking, allowed
-from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import PERIOD, rate
 
 RATE = rate(PERIOD)
@@ -147,16 +146,3 @@ def test_an_axis_without_friction_is_as_it_was():
     plain, other = LiveAxis(seed=8), LiveAxis(seed=8)
     other.set_friction(Friction("none", f_c=0.3))
     np.testing.assert_array_equal(plain.advance(300).speed, other.advance(300).speed)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"kind": "Colomb"}, "Did you mean 'Coulomb'"),
-        ({"f_c": 0.0}, "f_c = 0: give from 0.01 to 0.4 N m"),
-        ({"v_s": float("nan")}, "v_s = nan"),
-    ],
-)
-def test_a_friction_that_is_not_allowed(values, message):
-    with pytest.raises(FlexaxisError, match=message):
-        Friction(**values)

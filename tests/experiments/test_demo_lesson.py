@@ -92,6 +92,8 @@ def test_all_problems_are_said_at_once():
         ('fault = "r"\nfactor = 2.0', "act[0].fault: unknown parameter 'r'"),
         ('fault = "f_m"\nfactor = 3.0', "act[0].factor: must be less than or equal to 2"),
         ("f_c = 3.0", "act[0].f_c: must be less than or equal to 0.4"),
+        ("f_c = 0.0", "act[0].f_c: must be greater than or equal to 0.01"),
+        ("v_s = nan", "act[0].v_s: must be "),
         ('friction = "coulomb"', "act[0].friction: unknown friction"),
         ('excitation = "of"', "act[0].excitation: unknown excitation"),
         ("forgetting = 1.5", "act[0].forgetting: must be less than or equal to 1"),

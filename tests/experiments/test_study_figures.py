@@ -10,7 +10,6 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.study import charts
 from flexaxis.experiments.reporting.study import rows as study_rows
 from flexaxis.experiments.reporting.study.rows import (
-    Alarms,
     alarms,
     confusion,
     isolation_table,
@@ -56,9 +55,9 @@ def test_alarms_are_counted_once_a_case_whatever_changed(stored, tmp_path):
     rows = [*told("a", "m[t=1]", 0.1, 0, 1), *told("b", "m[t=1]", None, 2, 0)]
     rows += [*told("c", "m[t=9]", 0.3, 1, 0), {"case": "d", "method": "m", "detection": None}]
     first, second = alarms(stored(tmp_path, rows))
-    assert (first.estimator, first.delay, first.missed) == ("m[t=1]", 0.1, 0.5)
-    assert first.false_per_hour == pytest.approx(1 / (72 / 3600))
-    assert (second.delay, second.missed, second.false_per_hour) == (0.3, 0.5, 0.0)
+    assert (first["estimator"], first["delay"], first["missed"]) == ("m[t=1]", 0.1, 50.0)
+    assert first["false_per_hour"] == pytest.approx(1 / (72 / 3600))
+    assert (second["delay"], second["missed"], second["false_per_hour"]) == (0.3, 50.0, 0.0)
 
 
 def test_a_lag_over_all_points_does_not_take_levels_for_draws(stored, tmp_path):
@@ -78,9 +77,15 @@ def test_a_lag_over_all_points_does_not_take_levels_for_draws(stored, tmp_path):
 
 
 def test_detection_draws_a_point_a_setting():
-    found = [Alarms("m", "m[t=4]", 0.1, [0.0, 0.2], 0.0, 20.0),
-             Alarms("m", "m[t=16]", 0.4, None, 0.25, 0.0),
-             Alarms("m", "m[t=99]", None, None, 1.0, 0.0)]  # fmt: skip
+    found = [
+        {"method": "m", "estimator": f"m[t={t}]", "delay": delay, "delay_interval": interval,
+         "missed": missed, "false_per_hour": false}
+        for t, delay, interval, missed, false in (
+            (4, 0.1, [0.0, 0.2], 0.0, 20.0),
+            (16, 0.4, None, 25.0, 0.0),
+            (99, None, None, 100.0, 0.0),
+        )
+    ]  # fmt: skip
     delay, missed = charts.detection(found, words="").panels
     assert {line.who for line in delay.lines} == {"m"}
     through, *points = delay.lines

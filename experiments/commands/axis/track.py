@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from flexaxis.experiments.building.neighbours import code_file
 from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.findings import problems_of, say_problems, tell, waiting
+from flexaxis.experiments.logs.findings import problems_of, say_problems, show, tell, waiting
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 from flexaxis.experiments.storage.files import spare
 
@@ -108,13 +108,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _print(found: Tracked) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     from flexaxis.experiments.logs.pages.track_page import estimates_of, findings
 
-    table = Table("parameter", "last estimate", "nominal", "over nominal", box=None, pad_edge=False)
-    for row in estimates_of(found):
-        table.add_row(*(cell.text for cell in row.cells))
-    Console().print(table)
+    show(("parameter", "last estimate", "nominal", "over nominal"), estimates_of(found))
     tell(findings(found))

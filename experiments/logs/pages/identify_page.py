@@ -6,13 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table as Printed
 
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.logs.findings import Finding, ordered, tell, texts_of
+from flexaxis.experiments.logs.findings import Finding, ordered, show, tell, texts_of
 from flexaxis.experiments.logs.identification.candidates import Candidate
 from flexaxis.experiments.logs.identification.friction import linear_part
 from flexaxis.experiments.logs.identification.identify import Identification
@@ -74,10 +71,7 @@ def facts(found: Identification, tried: Validation | None) -> list[tuple[str, st
 
 def print_identification(found: Identification, tried: Validation | None) -> None:
     """Print it."""
-    table = Printed("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
-    for each in _rows(found):
-        table.add_row(*(escape(cell.text.replace("–", "")) for cell in each.cells))
-    Console().print(table)
+    show(("parameter", "estimate", "± sd", "[%]"), _rows(found))
     for what, text in facts(found, tried):
         print(f"{what}: {text}")
     tell(findings(found, tried))

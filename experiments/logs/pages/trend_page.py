@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.pages.page import LogPage, capital, line
@@ -103,19 +103,12 @@ def _across(trend: Trend) -> dict[str, Any]:
     return {"x": "date" if trend.clock.first else "log", "x_from": trend.clock.first}
 
 
-def _barred(x: ArrayLike, y: ArrayLike, sd: ArrayLike) -> Line:
-    """Return points with bars of two standard deviations."""
-    at, value, bars = (np.asarray(each, float) for each in (x, y, sd))
-    sides = value - 2 * bars, value + 2 * bars
-    return Line(who=ESTIMATE, kind="points", x=at, y=value, low=sides[0], high=sides[1])
-
-
 def _panel(found: Verdict, trend: Trend, title: str = "", *, raw: bool = False) -> Panel:
     """Return estimates and what was found in them [%]; less what covariates explain, or `raw`."""
     times, warm = trend.clock.time[found.logs], found.found.of_covariates
     level = found.found.level + (0.0 if raw else warm)
-    percent = found.percent(found.series.value - level)
-    lines = [_barred(times, percent, 100 * found.series.deviation)]
+    percent, bars = found.percent(found.series.value - level), 200 * found.series.deviation
+    lines = [line(times, percent, ESTIMATE, kind="points", low=percent - bars, high=percent + bars)]
     if raw:
         explained = f"what {' and '.join(trend.covariates)} explains"
         lines.append(Line(who=explained, x=times, y=found.percent(warm)))

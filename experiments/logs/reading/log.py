@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +22,6 @@ LONGEST = 200_000_000  # samples of a column: 1.6 GB
 SHOWN = 40  # names in a message
 
 
-class Reader(Protocol):
-    """Returns columns (N,) by name, NaN where a value is missing."""
-
-    def __call__(self, names: Sequence[str], *, strict: bool = True) -> Mapping[str, Array]:
-        """Return them; a column of texts is an error, or left out if not strict."""
-        ...
-
-
 @dataclass(frozen=True)
 class Log:
     """What a file holds: sequences of numbers by name, not yet read.
@@ -39,15 +31,16 @@ class Log:
     source : str
         File name, for messages.
     names : tuple of str
-    read : Reader
-        Reads columns; see `load` and `numbers`.
+    read : callable
+        ``read(names, strict=True)``: columns (N,) by name, NaN where a value is missing; one of
+        texts is an error, or left out if not strict. See `load` and `numbers`.
     units : dict of str to str
         Units as the file states them, of some columns.
     """
 
     source: str
     names: tuple[str, ...]
-    read: Reader
+    read: Callable[..., Mapping[str, Array]]
     units: Mapping[str, str] = field(default_factory=dict)
 
     def load(self, names: Sequence[str]) -> dict[str, Array]:

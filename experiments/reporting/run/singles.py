@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -77,8 +77,8 @@ class Singles:
         What they are drawn from.
     """
 
-    runs: Mapping[Key, list[Single]] = field(default_factory=dict)
-    traces: Traces = field(default_factory=Traces)
+    runs: Mapping[Key, list[Single]]
+    traces: Traces
 
     @classmethod
     def of(cls, results: Results, order: Sequence[str]) -> Singles:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel, ends
-from flexaxis.experiments.reporting.study.rows import Alarms
 from flexaxis.experiments.results.finds import Finds
 
 Row = Mapping[str, Any]
@@ -126,22 +125,22 @@ def finds(found: Sequence[Finds], *, label: str, words: str) -> Chart:
     return Chart(title="Faults found", words=words, x=label, panels=panels, name="finds")
 
 
-def detection(found: Sequence[Alarms], *, words: str) -> Chart:
+def detection(found: Sequence[Row], *, words: str) -> Chart:
     """Return the delay of detection, and the share of faults missed, against false alarms.
 
     Parameters
     ----------
-    found : sequence of Alarms
+    found : sequence of mapping
         From `flexaxis.experiments.reporting.study.rows.alarms`: a point a setting, a line a
         method.
     words : str
     """
     delays, missed = [], []
-    for method in dict.fromkeys(each.method for each in found):
-        mine = sorted((e for e in found if e.method == method), key=lambda e: e.false_per_hour)
-        late = [each for each in mine if each.delay is not None]
-        delays += _settings(method, late, [e.delay for e in late], [e.delay_interval for e in late])
-        missed += _settings(method, mine, [100 * e.missed for e in mine], [None] * len(mine))
+    for method in dict.fromkeys(each["method"] for each in found):
+        mine = [each for each in found if each["method"] == method]
+        mine.sort(key=lambda each: each["false_per_hour"])
+        delays += _settings(method, [e for e in mine if e["delay"] is not None], "delay")
+        missed += _settings(method, mine, "missed")
     return Chart(
         title="Detection",
         words=words,
@@ -153,23 +152,20 @@ def detection(found: Sequence[Alarms], *, words: str) -> Chart:
     )
 
 
-def _settings(
-    method: str, found: Sequence[Alarms], values: Sequence[Any], spans: Sequence[Any]
-) -> list[Line]:
+def _settings(method: str, found: Sequence[Row], measure: str) -> list[Line]:
     """Return a line through the settings of a method, and a point of each, which says its own."""
-    x, y = np.array([each.false_per_hour for each in found], float), np.array(values, float)
-    points = []
-    for i, each in enumerate(found):
-        low, high = np.array(spans[i] or (y[i], y[i]), float)
-        points.append(
-            Line(
-                who=method,
-                label=each.estimator,
-                kind="points",
-                x=x[[i]],
-                y=y[[i]],
-                low=np.array([low]),
-                high=np.array([high]),
-            )
+    x, y = (np.array([e[name] for e in found], float) for name in ("false_per_hour", measure))
+    low, high = ends(found, measure)
+    points = [
+        Line(
+            who=method,
+            label=each["estimator"],
+            kind="points",
+            x=x[[i]],
+            y=y[[i]],
+            low=low[[i]],
+            high=high[[i]],
         )
+        for i, each in enumerate(found)
+    ]
     return [Line(who=method, x=x, y=y), *points]

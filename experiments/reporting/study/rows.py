@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from flexaxis.experiments.results.groups import Bins
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.study import applies, is_option
 from flexaxis.experiments.scoring.intervals import mean_interval
-from flexaxis.experiments.scoring.pooling import Columns, values
+from flexaxis.experiments.scoring.pooling import values
 
 FEW = 9  # that a chart tells apart: as many as there are colours
 MISSED, UNMODELLED, SEVERAL = "missed", "unmodelled", "several"
@@ -84,54 +84,33 @@ def short(value: Any) -> str:
     return f"{value:.3g}" if isinstance(value, int | float) else str(value)
 
 
-@dataclass(frozen=True)
-class Alarms:
-    """The alarms of an estimator at one setting, over all its cases.
+def alarms(results: Results) -> list[dict[str, Any]]:
+    """Return a row for each estimator that reports findings, at each setting, over all its cases.
 
-    Attributes
-    ----------
-    method, estimator : str
-    delay : float or None
-        From a fault to the first finding, mean over the cases that found one [s].
-    delay_interval : list of float or None
-        Its 95 % interval.
-    missed : float
-        Share of the faults without a finding.
-    false_per_hour : float
-        Findings outside the windows of all faults, in an hour of simulated time.
+    ``method, estimator``; ``delay`` from a fault to the first finding, the mean over the cases that
+    found one, with its 95 % ``delay_interval`` [s], None without one; ``missed``, of the faults
+    [%]; ``false_per_hour``, findings outside the windows of faults in an hour of simulated time.
     """
-
-    method: str
-    estimator: str
-    delay: float | None
-    delay_interval: list[float] | None
-    missed: float
-    false_per_hour: float
-
-
-def alarms(results: Results) -> list[Alarms]:
-    """Return the alarms of each estimator that reports findings."""
-    groups = results.grouped(["method", "estimator"], cases=True)
-    each = ((key, groups.columns(i)) for i, key in enumerate(groups.keys))
-    return [
-        _alarms(columns, **key) for key, columns in each if values(columns, "detection.alarms").size
-    ]
-
-
-def _alarms(columns: Columns, *, method: str, estimator: str) -> Alarms:
-    delays = values(columns, "detection.delay")
-    missed, faults, false, seconds = (
-        float(np.nansum(columns[name]))
-        for name in ("detection.missed", "detection.faults", "detection.false_alarms", "seconds")
-    )
-    return Alarms(
-        method,
-        estimator,
-        delay=float(delays.mean()) if delays.size else None,
-        delay_interval=mean_interval(delays),
-        missed=missed / max(1.0, faults),
-        false_per_hour=3600 * false / seconds,
-    )
+    groups, found = results.grouped(["method", "estimator"], cases=True), []
+    for i, key in enumerate(groups.keys):
+        columns = groups.columns(i)
+        if not values(columns, "detection.alarms").size:
+            continue
+        delays = values(columns, "detection.delay")
+        missed, faults, false, seconds = (
+            float(np.nansum(columns[name]))
+            for name in (
+                "detection.missed", "detection.faults", "detection.false_alarms", "seconds"
+            )
+        )  # fmt: skip
+        found.append({
+            **key,
+            "delay": float(delays.mean()) if delays.size else None,
+            "delay_interval": mean_interval(delays),
+            "missed": 100 * missed / max(1.0, faults),
+            "false_per_hour": 3600 * false / seconds,
+        })  # fmt: skip
+    return found
 
 
 def confusion(results: Results) -> dict[str, Counter[tuple[str, str]]]:
@@ -194,7 +173,7 @@ def lag_table(
         line = found.setdefault((row["who"], row[axes[1]]), {})
         line.setdefault(row[axes[0]], []).append((row["lag"], row["runs"]))
     across = list(dict.fromkeys(row[axes[0]] for row in rows))
-    means = iter(toned([_mean(line.get(x)) for line in found.values() for x in across], log=True))
+    means = iter(toned([_mean(line.get(x)) for line in found.values() for x in across]))
     lines = []
     for method, value in found:
         cells = [Cell(method), Cell(short(value), value), *(next(means) for _ in across)]
@@ -233,7 +212,7 @@ SCORES = (
 
 NEED_A_CHANGE = ("lag [s]", "× bound", "t10 [s]", "score", "bound [s]", "never settled")
 WORDS = (
-    "All rows, one a parameter of each case: the .jsonl files beside this page; flexaxis export "
+    "All rows, one a parameter of each case: scores.sqlite beside this page; flexaxis export "
     "writes them as a table."
 )
 
@@ -258,6 +237,17 @@ def scores_tables(results: Results, bins: Bins) -> list[Table]:
     left = len(groups) - LINES
     words = (f"{left} more lines are left out. " if left > 0 else "") + WORDS
     still = [column.heading not in NEED_A_CHANGE for column in SCORES]
+
+    def line(row: Mapping[str, Any], kept: Sequence[bool]) -> Row:
+        base = [str(row["base"])] * several
+        cells = [
+            *map(Cell, [str(row["method"]), *base]),
+            *(Cell(short(row[axis]), "" if row[axis] is None else row[axis]) for axis in axes),
+            Cell(row["parameter"]),
+            *(cell for cell, there in zip(_scores(row), kept, strict=True) if there),
+        ]
+        return Row(cells, who=who(row, options), group="".join(base))
+
     found = []
     for heading, changed, kept in (
         ("What changed", True, [True] * len(SCORES)),
@@ -265,29 +255,10 @@ def scores_tables(results: Results, bins: Bins) -> list[Table]:
     ):
         mine = [row for row in rows if row["changed"] == changed]
         columns = [*first, *(c for c, there in zip(SCORES, kept, strict=True) if there)]
-        lines = [_line(row, axes, options, kept, several=several) for row in mine]
+        lines = [line(row, kept) for row in mine]
         if lines:
             found.append(Table(heading, columns, lines, words))
     return found
-
-
-def _line(
-    row: Mapping[str, Any],
-    axes: Sequence[str],
-    options: Sequence[str],
-    kept: Sequence[bool],
-    *,
-    several: bool,
-) -> Row:
-    cells = [
-        Cell(str(row["method"])),
-        *([Cell(str(row["base"]))] if several else []),
-        *(Cell(short(row[axis]), "" if row[axis] is None else row[axis]) for axis in axes),
-        Cell(row["parameter"]),
-        *(cell for cell, there in zip(_scores(row), kept, strict=True) if there),
-    ]
-    group = str(row["base"]) if several else ""
-    return Row(cells, who=who(row, options), group=group)
 
 
 def _scores(row: Mapping[str, Any]) -> list[Cell]:
