@@ -1,8 +1,9 @@
 """The command `flexaxis`: results on stdout, progress and errors on stderr.
 
-Each command is a module in a folder of `flexaxis.experiments.commands` with `HELP`, `GROUP`,
+Each command is a module in a folder of `flexaxis.experiments.commands` with `HELP`,
 `configure(parser)` and `main(args)`, and is found there; the heavy imports lie inside `main`, so
-that `--help` is quick.
+that `--help` is quick. Its folder says what it is for; `--json` is an option of every one that does
+not say `JSON = False`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from flexaxis.experiments import commands as home
+from flexaxis.experiments.commands.answers import add_json
 from flexaxis.experiments.commands.words import Parser, check_words, complete
 from flexaxis.experiments.running.interrupts import leave, one_stage, threads_left
 from flexaxis.experiments.running.progress import told
@@ -31,8 +33,14 @@ FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
 failed. Wrong use is bad input or options; undecided is for `compare` alone. A crash is code that
 raised what it should not, ours or the user's, or a worker process that died: none of the others."""
 
-GROUPS = ("look", "run", "judge", "your own axis", "teach")
-"""What commands are for, in the order of the help; the `GROUP` of each is one of them."""
+GROUPS = {
+    "look": "look",
+    "runs": "run",
+    "judge": "judge",
+    "axis": "your own axis",
+    "teach": "teach",
+}
+"""What the commands of each folder are for, in the order of the help."""
 
 EPILOG = """\
 first steps:
@@ -90,6 +98,8 @@ def parser(only: str = "") -> Parser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         module.configure(sub)
+        if getattr(module, "JSON", True):
+            add_json(sub)
         _add_common(sub, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         sub.set_defaults(main=module.main, parser=sub)
     return top
@@ -109,10 +119,15 @@ def _add_common(parser: argparse.ArgumentParser, **hidden: Any) -> None:
 def _overview(known: Mapping[str, ModuleType]) -> str:
     """Return what there are commands for."""
     lines = ["Benchmark recursive identification of a geared, flexible robot axis."]
-    for group in GROUPS:
+    for group in GROUPS.values():
         lines += ["", f"{group}:"]
-        lines += [f"  {n:<10} {m.HELP}" for n, m in known.items() if group == m.GROUP]
+        lines += [f"  {n:<10} {m.HELP}" for n, m in known.items() if group == group_of(m)]
     return "\n".join(lines)
+
+
+def group_of(command: ModuleType) -> str:
+    """Return what a command is for."""
+    return GROUPS[command.__name__.split(".")[-2]]
 
 
 def main(argv: Sequence[str] | None = None) -> int:

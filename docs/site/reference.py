@@ -18,7 +18,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue import card
 from flexaxis.experiments.catalogue import find as catalogue
 from flexaxis.experiments.catalogue.names import GROUPS as CATALOGUE
-from flexaxis.experiments.cli import GROUPS, commands, parser
+from flexaxis.experiments.cli import GROUPS, commands, group_of, parser
 from flexaxis.experiments.scoring.score_definition import Score
 from flexaxis.experiments.scoring.score_table import SCORES
 from flexaxis.sim.scenario import Scenario
@@ -69,8 +69,8 @@ def command_page() -> str:
         "to stderr; with `--json` there is only JSON on stdout ([JSON](../json.md)).",
         str(top.epilog).partition("exit status:")[2].join(["## Exit status\n\n```text\n", "```"]),
     ]
-    for group in GROUPS:
-        names = [name for name, module in known.items() if group == module.GROUP]
+    for group in GROUPS.values():
+        names = [name for name, module in known.items() if group == group_of(module)]
         rows = [[f"[`{n}`](#flexaxis-{n})", known[n].HELP] for n in names]
         parts += [f"## To {group}" if group in VERBS else f"## {group.capitalize()}"]
         parts += [table(["command", "what it does"], rows)]

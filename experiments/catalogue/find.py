@@ -134,21 +134,13 @@ def find_suite(name: str) -> Suite:
     if name not in known:
         raise FlexaxisError(f"unknown suite {name!r}.{did_you_mean(name, known)}")
     table = tomllib.loads(known[name].read_text(encoding="utf-8"))
-    scenarios = _members(table)
-    left_out = table.get("without", [])
-    everyone = [estimator for estimator in REGISTRY if estimator not in left_out]
-    estimators = everyone if table["estimators"] == "all" else table["estimators"]
     swept = table.get("tradeoff", {"scenarios": [], "estimators": []})
-    if swept["estimators"] == "all":
-        swept["estimators"] = everyone
+    everyone = [estimator for estimator in REGISTRY if estimator not in table.get("without", [])]
+    own, others = (tuple(everyone if t["estimators"] == "all" else t["estimators"])
+                   for t in (table, swept))  # fmt: skip
+    scenarios = tuple(_members(table))
     return Suite(
-        name,
-        table["card"],
-        tuple(scenarios),
-        tuple(estimators),
-        table["seeds"],
-        tuple(swept["scenarios"]),
-        tuple(swept["estimators"]),
+        name, table["card"], scenarios, own, table["seeds"], tuple(swept["scenarios"]), others
     )
 
 

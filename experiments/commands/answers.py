@@ -42,8 +42,14 @@ def add_output(
     )
 
 
-def answer(args: argparse.Namespace, content: Mapping[str, Any], status: int = 0) -> int:
-    """Print what a command found as JSON, and return its status.
+def answer(
+    args: argparse.Namespace,
+    content: Mapping[str, Any],
+    status: int = 0,
+    *lines: object,
+    show: Callable[[], object] = lambda: None,
+) -> int:
+    """Print what a command found, as JSON or in words, and return its status.
 
     Parameters
     ----------
@@ -54,7 +60,16 @@ def answer(args: argparse.Namespace, content: Mapping[str, Any], status: int = 0
         `command` in it, the line that does the same again, becomes `line`.
     status : int
         Exit status.
+    *lines : object
+        What is printed where no JSON is asked for, such as the path of what was written.
+    show : callable
+        Called before that.
     """
+    if not args.json:
+        show()
+        for line in lines:
+            print(line)
+        return status
     known = dict(content)
     line = known.pop("command", None) or args.line
     known.pop("status", None)

@@ -168,7 +168,6 @@ def working(
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
 
-    check_jobs(args)
     elsewhere, workers = place or (None, args.jobs or os.cpu_count() or 1)
     done, remarks = 0, args.remarks
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexaxis.experiments.reporting.figures import mark, typeset
+from flexaxis.experiments.reporting import figures
+from flexaxis.experiments.reporting.charts import Chart, Line, Panel
+from flexaxis.experiments.reporting.run.over_time import around as over_time_of
+from flexaxis.experiments.reporting.scales import Scale, upward
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.law_parameters import LAW_UNITS
 from flexaxis.sim.parameters import PARAMETER_UNITS
@@ -34,7 +38,7 @@ def panels(given: Any, count: int) -> list[Axes]:
     if given is None:
         from matplotlib import pyplot
 
-        size = (8.0, 1.0 + 1.6 * count)
+        size = (8.0, max(4.0, 1.0 + 1.6 * count))
         figure, found = pyplot.subplots(
             count, 1, sharex=True, squeeze=False, figsize=size, layout="constrained"
         )
@@ -58,58 +62,45 @@ def returned(axes: Sequence[Axes]) -> Any:
     return found
 
 
-def signals(time: Any, values: dict[str, tuple[Any, str]], axes: Any, scenario: Any) -> Any:
-    """Draw signals over time, a panel each; `values` gives the samples and the unit of each."""
-    found = panels(axes, len(values))
-    for ax, (name, (samples, unit)) in zip(found, values.items(), strict=True):
-        ax.plot(time, samples, lw=0.8)
-        ax.set_ylabel(f"{name.replace('_', ' ')} [{unit}]")
-        _finish(ax, scenario)
-    found[-1].set_xlabel("time [s]")
+def drawn(chart: Chart, given: Any) -> Any:
+    """Draw the panels of a chart, each name in the legend of the first that has it."""
+    found, told = panels(given, len(chart.panels)), set[str]()
+    for place, ax in enumerate(found):
+        figures.draw(chart, ax, panel=place)
+        known = dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True))
+        if new := {label: line for label, line in known.items() if label not in told}:
+            ax.legend(new.values(), new.keys(), frameon=False, fontsize=8)
+            told |= new.keys()
+    for ax in found[:-1]:
+        ax.set_xlabel("")
     return returned(found)
 
 
-def estimates(
-    time: Any,
-    curves: dict[str, tuple[Any, Any, Any]],
-    axes: Any,
-    *,
-    label: str,
-    colour: str,
-    scenario: Scenario | None,
-) -> Any:
-    """Draw estimates over time, a panel a parameter, the truth dashed black.
+def over_time(curves: Mapping[str, Sequence[Line]], given: Any, scenario: Scenario | None) -> Any:
+    """Draw lines over time, a panel each, on axes that may have some already.
 
     Parameters
     ----------
-    time : ndarray (N,)
-    curves : dict of str to (ndarray, ndarray or None, ndarray or None)
-        Estimate, standard deviation and truth (N,) of each parameter.
-    axes : axes or several, optional
-        Where to draw; on axes that have the truth already it is not drawn again.
-    label, colour : str
+    curves : mapping of str to sequence of Line
+        By the label of their panel, the last of each the one that its panel is for; where there is
+        something on its axes the truth is not drawn again.
+    given : axes or several, optional
+        Where to draw.
     scenario : Scenario, optional
         For faults, pauses and burn-in.
     """
-    found = panels(axes, len(curves))
-    for ax, (name, (theta, deviation, truth)) in zip(found, curves.items(), strict=True):
-        fresh = not ax.lines
-        ax.plot(time, theta, color=colour, lw=1.3, label=label)
-        if deviation is not None:
-            ax.fill_between(
-                time, theta - 2 * deviation, theta + 2 * deviation, color=colour, alpha=0.18, lw=0
-            )
-        if fresh and truth is not None:
-            ax.plot(time, truth, "k--", lw=1.0, label="truth")
-        ax.set_ylabel(f"{typeset(name)} [{_unit(name)}]")
-        limits = _limits(ax, theta, truth, fresh=fresh)
-        ax.set_ylim(*limits)
-        _mark_beyond(ax, time, theta, limits, colour)
-        if fresh:
-            _finish(ax, scenario)
-    found[0].legend(loc="best", frameon=False, fontsize=8)
-    found[-1].set_xlabel("time [s]")
-    return returned(found)
+    axes, shown = panels(given, len(curves)), []
+    fresh = not any(ax.lines for ax in axes)
+    for ax, (label, lines) in zip(axes, curves.items(), strict=True):
+        panel = Panel(y=label, lines=[n for n in lines if fresh or n.role != "truth"])
+        shown.append(replace(panel, y_range=_limits(lines, None if fresh else ax.get_ylim())))
+    around: dict[str, Any] = over_time_of(scenario) if scenario and fresh else {}
+    if scenario:
+        around["windows"] = [("", 0.0, scenario.duration)]
+    found = drawn(Chart(title="", words="", x="time [s]", panels=shown, **around), axes)
+    for ax, panel in zip(axes, shown, strict=True):
+        _mark_beyond(ax, panel.lines[-1])
+    return found
 
 
 def changes(lines: Sequence[dict[str, Any]], ax: Any, names: tuple[str, str]) -> Axes:
@@ -154,52 +145,35 @@ def _plain(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _finish(ax: Axes, scenario: Scenario | None) -> None:
-    if scenario is not None:
-        mark(ax, scenario)
-        ax.set_xlim(0, scenario.duration)
-    ax.grid(alpha=0.25)
+def _limits(lines: Sequence[Line], before: tuple[float, float] | None) -> tuple[float, float]:
+    """Cover what a page would, and peaks up to FAR beyond; a lost run sets no scale."""
+    usual = upward(Panel(y="", lines=lines), Scale(-np.inf, np.inf))
+    far, values = FAR * (usual.high - usual.low), np.asarray(lines[-1].y)
+    inside = values[(values >= usual.low - far) & (values <= usual.high + far)]
+    ends = np.r_[usual.low, usual.high, inside, before or ()]
+    return float(ends.min()), float(ends.max())
 
 
-def _limits(ax: Axes, theta: Any, truth: Any, *, fresh: bool) -> tuple[float, float]:
-    """Cover the truth and the estimate, but for peaks beyond FAR; a lost run sets no scale."""
-    there = theta[np.isfinite(theta)]
-    near = np.percentile(there, (0.5, 99.5)) if there.size else np.zeros(2)
-    low, high = near
-    if truth is not None:
-        least, most = float(np.min(truth)), float(np.max(truth))
-        room = 2 * max(most - least, 0.04 * abs(most))
-        low, high = max(min(low, least), least - room), min(max(high, most), most + room)
-    far = FAR * (high - low)
-    inside = there[(there >= low - far) & (there <= high + far)]
-    if inside.size:
-        low, high = min(low, float(inside.min())), max(high, float(inside.max()))
-    margin = 0.08 * (high - low) or 0.01 * abs(high) or 1.0
-    low, high = low - margin, high + margin
-    if not fresh:
-        before = ax.get_ylim()
-        low, high = min(low, before[0]), max(high, before[1])
-    return float(low), float(high)
-
-
-def _mark_beyond(ax: Axes, time: Any, theta: Any, limits: tuple[float, float], colour: str) -> None:
+def _mark_beyond(ax: Axes, line: Line) -> None:
     """Mark at the edge, with its value, the largest peak that a panel does not show."""
-    there = np.where(np.isfinite(theta), theta, np.nan)
+    there, limits = np.where(np.isfinite(line.y), line.y, np.nan), ax.get_ylim()
+    colour = figures.colour(line.who)
     if not np.isfinite(there).any():
         return
     for k, edge, marker in ((np.nanargmin(there), 0, "v"), (np.nanargmax(there), 1, "^")):
         if limits[0] <= there[k] <= limits[1]:
             continue
         across = ax.get_xaxis_transform()  # time, and share of the height
-        ax.plot(time[k], edge, marker, color=colour, ms=5, transform=across, clip_on=False,
+        ax.plot(line.x[k], edge, marker, color=colour, ms=5, transform=across, clip_on=False,
                 label="_beyond")  # fmt: skip
         ax.annotate(
-            f"{there[k]:.3g}", (time[k], edge), xycoords=across, color=colour, fontsize=7,
+            f"{there[k]:.3g}", (line.x[k], edge), xycoords=across, color=colour, fontsize=7,
             xytext=(5, 5 - 12 * edge), textcoords="offset points",
         )  # fmt: skip
 
 
-def _unit(name: str) -> str:
+def unit_of(name: str) -> str:
+    """Return the unit of an estimated parameter."""
     if not name.startswith("1/"):
         return UNITS.get(name, "1")
     return f"1/({UNITS.get(name[2:], '1')})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -98,22 +98,24 @@ class Estimate:
         -------
         Axes, or ndarray of Axes
         """
-        from flexaxis import _draw
-        from flexaxis.experiments.reporting.figures import colour
+        from flexaxis._draw import over_time, unit_of
+        from flexaxis.experiments.reporting.charts import Line
 
         for name in names:
             if name not in self.names:
                 raise EstimatorError(unknown("parameter", name, self.names))
         sure = self.covariance if band else None
-        curves = {}
+        curves: dict[str, list[Line]] = {}
         for name in names or self.names:
             i = self.names.index(name)
-            deviation = None if sure is None else np.sqrt(sure[:, i, i])
-            curves[name] = self.theta[:, i], deviation, self.truth.get(name)
-        return _draw.estimates(
-            self.time, curves, ax, label=label or self.estimator,
-            colour=colour(self.estimator), scenario=self.record.definition,
-        )  # fmt: skip
+            line = Line(who=self.estimator, label=label, x=self.time, y=self.theta[:, i])
+            if sure is not None:
+                two = 2 * np.sqrt(sure[:, i, i])
+                line = replace(line, low=line.y - two, high=line.y + two)
+            lines = curves[f"{name} [{unit_of(name)}]"] = [line]
+            if (true := self.truth.get(name)) is not None:
+                lines.insert(0, Line(role="truth", label="truth", x=self.time, y=true))
+        return over_time(curves, ax, self.record.definition)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas DataFrame: a line a sample, a column a parameter, time [s] as index."""

@@ -7,7 +7,6 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -162,8 +161,3 @@ def seed_of(seed: Any) -> int:
 
 def _whole_number(value: Any) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
-
-
-def path_of(text: Any) -> Path | None:
-    """Return the path that was given, if it was one."""
-    return Path(text) if isinstance(text, str | Path) else None

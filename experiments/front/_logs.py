@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis._draw import panels, returned
+from flexaxis._draw import drawn, panels
 from flexaxis._table import Table
 
 if TYPE_CHECKING:
@@ -59,17 +59,12 @@ class LogResult(Table):
         -------
         Axes
         """
-        from flexaxis.experiments.reporting import figures
-
         titles = [each.title for each in self.charts]
         shown = self.charts[titles.index(chart) if isinstance(chart, str) else chart]
         axes = panels(ax, len(shown.panels))
-        for panel, on in enumerate(axes):
-            figures.draw(shown, on, panel=panel)
-            if on.get_legend_handles_labels()[0]:
-                on.legend(frameon=False, fontsize=8)
+        found = drawn(shown, axes)
         axes[0].set_title(shown.title)
-        return returned(axes)
+        return found
 
 
 def import_log(path: str | Path, **options: Any) -> LogResult:

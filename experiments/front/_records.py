@@ -57,15 +57,19 @@ class Recording(Record):
         -------
         Axes, or ndarray of Axes
         """
-        from flexaxis import _draw
+        from flexaxis._draw import over_time
+        from flexaxis.experiments.reporting.charts import Line
 
         read = self.scenario.get("output", "speed")
         usual = ("torque", read if read in self.signals else self.signals[-1])
         for name in signals:
             if name not in self.signals:
                 raise FlexaxisError(unknown("signal", name, self.signals))
-        values = {name: (getattr(self, name), SIGNALS[name][0]) for name in signals or usual}
-        return _draw.signals(self.time, values, ax, self.definition)
+        who = repr(self).partition(": ")[0]
+        curves = {f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]":
+                  [Line(who=who, x=self.time, y=getattr(self, name))]
+                  for name in signals or usual}  # fmt: skip
+        return over_time(curves, ax, self.definition)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas DataFrame: a line a sample, time [s] as index.

@@ -7,6 +7,7 @@ import warnings
 import weakref
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from flexaxis._given import (
     Estimators,
     Scenarios,
-    path_of,
     scenarios_of,
     seeds_of,
     texts_of,
@@ -110,9 +110,7 @@ class Results(kept.Results):
         FlexaxisError
             If no such key is swept.
         """
-        from matplotlib import pyplot
-
-        from flexaxis.experiments.reporting import figures
+        from flexaxis._draw import drawn
         from flexaxis.experiments.reporting.charts import Chart
         from flexaxis.experiments.reporting.run.speed import as_set
         from flexaxis.experiments.reporting.study.charts import degradation
@@ -120,8 +118,6 @@ class Results(kept.Results):
         if x and x not in self.axes:
             known = unknown("axis", x, self.axes) if self.axes else f"axis {x!r}: nothing was swept"
             raise FlexaxisError(f"{known}; leave it out for lag against noise")
-        if ax is None:
-            _, ax = pyplot.subplots(figsize=(8.0, 4.0), layout="constrained")
         key = x or next(iter(self.axes), "")
         chart: Chart | None
         if key:
@@ -132,9 +128,7 @@ class Results(kept.Results):
             chart = as_set(rows, list(dict.fromkeys(row["estimator"] for row in rows)))
         if chart is None or not chart.panels:
             raise FlexaxisError("no lag to draw: nothing changes here that is estimated")
-        figures.draw(chart, ax)
-        ax.legend(frameon=False, fontsize=8)
-        return ax
+        return drawn(replace(chart, panels=chart.panels[:1]), ax)
 
     def _named(self, row: Mapping[str, Any]) -> dict[str, Any]:
         """Return a pooled row under the names that rows have."""
@@ -236,16 +230,16 @@ def study(
     """
     from flexaxis.experiments.studies.definition import load_study, study_from
 
-    path = path_of(definition)
-    if path is not None:
-        loaded = load_study(path)
-        return _run(
-            loaded, folder, jobs=jobs, overwrite=overwrite, run_code=run_code, time_limit=time_limit
-        )
-    content = {"name": "study"} | dict(definition)  # type: ignore[arg-type]
-    if "estimators" in content:
-        content["estimators"] = list(texts_of(content["estimators"], jobs=jobs))
-    return _run(study_from(content), folder, jobs=jobs, overwrite=overwrite, time_limit=time_limit)
+    if isinstance(definition, str | Path):
+        wanted = load_study(definition)
+    else:
+        run_code, content = True, {"name": "study"} | dict(definition)
+        if "estimators" in content:
+            content["estimators"] = list(texts_of(content["estimators"], jobs=jobs))
+        wanted = study_from(content)
+    return _run(
+        wanted, folder, jobs=jobs, overwrite=overwrite, run_code=run_code, time_limit=time_limit
+    )
 
 
 def _run(
@@ -257,7 +251,6 @@ def _run(
     run_code: bool = True,
     time_limit: float | None = None,
 ) -> Results:
-    from flexaxis._results import working
     from flexaxis.experiments.running.engine import run_study
 
     place = Path(folder) if folder else Path(tempfile.mkdtemp(prefix="flexaxis-"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from flexaxis.experiments.building.ready import readable
@@ -110,20 +110,13 @@ class Comparison:
     alpha : float
         Chance of a false alarm at each look, at most.
     verdicts : list of Verdict
-    missing : tuple of (scenario, parameter)
-        What changes and is estimated by the base, but not by the candidate: nothing can be called
-        better then, or the same.
+    paired : Paired
+        What they are of. Where the candidate does not estimate what changes, or one side alone was
+        run, nothing can be called the same, and where the candidate lacks it nothing better.
     equal : EqualNoise, optional
         The settings that both are, where they were tuned to one noise first.
     unmatched : tuple of (scenario, parameter)
         Where the candidate is as noisy as the base at no turn of its knob that was tried.
-    estimated : (tuple of str, tuple of str)
-        All parameters that base and candidate estimate; the others each is told.
-    lacking : tuple of Lack
-        Cases that one side alone was run on: nothing can be called the same then, and where the
-        candidate lacks them nothing better.
-    failed : (int, int)
-        Cases that failed, of base and candidate.
     """
 
     base: str
@@ -133,24 +126,21 @@ class Comparison:
     looks: int
     alpha: float
     verdicts: list[Verdict]
-    missing: tuple[tuple[str, str], ...] = ()
+    paired: Paired = field(default_factory=Paired)
     equal: EqualNoise | None = None
     unmatched: tuple[tuple[str, str], ...] = ()
-    estimated: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
-    lacking: tuple[Lack, ...] = ()
-    failed: tuple[int, int] = (0, 0)
 
     @property
     def verdict(self) -> str:
         """The one word: worse, undecided, better, slight or same."""
         word = overall(self.verdicts)
-        if self.missing or self.unmatched or self.lacks("candidate"):
+        if self.paired.missing or self.unmatched or self.lacks("candidate"):
             return word if word == WORSE else UNDECIDED
         return UNDECIDED if self.lacks("base") and word in {SLIGHT, SAME} else word
 
     def lacks(self, side: str) -> bool:
         """Return whether a side ("base", "candidate") was not run where the other was."""
-        return any(lack.side == side for lack in self.lacking)
+        return any(lack.side == side for lack in self.paired.lacking)
 
     @property
     def newly_lost(self) -> int:
@@ -170,19 +160,20 @@ class Comparison:
     @property
     def must_look(self) -> bool:
         """Whether what is undecided may not pass."""
-        fails = self.failed[1] > self.failed[0]
-        gone = any(k.side == "candidate" and not k.unreadable for k in self.lacking)
-        return alarming(self.verdicts) or fails or gone
+        base, candidate = self.paired.failed
+        gone = any(k.side == "candidate" and not k.unreadable for k in self.paired.lacking)
+        return alarming(self.verdicts) or candidate > base or gone
 
     def as_dict(self) -> dict[str, Any]:
         """Return what goes into compare.json."""
+        paired = self.paired
         return {
             "verdict": self.verdict,
             "newly_lost": self.newly_lost,
-            "missing": [list(kind) for kind in self.missing],
-            "lacking": [lack._asdict() for lack in self.lacking],
-            "failed": dict(zip(("base", "candidate"), self.failed, strict=True)),
-            "estimated": dict(zip(("base", "candidate"), map(list, self.estimated), strict=True)),
+            "missing": [list(kind) for kind in paired.missing],
+            "lacking": [lack._asdict() for lack in paired.lacking],
+            "failed": dict(zip(("base", "candidate"), paired.failed, strict=True)),
+            "estimated": dict(zip(("base", "candidate"), map(list, paired.estimated), strict=True)),
             "equal_noise": self.equal and self.equal.as_dict(),
             "unmatched": [list(kind) for kind in self.unmatched],
             "by_metric": by_metric(self.verdicts),
@@ -251,6 +242,7 @@ def compare(question: Question, bench: Bench, *, match_std: bool = False) -> Com
             if side["failed"].all():  # a crash, and no verdict
                 check_failures(side.to_dict("records"))
         paired = pair(base, candidate, question.margins)
+        paired = replace(paired, lacking=(*question.lacking, *paired.lacking))
         unmatched: tuple[tuple[str, str], ...] = ()
         if question.equal is not None:
             paired, unmatched = question.equal.apply(paired, question.scenarios, bench, seeds)
@@ -261,9 +253,9 @@ def compare(question: Question, bench: Bench, *, match_std: bool = False) -> Com
             looks=len(looks),
             alpha=question.alpha / len(looks),
             verdicts=judge(paired, question.margins, alpha=question.alpha / len(looks)),
+            paired=paired,
             equal=question.equal,
             unmatched=unmatched,
-            **of_pairs(paired, question.lacking),
         )
         if overall(found.verdicts) != UNDECIDED:
             break
@@ -295,16 +287,6 @@ def ask(  # noqa: PLR0917
     if not kept:  # who runs them is told why
         kept, alone, why = list(scenarios), (), {}
     return Question(base, candidate, kept, seeds, margins, max_seeds, lacking=alone), why
-
-
-def of_pairs(paired: Paired, lacking: tuple[Lack, ...] = ()) -> dict[str, Any]:
-    """Return what a comparison has of its pairs, besides the verdicts."""
-    return {
-        "missing": paired.missing,
-        "estimated": paired.estimated,
-        "lacking": (*lacking, *paired.lacking),
-        "failed": paired.failed,
-    }
 
 
 def rows_of(found: Mapping[tuple[str, str], Runs], estimator: str) -> Table:

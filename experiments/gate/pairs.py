@@ -108,8 +108,8 @@ class Paired:
 
     Attributes
     ----------
-    scores : list of Pairs
-    runs : list of Runs
+    scores : sequence of Pairs
+    runs : sequence of Runs
         Of each scenario.
     missing : tuple of (scenario, parameter)
         What changes and is estimated by the base, but not by the candidate.
@@ -121,8 +121,8 @@ class Paired:
         Cases that failed, of base and candidate.
     """
 
-    scores: list[Pairs]
-    runs: list[Runs]
+    scores: Sequence[Pairs] = ()
+    runs: Sequence[Runs] = ()
     missing: tuple[tuple[str, str], ...] = ()
     estimated: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
     lacking: tuple[Lack, ...] = ()

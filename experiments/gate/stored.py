@@ -8,7 +8,7 @@ from typing import Any
 
 from flexaxis.experiments.comparison.matching import SPREADS
 from flexaxis.experiments.gate.decide import ALPHA
-from flexaxis.experiments.gate.gate import Comparison, of_pairs
+from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
@@ -89,7 +89,7 @@ def compare_rows(
         looks=1,
         alpha=alpha,
         verdicts=judge(paired, margins, alpha=alpha),
-        **of_pairs(paired),
+        paired=paired,
     )
 
 

@@ -28,9 +28,11 @@ MEANING = {
 
 def headline(found: Comparison) -> str:
     """Return the verdict in a line: its word, the lost runs, then what each word is said of."""
-    clauses = [f"{p} of {s} is not estimated" for s, p in found.missing]
+    clauses = [f"{p} of {s} is not estimated" for s, p in found.paired.missing]
     clauses += [f"{p} of {s} is not matched" for s, p in found.unmatched]
-    clauses += [f"{k.side} not run on {k.cases} cases of {k.scenario}" for k in found.lacking]
+    clauses += [
+        f"{k.side} not run on {k.cases} cases of {k.scenario}" for k in found.paired.lacking
+    ]
     clauses += _failed(found)
     clauses += [_lost(v) for v in found.verdicts if v.metric in LOST and (v.base or v.candidate)]
     for word in VERDICTS:
@@ -46,7 +48,7 @@ def headline(found: Comparison) -> str:
 
 def _unlike(found: Comparison) -> list[str]:
     """Return what each side estimates, where that is not the same."""
-    base, candidate = found.estimated
+    base, candidate = found.paired.estimated
     if {*base} == {*candidate}:
         return []
     alone = " alone" if len(candidate) == 1 else ""
@@ -54,7 +56,7 @@ def _unlike(found: Comparison) -> list[str]:
 
 
 def _failed(found: Comparison) -> list[str]:
-    sides = zip(("base", "candidate"), found.failed, strict=True)
+    sides = zip(("base", "candidate"), found.paired.failed, strict=True)
     return [f"{side} failed in {count} run{'s'[: count != 1]}" for side, count in sides if count]
 
 
@@ -82,13 +84,13 @@ def meaning(found: Comparison) -> str:
 
 def _told(found: Comparison) -> list[str]:
     """Return what it makes of a verdict that one side estimates less than the other."""
-    base, candidate = ({*names} for names in found.estimated)
+    base, candidate = ({*names} for names in found.paired.estimated)
     if base == candidate or not (base < candidate or candidate < base):
         return []
     fewer, rest = (
         ("candidate", base - candidate) if candidate < base else ("base", candidate - base)
     )
-    given = [name for names in found.estimated for name in names if name in rest]
+    given = [name for names in found.paired.estimated for name in names if name in rest]
     return [
         f"The {fewer} holds {', '.join(dict.fromkeys(given))} at nominal, and the "
         "other estimates them as well, which costs lag and noise with any method: this compares "
@@ -115,14 +117,14 @@ def _meaning(found: Comparison) -> str:
 
 def _not_compared(found: Comparison) -> str:
     """Return where one side has nothing to compare, and what can be done."""
-    if found.lacking:
-        what = ", ".join(dict.fromkeys(lack.scenario for lack in found.lacking))
+    if found.paired.lacking:
+        what = ", ".join(dict.fromkeys(lack.scenario for lack in found.paired.lacking))
         return (
             f"Only one side was run on all of {what}, and of a scenario that is not run nothing is "
             "the same: run both there, or name the scenarios to compare on."
         )
-    if found.missing:
-        what = ", ".join(dict.fromkeys(parameter for _, parameter in found.missing))
+    if found.paired.missing:
+        what = ", ".join(dict.fromkeys(parameter for _, parameter in found.paired.missing))
         return (
             f"The candidate does not estimate all that changes ({what}): choose scenarios whose "
             "faults both estimate."

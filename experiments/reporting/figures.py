@@ -18,10 +18,8 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
 from flexaxis.experiments.reporting import styles
 from flexaxis.experiments.reporting.charts import Array, Chart, Line
-from flexaxis.experiments.reporting.run.over_time import around
 from flexaxis.experiments.reporting.scales import across, upward
 from flexaxis.experiments.reporting.tables import SYMBOL
-from flexaxis.sim.scenario import Scenario
 
 LONGEST = 40  # characters of a name in a legend
 
@@ -35,12 +33,6 @@ def _dash(style: styles.Style) -> Any:
     """Return a line style as matplotlib takes it."""
     lengths = [float(part) for part in style.dash.split()]
     return (0, lengths) if lengths else "-"
-
-
-def mark(ax: Axes, scenario: Scenario) -> None:
-    """Mark burn-in, pauses of the excitation and faults, as charts over time do."""
-    found = around(scenario)
-    _mark(ax, found["spans"], found["marks"])
 
 
 def _mark(ax: Axes, spans: Any, marks: Any) -> None:

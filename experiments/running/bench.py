@@ -73,11 +73,6 @@ class Bench:
         """Leave the folder."""
         self._stack.close()
 
-    @property
-    def cases(self) -> int:
-        """Number of cases that are known."""
-        return 0 if self._store is None else self._store.cases
-
     def runs(
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
     ) -> dict[tuple[str, str], Runs]:

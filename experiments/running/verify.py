@@ -17,7 +17,7 @@ from flexaxis.experiments.running.study import Entry, Unit, applies, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
 from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import flat, nested, row_files
-from flexaxis.experiments.storage.store import cases_of, rows_of
+from flexaxis.experiments.storage.store import OF_ONE, cases_of, rows_in
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
@@ -93,7 +93,8 @@ def verify(
 def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, Any]]]:
     """Return that many cases, each as likely as any other."""
     every = [(path, case) for path in row_files(folder) for case in cases_of(path)]
-    return [rows_of(*each) for each in random.sample(every, min(sample, len(every)))]
+    chosen = random.sample(every, min(sample, len(every)))
+    return [list(rows_in(path, OF_ONE, case)) for path, case in chosen]
 
 
 def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:

@@ -25,7 +25,7 @@ from flexaxis.experiments.scoring.intervals import (
     spread_interval,
     t_interval,
 )
-from flexaxis.experiments.scoring.scores import finite, settling
+from flexaxis.experiments.scoring.scores import finite, rms, settling
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -54,38 +54,28 @@ def _drawn(columns: Columns, where: NDArray[np.bool_]) -> tuple[Array, Array]:
     return columns["seed"][where], columns["point"][where]
 
 
-def _by_seed(columns: Columns, name: str, of: Callable[[Array], Array]) -> Array:
-    """Return what each seed says of the mean of a function of the defined values."""
-    return by_seed(of(values(columns, name)), *_drawn(columns, ~np.isnan(columns[name])))
+def _through(of: Callable[[Array], Array], back: Callable[[Any], Any], within: Any) -> Pool:
+    """Return the pool by the mean of a function of the values, with that of its interval."""
+
+    def pooled(columns: Columns, name: str) -> Pooled:
+        x = of(values(columns, name))
+        ends = within(by_seed(x, *_drawn(columns, ~np.isnan(columns[name]))))
+        return {
+            name: finite(float(back(np.mean(x)))) if x.size else None,
+            f"{name}_interval": ends and [float(back(end)) for end in ends],
+        }
+
+    return pooled
 
 
-def geometric(columns: Columns, name: str) -> Pooled:
-    """Pool by the geometric mean: what a ratio of two estimators is a ratio of."""
-    x = values(columns, name)
-    if not x.size:
-        return {name: None, f"{name}_interval": None}
-    logs = _by_seed(columns, name, lambda x: np.log(np.maximum(x, FLOOR)))
-    within = t_interval(logs)
-    return {
-        name: finite(float(np.exp(np.log(np.maximum(x, FLOOR)).mean()))),
-        f"{name}_interval": within and [float(np.exp(end)) for end in within],
-    }
+geometric = _through(lambda x: np.log(np.maximum(x, FLOOR)), np.exp, t_interval)
+"""Pool by the geometric mean: what a ratio of two estimators is a ratio of."""
 
+mean = _through(np.asarray, np.asarray, mean_interval)
+"""Pool by the mean."""
 
-def mean(columns: Columns, name: str) -> Pooled:
-    """Pool by the mean."""
-    within = mean_interval(_by_seed(columns, name, np.asarray))
-    return by(np.mean)(columns, name) | {f"{name}_interval": within}
-
-
-def root_mean_square(columns: Columns, name: str) -> Pooled:
-    """Pool by the root of the mean square."""
-    x = values(columns, name)
-    within = mean_interval(_by_seed(columns, name, np.square))
-    return {
-        name: finite(np.sqrt(np.mean(x**2))) if x.size else None,
-        f"{name}_interval": within and [float(np.sqrt(max(0.0, end))) for end in within],
-    }
+root_mean_square = _through(np.square, lambda x: np.sqrt(max(0.0, x)), mean_interval)
+"""Pool by the root of the mean square."""
 
 
 def median(columns: Columns, name: str) -> Pooled:
@@ -254,14 +244,9 @@ def rmse(relative: Sequence[NDArray[np.float32]], at: Sequence[int]) -> dict[str
     if not len(relative):
         return {}
     runs = np.stack(relative).astype(float)
-    return {str(n): float(np.sqrt(np.mean(runs[:, n] ** 2))) for n in at if n < runs.shape[1]}
+    return {str(n): float(rms(runs[:, n])) for n in at if n < runs.shape[1]}
 
 
 def efficiency(errors: Mapping[str, float], bound: Mapping[str, float] | None) -> dict[str, float]:
     """Return rmse over the pooled bound with all unknown, n samples after onset; 1 is on it."""
     return {n: error / bound[n] for n, error in errors.items() if bound and n in bound}
-
-
-def rms(x: Array) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(x**2)))

@@ -185,7 +185,7 @@ SCORES: Mapping[str, Score] = {
             "bound",
             lambda track, i: bounds.limits_of(track, i).bound,
             "Standard deviation on the bound with all unknown over D, by samples after onset.",
-            pool=pooling.parts(AFTER, pooling.rms),
+            pool=pooling.parts(AFTER, scores.rms),
             parts=dict.fromkeys(AFTER, ""),
         ),
         Score(

@@ -221,15 +221,15 @@ def done_in(db: sqlite3.Connection, codes: Mapping[str, str | None]) -> NDArray[
     return np.unique(np.concatenate(found))
 
 
+_OF_CASE = "estimator, code, hash, seed"
+OF_ONE = f"({_OF_CASE}) = (?, ?, ?, ?) ORDER BY rowid"
+"""Where rows are of a case, as from `cases_of`."""
+
+
 def cases_of(path: Path) -> Iterator[tuple[int, ...]]:
-    """Yield what each case of a file is of, for `rows_of`."""
+    """Yield what each case of a file is of."""
     with said(path), closing(connect(path)) as db:
-        yield from db.execute("SELECT DISTINCT estimator, code, hash, seed FROM cells")
-
-
-def rows_of(path: Path, case: Sequence[int]) -> list[Row]:
-    """Return the rows of a case of a file."""
-    return list(rows_in(path, "(estimator, code, hash, seed) = (?, ?, ?, ?) ORDER BY rowid", case))
+        yield from db.execute(f"SELECT DISTINCT {_OF_CASE} FROM cells")
 
 
 def rows_in(

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.comparison.matching import Setting, plain
 from flexaxis.experiments.results.groups import Groups
-from flexaxis.experiments.scoring.pooling import count, deviation, geometric
 from flexaxis.experiments.studies.sweep import listed
 
 
-def as_set(groups: Groups) -> list[dict[str, Any]]:
+def as_set(groups: Groups, pooled: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """
     Return what each estimator is worth at the one setting it was run at, seed by seed.
 
@@ -22,6 +21,8 @@ def as_set(groups: Groups) -> list[dict[str, Any]]:
     ----------
     groups : Groups
         Of the rows of a run, by scenario (base) and estimator (method).
+    pooled : sequence of mapping
+        What `groups.pooled` gives.
 
     Returns
     -------
@@ -32,39 +33,24 @@ def as_set(groups: Groups) -> list[dict[str, Any]]:
     """
     found = []
     seeds = _seeds(groups)
-    for group, key in enumerate(groups.keys):
-        if not key["changed"]:
+    for group, row in enumerate(pooled):
+        columns = groups.columns(group)
+        lines = zip(*(columns[name] for name in _OF_NOISE), strict=True)
+        rows = [dict(zip(_OF_NOISE, line, strict=True)) for line in lines]
+        setting = Setting(row["method"], 1.0, rows)
+        values = {name: listed(plain(setting, name)) for name in ("lag", "std")}
+        if not row["changed"] or None in values.values():
             continue
-        columns = {name: groups.columns(group)[name] for name in _AS_SET}
-        there = ~np.isnan(columns["lag"]) & ~np.isnan(columns["std"])
-        place = np.searchsorted(seeds[_fault(key)], groups.columns(group)["seed"][there])
-        columns = {name: values[there] for name, values in columns.items()}
-        rows = [
-            dict(zip(columns, line, strict=True)) for line in zip(*columns.values(), strict=True)
-        ]
-        if not rows:
-            continue
-        setting = Setting(key["method"], 1.0, rows)
-        values = {name: plain(setting, name) for name in ("lag", "std")}
-        found.append(
-            {
-                "scenario": key["base"],
-                "parameter": key["parameter"],
-                "estimator": key["method"],
-                "seeds": len(rows),
-                **geometric(columns, "lag"),
-                **deviation("bias", "lost_before")(columns, "std"),
-                **count(columns, "diverged"),
-                "values": {
-                    name: each and _placed(each, place, len(seeds[_fault(key)]))
-                    for name, each in ((name, listed(each)) for name, each in values.items())
-                },
-            }
-        )
+        every = seeds[_fault(row)]
+        place = np.searchsorted(every, columns["seed"])
+        placed = {name: _placed(each or (), place, len(every)) for name, each in values.items()}
+        own = {"scenario": row["base"], "estimator": row["method"], "values": placed}
+        found.append(own | {name: row[name] for name in _POOLED})
     return found
 
 
-_AS_SET = ("lag", "std", "bias", "lost_before", "diverged", "seed", "point")
+_OF_NOISE = ("lag", "std", "bias", "lost_before")
+_POOLED = ("parameter", "seeds", "lag", "lag_interval", "std", "std_interval", "diverged")
 
 
 def _fault(key: Mapping[str, Any]) -> tuple[str, str]:

@@ -130,12 +130,11 @@ def finish(
         say("pooling scores and drawing the report …")
     results = Results.load(folder)
     groups = results.grouped(["base", "method"])
-    pooled = _with_trajectories(
-        folder, study, {s.name: s for s in scenarios}, groups.pooled(POOLED)
-    )
-    summary = _summary(study, pooled) | {
+    rows = groups.pooled(POOLED)
+    whole = _with_trajectories(folder, study, {s.name: s for s in scenarios}, rows)
+    summary = _summary(study, whole) | {
         "failures": _failures(folder, swept, study["seeds"]),
-        "as_set": as_set(groups),
+        "as_set": as_set(groups, rows),
         "tradeoff": swept,
     }
     found = with_curves(folder, summary)

@@ -1,5 +1,7 @@
 """A short scenario, so that a whole run takes a second."""
 
+from pathlib import Path
+
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -30,6 +32,15 @@ def short_toml(short, tmp_path):
     path = tmp_path / "short.toml"
     path.write_text(short.to_toml(), encoding="utf-8")
     return path
+
+
+@pytest.fixture
+def stubs(monkeypatch):
+    """The stand-ins for workers, importable here and in processes of a pool."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    import study_stubs
+
+    return study_stubs
 
 
 @pytest.fixture

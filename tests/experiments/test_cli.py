@@ -11,14 +11,9 @@ import time
 import h5netcdf
 import pytest
 
-from flexaxis.experiments.cli import GROUPS, commands, main, parser
+from flexaxis.experiments.cli import commands, group_of, main, parser
+from tests.experiments.command import flexaxis
 from tests.experiments.kept_rows import scores_of
-
-
-def flexaxis(capsys, *words):
-    status = main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return status, out, err
 
 
 @pytest.mark.parametrize("command", commands())
@@ -33,10 +28,9 @@ def test_help_teaches_with_an_example(capsys, command):
 def test_the_help_has_every_command_in_its_group(command):
     """Whoever writes a module for a new one reads here what it must say of itself."""
     module = commands()[command]
-    missing = [name for name in ("HELP", "GROUP", "configure") if not hasattr(module, name)]
+    missing = [name for name in ("HELP", "configure") if not hasattr(module, name)]
     assert not missing, f"{module.__file__}: give it {', '.join(missing)}; see experiments/cli.py"
-    assert module.GROUP in GROUPS, f"{module.__file__}: GROUP must be one of {GROUPS}"
-    block = parser().format_help().split(f"\n{module.GROUP}:\n")[1].split("\n\n")[0]
+    block = parser().format_help().split(f"\n{group_of(module)}:\n")[1].split("\n\n")[0]
     assert f"\n  {command} " in f"\n{block}"
 
 

@@ -4,15 +4,9 @@ import json
 
 import pytest
 
-from flexaxis.experiments.cli import main
+from tests.experiments.command import flexaxis
 
 SLOW = "rpem-forgetting[forgetting=0.999]"  # 2 s after the fault its lag is twice as long
-
-
-def flexaxis(capsys, *words):
-    status = main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return status, out, err
 
 
 def compare(capsys, short_toml, tmp_path, candidate, *more):

@@ -167,7 +167,7 @@ def test_what_one_side_lacks_is_said_and_is_not_the_same(kept):
 def test_seeds_that_one_side_has_alone_are_not_lacking(kept):
     fewer = [row for row in of_many() if row["seed"] < 6]
     found = compare_runs(kept("old", of_many()), kept("new", fewer), MARGINS)
-    assert (found.verdict, found.seeds, found.lacking) == ("same", [*range(6)], ())
+    assert (found.verdict, found.seeds, found.paired.lacking) == ("same", [*range(6)], ())
 
 
 def test_who_is_better_where_both_ran_and_lacks_the_rest_is_not_better(kept):

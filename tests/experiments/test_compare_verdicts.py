@@ -268,7 +268,7 @@ def test_who_does_not_estimate_what_changes_is_not_better():
         paired = pair(base, table([*of("k_T", 0.5, False), *rest]), MARGINS)
         assert paired.missing == missing
         found = Comparison("a", "b", list(range(32)), 1, 1, 0.01, judge(paired, MARGINS),
-                           paired.missing)  # fmt: skip
+                           paired)  # fmt: skip
         assert found.verdict == ("undecided" if missing else "better")
         assert ("f_m of s is not estimated" in headline(found)) == bool(missing)
         assert ("does not estimate all that changes (f_m)" in meaning(found)) == bool(missing)

@@ -24,14 +24,6 @@ HERE = Path(__file__).parent
 posix = pytest.mark.skipif(os.name == "nt", reason="no fork, and other signals, on Windows")
 
 
-@pytest.fixture
-def stubs(monkeypatch):
-    monkeypatch.syspath_prepend(str(HERE))
-    import study_stubs
-
-    return study_stubs
-
-
 def study(seeds):
     return study_from(
         {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen"], "seeds": seeds}

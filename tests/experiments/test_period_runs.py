@@ -6,9 +6,9 @@ import sys
 import numpy as np
 import pytest
 
-from flexaxis.experiments.cli import main
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.sim.record import load_record
+from tests.experiments.command import flexaxis
 from tests.experiments.kept_rows import lines_of
 
 STUDY = """\
@@ -20,12 +20,6 @@ controller.Kv = 0.1
 [sweep]
 period = [0.001, 0.002, 0.005, 0.01]
 """.replace("\ncontroller.Kv", '\n"controller.Kv"')
-
-
-def flexaxis(capsys, *words):
-    status = main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return status, out, err
 
 
 def test_a_study_sweeps_the_period(short_toml, tmp_path, capsys):

@@ -5,7 +5,6 @@ import signal
 import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -179,14 +178,6 @@ def test_a_shipped_estimator_whose_process_dies_is_not_run(stubs, tmp_path):
     with pytest.raises(NotRun, match=r"seeds 1005.*its process died"):
         run_study(study, tmp_path, Means(jobs=2, work=partial(stubs.dies_on, 1005)))
     assert len(scores_of(tmp_path)) == 5 * 3
-
-
-@pytest.fixture
-def stubs(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
-    import study_stubs
-
-    return study_stubs
 
 
 # ------------------------------------------------------------------ in a terminal

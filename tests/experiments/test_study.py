@@ -17,6 +17,7 @@ from flexaxis.experiments.storage.schema import COLUMNS, row_files
 from flexaxis.experiments.storage.store import rows_in
 from flexaxis.experiments.studies.definition import load_study, study_from
 from flexaxis.sim.scenario import Scenario
+from tests.experiments.command import flexaxis
 from tests.experiments.kept_rows import change
 
 FILE = """\
@@ -38,12 +39,6 @@ def study_toml(short_toml, tmp_path):
     path = tmp_path / "sweep.toml"
     path.write_text(FILE, encoding="utf-8")
     return path
-
-
-def flexaxis(capsys, *words):
-    status = main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return status, out, err
 
 
 def rows_of(folder):

@@ -30,15 +30,6 @@ STUDY = {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen", "ekf"],
          "sweep": {"fault[0].factor": [1.5, 2.0]}}  # fmt: skip
 
 
-@pytest.fixture
-def stubs(monkeypatch):
-    """The stand-ins for workers, importable here and in processes of a pool."""
-    monkeypatch.syspath_prepend(str(HERE))
-    import study_stubs
-
-    return study_stubs
-
-
 def study(seeds):
     return study_from(STUDY | {"seeds": seeds})
 

@@ -19,13 +19,12 @@ import argparse
 import re
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import SEED, add_json, add_output, answer, at_most
+from flexaxis.experiments.commands.answers import SEED, add_output, answer, at_most
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.options import add_style_options, style_of
 from flexaxis.experiments.running.progress import progress
 
 HELP = "simulate daily logs of an axis that wears and warms"
-GROUP = "your own axis"
 WARM = ("f_c=-1%/K", "f_m=-1%/K")
 
 
@@ -71,7 +70,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=at_most(SEED), default=0, help="number of the set (default 0)"
     )
-    add_json(parser)
     add_style_options(parser)
     parser.set_defaults(counts=65536)
 
@@ -94,12 +92,10 @@ def main(args: argparse.Namespace) -> int:
         for _ in write_days(args.output, scenario, days, seed=args.seed, style=style_of(args)):
             advance(1)
     model = args.output / "axis.toml"
-    if args.json:
-        content = {"folder": args.output, "model": model, "days": args.days}
-        return answer(args, content | {"truth": args.output / "truth.json"})
-    print(f"flexaxis trend {args.output} --model {model} --covariate temp")
-    print(args.output)
-    return 0
+    content = {"folder": args.output, "model": model, "days": args.days}
+    content |= {"truth": args.output / "truth.json"}
+    follow = f"flexaxis trend {args.output} --model {model} --covariate temp"
+    return answer(args, content, 0, follow, args.output)
 
 
 def _parts(option: str, texts: list[str] | tuple[str, ...]) -> dict[str, float]:

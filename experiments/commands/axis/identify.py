@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import say_problems, waiting
 from flexaxis.experiments.logs.options import add_log_options, assignments, tables_of, treatment
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from flexaxis.sim.record import Record
 
 HELP = "identify the nominal values of your axis from a log"
-GROUP = "your own axis"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -87,13 +86,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="try the result on a log that was not used: simulation and prediction",
     )
     add_output(parser, "AXIS.toml", "default: LOG-axis.toml")
-    add_json(parser)
     add_log_options(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Identify, report and save."""
     from dataclasses import replace
+    from functools import partial
 
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.files import require_suffix, spare_foreign
@@ -139,12 +138,9 @@ def main(args: argparse.Namespace) -> int:
     title, command = f"{found.axis.model.name} from {args.log.name}", args.line
     write_page(identification_page(found, record.period, tried, title, command), report)
     status = 1 if found.warnings or (tried is not None and tried.unlike) else 0
-    if args.json:
-        return answer(args, content(found, tried) | {"axis": path, "report": report}, status)
-    print_identification(found, tried)
-    print(path)
-    print(report)
-    return status
+    told = content(found, tried) | {"axis": path, "report": report}
+    said = partial(print_identification, found, tried)
+    return answer(args, told, status, path, report, show=said)
 
 
 def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:

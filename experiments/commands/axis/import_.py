@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import MARKS, ordered, waiting
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 from flexaxis.experiments.logs.findings import Finding
 
 HELP = "make a record of your own log, with a plausibility report"
-GROUP = "your own axis"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +36,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strict", action="store_true", help="status 1 if something spoils the estimates (✗)"
     )
-    add_json(parser)
     add_log_options(parser)
 
 
@@ -68,13 +66,9 @@ def main(args: argparse.Namespace) -> int:
     found.record.save(path)
     write_page(import_page(found, args.log, args.line), report)
     status = int(args.strict and any(check.kind == "problem" for check in found.checks))
-    if args.json:
-        checks = [check.told() for check in found.checks]
-        return answer(args, {"record": path, "checks": checks, "report": report}, status)
-    _print(found.checks)
-    print(path)
-    print(report)
-    return status
+    checks = [check.told() for check in found.checks]
+    told = {"record": path, "checks": checks, "report": report}
+    return answer(args, told, status, path, report, show=lambda: _print(found.checks))
 
 
 def _print(checks: Sequence[Finding]) -> None:

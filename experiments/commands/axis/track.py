@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.building.neighbours import code_file
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import problems_of, say_problems, show, tell, waiting
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from flexaxis.experiments.logs.track import Tracked
 
 HELP = "run an estimator on a log of your axis"
-GROUP = "your own axis"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +51,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--start", type=float, default=1.0, metavar="F", help="θ(0) over nominal; default 1"
     )
     add_output(parser, "EST.nc", "default: LOG-track.nc")
-    add_json(parser)
     add_log_options(parser)
 
 
@@ -99,12 +97,8 @@ def main(args: argparse.Namespace) -> int:
     )
     write_page(page, report)
     status = 1 if found.changes or found.doubts else 0
-    if args.json:
-        return answer(args, content(found) | {"estimates": path, "report": report}, status)
-    _print(found)
-    print(path)
-    print(report)
-    return status
+    told = content(found) | {"estimates": path, "report": report}
+    return answer(args, told, status, path, report, show=lambda: _print(found))
 
 
 def _print(found: Tracked) -> None:

@@ -18,7 +18,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import tell
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from flexaxis.experiments.logs.trend.trend import Trend
 
 HELP = "follow the parameters of your axis over many logs: worn, or warm?"
-GROUP = "your own axis"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +54,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes; default: 1")
     add_output(parser, "FOLDER", "default: trend", default=Path("trend"))
-    add_json(parser)
     add_log_options(parser)
 
 
@@ -82,11 +80,7 @@ def main(args: argparse.Namespace) -> int:
     report = _page(args, found)
     status = 1 if found.changed or ailments(found.rows) else 0
     content = _result(args, found, report)
-    if args.json:
-        return answer(args, content, status)
-    tell(remarks(found))
-    print(content["report"])
-    return status
+    return answer(args, content, status, report, show=lambda: tell(remarks(found)))
 
 
 def _page(args: argparse.Namespace, found: Trend) -> Path:

@@ -14,14 +14,14 @@ example:
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.cli import say
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 
 HELP = "build a site of entries: who is ahead, on each track"
-GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +30,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_output(parser, "SITE", required=True)
     parser.add_argument("--verdicts", type=Path, metavar="FOLDER", help="of `verify ENTRY -o`")
     parser.add_argument("--quick", action="store_true", help="of entries for trying, no others")
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -54,12 +53,8 @@ def main(args: argparse.Namespace) -> int:
     mine = frozen.quick() if args.quick else frozen
     shown = Shown(taken, left, mine, args.quick, args.line)
     found = write_site(shown, args.output)
-    page, status = args.output / PAGE, 1 if left else 0
-    if args.json:
-        return answer(args, found | {"site": page}, status)
-    _tell(found)
-    print(page)
-    return status
+    page = args.output / PAGE
+    return answer(args, found | {"site": page}, int(bool(left)), *_told(found), page)
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -71,8 +66,8 @@ def _check(args: argparse.Namespace) -> None:
         raise EntryError(f"{args.output}: is an entry; choose another folder with -o")
 
 
-def _tell(found: dict[str, Any]) -> None:
-    """Print a line a track."""
+def _told(found: dict[str, Any]) -> Iterator[str]:
+    """Yield a line a track."""
     for track, table in found["tracks"].items():
         ahead = [place["label"] for place in table["places"] if place["leads"]]
-        print(f"{track}: {', '.join(ahead) or 'nobody can be ranked yet'}")
+        yield f"{track}: {', '.join(ahead) or 'nobody can be ranked yet'}"

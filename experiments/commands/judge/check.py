@@ -17,11 +17,10 @@ import argparse
 import time
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import answer
 from flexaxis.experiments.running.progress import remark
 
 HELP = "check that an estimator keeps the rules"
-GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +32,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="also what happens to an axis in a year: hours off, gaps, failing sensors (minutes)",
     )
     options.add_time_limit(parser)
-    add_json(parser)
 
 
 class _Slow:

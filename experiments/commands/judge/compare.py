@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer, at_most
+from flexaxis.experiments.commands.answers import add_output, answer, at_most
 from flexaxis.experiments.running.seeds import MOST, parse_seeds
 from flexaxis.experiments.storage.files import SUMMARY, spare
 from flexaxis.sim.errors import FlexaxisError
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
 
 HELP = "say whether an estimator got better or worse, with an exit status"
-GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -79,7 +78,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_resume(parser)
     options.add_time_limit(parser)
     add_output(parser, "DIR", "default results/compare")
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -163,16 +161,11 @@ def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict
     from flexaxis.experiments.reporting.terminal import show
 
     status = found.status(strict=args.strict)
-    if args.json:
-        return answer(args, found.as_dict() | {"report": path}, status)
-    show(terminal_table(found))
-    print(
-        "\n".join(["", headline(found), meaning(found), *([knobs(found)] if found.equal else [])])
-    )
+    lines = ["", headline(found), meaning(found), *([knobs(found)] if found.equal else [])]
     if status in (1, 3):
-        print(f"look at the worst seed: {row_command(found, worst(found), sources)}")
-    print(path)
-    return status
+        lines.append(f"look at the worst seed: {row_command(found, worst(found), sources)}")
+    content = found.as_dict() | {"report": path}
+    return answer(args, content, status, *lines, path, show=lambda: show(terminal_table(found)))
 
 
 def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
@@ -199,8 +192,8 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
         )
     broken = [rate for rate in found if not rate.kept]
     told = [rate.as_dict() for rate in found]
-    if args.json:
-        return answer(args, {"rates": told, "broken": len(broken)}, int(bool(broken)))
-    show(selftest.terminal(told))
-    print(f"\n{len(broken)} of {len(found)} rates break their promise" if broken else "\nkept")
-    return int(bool(broken))
+    return answer(
+        args, {"rates": told, "broken": len(broken)}, int(bool(broken)),
+        f"\n{len(broken)} of {len(found)} rates break their promise" if broken else "\nkept",
+        show=lambda: show(selftest.terminal(told)),
+    )  # fmt: skip

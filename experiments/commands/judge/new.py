@@ -15,12 +15,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import answer
 from flexaxis.experiments.storage.files import write_text
 from flexaxis.sim.errors import FlexaxisError
 
 HELP = "write a working template of an own estimator"
-GROUP = "judge"
 CLASS = "Mine"
 TEMPLATES = {
     ".py": ("my_estimator.py",),
@@ -33,7 +32,6 @@ TEMPLATES = {
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("path", type=Path, metavar="FILE.py|c|m")
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -50,11 +48,9 @@ def main(args: argparse.Namespace) -> int:
             write_text(path, text.replace("my_estimator", args.path.stem))
         written.append(path)
     lines = _next(args.path)
-    if args.json:
-        return answer(args, {"files": written, "next": lines})
-    print(f"{args.path} estimates the motor friction f_m. Change it, then:")
-    print("\n".join(f"  {line}" for line in lines))
-    return 0
+    words = f"{args.path} estimates the motor friction f_m. Change it, then:"
+    shown = (f"  {line}" for line in lines)
+    return answer(args, {"files": written, "next": lines}, 0, words, *shown)
 
 
 def _check(path: Path) -> None:

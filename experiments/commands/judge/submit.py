@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.building.code import names_code
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.storage.files import spare
 
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from flexaxis.experiments.board.entry import About
 
 HELP = "make an entry for a board of estimators"
-GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +58,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_jobs(parser, what="the rows do")
     parser.add_argument(options.RESUME, action="store_true", help="go on after Ctrl-C")
     options.add_time_limit(parser)
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -77,17 +75,14 @@ def main(args: argparse.Namespace) -> int:
             args.estimator, args.output, about, wanted, means, quick=args.quick,
             resume=args.resume, command=options.line(args, whole=True), say=remark,
         )  # fmt: skip
-    if args.json:
-        found = {"entry": args.output, "label": entry.label, "digest": entry.digest}
-        more = {"quick": entry.quick, "left_out": entry.left_out}
-        return answer(args, found | more)
+    found = {"entry": args.output, "label": entry.label, "digest": entry.digest}
+    found |= {"quick": entry.quick, "left_out": entry.left_out}
     eligible = "for trying (few seeds)" if entry.quick else "eligible"
-    print(f"{entry.label}, {eligible}, digest {entry.digest[:16]}")
+    lines = [f"{entry.label}, {eligible}, digest {entry.digest[:16]}"]
     where, quick = shlex.quote(str(args.output)), " --quick" if entry.quick else ""
     run = " --run-code" if names_code(entry.estimator) else ""
-    print(f"next: flexaxis verify {where}{run}, then flexaxis board {where}{quick} -o site")
-    print(args.output)
-    return 0
+    lines += [f"next: flexaxis verify {where}{run}, then flexaxis board {where}{quick} -o site"]
+    return answer(args, found, 0, *lines, args.output)
 
 
 def _about(args: argparse.Namespace) -> About:

@@ -17,12 +17,11 @@ from dataclasses import asdict
 from pathlib import Path
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import write_json, write_text
 
 HELP = "sweep estimators over their knobs: speed against variance, beside the bound"
-GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +33,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_resume(parser)
     options.add_time_limit(parser)
     add_output(parser, "DIR", default=Path("results/tradeoff"))
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -67,10 +65,8 @@ def main(args: argparse.Namespace) -> int:
             **asdict(found),
             "overall": overall(found.at_excess),
         }
-        write_text(args.output / "tradeoff.svg", svg(figure(tradeoff(found.points, estimators))))
+        path = args.output / "tradeoff.svg"
+        write_text(path, svg(figure(tradeoff(found.points, estimators))))
         write_json(args.output / "tradeoff.json", content)
-    if args.json:
-        return answer(args, content | {"figure": args.output / "tradeoff.svg"})
-    show(equal_noise_table(found.matched, content["overall"]))
-    print(args.output / "tradeoff.svg")
-    return 0
+    table = equal_noise_table(found.matched, content["overall"])
+    return answer(args, content | {"figure": path}, 0, path, show=lambda: show(table))

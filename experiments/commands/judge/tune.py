@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import OutputError
 from flexaxis.sim.errors import FlexaxisError
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from flexaxis.experiments.studies.tuning import Tuned
 
 HELP = "find the knob at which an estimator is as noisy as the reference"
-GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +50,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_output(parser, "DIR", "where its runs are kept (default: results/tune/ESTIMATOR)")
     options.add_resume(parser)
     options.add_time_limit(parser)
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -99,7 +97,7 @@ def main(args: argparse.Namespace) -> int:
         print(f"not matched, and not in the file: {', '.join(missed)}", file=sys.stderr)
     status = int(bool(missed))
     alone = {} if args.all else found[0]
-    return answer(args, alone | {"tuned": found, "missed": missed}, status) if args.json else status
+    return answer(args, alone | {"tuned": found, "missed": missed}, status)
 
 
 def _in_words(match: str, tuned: Tuned) -> str:

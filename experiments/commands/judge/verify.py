@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from flexaxis.experiments.building.code import add_run_code
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer, at_most
+from flexaxis.experiments.commands.answers import add_output, answer, at_most
 from flexaxis.experiments.storage.files import STUDY, spare, write_json
 from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from flexaxis.experiments.board.verification import Check, Verdict
 
 HELP = "verify an entry of a board: run its code where it can do no harm, and compare"
-GROUP = "judge"
 UNDECIDED = 3
 
 
@@ -55,7 +54,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed-from", metavar="TEXT", help="what an earlier verdict has printed")
     add_output(parser, "FILE", "write the verdict (JSON)")
     options.add_time_limit(parser)
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -88,10 +86,7 @@ def main(args: argparse.Namespace) -> int:
     if args.output:
         write_json(args.output, verdict.as_json())
     status = 1 if not verdict.holds else UNDECIDED if verdict.ran and not verdict.accepted else 0
-    if args.json:
-        return answer(args, verdict.as_json(), status)
-    _conclude(args, verdict)
-    return status
+    return answer(args, verdict.as_json(), status, show=lambda: _conclude(args, verdict))
 
 
 def _check(args: argparse.Namespace) -> None:

@@ -13,16 +13,14 @@ from __future__ import annotations
 
 import argparse
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import answer
 
 HELP = "show or empty the cache of simulated records"
-GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("action", choices=("info", "clear"))
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -34,7 +32,4 @@ def main(args: argparse.Namespace) -> int:
     if args.action == "clear":
         facts["removed"] = store.clear()
     facts |= {"records": len(store.entries()), "size_mb": round(store.size() / 1024**2, 1)}
-    if args.json:
-        return answer(args, facts)
-    print("\n".join(f"{key}: {value}" for key, value in facts.items()))
-    return 0
+    return answer(args, facts, 0, *(f"{key}: {value}" for key, value in facts.items()))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 
 HELP = "print what lets bash, zsh or fish complete words"
-GROUP = "look"
+JSON = False
 _ZSH = "#compdef flexaxis"  # to be the first line, for who puts it into a file
 _BEGIN = "(( $+functions[compdef] )) || { autoload -U compinit && compinit }"
 

@@ -11,11 +11,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import answer
 from flexaxis.experiments.storage.files import REPORT, spare
 
 HELP = "write the rows of a run or a study as Parquet, CSV, NetCDF or JSON lines"
-GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +23,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     form = parser.add_mutually_exclusive_group(required=True)
     for name in ("parquet", "csv", "netcdf", "jsonl"):
         form.add_argument(f"--{name}", type=Path, metavar="FILE")
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -43,8 +41,4 @@ def main(args: argparse.Namespace) -> int:
     target = getattr(args, name)
     spare([*inputs(args.folder), args.folder / REPORT], target)
     count = forms[name](Results.load(args.folder, whole=True), target)
-    if args.json:
-        return answer(args, {"rows": count, "file": target})
-    print(f"{count} rows")
-    print(target)
-    return 0
+    return answer(args, {"rows": count, "file": target}, 0, f"{count} rows", target)

@@ -11,11 +11,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import answer
 from flexaxis.sim.errors import FlexaxisError
 
 HELP = "list scenarios, suites and estimators"
-GROUP = "look"
 KINDS = ("scenarios", "suites", "estimators")
 
 NARROW = 72  # columns; in fewer, names leave no room for anything beside them
@@ -28,7 +27,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("kind", nargs="?", choices=KINDS, help="list only these")
     parser.add_argument("--group", metavar="GROUP", help="only scenarios of a group, such as steps")
     parser.add_argument("--find", metavar="TEXT", default="", help="only what has this text")
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:

@@ -10,11 +10,10 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.storage.files import REPORT, as_written, spare, write_text
 
 HELP = "write report.html again from the results in a folder"
-GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +27,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="how large the report of a run may be: what does not fit of single runs is left out "
         "(default: 3, and 12 with more than twelve scenarios)",
     )
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:

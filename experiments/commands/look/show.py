@@ -12,17 +12,15 @@ from __future__ import annotations
 
 import argparse
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import answer
 from flexaxis.experiments.streams import visible
 
 HELP = "show a scenario, suite or estimator with all its values"
-GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("name", metavar="SCENARIO|SUITE|ESTIMATOR", help="its name, or a TOML path")
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -65,7 +63,4 @@ def main(args: argparse.Namespace) -> int:
         of_card = [f"# {key}: {' '.join(value.split())}" for key, value in known.items()]
         text = "".join(f"{visible(line)}\n" for line in of_card)
         text += f"\n{scenario.to_toml()}"
-    if args.json:
-        return answer(args, content)
-    print(text.rstrip())
-    return 0
+    return answer(args, content, 0, text.rstrip())

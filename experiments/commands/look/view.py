@@ -13,12 +13,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import SEED, add_json, add_output, answer, at_most
+from flexaxis.experiments.commands.answers import SEED, add_output, answer, at_most
 from flexaxis.experiments.storage.files import spare
 from flexaxis.sim.errors import FlexaxisError
 
 HELP = "look at a run in 3-D, in a window or as a picture"
-GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +29,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--exaggerate", type=float, default=100.0, metavar="X", help="of the twist (default 100)"
     )
     add_output(parser, "PICTURE.png")
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -58,11 +56,7 @@ def main(args: argparse.Namespace) -> int:
         window(record, start=args.at, exaggerate=args.exaggerate)
     else:
         picture(record, args.output, at=args.at, exaggerate=args.exaggerate)
-    if args.json:
-        return answer(args, {"picture": args.output})
-    if args.output is not None:
-        print(args.output)
-    return 0
+    return answer(args, {"picture": args.output}, 0, *filter(None, [args.output]))
 
 
 def _check(args: argparse.Namespace) -> None:

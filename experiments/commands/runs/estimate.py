@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.building.neighbours import code_file
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.storage.files import spare
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from flexaxis.experiments.running.estimate import Estimated
 
 HELP = "run an estimator on a record and save the estimates (NetCDF-4)"
-GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +43,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="estimates only: several times faster on long records",
     )
     options.add_time_limit(parser)
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -69,12 +67,9 @@ def main(args: argparse.Namespace) -> int:
             covariance=not args.no_covariance,
             advance=advance,
         )
-    if args.json:
-        content = {"estimates": path, "estimator": spec.text, "samples": found.samples}
-        return answer(args, content | {"last": found.last, "truth": found.truth})
-    _print(found)
-    print(path)
-    return 0
+    content = {"estimates": path, "estimator": spec.text, "samples": found.samples}
+    content |= {"last": found.last, "truth": found.truth}
+    return answer(args, content, 0, path, show=lambda: _print(found))
 
 
 def _print(found: Estimated) -> None:

@@ -12,18 +12,16 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.cli import FINDING, FINE, say
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.storage.files import spare
 
 HELP = "put the shares of a run or a study together"
-GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folders", nargs="+", type=Path, metavar="DIR")
     add_output(parser, "DIR", required=True)
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -40,10 +38,7 @@ def main(args: argparse.Namespace) -> int:
         say("the folders are of unlike estimators or seeds: what is still missing is not known")
     if merged.missing:
         say(f"incomplete: {merged.missing} of {merged.cases + merged.missing} cases are missing")
-    status = FINDING if merged.missing else FINE
-    if args.json:
-        told = {"cases": merged.cases, "doubles": merged.doubles, "missing": merged.missing}
-        return answer(args, told | {"folder": args.output, "report": path}, status)
-    print(f"{merged.cases} cases, {merged.doubles} more were doubles")
-    print(path)
-    return status
+    told: dict[str, object] = {"cases": merged.cases, "doubles": merged.doubles}
+    told |= {"missing": merged.missing, "folder": args.output, "report": path}
+    count = f"{merged.cases} cases, {merged.doubles} more were doubles"
+    return answer(args, told, FINDING if merged.missing else FINE, count, path)

@@ -14,12 +14,11 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.building.code import add_run_code
-from flexaxis.experiments.commands.answers import SEED, add_json, answer, at_most
+from flexaxis.experiments.commands.answers import SEED, answer, at_most
 from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
 
 HELP = "run random cases of a run or a study again and compare"
-GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +29,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=at_most(SEED), default=0, help="of the choice (default: 0)")
     add_run_code(parser, "rows in RUN")
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -45,15 +43,14 @@ def main(args: argparse.Namespace) -> int:
     how = {"sample": args.sample, "seed": args.seed, "run_code": args.run_code}
     verdicts = list(verify(args.folder, command=command, **how))
     wrong = [verdict for verdict in verdicts if verdict.differences]
-    if args.json:
-        cases = [asdict(verdict) for verdict in verdicts]
-        return answer(args, {"cases": cases, "differ": len(wrong)}, 1 if wrong else 0)
-    for verdict in wrong:
-        head = f"{verdict.case} ({verdict.what}):"
-        print(visible(head), *map(visible, verdict.differences), sep="\n  ")
+    cases = [asdict(verdict) for verdict in verdicts]
+    lines = [
+        "\n  ".join(map(visible, (f"{each.case} ({each.what}):", *each.differences)))
+        for each in wrong
+    ]
     exact = sum(verdict.exact for verdict in verdicts)
-    print(
+    lines += [
         f"{len(verdicts) - len(wrong)} of {len(verdicts)} cases agree; {exact} had to be identical "
         f"(made on this machine with these versions), the others within the tolerance"
-    )
-    return 1 if wrong else 0
+    ]
+    return answer(args, {"cases": cases, "differ": len(wrong)}, int(bool(wrong)), *lines)

@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import REPORT, spare
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from flexaxis.experiments.catalogue.find import Selection
 
 HELP = "run estimators on scenarios, score them, write a report"
-GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -53,14 +52,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_engine(parser)
     add_output(parser, "DIR", "default: results/FIRST_NAME")
     options.add_cache(parser, default=True)
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
     from flexaxis.experiments.studies.benchmark import benchmark
 
-    options.check_jobs(args)
     work, share = wanted(args, args.names), options.shard(args)
     folder = args.output or Path("results") / Path(args.names[0]).stem
     spare(args.names, folder)
@@ -138,10 +135,7 @@ def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) 
     options.tell_failures(failures)
     told = {"folder": str(folder), "shard": "/".join(map(str, share)), "failed": len(failures)}
     status = options.failed(failures, args.remarks)
-    if args.json:
-        return answer(args, told, status)
-    print(folder)
-    return status
+    return answer(args, told, status, folder)
 
 
 def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
@@ -153,7 +147,5 @@ def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
     if not args.json:
         show_run(found.summary)
     options.tell_failures(failures)
-    if args.json:
-        return answer(args, found.summary | {"report": folder / REPORT}, status)
-    print(folder / REPORT)
-    return status
+    path = folder / REPORT
+    return answer(args, found.summary | {"report": path}, status, path)

@@ -15,7 +15,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.commands.answers import SEED, add_json, add_output, answer, at_most
+from flexaxis.experiments.commands.answers import SEED, add_output, answer, at_most
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.options import add_style_options, style_of
 from flexaxis.experiments.running.progress import progress
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from flexaxis.sim.record import Record
 
 HELP = "simulate a scenario and save the record (NetCDF-4), or a log of it"
-GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +36,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_output(parser, "FILE", "default: SCENARIO-SEED.nc")
     parser.add_argument("--as-log", choices=("csv",), help="write what a robot would log, as this")
-    add_json(parser)
     add_style_options(parser)
 
 
@@ -72,12 +70,8 @@ def main(args: argparse.Namespace) -> int:
     else:
         record.save(path)
     content |= {"scenario": scenario.name, "hash": record.hash, "seed": args.seed}
-    if args.json:
-        return answer(args, content | {"samples": len(record.time)})
-    if args.as_log:
-        print(f"import it by: {content['import']}")
-    print(path)
-    return 0
+    said = [f"import it by: {content['import']}"] if args.as_log else []
+    return answer(args, content | {"samples": len(record.time)}, 0, *said, path)
 
 
 _STYLE = ("--units", "--jitter", "--gaps", "--counts")

@@ -33,15 +33,14 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.building.code import add_run_code, require
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.storage.files import REPORT, STUDY, spare
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.running.plan import Plan
+    from flexaxis.experiments.running.plan import Plan, Work
 
 HELP = "sweep scenarios, faults and estimators over many seeds, resumable"
-GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -58,7 +57,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     options.add_cache(parser, default=False)
     add_run_code(parser, "estimators of FILE.toml")
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -92,30 +90,25 @@ def _planned_and_run(args: argparse.Namespace, study: Any) -> int:
     there = None if args.overwrite else done(folder, plan)
     with ExitStack() as stack:
         place = options.executor(args, stack)
-        told = _announced(plan, there)
-        (remark if args.json or not args.dry_run else print)(told)
+        whole, todo = plan.work(), plan.work(there).cases
+        told = _announced(plan, whole, todo)
         if not args.dry_run:
-            return _run(args, plan, folder, place)
-    return answer(args, _planned(plan, there, folder)) if args.json else 0
+            remark(told)
+            return _run(args, plan, folder, place, todo)
+    planned = {"folder": folder, "variants": len(plan.variants), "cases": whole.cases}
+    return answer(args, planned | {"records": whole.records, "to_run": todo}, 0, told)
 
 
-def _planned(plan: Plan, done: Any, folder: Path) -> dict[str, Any]:
-    whole, todo = plan.work(), plan.work(done)
-    found = {"folder": folder, "variants": len(plan.variants), "cases": whole.cases}
-    return found | {"records": whole.records, "to_run": todo.cases}
-
-
-def _announced(plan: Plan, done: Any) -> str:
+def _announced(plan: Plan, whole: Work, todo: int) -> str:
     """Return the plan in words."""
-    whole, todo = plan.work(), plan.work(done)
     text = (
         f"{_several(len(plan.variants), 'variant')} of "
         f"{_several(len(plan.study.scenarios), 'scenario')} × "
         f"{_several(len(plan.study.seeds), 'seed')}: {_several(whole.cases, 'case')} on "
         f"{_several(whole.records, 'record')}"
     )
-    if whole.cases > todo.cases:
-        text += f"; {_several(whole.cases - todo.cases, 'case')} done, {todo.cases} to run"
+    if whole.cases > todo:
+        text += f"; {_several(whole.cases - todo, 'case')} done, {todo} to run"
     return text
 
 
@@ -123,11 +116,11 @@ def _several(number: int, what: str) -> str:
     return f"{number} {what}{'s'[: number != 1]}"
 
 
-def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, int]) -> int:
+def _run(
+    args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, int], todo: int
+) -> int:
     from flexaxis.experiments.running.engine import run_study
-    from flexaxis.experiments.running.folder import done
 
-    todo = plan.work(None if args.overwrite else done(folder, plan)).cases
     working = options.working(args, _several(todo, "case"), todo, cache=args.cache, place=place)
     with working as (means, _):
         finished = run_study(
@@ -154,10 +147,8 @@ def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int
     # A share is reported on when all are merged.
     path = report(folder) if plan.shard[1] == 1 else folder
     status = options.failed(failures, args.remarks)
-    if args.json:
-        told = {"folder": folder, "report": path, "cases": counted, "of": total}
-        return answer(args, told | {"run": run, "failed": len(failures)}, status)
-    print(f"{counted} of {_several(total, 'case')} done, {run} of them just now")
+    told = {"folder": folder, "report": path, "cases": counted, "of": total}
+    told |= {"run": run, "failed": len(failures)}
+    words = f"{counted} of {_several(total, 'case')} done, {run} of them just now"
     options.tell_failures(failures)
-    print(path)
-    return status
+    return answer(args, told, status, words, path)

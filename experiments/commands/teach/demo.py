@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.demo.lesson import Lesson
 
 HELP = "a live axis in the browser, or a lesson as GIF"
-GROUP = "teach"
+JSON = False
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

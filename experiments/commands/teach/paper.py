@@ -13,11 +13,10 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.progress import progress
 
 HELP = "reproduce the paper's figures and check its claims"
-GROUP = "teach"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -25,11 +24,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_output(parser, "DIR", "default: results/paper", default=Path("results/paper"))
     options.add_jobs(parser, what="the claims do")
     options.add_cache(parser, default=True)
-    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Reproduce, check, and say what failed."""
+    from functools import partial
+
     from flexaxis.experiments.paper.reproduce import PAGE, claims_table, reproduce
     from flexaxis.experiments.reporting.terminal import show_table
     from flexaxis.experiments.running.cache import default_cache
@@ -49,9 +49,7 @@ def main(args: argparse.Namespace) -> int:
         raise KeyboardInterrupt(f"{kept} kept; begin again with: {again}") from None
     page = args.output / PAGE
     status = int(not all(claim.holds for claim in claims))
-    if args.json:
-        return answer(args, {"claims": [claim.as_json() for claim in claims], "page": page}, status)
-    held = sum(claim.holds for claim in claims)
-    show_table(claims_table(claims), caption=f"{held} of {len(claims)} claims hold")
-    print(page)
-    return status
+    caption = f"{sum(claim.holds for claim in claims)} of {len(claims)} claims hold"
+    told = {"claims": [claim.as_json() for claim in claims], "page": page}
+    said = partial(show_table, claims_table(claims), caption=caption)
+    return answer(args, told, status, page, show=said)
