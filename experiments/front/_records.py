@@ -65,9 +65,10 @@ class Recording(Record):
         for name in signals:
             if name not in self.signals:
                 raise FlexaxisError(unknown("signal", name, self.signals))
-        who = repr(self).partition(": ")[0]
+        label = repr(self).partition(": ")[0]
+        who = "A" if ax is None else label  # alone it is unbroken; beside others by its name
         curves = {f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]":
-                  [Line(who=who, x=self.time, y=getattr(self, name))]
+                  [Line(who=who, label=label, x=self.time, y=getattr(self, name))]
                   for name in signals or usual}  # fmt: skip
         return over_time(curves, ax, self.definition)
 
