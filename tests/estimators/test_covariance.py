@@ -59,21 +59,6 @@ def test_compiled_code_does_what_numpy_does(m, n):
     np.testing.assert_array_equal(P[:, m:], 0.0)
 
 
-@pytest.mark.parametrize(("m", "n"), SIZES)
-def test_a_measurement_is_that_of_the_textbook(m, n):
-    """Predicted, then conditioned on y = hᵀξ + e before it moved, by the joint covariance."""
-    state, R = state_of(m, n), 0.7
-    X, P, p = state["X"][0], state["P"][0, :, :m].copy(), m - n
-    F, h = np.eye(m), X[-1, 1 : 1 + m]
-    F[p:] = X[:n, 1 : 1 + m]
-    cross, S = F @ P @ h, h @ P @ h + R
-    through(state, 1 / np.sqrt(S), 0.0)
-    np.testing.assert_allclose(state["spread"][0] + R, S)
-    expected = F @ P @ F.T - np.outer(cross, cross) / S
-    expected[:p, :p] += state["W"][0]
-    np.testing.assert_allclose(state["P"][0, :, :m], expected, rtol=1e-9, atol=1e-11)
-
-
 def test_a_mixture_has_the_covariance_of_its_samples():
     """Two clouds of points, exactly: weights in whole points."""
     rng = np.random.default_rng(0)

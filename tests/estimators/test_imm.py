@@ -156,7 +156,6 @@ def test_a_gap_keeps_the_estimate_and_forgets_the_mode(nominal, loop):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"noise": 0.0}, "noise is 0.0"),
         ({"rate": 0.0}, "rate is 0.0"),
         ({"hold": 0.001}, "hold 0.001"),
         ({"jump": [1.0]}, "jump is"),

@@ -71,18 +71,6 @@ def test_two_mass_is_the_paper(loop):
     np.testing.assert_allclose(fast.run(loop.u[:2000], loop.y[:2000]), expected, rtol=1e-9)
 
 
-def test_step_is_run_bit_for_bit(nominal, loop):
-    filters = [Rpem(three_mass(nominal), P0=P0, period=0.005) for _ in range(3)]
-    u, y, valid = loop.u[:5000], loop.y[:5000], gaps(5000)
-    at_once = filters[0].run(u, y, valid)
-    by_step = [filters[1].step(*s) for s in zip(u, np.where(valid, y, None), strict=True)]
-    in_two = [filters[2].run(u[s], y[s], valid[s]) for s in (slice(1777), slice(1777, None))]
-    np.testing.assert_array_equal(by_step, at_once)
-    np.testing.assert_array_equal(np.concatenate(in_two), at_once)
-    filters[0].reset()
-    np.testing.assert_array_equal(filters[0].run(u, y, valid), at_once)
-
-
 def test_P_stays_symmetric_and_positive_definite(nominal, loop):
     u, y = np.tile(loop.u, 5), np.tile(loop.y, 5)
     for options in ({"forgetting": 0.98}, {"drift": DRIFT}):
