@@ -1,5 +1,5 @@
 """
-Logs of one to three masses with dry friction, by an integrator of their own.
+Logs of one to three masses with dry friction, by an integrator of their own; parameters may change.
 
 The linear part is exact over steps of a fortieth of a sample, and Coulomb friction is the torque
 that stops the motor in a step, or all that there is of it: neither bristles nor the sampled models
@@ -7,6 +7,8 @@ of the estimators. A step in which the motor turns is taken anew in forty: frict
 half a step late is an inertia that is .03 % too large, twelve standard deviations of a long log.
 The motor angle is controlled, by the paper's controller.
 """
+
+from collections.abc import Mapping
 
 import numpy as np
 from numba import njit
@@ -36,6 +38,8 @@ def log(
     period: float = 0.002,
     noise: float = 0.05,
     offset: float = 0.0,
+    change: Mapping[str, float] | None = None,
+    at: float = 20.0,
 ) -> Record:
     """
     Return a log from rest.
@@ -55,23 +59,32 @@ def log(
         Of the speed [rad/s].
     offset : float
         Torque that acts besides [N m].
+    change : mapping of str to float, optional
+        Factors of parameters, f_c among them, from `at` [s] on.
+    at : float
     """
-    values, N = VALUES[masses], round(seconds / period)
-    A, B, motor = _matrices(masses, values)
-    h = period / STEPS
-    whole, fine = (_stepped(A, B, values["k_T"], part) for part in (h, h / STEPS))
+    N = round(seconds / period)
+    values = VALUES[masses] | {"f_c": ratio * VALUES[masses]["f_m"]}
+    then = {name: value * (change or {}).get(name, 1.0) for name, value in values.items()}
+    systems = tuple(_system(masses, each, period / STEPS) for each in (values, then))
     rng = np.random.default_rng([seed, masses, round(ratio)])
     speed = float(np.clip(ratio, 5, 60))
     reference = {"multisine": _multisine, "moves": _moves}[motion](N, period, speed, rng)
     stiffness = 60 * _inertia(values)
-    f_c = ratio * values["f_m"]
-    u, v, angle = _run(whole, fine, motor, reference, stiffness, period, (f_c, offset))
+    motor = _matrices(masses, values)[2]
+    u, v, angle = _run(systems, round(at / period), motor, reference, stiffness, period, offset)
     return Record(
         time=period * np.arange(N),
         torque=u,
         speed=v + noise * rng.standard_normal(N),
         angle=angle,
     )
+
+
+def _system(masses, values, h):
+    """Return Φ, gain and friction of a step and of a fine one, and the level of friction."""
+    A, B, _ = _matrices(masses, values)
+    return *(_stepped(A, B, values["k_T"], part) for part in (h, h / STEPS)), values["f_c"]
 
 
 def _inertia(q):
@@ -134,12 +147,12 @@ def _moves(N, period, speed, rng):
 
 
 @njit
-def _run(whole, fine, motor, reference, stiffness, period, torques):  # noqa: PLR0917
-    f_c, offset = torques
-    N, x = len(reference), np.zeros(len(whole[1]))
+def _run(systems, change, motor, reference, stiffness, period, offset):  # noqa: PLR0917
+    N, x = len(reference), np.zeros(len(systems[0][0][1]))
     u, v, angle = np.zeros(N), np.zeros(N), np.zeros(N)
     integral, before, slope, memory = 0.0, 0.0, 0.0, np.exp(-period / 5e-4)
     for k in range(N):
+        whole, fine, f_c = systems[1] if k >= change else systems[0]
         v[k], angle[k] = x[motor], x[-1]
         error = reference[k] - x[-1]
         slope = memory * slope + (1 - memory) * (error - before) / period

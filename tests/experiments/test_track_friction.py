@@ -14,7 +14,7 @@ from flexaxis.experiments.logs.changes import changes_along
 from flexaxis.experiments.logs.track import track
 
 sys.path.insert(0, str(Path(__file__).parent))
-from track_axes import VALUES, changing_log
+from identify_axes import VALUES, log
 
 RATE = 100.0
 AXIS = """
@@ -40,7 +40,7 @@ def test_dry_friction_at_100_hz_is_told_from_viscous(tmp_path):
     """The motion reverses as it does at any rate, within 16 ms; so law and rate are apart."""
     path = tmp_path / "axis.toml"
     path.write_text(AXIS)
-    record = changing_log(
+    record = log(
         1, 10, "multisine", seed=1, period=1 / RATE, seconds=30.0, change={"f_m": 1.5}, at=15.0
     )
     found = track(record, find_axis(str(path)), parse("rpem-friction"), identify=["f_m"])
