@@ -1,10 +1,11 @@
 """The joint extended Kalman filter against a textbook one, written out with matrix exponentials."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from acceptance.textbook import sampled
 
 from flexaxis.estimators import three_mass
 from flexaxis.estimators.filters.design import make_design
@@ -14,19 +15,9 @@ from flexaxis.estimators.models.axes import LIMIT, with_angle
 T = 0.005
 
 
-def textbook(by_hand, nominal, loop, N, *, P0, W, sigma, increments=False):
+def textbook(nominal, loop, N, *, P0, W, sigma, increments=False):
     """θ (N, 3): central differences of the exact step as Jacobian, Kalman equations one by one."""
-
-    def step(xi, u):
-        q = nominal | {"k_T": xi[0], "J_a": 1 / xi[1], "f_m": xi[2]}
-        A, B = by_hand(q)
-        x = xi[3:].copy()
-        if increments:
-            x[5] = 0.0  # the motor angle counts from the start of the sample
-        n = len(x)
-        block = np.block([[A[:n, :n], B[:n, None]], [np.zeros((1, n + 1))]])
-        return np.r_[xi[:3], (expm(block * T) @ np.r_[x, u])[:n]]
-
+    step = partial(sampled, nominal, increments=increments)
     m = 9 if increments else 8
     h = np.zeros(m)
     h[8 if increments else 5] = 1 / T if increments else 1.0
@@ -54,13 +45,11 @@ def textbook(by_hand, nominal, loop, N, *, P0, W, sigma, increments=False):
 
 
 @pytest.mark.parametrize("output", ["speed", "increment"])
-def test_against_the_textbook(nominal, loop, by_hand, output):
+def test_against_the_textbook(nominal, loop, output):
     N = 200
     theta0 = np.array([1.0, 1.25, 0.05])
     P0, W = (0.1 * theta0) ** 2, (1e-3 * theta0) ** 2
-    expected = textbook(
-        by_hand, nominal, loop, N, P0=P0, W=W, sigma=0.1, increments=output == "increment"
-    )
+    expected = textbook(nominal, loop, N, P0=P0, W=W, sigma=0.1, increments=output == "increment")
     ekf = joint_ekf(
         make_design(three_mass(nominal), P0=P0, drift=W, noise=0.1, period=T, output=output)
     )

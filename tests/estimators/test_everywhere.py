@@ -132,8 +132,17 @@ def test_what_is_forgotten_in_a_second_hangs_on_no_rate(name):
 # Disturbances
 
 
-@pytest.mark.parametrize("case", DISTURBANCES)
-@pytest.mark.parametrize("name", SHIPPED)
+LONG = {"moving-horizon"}  # takes a quarter of a millisecond a sample
+
+
+@pytest.mark.parametrize(
+    ("name", "case"),
+    [
+        pytest.param(n, case, marks=[pytest.mark.slow] * (n in LONG and case != "outlier of 1e9"))
+        for n in SHIPPED
+        for case in DISTURBANCES
+    ],
+)
 def test_a_disturbance_is_survived(name, case):
     """Longer ones, and sensors that fail, are those of `flexaxis check --long`."""
     found = outcome(make(name), disturbed(case))
@@ -183,7 +192,7 @@ def test_after_a_known_change_the_claim_is_right():
     assert (abs(found.mean - 1) < 0.15 + 2 * found.deviation).all(), found
 
 
-@pytest.mark.parametrize("name", CONSISTENT)
+@pytest.mark.parametrize("name", [slow(n) if n in LONG else n for n in CONSISTENT])
 def test_in_steady_state_the_claim_is_right(name):
     runs = {seed: stepped("n1", 11.2, at=10.0, seed=seed) for seed in range(30)}
     found = claims(name, runs)

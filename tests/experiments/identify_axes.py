@@ -8,13 +8,17 @@ half a step late is an inertia that is .03 % too large, twelve standard deviatio
 The motor angle is controlled, by the paper's controller.
 """
 
+import sys
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 from numba import njit
-from scipy.linalg import expm
 
 from flexaxis.sim.record import Record
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "estimators"))
+from acceptance.axes import held, system
 
 VALUES = {
     1: {"k_T": 1.0, "J_m": 1e-3, "f_m": 5e-3},
@@ -95,10 +99,9 @@ def _inertia(q):
 
 def _stepped(A, B, k_T, h):
     """Return Φ, what a torque adds in a step, and what friction of one takes."""
-    n = len(A)
-    step = expm(np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]) * h)
-    gain = step[:n, n].copy()
-    return step[:n, :n].copy(), gain, -gain / k_T
+    step = held(A, B, h)
+    gain = step[:, -1].copy()
+    return step[:, :-1].copy(), gain, -gain / k_T
 
 
 def _matrices(masses, q):
@@ -107,25 +110,13 @@ def _matrices(masses, q):
         A = np.array([[-q["f_m"] / q["J_m"], 0.0], [1.0, 0.0]])
         return A, np.array([q["k_T"] / q["J_m"], 0.0]), 0
     if masses == 3:
-        return _three(q)
+        return *system(q), 2
     A = np.zeros((4, 4))
     A[0, 1:3] = 1.0, -1.0
     A[1] = np.array([-q["k"], -q["d"] - q["f_m"], q["d"], 0.0]) / q["J_m"]
     A[2] = np.array([q["k"], q["d"], -q["d"] - q["f_l"], 0.0]) / q["J_l"]
     A[3, 1] = 1.0
     return A, np.array([0.0, q["k_T"] / q["J_m"], 0.0, 0.0]), 1
-
-
-def _three(q):
-    """Return the same of the paper's axis: twists of gear and arm, three speeds, the angle."""
-    A, r = np.zeros((6, 6)), q["r"]
-    A[0, 2:4], A[1, 3:5], A[5, 2] = (r, -1.0), (1.0, -1.0), 1.0
-    gear = np.array([q["k_g"], 0.0, r * q["d_g"], -q["d_g"], 0.0, 0.0])
-    arm = np.array([0.0, q["k_a"], 0.0, q["d_a"], -q["d_a"], 0.0])
-    A[2] = (-r * gear - q["f_m"] * np.eye(6)[2]) / q["J_m"]
-    A[3] = (gear - arm - q["f_g"] * np.eye(6)[3]) / q["J_g"]
-    A[4] = (arm - q["f_a"] * np.eye(6)[4]) / q["J_a"]
-    return A, np.eye(6)[2] * q["k_T"] / q["J_m"], 2
 
 
 def _multisine(N, period, speed, rng):

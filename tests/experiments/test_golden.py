@@ -3,7 +3,7 @@
 `python tests/golden/make.py` writes them anew, for a change that is meant, and prints what moved.
 """
 
-import importlib.util
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,19 +15,12 @@ from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
-GOLDEN = Path(__file__).parents[1] / "golden"
+sys.path.insert(0, str(Path(__file__).parents[1] / "golden"))
+import contents
+
 ADVICE = "if that is meant: python tests/golden/make.py scores"
 
 
-def load():
-    """The module beside the goldens; a folder of data is no package."""
-    place = importlib.util.spec_from_file_location("golden_contents", GOLDEN / "contents.py")
-    module = importlib.util.module_from_spec(place)
-    place.loader.exec_module(module)
-    return module
-
-
-contents = load()
 OLD = contents.golden_rows()
 
 

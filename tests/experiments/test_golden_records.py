@@ -3,26 +3,19 @@
 `python tests/golden/make.py records` writes their digests anew, for a change that is meant.
 """
 
-import importlib.util
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-GOLDEN = Path(__file__).parents[1] / "golden"
+sys.path.insert(0, str(Path(__file__).parents[1] / "golden"))
+import contents
+
 ADVICE = "if that is meant: python tests/golden/make.py records"
 
 
-def load():
-    """The module beside the goldens; a folder of data is no package."""
-    place = importlib.util.spec_from_file_location("golden_contents", GOLDEN / "contents.py")
-    module = importlib.util.module_from_spec(place)
-    place.loader.exec_module(module)
-    return module
-
-
-contents = load()
 # A second and more each, with a friction that others of the catalogue have as well.
 LIKE_OTHERS = {
     "coulomb-v1", "coulomb2-v1", "coulomb05_fm_step-v1", "coulomb2_fm_step-v1",

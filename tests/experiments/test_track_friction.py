@@ -1,10 +1,8 @@
 """track on an axis with dry friction at a slow rate, and what it says of the size of a change."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from identify_axes import VALUES, log
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.discretisation import law_plan
@@ -12,9 +10,6 @@ from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.changes import changes_along
 from flexaxis.experiments.logs.track import track
-
-sys.path.insert(0, str(Path(__file__).parent))
-from identify_axes import VALUES, log
 
 RATE = 100.0
 AXIS = """

@@ -57,7 +57,7 @@ def drive_off(axis, seconds, **options) -> Disturbed:
 
 def pause(axis, seconds, **options) -> Disturbed:
     """The reference is held; a second later the axis stands still under control."""
-    run = simulate(axis, BEFORE + seconds + AFTER, held=(BEFORE, BEFORE + seconds), **options)
+    run = simulate(axis, BEFORE + seconds + AFTER, pause=(BEFORE, BEFORE + seconds), **options)
     span = _span(run, seconds)
     return _whole(run, (span.start, span.stop))
 
