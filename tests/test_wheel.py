@@ -64,19 +64,22 @@ def wheel(tmp_path_factory):
     return site
 
 
-def flexaxis(wheel, folder, *words):
-    dependencies = str(Path(numpy.__file__).parents[1])
-    code = RUN.format(paths=[str(wheel), dependencies], words=list(words), wheel=str(wheel))
-    environment = os.environ | {"PYTHONPATH": ""}
+def python(code, folder, path, **given):
+    """Run code that sees a wheel, or what it was unpacked to, and what that depends on."""
+    paths = [str(path), str(Path(numpy.__file__).parents[1])]
     return subprocess.run(
-        [sys.executable, "-S", "-c", code],
+        [sys.executable, "-S", "-c", code.format(paths=paths, **given)],
         cwd=folder,
-        env=environment,
+        env=os.environ | {"PYTHONPATH": ""},
         capture_output=True,
         text=True,
         timeout=300,
         check=False,
     )
+
+
+def flexaxis(wheel, folder, *words):
+    return python(RUN, folder, wheel, words=list(words), wheel=str(wheel))
 
 
 def test_nothing_but_flexaxis_lands_in_site_packages(wheel):
@@ -90,23 +93,11 @@ def test_catalogue_is_in_the_wheel(wheel, tmp_path):
     assert "fm_step-v1" in shown.stdout and "smoke" in shown.stdout
 
 
-def front(paths, folder):
-    return subprocess.run(
-        [sys.executable, "-S", "-c", FRONT.format(paths=paths)],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": ""},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-
-
 @pytest.mark.parametrize("zipped", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_front_door_is_in_the_wheel(wheel, tmp_path, zipped):
     assert (wheel / "flexaxis/py.typed").is_file()
     path = next(wheel.parent.glob("*.whl")) if zipped else wheel  # a wheel is a zip archive
-    ran = front([str(path), str(Path(numpy.__file__).parents[1])], tmp_path)
+    ran = python(FRONT, tmp_path, path)
     assert ran.returncode == 0, ran.stderr
     assert "rpem-forgetting" in ran.stdout and "f_m" in ran.stdout
 

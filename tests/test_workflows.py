@@ -82,7 +82,6 @@ def test_nothing_is_run_where_code_cannot_be_shut_in():
     assert first < next(k for k, run in enumerate(runs) if "--run-code" in run)
     assert not any("|| true" in run for run in runs[: first + 1])
     assert not any("--unconfined" in run for run in runs)
-    assert not any("--unconfined" in run for run in runs)
     assert "--no-renames" in "".join(runs) and "--diff-filter" not in "".join(runs)
 
 

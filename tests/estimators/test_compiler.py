@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.estimators import registry
 from flexaxis.estimators.models import compiler
 from flexaxis.estimators.models.compiler import compiled, inlined, remembered
 
@@ -218,32 +217,6 @@ def test_what_was_made_by_a_factory_is_made_anew_elsewhere():
     assert pickle.loads(pickle.dumps(inner)) is inner
 
 
-PLAINLY = """
-import json, sys
-import numpy as np
-from flexaxis.estimators import registry
-nominal, u, y = json.loads(sys.argv[1])
-for name in sys.argv[2:]:
-    print(json.dumps(registry.REGISTRY[name].factory(nominal, 0.005).run(u, y)[-1].tolist()))
-"""
-
-
-def test_compiled_code_is_what_is_written(nominal, loop):
-    """Both without the compiler, and by it: sums in another order, and rounded once."""
-    names = ["rpem-forgetting", "rpem-drift-mu", "efra", "ekf", "imm", "ukf", "moving-horizon"]
-    given = json.dumps([dict(nominal), loop.u[:40].tolist(), loop.y[:40].tolist()])
-    plainly = subprocess.run(
-        [sys.executable, "-c", PLAINLY, given, *names],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    for name, line in zip(names, plainly.stdout.splitlines(), strict=True):
-        ours = registry.REGISTRY[name].factory(nominal, 0.005).run(loop.u[:40], loop.y[:40])[-1]
-        np.testing.assert_allclose(ours, json.loads(line), rtol=1e-9, err_msg=name)
-
-
 EDITED = """
 import sys
 import numpy as np
@@ -257,6 +230,7 @@ print(made.run(np.ones(50), np.ones(50))[-1, 0])
 """
 
 
+@pytest.mark.slow  # it compiles twice, whatever is kept
 def test_an_edit_of_what_a_loop_calls_is_not_hidden(nominal, tmp_path):
     """Also where the file of the loop itself stays as it is, to the second and the byte."""
     home = tmp_path / "flexaxis"

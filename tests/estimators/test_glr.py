@@ -1,39 +1,18 @@
 """A filter with a bank of hypotheses: parts by hand, and as a whole on records with faults."""
 
-from functools import cache
-
 import numpy as np
 import pytest
+from acceptance.banks import T, drawn, glr, tracked
+from acceptance.banks import made as of
 
 from flexaxis.estimators import EstimatorError
 from flexaxis.estimators.glr.bank import PER_LEVEL
 from flexaxis.estimators.glr.records import time_scale
 from flexaxis.estimators.models.axes import N1, one_mass, three_mass
 from flexaxis.estimators.protocol import Finding
-from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.sim.simulate import simulate
-
-T = 0.005
-glr = REGISTRY["glr"].factory
-
-
-@cache
-def drawn(name, seed=0):
-    """Torque and speed of a scenario with what an estimator is told of it."""
-    scenario = find_scenario(name)
-    one = simulate(scenario, [seed])[0]
-    return one, dict(started_nominal(scenario)), nominal_torque(scenario)
-
-
-def tracked(name, seed=0, until=None, **options):
-    record, nominal, torque = drawn(name, seed)
-    made = glr(nominal, T, torque=torque, **options)
-    theta = made.run(record.torque[:until], record.speed[:until])
-    return made, theta, record
 
 
 def one_mass_speed(u, friction):
@@ -155,11 +134,11 @@ def test_a_pass_through_the_first_seconds_that_is_lost_is_not_taken():
 
 def test_a_rest_before_the_motion_tells_of_the_noise():
     """Half a minute in which nothing moves is no time to learn a structure in."""
-    one, nominal, torque = drawn("fm_step-v1")
+    one, *_ = drawn("fm_step-v1")
     rest, rng = 6000, np.random.default_rng(0)
     u = np.r_[np.zeros(rest), one.torque[:2600]]
     y = np.r_[0.1 * rng.normal(size=rest), one.speed[:2600]]
-    made = glr(nominal, T, torque=torque)
+    made = of("fm_step-v1")
     theta = made.run(u, y)
     assert [f.parameters for f in made.findings] == [("f_m",)]
     assert abs(theta[rest + 1500 : rest + 2000, 2].mean() / 0.05 - 1) < 0.02
@@ -167,8 +146,7 @@ def test_a_rest_before_the_motion_tells_of_the_noise():
 
 def test_work_is_bounded_in_every_sample():
     """No sample goes through more than the budget again, and those that come meanwhile count."""
-    record, nominal, torque = drawn("fm_double-v1")
-    made = glr(nominal, T, torque=torque, budget=8)
+    record, made = drawn("fm_double-v1")[0], of("fm_double-v1", budget=8)
     before, most = 0, 0
     for u, y in zip(record.torque[:2300], record.speed[:2300], strict=True):
         made.step(u, y)
@@ -193,19 +171,6 @@ def test_what_is_claimed_before_a_fault_holds():
         off = theta[-1, :3] - [1.0, 1.25, 0.05]
         values.append(off @ np.linalg.solve(made.covariance[:3, :3], off))
     assert 1.0 < np.mean(values) < 6.0  # 3 ± .7 where all is as claimed
-
-
-def test_a_copy_goes_on_by_itself():
-    record, nominal, torque = drawn("fm_double-v1")
-    made = glr(nominal, T, torque=torque)
-    made.run(record.torque[:2005], record.speed[:2005])
-    other = made.copy()
-    rest = slice(2005, 2200)
-    np.testing.assert_array_equal(
-        made.run(record.torque[rest], record.speed[rest]),
-        other.run(record.torque[rest], record.speed[rest]),
-    )
-    assert made.findings == other.findings != ()
 
 
 @pytest.mark.parametrize("seed", [32, 44])

@@ -1,38 +1,22 @@
 """What the filter with a bank of hypotheses is told, learns once, and can be begun from."""
 
-from functools import cache
-
 import numpy as np
 import pytest
+from acceptance.banks import T, drawn, glr, made
 
 from flexaxis.estimators import EstimatorError
 from flexaxis.estimators.models.axes import N1
-from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.scoring.parameter_names import started_nominal
-from flexaxis.sim.simulate import simulate
 
-T = 0.005
-glr = REGISTRY["glr"].factory
 TRUTH = (1.0, 1.25, 0.05, 0.1)  # with the level of dry friction
 
 
-@cache
-def drawn(name):
-    """Torque and speed of a scenario with what an estimator is told of it."""
-    scenario = find_scenario(name)
-    one = simulate(scenario, [0])[0]
-    return one.torque, one.speed, dict(started_nominal(scenario)), nominal_torque(scenario)
-
-
-def made(name, **options):
-    _, _, nominal, torque = drawn(name)
-    return glr(nominal, T, torque=torque, **options)
+def signals(name):
+    record, *_ = drawn(name)
+    return record.torque, record.speed
 
 
 def test_friction_is_told_from_viscous_friction():
-    u, y, *_ = drawn("coulomb_fm_step-v1")
+    u, y = signals("coulomb_fm_step-v1")
     estimator = made("coulomb_fm_step-v1")
     theta = estimator.run(u[:2000], y[:2000])
     assert estimator.names == ("k_T", "1/J_a", "f_m", "f_c")
@@ -42,7 +26,7 @@ def test_friction_is_told_from_viscous_friction():
 
 @pytest.mark.slow
 def test_point_to_point_moves_leave_the_scale_as_told():
-    u, y, *_ = drawn("coulomb_moves_fm_step-v1")
+    u, y = signals("coulomb_moves_fm_step-v1")
     estimator = made("coulomb_moves_fm_step-v1")
     theta = estimator.run(u[:2000], y[:2000])
     assert "as it was told" in estimator.fixed_because["J_m"]
@@ -51,7 +35,7 @@ def test_point_to_point_moves_leave_the_scale_as_told():
 
 
 def test_a_gap_and_a_start_in_motion_do_no_harm():
-    u, y, *_ = drawn("coulomb_fm_step-v1")
+    u, y = signals("coulomb_fm_step-v1")
     valid = np.ones(len(u), bool)
     valid[1500:1560] = False
     part = slice(450, 2000)
@@ -61,7 +45,8 @@ def test_a_gap_and_a_start_in_motion_do_no_harm():
 
 
 def test_what_was_commissioned_can_be_begun_from():
-    u, y, nominal, torque = drawn("coulomb_fm_step-v1")
+    u, y = signals("coulomb_fm_step-v1")
+    _, nominal, torque = drawn("coulomb_fm_step-v1")
     first = made("coulomb_fm_step-v1")
     first.run(u[:2000], y[:2000])
     known = first.commissioned()
@@ -74,9 +59,9 @@ def test_what_was_commissioned_can_be_begun_from():
 
 def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
     """A tenth of a motion, for a tenth of a second, shows nothing of it."""
-    _, _, nominal, torque = drawn("fm_step-v1")
+    _, nominal, torque = drawn("fm_step-v1")
     estimator = glr(nominal | {"kappa": 1e3}, T, torque=torque, commissioning=0.1, noise=0.1)
-    u, y = drawn("fm_step-v1")[:2]
+    u, y = signals("fm_step-v1")
     estimator.run(0.1 * u[:400], 0.1 * y[:400])
     because = estimator.fixed_because
     assert because["kappa"].endswith("stays as it was told")
@@ -89,7 +74,7 @@ def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
 
 
 def test_a_told_zero_is_refused_by_its_name():
-    _, _, nominal, torque = drawn("fm_step-v1")
+    _, nominal, torque = drawn("fm_step-v1")
     with pytest.raises(EstimatorError, match=r"^f_m is told to be 0, .* leave it out"):
         glr(nominal | {"f_m": 0.0}, T, torque=torque)
     left = {"identify": ("k_T", "1/J_a"), "track": ("k_T", "1/J_a", "f_c")}

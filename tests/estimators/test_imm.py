@@ -1,8 +1,10 @@
 """Interacting multiple models against a textbook loop, and after a jump."""
 
+from functools import partial
+
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from acceptance.textbook import sampled
 
 from flexaxis.estimators import EstimatorError, three_mass
 from flexaxis.estimators.filters.design import make_design
@@ -27,14 +29,10 @@ def imm_of(nominal, **options):
     return joint_imm(make_design(three_mass(nominal), **options), **modes)
 
 
-def kalman(by_hand, nominal, xi, P, y, u, W):  # noqa: PLR0917
+def kalman(nominal, xi, P, y, u, W):  # noqa: PLR0917
     """One sample of a joint EKF by central differences: ξ, P after y, after u, and log Λ."""
 
-    def step(xi):
-        A, B = by_hand(nominal | {"k_T": xi[0], "J_a": 1 / xi[1], "f_m": xi[2]})
-        block = np.block([[A[:5, :5], B[:5, None]], [np.zeros((1, 6))]])
-        return np.r_[xi[:3], (expm(block * T) @ np.r_[xi[3:], u])[:5]]
-
+    step = partial(sampled, nominal, u=u)
     S = P[5, 5] + SIGMA**2
     gain = P[:, 5] / S
     logarithm = -0.5 * (np.log(2 * np.pi * S) + (y - xi[5]) ** 2 / S)
@@ -48,7 +46,7 @@ def kalman(by_hand, nominal, xi, P, y, u, W):  # noqa: PLR0917
     return xi, P, logarithm, predicted
 
 
-def textbook(by_hand, nominal, loop, N):
+def textbook(nominal, loop, N):
     """θ (N, 3), covariance (3, 3) and probabilities (4,) at the last sample."""
     walks = [OPTIONS["drift"] + OPTIONS["jump"] * (np.arange(3) == i - 1) for i in range(4)]
     stay, quiet = 1 - T / OPTIONS["hold"], 1 - OPTIONS["rate"] * T
@@ -62,7 +60,7 @@ def textbook(by_hand, nominal, loop, N):
     expected, theta = np.array([1.0, 0, 0, 0]), np.empty((N, 3))
     for k in range(N):
         now = [
-            kalman(by_hand, nominal, xi, P, loop.y[k], loop.u[k], W)
+            kalman(nominal, xi, P, loop.y[k], loop.u[k], W)
             for (xi, P), W in zip(modes, walks, strict=True)
         ]
         mu = expected * np.exp([logarithm for *_, logarithm, _ in now])
@@ -84,10 +82,10 @@ def textbook(by_hand, nominal, loop, N):
     return theta, claimed, mu
 
 
-def test_against_the_textbook(nominal, simulated, by_hand):
+def test_against_the_textbook(nominal, simulated):
     loop = simulated(0.5, seed=1, faults={0.2: nominal | {"f_m": 0.2}})
     N = 80
-    theta, claimed, mu = textbook(by_hand, nominal, loop, N)
+    theta, claimed, mu = textbook(nominal, loop, N)
     ours = imm_of(nominal, **OPTIONS)
     # central differences of step 1e-5 are good to some 1e-9
     np.testing.assert_allclose(ours.run(loop.u[:N], loop.y[:N]), theta, rtol=1e-6)
@@ -156,7 +154,6 @@ def test_a_gap_keeps_the_estimate_and_forgets_the_mode(nominal, loop):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"noise": 0.0}, "noise is 0.0"),
         ({"rate": 0.0}, "rate is 0.0"),
         ({"hold": 0.001}, "hold 0.001"),
         ({"jump": [1.0]}, "jump is"),

@@ -1,10 +1,6 @@
 """Nonlinear laws of models: against an adaptive integrator, differences, the engine, a textbook."""
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,20 +68,28 @@ def torque(n=200):
     return 0.8 * np.convolve(np.random.default_rng(0).standard_normal(n), np.ones(3) / 2, "same")
 
 
-def travelled(model, u, *, steps=None, changes=None, theta=None):
-    """States and sensitivities (N, 1+p, n+1) after each sample, in relative parameters."""
-    names = estimated(model)
-    one = model.parametrize(names)
-    design = one.relative(one.theta)
-    eta = np.ones(len(names)) if theta is None else theta
+def along(design, eta, u, *, steps=None):
+    """Yield what was prepared, and states and sensitivities (1+p, n+1) after each sample."""
     ready = prepare(design, eta, T, steps=steps)
-    X = np.zeros((1 + len(names), design.n + 1))
-    moved, out = np.zeros_like(X), []
+    X, moved = np.zeros((2, 1 + len(eta), design.n + 1))
     for value in u:
         travel(ready, X, moved, value)
         X, moved = moved, X
-        out.append(X.copy())
-    return np.array(out)
+        yield ready, X
+
+
+def travelled(model, u, *, steps=None, theta=None):
+    """States and sensitivities (N, 1+p, n+1) after each sample, in relative parameters."""
+    names = estimated(model)
+    one = model.parametrize(names)
+    eta = np.ones(len(names)) if theta is None else theta
+    return np.array([X.copy() for _, X in along(one.relative(one.theta), eta, u, steps=steps)])
+
+
+def unsolved(ready):
+    """What a step leaves of its equation, over the size of it."""
+    _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.work
+    return abs(mean[0, 0] - offset[0] - gain[0, 0] * local[0, 0]) / scale[0]
 
 
 def force(law, w, v):
@@ -179,14 +183,7 @@ def test_the_search_ends_where_the_laws_hold():
     for name in ("static", "bristle"):
         model = axis(name, beta=8.0, sigma_0=1e4, v_0=0.0)
         one = model.parametrize(["k_T"])
-        ready = prepare(one, one.theta, T)
-        X, moved = np.zeros((2, one.n + 1)), np.zeros((2, one.n + 1))
-        for value in u:
-            travel(ready, X, moved, value)
-            X, moved = moved, X
-            _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.work
-            left = mean[0, 0] - offset[0] - gain[0, 0] * local[0, 0]
-            assert abs(left) < 1e-9 * scale[0]
+        assert max(unsolved(ready) for ready, _ in along(one, one.theta, u)) < 1e-9
 
 
 def test_friction_that_falls_steeply_is_solved_for_and_amplifies_no_rounding():
@@ -196,17 +193,12 @@ def test_friction_that_falls_steeply_is_solved_for_and_amplifies_no_rounding():
         decades = {"f_c": (-2.5, -0.5), "f_s": (-1.5, -0.2), "v_s": (-1.3, 0.3), "v_0": (-2, -0.5)}
         decades |= {"sigma_0": (2, 3.5), "sigma_1": (-1, 0.5)}
         one = axis("bristle", **{n: 10 ** rng.uniform(*r) for n, r in decades.items()})
-        one = one.parametrize(["k_T"])
-        ready = prepare(one, one.theta, T)
+        one, u = one.parametrize(["k_T"]), 0.8 * np.random.default_rng(case).standard_normal(400)
         for rounding in (0.0, 1e-14):
-            X, moved = np.zeros((2, one.n + 1)), np.zeros((2, one.n + 1))
-            for value in 0.8 * np.random.default_rng(case).standard_normal(400):
-                travel(ready, X, moved, value * (1 + rounding))
-                X, moved = moved, X
-                _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.work
-                left = mean[0, 0] - offset[0] - gain[0, 0] * local[0, 0]
-                assert abs(left) < 1e-6 * scale[0], case
-            ends.append(X[0].copy())
+            for ready, X in along(one, one.theta, u * (1 + rounding)):
+                assert unsolved(ready) < 1e-6, case
+                last = X[0].copy()
+            ends.append(last)
     one, other = np.array(ends[::2]), np.array(ends[1::2])
     assert abs(one - other).max() < 1e-6 * abs(one).max()
 
@@ -279,18 +271,6 @@ def test_a_filter_moves_as_a_model_at_fixed_parameters(output, monkeypatch):
     assert np.all(abs(ours - other[:, kept]).max(axis=0) <= 1e-10 * (size + size.max(axis=0)))
 
 
-def test_compiled_is_what_is_written(tmp_path):
-    code = (
-        "import sys; sys.path.insert(0, sys.argv[2]); import numpy as np\n"
-        "from test_laws import axis, torque, travelled\n"
-        "np.save(sys.argv[1], travelled(axis('all'), torque(8)))"
-    )
-    path, here = tmp_path / "plain.npy", Path(__file__).parent
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    subprocess.run([sys.executable, "-c", code, path, here], check=True, env=environment)
-    assert abs(np.load(path) - travelled(axis("all"), torque(8))).max() < 1e-9
-
-
 ENGINE = {
     "bristle": (
         LuGreConfig(stiffness=100.0, damping=0.3, coulomb=0.1, static=0.15, stribeck=0.5),
@@ -322,71 +302,14 @@ def test_against_the_engine(name):
     for value in u:
         plant.step(np.array([value]))
         speed.append(plant.speed_m[0])
-    laws = model.parametrize(["k_T"])
-    ready = prepare(laws, laws.theta, T, steps=16)
-    X, moved, ours = np.zeros((2, laws.n + 1)), np.zeros((2, laws.n + 1)), []
-    for value in u:
-        travel(ready, X, moved, value)
-        X, moved = moved, X
-        ours.append(X[0, -1])
-    assert distance(np.array(ours), np.array(speed)) < most
-    linear = replace(model, laws=()).parametrize(["k_T"])
-    assert linear.laws is None
-    assert (
-        distance(np.array(ours), np.array(speed)) < distance(plain(linear, u), np.array(speed)) / 10
+    laws, linear = (m.parametrize(["k_T"]) for m in (model, replace(model, laws=())))
+    ours, without = (
+        np.array([X[0, -1] for _, X in along(one, one.theta, u, steps=steps)])
+        for one, steps in ((laws, 16), (linear, None))
     )
-
-
-def plain(linear, u):
-    ready = prepare(linear, linear.theta, T)
-    X, moved, out = np.zeros((2, linear.n + 1)), np.zeros((2, linear.n + 1)), []
-    for value in u:
-        travel(ready, X, moved, value)
-        X, moved = moved, X
-        out.append(X[0, -1])
-    return np.array(out)
-
-
-def test_a_filter_against_a_textbook_loop():
-    """Eq. (5)–(9), with the gradient from differences of one sample of the model."""
-    names, values = ("k_T", "f_m", "f_c"), VALUES | {"k_T": 1.05, "f_c": 0.08, "gap": 0.0}
-    model = replace(three_mass(values), laws=(BRISTLES,))
-    theta, u = model.parametrize(names).theta, torque(60)
-    truth = replace(axis("bristle"), identify=names)
-    y = np.r_[0.0, travelled(truth, u)[:-1, 0, -1]]
-    P0 = np.diag((0.05 * theta) ** 2)
-    ours = Rpem(model, identify=names, P0=P0, period=T, forgetting=0.99).run(u, y)
-
-    def sample(x, theta, u):
-        one = model.parametrize(names)
-        ready = prepare(one, theta, T)
-        X, moved = np.zeros((1 + p, one.n + 1)), np.zeros((1 + p, one.n + 1))
-        X[0, :n] = x
-        travel(ready, X, moved, u)
-        return moved[0, :n]
-
-    theta0, n, p = theta.copy(), 6, len(names)
-    x, z, P = np.zeros(n), np.zeros((n, p)), P0
-    for k in range(len(u)):
-        psi, epsilon = z[2], y[k] - x[2]
-        P = P - np.outer(P @ psi, P @ psi) / (1 + psi @ P @ psi)
-        theta = theta + P @ psi * epsilon
-        P = P / 0.99
-        assert np.allclose(ours[k], theta, rtol=2e-7, atol=0), k
-        ahead = sample(x, theta, u[k])
-        by_x = np.empty((n, n))
-        for j in range(n):
-            step = 1e-6 * np.eye(n)[j] * max(1e-3, abs(x[j]))
-            by_x[:, j] = (sample(x + step, theta, u[k]) - sample(x - step, theta, u[k])) / (
-                2 * step[j]
-            )
-        by_theta = np.empty((n, p))
-        for i in range(p):
-            step = 1e-5 * theta0[i] * np.eye(p)[i]
-            by_theta[:, i] = (sample(x, theta + step, u[k]) - sample(x, theta - step, u[k])) / (
-                2 * step[i]
-            )
-        x, z = ahead, by_x @ z + by_theta
+    speed = np.array(speed)
+    assert distance(ours, speed) < most
+    assert linear.laws is None and distance(ours, speed) < distance(without, speed) / 10
 
 
 def test_what_is_learnt_once_is_not_forgotten():

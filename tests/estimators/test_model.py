@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from acceptance.axes import held
 
 from flexaxis.estimators import EstimatorError, Model, increment, three_mass, two_mass
 from flexaxis.estimators.models.axes import MODELS
@@ -18,8 +18,10 @@ def test_formula_is_multiplied_out():
 
 
 @pytest.mark.parametrize(
-    "entry", ["a +", "1/(a + b)", "sin(a)", "a^b", "a^0.5", "'a'", "a if b else c"]
-)
+    "entry",
+    ["a +", "1/(a + b)", "sin(a)", "a^b", "a^0.5", "'a'", "a if b else c",
+     "1/0", "a/0", "a/(b-b)", "0^-1", "(0*a)^-2", "a*10.0^400"],
+)  # fmt: skip
 def test_formula_that_is_none(entry):
     with pytest.raises(EstimatorError, match="cannot read the entry"):
         multiply_out(entry)
@@ -76,7 +78,7 @@ def test_increment_is_the_mean_speed_exactly(nominal, loop):
     period = 0.005
     model = increment(three_mass(nominal), period)
     A, B, C = model.parametrize(["k_T"]).matrices([1.0])
-    step = expm(np.block([[A, B], [np.zeros((1, 7))]]) * period)
+    step = held(A, B, period)
     x, y = np.zeros(6), []
     for u in loop.u[:2000]:
         y.append(C[0] @ x)
@@ -161,12 +163,6 @@ def test_a_model_of_ones_own_takes_any_value():
 
 def test_the_nominal_axis_is_that_of_the_simulation(nominal):
     assert MODELS["three_mass"].known["n1"] == dict(nominal)
-
-
-@pytest.mark.parametrize("entry", ["1/0", "a/0", "a/(b-b)", "0^-1", "(0*a)^-2", "a*10.0^400"])
-def test_a_division_by_zero_is_no_entry(entry):
-    with pytest.raises(EstimatorError, match="cannot read the entry"):
-        multiply_out(entry)
 
 
 @pytest.mark.parametrize("J", [0.0, 1e-320])

@@ -44,18 +44,6 @@ BELT = Model(
         Law("static", {"speed_motor": 1.0}, {"speed_motor": "-1/J_m"}, FRICTION),
     ),
 )
-MASS = Model(
-    "mass",
-    states=("speed",),
-    A=[["-b/J"]],
-    B=["gain/J"],
-    C=["1"],
-    nominal={"gain": 1.0, "J": 1e-3, "b": 5e-3, "level": 0.1},
-    positive=("J",),
-    nonnegative=("b",),
-    nonzero=("gain",),
-    laws=(Law("static", {"speed": 1.0}, {"speed": "-1/J"}, {"coulomb": "level", "beta": 1.0}),),
-)
 
 
 def run(model, torque, **changed):
@@ -82,20 +70,6 @@ def test_what_no_torque_moves_has_no_size():
     )
     with pytest.raises(EstimatorError, match="does not move loose"):
         measured(loose, TORQUE, PERIOD)
-
-
-@pytest.mark.slow
-def test_an_axis_whose_torque_constant_has_another_name_is_tracked():
-    make = REGISTRY["glr"].factory
-    estimator = make(
-        MASS, PERIOD, identify=("gain", "b"), track=("gain", "b", "level"), torque=TORQUE
-    )
-    noise = 0.05 * np.random.default_rng(1).standard_normal(len(TORQUE))
-    theta = estimator.run(TORQUE, run(MASS, TORQUE, gain=1.1, b=6e-3, level=0.13) + noise)
-    found = dict(zip(estimator.names, theta[-1], strict=True))
-    assert found["gain"] == pytest.approx(1.1, rel=0.02)
-    assert found["b"] == pytest.approx(6e-3, rel=0.05)
-    assert found["level"] == pytest.approx(0.13, rel=0.05)
 
 
 def test_what_parameters_are_is_told_by_the_model():

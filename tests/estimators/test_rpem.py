@@ -2,43 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import expm, sqrtm
+from scipy.linalg import sqrtm
 
 from flexaxis.estimators import EstimatorError, Frozen, LiteralRpem, Rpem, three_mass
 
 P0 = [2.97e-4, 5.19e-5, 4.69e-6]
 DRIFT = np.diag([5e-8, 50e-8, 500e-8])
 THETA = np.array([1.0, 1.25, 0.05])
-
-
-def output(A, B, C, u, period):
-    """ŷ (N,) of a model under a held input, step by step."""
-    n = len(A)
-    step = expm(np.block([[A, B], [np.zeros((1, n + 1))]]) * period)
-    x, y = np.zeros(n), np.empty(len(u))
-    for k, torque in enumerate(u):
-        y[k] = C[0] @ x
-        x = step[:n, :n] @ x + step[:n, n] * torque
-    return y
-
-
-def test_psi_is_the_slope_of_the_output(nominal, loop):
-    identify = ("k_T", "1/J_a", "f_m", "k_a", "d_g")
-    model = three_mass(nominal)
-    chosen = model.parametrize(identify)
-    u = loop.u[:1000]
-    still = Rpem(model, identify=identify, P0=np.full(5, 1e-300), period=0.005)
-    psi = still.trace(u, np.zeros(1000)).psi
-    for i, value in enumerate(chosen.theta):
-        step = np.zeros(5)
-        step[i] = 1e-5 * value
-        above, below = (
-            output(*chosen.matrices(theta), u, 0.005)
-            for theta in (chosen.theta + step, chosen.theta - step)
-        )
-        slope = (above - below) / (2 * step[i])
-        # truncation of a central difference 1e-10, rounding 1e-16/1e-5
-        assert np.abs(psi[:, i] - slope).max() < 1e-7 * np.abs(slope).max()
 
 
 def test_residual_is_white_noise_at_the_truth(nominal, loop):
@@ -108,16 +78,7 @@ def test_the_claim_is_the_covariance_of_the_recursion(nominal, loop):
     np.testing.assert_allclose(trace.covariance, expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "identify",
-    [
-        ("k_T", "f_m"),
-        ("1/J_a", "k_a"),
-        pytest.param(("J_g", "d_g"), marks=pytest.mark.slow),
-        pytest.param(("k_g", "d_a", "f_m"), marks=pytest.mark.slow),
-        ("J_m", "J_a", "k_g", "k_a"),
-    ],
-)
+@pytest.mark.parametrize("identify", [("f_m", "1/J_a"), ("J_a", "k_g", "1/k_a", "d_a")])
 def test_other_subsets_converge(nominal, loop, identify):
     model = three_mass(nominal)
     theta = model.parametrize(identify).theta

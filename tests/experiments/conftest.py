@@ -1,10 +1,14 @@
 """A short scenario, so that a whole run takes a second."""
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
+
+# what several tests share: logs and tables here, exact axes in `acceptance`
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "estimators")]
 
 SHORT = {
     "name": "short",

@@ -77,7 +77,7 @@ def _zip(path):
         file.writestr("xl/workbook.xml", "<x/>")
 
 
-def _hdf5(path):
+def hdf5(path):
     with h5py.File(path, "w") as file:
         for name, values in signals().items():
             file[name] = values
@@ -144,7 +144,7 @@ HOSTILE: dict[str, Hostile] = {
     "compressed": raw(gzip.compress(b"time,torque\n1,2\n"), ["unpack it"], "log.csv.gz"),
     "document": raw(b"%PDF-1.7\n" + b"x" * 99, ["export the log as CSV"], "log.pdf"),
     "old netcdf": raw(b"CDF\x01" + b"\0" * 99, ["nccopy"], "log.nc"),
-    "cut hdf5": Hostile("log.h5", _cut(_hdf5, 0.5), (), ("no HDF5 file, or a broken one",)),
+    "cut hdf5": Hostile("log.h5", _cut(hdf5, 0.5), (), ("no HDF5 file, or a broken one",)),
     "hdf5 of ten thousand million samples": Hostile("log.h5", _endless, (), ("10000000000",)),
     "cut mat": Hostile("log.mat", _cut(_mat, 0.4), (), ("no MAT file, or a broken one",)),
     "mat whose lengths lie": Hostile("log.mat", _broken_inside, (), ("--torque COLUMN",)),
@@ -177,7 +177,12 @@ HOSTILE: dict[str, Hostile] = {
     "no torque": csv(
         edit=lambda t: t.replace("torque", "u", 1), says=["--torque COLUMN", "time, u, angle"]
     ),
+    "no time": csv(
+        edit=lambda t: "\n".join(row.partition(",")[2] for row in t.split("\n")),
+        says=["--rate HZ"],
+    ),
     "one column for two": csv(words=["--speed", "angle"], says=["named for angle, speed"]),
+    "unknown unit that is given": csv(words=["--unit", "angle=furlong"], says=["rad"]),
     "unknown unit": csv(
         edit=lambda t: t.replace("angle", "angle [furlong]", 1),
         says=["'furlong' of angle", "--unit angle="],
@@ -211,7 +216,10 @@ HOSTILE: dict[str, Hostile] = {
     "resample to nothing": csv(words=["--resample", "0"], says=["--resample 0 Hz"]),
     "resample to no number": csv(words=["--resample", "nan"], says=["--resample nan"]),
     "resample beyond all": csv(words=["--resample", "1e9"], says=["--resample 1e+09 Hz"]),
+    "resample to few": csv(words=["--resample", "20"], says=["200 are needed"]),
     "rate of nothing": csv(words=["--rate", "0"], says=["rate is 0"]),
     "scale of no number": csv(words=["--scale", "torque=nan"], says=["scale.torque"]),
+    "scale of a word": csv(words=["--scale", "torque=x"], says=["not a number"]),
+    "scale of what": csv(words=["--scale", "torq=2"], says=["Did you mean 'torque'"]),
     "burn-in beyond the end": csv(words=["--burn-in", "99"], says=["--burn-in 99 s"]),
 }

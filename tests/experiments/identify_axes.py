@@ -1,5 +1,5 @@
 """
-Logs of one to three masses with dry friction, by an integrator of their own.
+Logs of one to three masses with dry friction, by an integrator of their own; parameters may change.
 
 The linear part is exact over steps of a fortieth of a sample, and Coulomb friction is the torque
 that stops the motor in a step, or all that there is of it: neither bristles nor the sampled models
@@ -8,11 +8,17 @@ half a step late is an inertia that is .03 % too large, twelve standard deviatio
 The motor angle is controlled, by the paper's controller.
 """
 
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
 import numpy as np
 from numba import njit
-from scipy.linalg import expm
 
 from flexaxis.sim.record import Record
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "estimators"))
+from acceptance.axes import held, system
 
 VALUES = {
     1: {"k_T": 1.0, "J_m": 1e-3, "f_m": 5e-3},
@@ -36,6 +42,8 @@ def log(
     period: float = 0.002,
     noise: float = 0.05,
     offset: float = 0.0,
+    change: Mapping[str, float] | None = None,
+    at: float = 20.0,
 ) -> Record:
     """
     Return a log from rest.
@@ -55,23 +63,32 @@ def log(
         Of the speed [rad/s].
     offset : float
         Torque that acts besides [N m].
+    change : mapping of str to float, optional
+        Factors of parameters, f_c among them, from `at` [s] on.
+    at : float
     """
-    values, N = VALUES[masses], round(seconds / period)
-    A, B, motor = _matrices(masses, values)
-    h = period / STEPS
-    whole, fine = (_stepped(A, B, values["k_T"], part) for part in (h, h / STEPS))
+    N = round(seconds / period)
+    values = VALUES[masses] | {"f_c": ratio * VALUES[masses]["f_m"]}
+    then = {name: value * (change or {}).get(name, 1.0) for name, value in values.items()}
+    systems = tuple(_system(masses, each, period / STEPS) for each in (values, then))
     rng = np.random.default_rng([seed, masses, round(ratio)])
     speed = float(np.clip(ratio, 5, 60))
     reference = {"multisine": _multisine, "moves": _moves}[motion](N, period, speed, rng)
     stiffness = 60 * _inertia(values)
-    f_c = ratio * values["f_m"]
-    u, v, angle = _run(whole, fine, motor, reference, stiffness, period, (f_c, offset))
+    motor = _matrices(masses, values)[2]
+    u, v, angle = _run(systems, round(at / period), motor, reference, stiffness, period, offset)
     return Record(
         time=period * np.arange(N),
         torque=u,
         speed=v + noise * rng.standard_normal(N),
         angle=angle,
     )
+
+
+def _system(masses, values, h):
+    """Return Φ, gain and friction of a step and of a fine one, and the level of friction."""
+    A, B, _ = _matrices(masses, values)
+    return *(_stepped(A, B, values["k_T"], part) for part in (h, h / STEPS)), values["f_c"]
 
 
 def _inertia(q):
@@ -82,10 +99,9 @@ def _inertia(q):
 
 def _stepped(A, B, k_T, h):
     """Return Φ, what a torque adds in a step, and what friction of one takes."""
-    n = len(A)
-    step = expm(np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]) * h)
-    gain = step[:n, n].copy()
-    return step[:n, :n].copy(), gain, -gain / k_T
+    step = held(A, B, h)
+    gain = step[:, -1].copy()
+    return step[:, :-1].copy(), gain, -gain / k_T
 
 
 def _matrices(masses, q):
@@ -94,25 +110,13 @@ def _matrices(masses, q):
         A = np.array([[-q["f_m"] / q["J_m"], 0.0], [1.0, 0.0]])
         return A, np.array([q["k_T"] / q["J_m"], 0.0]), 0
     if masses == 3:
-        return _three(q)
+        return *system(q), 2
     A = np.zeros((4, 4))
     A[0, 1:3] = 1.0, -1.0
     A[1] = np.array([-q["k"], -q["d"] - q["f_m"], q["d"], 0.0]) / q["J_m"]
     A[2] = np.array([q["k"], q["d"], -q["d"] - q["f_l"], 0.0]) / q["J_l"]
     A[3, 1] = 1.0
     return A, np.array([0.0, q["k_T"] / q["J_m"], 0.0, 0.0]), 1
-
-
-def _three(q):
-    """Return the same of the paper's axis: twists of gear and arm, three speeds, the angle."""
-    A, r = np.zeros((6, 6)), q["r"]
-    A[0, 2:4], A[1, 3:5], A[5, 2] = (r, -1.0), (1.0, -1.0), 1.0
-    gear = np.array([q["k_g"], 0.0, r * q["d_g"], -q["d_g"], 0.0, 0.0])
-    arm = np.array([0.0, q["k_a"], 0.0, q["d_a"], -q["d_a"], 0.0])
-    A[2] = (-r * gear - q["f_m"] * np.eye(6)[2]) / q["J_m"]
-    A[3] = (gear - arm - q["f_g"] * np.eye(6)[3]) / q["J_g"]
-    A[4] = (arm - q["f_a"] * np.eye(6)[4]) / q["J_a"]
-    return A, np.eye(6)[2] * q["k_T"] / q["J_m"], 2
 
 
 def _multisine(N, period, speed, rng):
@@ -134,12 +138,12 @@ def _moves(N, period, speed, rng):
 
 
 @njit
-def _run(whole, fine, motor, reference, stiffness, period, torques):  # noqa: PLR0917
-    f_c, offset = torques
-    N, x = len(reference), np.zeros(len(whole[1]))
+def _run(systems, change, motor, reference, stiffness, period, offset):  # noqa: PLR0917
+    N, x = len(reference), np.zeros(len(systems[0][0][1]))
     u, v, angle = np.zeros(N), np.zeros(N), np.zeros(N)
     integral, before, slope, memory = 0.0, 0.0, 0.0, np.exp(-period / 5e-4)
     for k in range(N):
+        whole, fine, f_c = systems[1] if k >= change else systems[0]
         v[k], angle[k] = x[motor], x[-1]
         error = reference[k] - x[-1]
         slope = memory * slope + (1 - memory) * (error - before) / period

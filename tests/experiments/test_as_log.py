@@ -2,8 +2,6 @@
 
 import json
 import shlex
-import subprocess
-import sys
 
 import h5py
 import numpy as np
@@ -55,11 +53,8 @@ def test_wrong_styles_are_refused(given, word):
         LogStyle(**given)
 
 
-def test_command(tmp_path, capsys):
-    scenario = tmp_path / "short.toml"
-    text = find_scenario("fm_step-v1").override({"duration": 11.0, "name": "short"}).to_toml()
-    scenario.write_text(text)
-    words = ["simulate", str(scenario), "--as-log", "csv", "--units", "deg,A", "--gaps", "2"]
+def test_command(short, tmp_path, capsys):
+    words = ["simulate", str(short), "--as-log", "csv", "--units", "deg,A", "--gaps", "2"]
     one, other = tmp_path / "one.csv", tmp_path / "other.csv"
     for path in (one, other):
         assert main([*words, "-o", str(path), "--json"]) == 0
@@ -69,7 +64,7 @@ def test_command(tmp_path, capsys):
     head = ["# written by flexaxis", "time [s],torque [A],angle [deg],speed [rad/s]"]
     assert one.read_text().splitlines()[:2] == head
     assert main([*words, "-o", str(tmp_path / "wrong.txt")]) == 2
-    assert main(["simulate", str(scenario), "--gaps", "2", "-o", str(one)]) == 2
+    assert main(["simulate", str(short), "--gaps", "2", "-o", str(one)]) == 2
     assert "--as-log" in capsys.readouterr().err
 
 
@@ -184,34 +179,6 @@ def test_days_are_logs_of_the_axis(tmp_path, capsys):
     assert main(["days", "--wear", "f_c=12", "-o", str(tmp_path / "x")]) == 2
     assert "percentage" in capsys.readouterr().err
     assert not (tmp_path / "x").exists()
-
-
-FULL = """
-import resource, sys
-from pathlib import Path
-from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
-from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.record import load_record
-import numpy as np
-style = LogStyle()
-columns = logged(load_record(sys.argv[2]), style, np.random.default_rng(0))
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]),) * 2)
-try:
-    write_log(Path(sys.argv[1]), columns, style)
-except FlexaxisError as error:
-    print(error)
-"""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of a file there")
-def test_a_full_disk_is_an_error_and_leaves_nothing(record, tmp_path):
-    place = tmp_path / "disk"
-    place.mkdir()
-    record.save(tmp_path / "rec.nc")
-    words = [sys.executable, "-c", FULL, place / "log.csv", tmp_path / "rec.nc", 10_000]
-    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "") and "File too large" in done.stdout
-    assert not list(place.iterdir())
 
 
 def test_bristles_that_stand_for_coulomb_friction_are_no_parameter_of_the_axis():

@@ -30,16 +30,6 @@ def outputs(theta, u, x):
     return np.array(y)
 
 
-def test_the_gradient_after_a_jump_against_finite_differences(record):
-    model = three_mass(NOMINAL).parametrize(NAMES)
-    theta, u, x = model.theta, record.torque[2000:2200], np.array([1e-4, -2e-4, 3.0, 0.02, 0.03])
-    psi = bounds.jump_gradient(model, theta, u, x, period=0.005)
-    assert not psi[0].any()
-    for i, h in enumerate(np.diag(1e-5 * theta)):
-        slope = (outputs(theta + h, u, x) - outputs(theta - h, u, x)) / (2 * h[i])
-        np.testing.assert_allclose(psi[:, i], slope, rtol=1e-5, atol=1e-7 * abs(slope).max())
-
-
 def test_an_oracle_fit_meets_the_cramer_rao_bound(record):
     """Least squares from the true state and time, 400 runs of new noise."""
     model = three_mass(NOMINAL).parametrize(NAMES)

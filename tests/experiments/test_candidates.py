@@ -1,11 +1,11 @@
 """Three fits, one answer: judged by simulation of held-out pieces, on drives of known truth."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from drives import RAIL, RAIL_COULOMB, Troubles, arm, loop, rail
+from identify_axes import VALUES
 
 from flexaxis.estimators.models.axes import BRISTLES
 from flexaxis.experiments.logs.axis_file import find_axis
@@ -24,10 +24,6 @@ from flexaxis.experiments.logs.identification.candidates import (
 )
 from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.identification.setup import Setup, log_of
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drives import RAIL, RAIL_COULOMB, Troubles, arm, loop, rail
-from identify_axes import VALUES
 
 TRUTH = RAIL | {"f_c": RAIL_COULOMB}
 

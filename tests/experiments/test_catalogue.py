@@ -3,7 +3,6 @@
 import tomllib
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
@@ -172,30 +171,6 @@ def test_a_card_with_line_breaks_stays_a_comment(capsys, tmp_path):
 def test_a_card_says_whether_there_is_a_bound():
     assert reference_card(find_scenario("together-v1"))["bound"] == "defined for k_T, f_m"
     assert reference_card(find_scenario("coulomb-v1"))["bound"].startswith("none")
-
-
-@pytest.mark.parametrize(
-    ("name", "parameter", "at", "ratio"),
-    [
-        ("fm_step-v1", "f_m", 10, 1.5),
-        ("fm_double-v1", "f_m", 10, 2.0),
-        ("ja_step-v1", "J_a", 10, 1.1),
-        ("kt_step-v1", "k_T", 10, 0.9),
-        ("fm_ramp-v1", "f_m", 10, 1.5),
-        ("encoder_fm_step-v1", "f_m", 10, 1.5),
-        ("pause_fm_step-v1", "f_m", 20, 1.5),
-    ],
-)
-def test_faults(name, parameter, at, ratio):
-    (event,) = find_scenario(name).events()
-    assert (event.parameter, event.index) == (parameter, 200 * at)
-    assert event.after / event.before == pytest.approx(ratio)
-
-
-def test_the_pause():
-    excited = find_scenario("pause_fm_step-v1").excited()
-    assert excited.size == 10000
-    np.testing.assert_array_equal(np.flatnonzero(~excited), np.arange(2000, 6000))
 
 
 def test_suites():

@@ -161,16 +161,6 @@ def test_a_low_rate_of_false_alarms_does_not_hide_a_large_change():
     assert change.chance < 1e-5
 
 
-def test_scatter_and_memory_are_those_of_the_sequence():
-    rng = np.random.default_rng(8)
-    scatter = Scatter(np.arange(250.0), np.ones(250))
-    x = rng.standard_normal(250) + noise(rng, 250, 4.0, 0.6)
-    scatter.fit(x, np.ones((250, 1)))
-    assert 2.5 < scatter.size < 6
-    assert 0.45 <= scatter.memory <= 0.75
-    assert 0.9 < np.std(scatter.white(x - x.mean())) < 1.1
-
-
 def test_estimates_scatter_by_what_they_claim_at_least():
     """The covariance that is made white is that of the formula, with each log's own variance."""
     rng = np.random.default_rng(14)

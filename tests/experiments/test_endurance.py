@@ -43,10 +43,6 @@ def test_registered_estimators_live_through_everything(name, store):
     assert {r: f.seen for r, f in long(name, store).items() if f.holds is not True} == {}
 
 
-def test_the_recommended_for_a_linear_axis_lives_through_everything(store):
-    assert {r: f.seen for r, f in long("glr", store).items() if f.holds is not True} == {}
-
-
 def test_the_textbook_is_caught(store):
     found = long(f"{WRONG}:Unguarded", store)
     fallen = {name for name, finding in found.items() if not finding.holds}

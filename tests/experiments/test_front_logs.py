@@ -1,15 +1,10 @@
 """Own logs in Python: what the commands say, as tables with figures."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from identify_axes import VALUES, log
 
 import flexaxis as fx
-
-sys.path.insert(0, str(Path(__file__).parent))
-from identify_axes import VALUES, log
 
 
 @pytest.fixture(scope="module")

@@ -1,21 +1,17 @@
 """identify where its user knows the dry friction, or a part of it."""
 
 import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from identify_axes import VALUES, log
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.identification.identify import _free
 from flexaxis.experiments.logs.identification.setup import Setup, log_of
 from flexaxis.sim.record import load_record
-
-sys.path.insert(0, str(Path(__file__).parent))
-from identify_axes import VALUES, log
 
 F_C = 10 * VALUES[1]["f_m"]
 

@@ -50,16 +50,9 @@ def test_a_missing_file(tmp_path, capsys):
     assert status == 2 and "no.csv" in err and "no such file" in err.lower()
 
 
-def raw_netcdf(path):
-    """A user's own log, which happens to be NetCDF-4."""
-    with h5py.File(path, "w") as file:
-        for name, values in made.signals().items():
-            file[name] = values
-
-
 def test_a_raw_netcdf_log_is_never_replaced(tmp_path, capsys):
     log = tmp_path / "mylog.nc"
-    raw_netcdf(log)
+    made.hdf5(log)
     before = log.read_bytes()
     status, out, _ = answer(capsys, "import", log)
     assert status == 0 and "mylog-imported.nc" in out
@@ -71,7 +64,7 @@ def test_a_raw_netcdf_log_is_never_replaced(tmp_path, capsys):
 def test_a_log_beside_the_log_is_never_replaced(tmp_path, capsys):
     """log.csv and log.nc are two logs of one user."""
     beside, log = tmp_path / "log.nc", tmp_path / "log.csv"
-    raw_netcdf(beside)
+    made.hdf5(beside)
     made.csv().write(log)
     before = beside.read_bytes()
     status, out, _ = answer(capsys, "import", log)
@@ -172,3 +165,55 @@ def test_an_axis_of_ours_is_written_again(tmp_path):
     axis.save(path)
     assert is_ours(path)
     assert find_axis(str(path)) == axis
+
+
+@pytest.fixture
+def log(tmp_path):
+    made.csv().write(tmp_path / "log.csv")
+    return tmp_path / "log.csv"
+
+
+@pytest.mark.parametrize("corner", ["900", "-1", "0", "1e-300"])
+def test_a_high_pass_that_cannot_be(corner, log, capsys):
+    status, _, err = answer(capsys, "identify", log, "--highpass", corner)
+    assert status == 2 and "give a corner below half the rate" in err
+
+
+TOO_STIFF = """model = "two_mass"
+nominal = {k_T = 1, J_m = 1e-3, J_l = 1e-3, k = 1e6, d = 0.1, f_m = 0.1, f_l = 0.1}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        (TOO_STIFF, "below twice the fastest mode"),
+        ('model = "two_mas"', "two_mass"),
+        ('name = "x"\nstates = ["a"]', "has no A, B, C"),
+        ('model = "one_mass"\nnominl = {}', "nominl"),
+        ('model = "one_mass"\nnominal = {k_T = 1, J_m = 1}', "f_m"),
+    ],
+)
+def test_axes_that_cannot_be(log, tmp_path, capsys, text, hint):
+    axis = tmp_path / "axis.toml"
+    axis.write_text(text, encoding="utf-8")
+    status, _, err = answer(capsys, "identify", log, "--model", axis)
+    assert status == 2 and hint in err, err
+
+
+def test_unknown_parameters(log, capsys):
+    status, _, err = answer(capsys, "identify", log, "--fix", "k_t=1")
+    assert status == 2 and "Did you mean 'k_T'" in err
+    assert answer(capsys, "track", log, "--model", "two_mass", "--identify", "k")[0] == 2
+
+
+@pytest.mark.slow
+def test_what_the_excitation_cannot_see_is_named(tmp_path, capsys):
+    """A rigid motor, shaken fast: its friction is invisible, and the answer says so."""
+    rng = np.random.default_rng(0)
+    fast = np.diff(rng.standard_normal(8001), 1)
+    speed = np.r_[0, np.cumsum(fast[:-1]) * 1e-3 / 1e-2] + rng.standard_normal(8000) * 3e-2
+    shaken = {"time": np.arange(8000) / 1000, "torque": fast, "speed": speed}
+    (tmp_path / "log.csv").write_text(made.text_of(shaken), encoding="utf-8")
+    status, out, _ = answer(capsys, "identify", tmp_path / "log.csv", "--model", "one_mass")
+    assert status == 1 and "cannot see f_m" in out

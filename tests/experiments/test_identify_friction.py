@@ -1,12 +1,11 @@
 """identify, validate and track on logs with dry friction, of which the truth is known."""
 
 import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from identify_axes import VALUES, log
 
 from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.cli import main
@@ -16,9 +15,6 @@ from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.identification.validate import Fit, validate
 from flexaxis.experiments.logs.identification.verdict import _bounds, _restless
 from flexaxis.experiments.logs.track import track
-
-sys.path.insert(0, str(Path(__file__).parent))
-from identify_axes import VALUES, log
 
 F_C = 10 * VALUES[1]["f_m"]
 

@@ -1,11 +1,10 @@
 """Pages of logs: what they say first, and that no spike of a long log is lost on its chart."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from page_data import charts_of
 
 from flexaxis.experiments.logs.changes import Change
 from flexaxis.experiments.logs.findings import Finding
@@ -16,9 +15,6 @@ from flexaxis.experiments.logs.pages.track_page import track_page
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.reporting.shapes import COLUMNS, extremes
 from flexaxis.sim.record import Record
-
-sys.path.insert(0, str(Path(__file__).parent))
-from page_data import charts_of
 
 N = 200_000
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from acceptance.axes import held, system
 from scipy.stats import halfnorm
 
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -34,29 +34,13 @@ def test_the_noise_of_increments_is_that_of_a_rounded_angle(counts, angle):
     assert bounds.noise_variance(scenario) == pytest.approx(found, rel=0.01)
 
 
-def axis(parameters):
-    """exp of A and B of equations (3), (4), written out: differences of angles, then rates."""
-    q = parameters
-    r, damped = q["r"], q["r"] * q["d_g"]
-    A, B = np.zeros((5, 5)), np.zeros(5)
-    A[0, 2:4] = r, -1
-    A[1, 3:5] = 1, -1
-    A[2, [0, 2, 3]] = np.array([-r * q["k_g"], -r * damped - q["f_m"], damped]) / q["J_m"]
-    row = [q["k_g"], -q["k_a"], damped, -q["f_g"] - q["d_g"] - q["d_a"], q["d_a"]]
-    A[3] = np.array(row) / q["J_g"]
-    A[4, [1, 3, 4]] = np.array([q["k_a"], q["d_a"], -q["d_a"] - q["f_a"]]) / q["J_a"]
-    B[2] = q["k_T"] / q["J_m"]
-    both = expm(T * np.block([[A, B[:, None]], [np.zeros((1, 6))]]))
-    return both[:5, :5], both[:5, 5]
-
-
 def driven(parameters, x, u):
     """Motor speed at each sample from the state x on, and the state after the last."""
-    A, b = axis(parameters)
-    speed = []
+    A, B = (part[:5] for part in system(parameters))
+    step, speed = held(A[:, :5], B, T), []
     for torque in u:
         speed.append(x[2])
-        x = A @ x + b * torque
+        x = step @ np.append(x, torque)
     return np.array(speed), x
 
 

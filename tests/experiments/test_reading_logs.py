@@ -86,15 +86,6 @@ def test_units_of_the_header(tmp_path):
         assert tuple(open_log(path).units[name] for name in NAMES) == units, head
 
 
-def test_units_at_the_end_of_a_name(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text(table("t_ms,torque,pos_deg"), encoding="utf-8")
-    mapping = mapping_from({"time": "t_ms", "angle": "pos_deg"}, source="")
-    raw = pick(open_log(path), mapping)
-    np.testing.assert_allclose(raw.time, TIME * 1e-3, atol=1e-12)
-    np.testing.assert_allclose(raw.angle, np.radians(ANGLE), atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("column", "unit", "factor"),
     [

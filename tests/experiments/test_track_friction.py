@@ -1,10 +1,8 @@
 """track on an axis with dry friction at a slow rate, and what it says of the size of a change."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from identify_axes import VALUES, log
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.discretisation import law_plan
@@ -12,9 +10,6 @@ from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.changes import changes_along
 from flexaxis.experiments.logs.track import track
-
-sys.path.insert(0, str(Path(__file__).parent))
-from track_axes import VALUES, changing_log
 
 RATE = 100.0
 AXIS = """
@@ -40,7 +35,7 @@ def test_dry_friction_at_100_hz_is_told_from_viscous(tmp_path):
     """The motion reverses as it does at any rate, within 16 ms; so law and rate are apart."""
     path = tmp_path / "axis.toml"
     path.write_text(AXIS)
-    record = changing_log(
+    record = log(
         1, 10, "multisine", seed=1, period=1 / RATE, seconds=30.0, change={"f_m": 1.5}, at=15.0
     )
     found = track(record, find_axis(str(path)), parse("rpem-friction"), identify=["f_m"])

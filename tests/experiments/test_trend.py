@@ -1,15 +1,17 @@
 """A trend over logs of an axis that is integrated here: one mass with friction, exactly."""
 
 import json
+import shutil
 import sqlite3
-import sys
 from contextlib import closing
 from dataclasses import replace
 from datetime import datetime
-from pathlib import Path
 
 import numpy as np
 import pytest
+from identify_axes import VALUES
+from log_health_tables import record_of
+from page_data import text_of
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -24,11 +26,6 @@ from flexaxis.experiments.logs.trend.refit import refit
 from flexaxis.experiments.logs.trend.trend import ailments, common
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate
-
-sys.path.insert(0, str(Path(__file__).parent))
-from identify_axes import VALUES
-from log_health_tables import record_of
-from page_data import text_of
 
 T, N = 0.002, 1500
 J, F = 4e-3, 0.05
@@ -66,6 +63,13 @@ def write(path, record, temperature, date=None):
     path.write_text(f"{head}time [s],torque [Nm],speed [rad/s],temp\n{lines}\n")
 
 
+def alike(folder, odd=None):
+    """Write twelve logs of one axis; the seventh may be another one."""
+    for day in range(12):
+        record = odd if odd is not None and day == 6 else driven(F, seed=50 + day)
+        write(folder / f"2026-05-{day + 1:02}.csv", record, day)
+
+
 @pytest.fixture(scope="module")
 def days(tmp_path_factory):
     """24 days: friction falls by 1 % a kelvin, and rises by 15 % on the 13th; a log is broken."""
@@ -79,19 +83,33 @@ def days(tmp_path_factory):
     return folder
 
 
-def run(capsys, *words):
-    status = main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return status, out, err
+def words(of, axis, output):
+    return ["trend", *map(str, of), "--model", str(axis), "-o", str(output), "--torque-is", "held"]
 
 
-def words(days, output, *more):
-    torque = ("--torque-is", "held")
-    return ("trend", days, "--model", days / "axis.toml", "-o", output, *torque, *more)
+@pytest.fixture(scope="module")
+def done(days, tmp_path_factory):
+    """A trend of the days, the rows of which need not be made again."""
+    folder = tmp_path_factory.mktemp("done") / "t"
+    main(words([days], days / "axis.toml", folder))
+    return folder
 
 
-def test_wear_is_found_beside_the_temperature(days, tmp_path, capsys):
-    status, out, _ = run(capsys, *words(days, tmp_path / "t", "--covariate", "temp", "--json"))
+@pytest.fixture
+def trended(days, done, tmp_path, capsys):
+    """`flexaxis trend` of the days, or of other logs: status, and what it printed."""
+
+    def run(*more, of=(days,), output=tmp_path / "t", axis=days / "axis.toml"):
+        usual = (of, output, axis) == ((days,), tmp_path / "t", days / "axis.toml")
+        if usual and not output.exists():
+            shutil.copytree(done, output)
+        return main([*words(of, axis, output), *map(str, more)]), *capsys.readouterr()
+
+    return run
+
+
+def test_wear_is_found_beside_the_temperature(trended, tmp_path):
+    status, out, _ = trended("--covariate", "temp", "--json")
     assert status == 1
     said = json.loads(out)
     friction = said["parameters"]["f_m"]
@@ -112,58 +130,43 @@ def test_wear_is_found_beside_the_temperature(days, tmp_path, capsys):
     assert "2026-05-25.csv" in page
 
 
-def test_estimates_agree_with_what_is_true(days, tmp_path, capsys):
-    run(capsys, *words(days, tmp_path / "t"))
-    rows = [row for row in kept(tmp_path / "t") if not row["problem"]]
-    off = np.array(
-        [
-            (row["estimates"]["f_m"]["value"] / (F * np.exp(-0.01 * (row["columns"]["temp"] - 20)
-             ) * (1.15 if row["log"] > "2026-05-12.csv" else 1)) - 1)
-            / (row["estimates"]["f_m"]["sd"] / F)
-            for row in rows
-        ]
-    )  # fmt: skip
-    assert len(off) == 24
-    assert 0.4 < np.sqrt(np.mean(off**2)) < 1.4  # intervals may be a little wide: the larger of two
-
-
-def test_without_a_covariate_it_says_so(days, tmp_path, capsys):
-    status, out, _ = run(capsys, *words(days, tmp_path / "t"))
+def test_without_a_covariate_it_says_so(trended):
+    status, out, _ = trended()
     assert status in {0, 1}
     assert "cannot be told apart" in out or "cannot be told without" in out
 
 
-def test_nothing_is_computed_twice(days, tmp_path, capsys, monkeypatch):
+def test_nothing_is_computed_twice(trended, tmp_path, monkeypatch):
     output = tmp_path / "t"
-    run(capsys, *words(days, output))
+    trended()
     before = kept(output)
     assert len(before) == 25
     change(output, "DELETE FROM lines WHERE rowid > 23")
     calls = []
     monkeypatch.setattr(trend, "refit", lambda *a: calls.append(a) or refit(*a))
-    run(capsys, *words(days, output, "--covariate", "temp"))
+    trended("--covariate", "temp")
     assert len(calls) <= 2
     assert kept(output) == before
     calls.clear()
-    run(capsys, *words(days, output, "--covariate", "temp"))
+    trended("--covariate", "temp")
     assert not calls
 
 
 @pytest.mark.slow
-def test_other_processes_give_the_same_rows(days, tmp_path, capsys):
-    run(capsys, *words(days, tmp_path / "one"))
-    run(capsys, *words(days, tmp_path / "two", "--jobs", "2"))
+def test_other_processes_give_the_same_rows(trended, tmp_path):
+    trended(output=tmp_path / "one")
+    trended("--jobs", "2", output=tmp_path / "two")
     one, two = ({row["case"]: row for row in kept(tmp_path / name)} for name in ("one", "two"))
     assert one == two
 
 
-def test_a_file_of_covariates(days, tmp_path, capsys):
-    run(capsys, *words(days, tmp_path / "t"))
+def test_a_file_of_covariates(trended, tmp_path):
+    trended()
     rows = [row for row in kept(tmp_path / "t") if not row["problem"]]
     table = tmp_path / "air.csv"
     lines = [f"{row['log'].removesuffix('.csv')},{row['columns']['temp']}" for row in rows]
     table.write_text("\n".join(["log,air", *lines]) + "\n")
-    _, out, _ = run(capsys, *words(days, tmp_path / "t", "--covariate", table, "--json"))
+    _, out, _ = trended("--covariate", table, "--json")
     slope = json.loads(out)["parameters"]["f_m"]["covariates"]["air"]["slope"]
     assert slope == pytest.approx(-0.01, abs=0.002)
 
@@ -177,39 +180,34 @@ def test_a_file_of_covariates(days, tmp_path, capsys):
         (("--jobs", "0"), "1 or more"),
     ],
 )
-def test_wrong_use_is_told(days, tmp_path, capsys, more, said):
-    status, _, err = run(capsys, *words(days, tmp_path / "t", *more))
+def test_wrong_use_is_told(trended, more, said):
+    status, _, err = trended(*more)
     assert status == 2
     assert said in err
     assert "Traceback" not in err
 
 
-def test_it_does_not_write_among_the_logs(days, capsys, tmp_path):
-    status, _, err = run(capsys, *words(days, days))
+def test_it_does_not_write_among_the_logs(trended, days, tmp_path):
+    status, _, err = trended(output=days)
     assert status == 2
     assert "the logs are there" in err
     other = tmp_path / "other"
     other.mkdir()
     (other / "report.html").write_text("mine")
-    assert run(capsys, *words(days, other))[0] == 2
+    assert trended(output=other)[0] == 2
     assert (other / "report.html").read_text() == "mine"
 
 
-def test_too_few_logs(days, tmp_path, capsys):
-    logs = sorted(days.glob("*.csv"))[:3]
-    status, _, err = run(
-        capsys, "trend", *logs, "--model", days / "axis.toml", "-o", tmp_path / "t"
-    )
-    assert status == 2
-    assert "3 logs; a trend needs 8" in err
-
-
-def test_why_is_told_where_too_few_logs_can_be_used(days, tmp_path, capsys):
-    logs = [*sorted(days.glob("*.csv"))[:7], days / "2026-05-25.csv"]
-    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
-    status, _, err = run(capsys, "trend", *logs, *given)
-    assert status == 2
-    assert "7 logs have estimates; a trend needs 8: 2026-05-25.csv: " in err
+@pytest.mark.parametrize(
+    ("logs", "said"),
+    [
+        (slice(3), "3 logs; a trend needs 8"),
+        ([*range(7), 24], "7 logs have estimates; a trend needs 8: 2026-05-25.csv: "),
+    ],
+)
+def test_too_few_logs(trended, days, logs, said):
+    status, _, err = trended(of=list(np.array(sorted(days.glob("*.csv")))[logs]))
+    assert status == 2 and said in err
 
 
 def test_what_was_made_of_a_log_is_no_further_log(days, tmp_path, capsys):
@@ -226,7 +224,7 @@ def test_what_was_made_of_a_log_is_no_further_log(days, tmp_path, capsys):
     assert [p.name for p in find_logs([tmp_path])] == ["2026-05-01.nc", "2026-05-02.csv"]
 
 
-def test_a_folder_a_day_is_a_set_of_logs(days, tmp_path, capsys):
+def test_a_folder_a_day_is_a_set_of_logs(trended, days, tmp_path):
     """All logs have one name: they are told apart by their folders, and dated by them."""
     at = [f"2026-05-{day:02}" for day in range(1, 13)]
     for name in at:
@@ -240,8 +238,7 @@ def test_a_folder_a_day_is_a_set_of_logs(days, tmp_path, capsys):
     table = tmp_path / "air.csv"
     read_in = [f"{name};{20 + k % 5},5" for k, name in enumerate(at)]
     table.write_text("\n".join(["log;air", *read_in]) + "\n")
-    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
-    _, out, err = run(capsys, "trend", tmp_path / "set", *given, "--covariate", table)
+    _, out, err = trended("--covariate", table, of=[tmp_path / "set"])
     assert "dates: 12 of their names, or of their folders" in out, err
     assert "2026-05-01/copy.csv is 2026-05-01/log.csv" in out.replace("\n", " ") or (
         "2026-05-01/log.csv is 2026-05-01/copy.csv" in out
@@ -250,27 +247,25 @@ def test_a_folder_a_day_is_a_set_of_logs(days, tmp_path, capsys):
     assert rows["logs"] == 12
 
 
-def test_a_parameter_that_is_zero_is_refused(days, tmp_path, capsys):
+def test_a_parameter_that_is_zero_is_refused(trended, tmp_path):
     (tmp_path / "zero.toml").write_text(AXIS.replace("f_m = 0.05", "f_m = 0.0"))
-    given = ("--model", tmp_path / "zero.toml", "-o", tmp_path / "t", "--torque-is", "held")
-    status, _, err = run(capsys, "trend", days, *given, "--free", "f_m")
+    status, _, err = trended("--free", "f_m", axis=tmp_path / "zero.toml")
     assert status == 2
     assert "--free f_m: is 0 in the axis" in err
 
 
-def test_a_date_in_a_name_is_read_anew(days, tmp_path, capsys):
+def test_a_date_in_a_name_is_read_anew(trended, days, tmp_path):
     """The same content under another name: nothing is computed, and it is another day."""
     names = [f"2026-05-{day:02}.csv" for day in range(1, 13)]
     for name in names:
         (tmp_path / name).write_bytes((days / name).read_bytes())
-    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
-    _, out, _ = run(capsys, "trend", tmp_path, *given)
+    _, out, _ = trended(of=[tmp_path])
     assert "dates: 12 of their names" in out
     (tmp_path / names[0]).rename(tmp_path / "axis 2026-04-01.csv")
     rows = kept(tmp_path / "t")
-    run(capsys, "trend", tmp_path, *given)
+    trended(of=[tmp_path])
     assert kept(tmp_path / "t") == rows
-    _, out, _ = run(capsys, "trend", tmp_path, *given, "--json")
+    _, out, _ = trended("--json", of=[tmp_path])
     assert json.loads(out)["logs"] == 12
     assert dated(tmp_path / "axis 2026-04-01.csv") == datetime(2026, 4, 1)
 
@@ -282,12 +277,9 @@ def test_a_date_in_a_name_is_read_anew(days, tmp_path, capsys):
         (lambda r: replace(r, speed=r.speed + 2 * np.sin(40 * r.time)), "is fitted by"),
     ],
 )
-def test_a_log_unlike_the_others_is_told(days, tmp_path, capsys, spoil, said):
-    for day in range(12):
-        record = driven(F, seed=50 + day)
-        write(tmp_path / f"2026-05-{day + 1:02}.csv", spoil(record) if day == 6 else record, day)
-    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
-    status, out, _ = run(capsys, "trend", tmp_path, *given)
+def test_a_log_unlike_the_others_is_told(trended, tmp_path, spoil, said):
+    alike(tmp_path, spoil(driven(F, seed=56)))
+    status, out, _ = trended(of=[tmp_path])
     assert status == 1
     (line,) = [line for line in out.splitlines() if said in line]
     assert line.startswith("✗ 2026-05-07.csv")
@@ -323,19 +315,15 @@ def test_a_delay_that_most_logs_have_is_the_axis_own(late, said):
     assert [*ailments(rows)] == ["other.csv"]
 
 
-def test_logs_alike_are_no_problem(days, tmp_path, capsys):
-    for day in range(12):
-        write(tmp_path / f"2026-05-{day + 1:02}.csv", driven(F, seed=50 + day), day)
-    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
-    status, out, _ = run(capsys, "trend", tmp_path, *given)
+def test_logs_alike_are_no_problem(trended, tmp_path):
+    alike(tmp_path)
+    status, out, _ = trended(of=[tmp_path])
     assert status == 0
     assert "✗" not in out
 
 
-def test_a_change_may_be_too_small_for_a_word(days, tmp_path, capsys):
-    status, out, _ = run(
-        capsys, *words(days, tmp_path / "t", "--covariate", "temp", "--smallest", "20")
-    )
+def test_a_change_may_be_too_small_for_a_word(trended):
+    status, out, _ = trended("--covariate", "temp", "--smallest", "20")
     assert status == 0
     assert "which is less than 20 %" in out
 
@@ -416,12 +404,9 @@ def test_a_log_with_static_friction_settles():
     assert refit(record, known_axis(scenario), ["J_m", "f_c"]).left < 1
 
 
-def test_a_log_of_another_axis_is_a_problem(days, tmp_path, capsys):
-    for day in range(12):
-        record = driven(F, seed=50 + day, inertia=40 * J if day == 6 else J)
-        write(tmp_path / f"2026-05-{day + 1:02}.csv", record, day)
-    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
-    status, out, _ = run(capsys, "trend", tmp_path, *given)
+def test_a_log_of_another_axis_is_a_problem(trended, tmp_path):
+    alike(tmp_path, driven(F, seed=56, inertia=40 * J))
+    status, out, _ = trended(of=[tmp_path])
     assert status == 1
     assert "✗ 2026-05-07.csv" in out
 

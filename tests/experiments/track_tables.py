@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from track_axes import NAMES, VALUES, changing_log
+from identify_axes import NAMES, VALUES, log
 
 from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.logs.axis_file import find_axis
@@ -26,7 +26,7 @@ ROWS = ((1, 100.0), (1, 1000.0), (1, 2500.0), (2, 250.0), (2, 1000.0), (2, 2500.
 
 def identified(masses, rate, seed, folder):
     """Return the path of the axis.toml that identify makes of a log without a change."""
-    record = changing_log(masses, 10, "multisine", seed=seed, period=1 / rate, seconds=20.0)
+    record = log(masses, 10, "multisine", seed=seed, period=1 / rate, seconds=20.0)
     found = identify(record, find_axis(NAMES[masses]), friction="coulomb")
     path = folder / f"axis-{masses}-{rate:g}-{seed}.toml"
     found.axis.save(path)
@@ -36,8 +36,8 @@ def identified(masses, rate, seed, folder):
 def scores(masses, rate, seed, axis, estimator):
     """Return lag [s], spread and bias before the change [%], what track says, µs a sample."""
     period = 1 / rate
-    changes = {"seed": seed + 500, "change": {"f_m": FACTOR}, "at": AT}
-    record = changing_log(masses, 10, "multisine", period=period, **changes)
+    changes = {"seed": seed + 500, "seconds": 40.0, "change": {"f_m": FACTOR}, "at": AT}
+    record = log(masses, 10, "multisine", period=period, **changes)
     begun = time.perf_counter()
     found = track(record, find_axis(str(axis)), parse(estimator), identify=["f_m"])
     spent = time.perf_counter() - begun

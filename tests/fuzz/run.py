@@ -25,7 +25,7 @@ import mutations
 from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
 from hypothesis import strategies as st
 from hypothesis.errors import Flaky
-from targets import TARGETS, fault, forks, prepare
+from targets import TARGETS, fault, prepare
 
 SHARE = 10.0  # s of a batch: what is read in no time is tried more often
 FEWEST, MOST = 20, 500  # files of a batch
@@ -131,8 +131,7 @@ def main() -> int:
         warm(kinds, Path(name))
         end = time.monotonic() + 60 * args.minutes
         while time.monotonic() < end:
-            with forks():
-                each_once(tallies, Path(name), args.found)
+            each_once(tallies, Path(name), args.found)
             print(table(tallies), flush=True)
     return int(any(t.tracebacks or t.hangs or t.memory for t in tallies.values()))
 

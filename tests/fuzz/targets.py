@@ -3,18 +3,13 @@
 import contextlib
 import functools
 import io
-import json
-import os
 import re
 import resource
 import shutil
 import signal
-import subprocess
 import sys
-import tempfile
 import time
-import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest import mock
@@ -23,8 +18,6 @@ import documents
 
 from flexaxis.experiments import cli
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.reading import mat_file
 
 SECONDS = 10.0  # an answer to bad input takes no longer, waiting for a free processor aside
 MEMORY = 1 << 30  # bytes, by which the process may grow
@@ -169,43 +162,6 @@ def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> s
     if len(lines) > LINES or max(map(len, lines), default=0) > LENGTH:
         return f"{len(lines)} lines of error, {sum(map(len, lines))} characters: {said[:300]}"
     return ""
-
-
-def forks() -> contextlib.AbstractContextManager[Any]:
-    """Let files be read in forks of this process, which need not import SciPy or HDF5 again."""
-    known = mock.Mock(wraps=subprocess, run=_forked, TimeoutExpired=subprocess.TimeoutExpired)
-    return mock.patch.object(mat_file, "subprocess", known)
-
-
-def _forked(command: Sequence[str], **_: Any) -> Any:
-    """Do what `python -P -m MODULE …` does; it may take its process along, as there."""
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        child = os.fork()
-        if not child:
-            os.dup2(out.fileno(), 1)
-            os.dup2(err.fileno(), 2)
-            os._exit(_answered(*command[4:]))
-        try:
-            status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        except BaseException:  # time is over
-            os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            raise
-        said = [file.seek(0) or file.read() for file in (out, err)]
-    return subprocess.CompletedProcess(list(command), status, *said)
-
-
-def _answered(path: str, kept: str) -> int:
-    """Read a file as the process of its own does; return the exit status."""
-    try:
-        os.write(1, json.dumps(mat_file.keep(path, kept)).encode())
-    except LogError as error:
-        os.write(2, str(error).encode(errors="replace"))
-        return 1
-    except BaseException:  # what the process would show of it ends in its last line
-        os.write(2, traceback.format_exc().encode(errors="replace"))
-        return 1
-    return 0
 
 
 def queued() -> float:

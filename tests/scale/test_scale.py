@@ -1,9 +1,12 @@
 """Four times the rows take about four times as long, and hardly more memory."""
 
-import importlib.util
+import sys
 from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import synthetic
 
 pytestmark = pytest.mark.slow
 ROWS = (25_000, 100_000)  # above what stays in memory
@@ -11,17 +14,7 @@ BYTES = 400  # of memory a row: as many columns at a time as `groups.HELD` allow
 
 
 @pytest.fixture(scope="module")
-def synthetic():
-    spec = importlib.util.spec_from_file_location(
-        "synthetic", Path(__file__).parent / "synthetic.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture(scope="module")
-def folders(synthetic, tmp_path_factory):
+def folders(tmp_path_factory):
     """Two studies, and what opening one takes: with imports, and no rows read."""
     home = tmp_path_factory.mktemp("scale")
     made = [home / str(rows) for rows in ROWS]
@@ -31,7 +24,7 @@ def folders(synthetic, tmp_path_factory):
 
 
 @pytest.mark.parametrize("what", ["columns", "report", "summary", "csv", "parquet", "netcdf"])
-def test_time_and_memory_grow_with_the_rows_and_no_faster(synthetic, folders, what):
+def test_time_and_memory_grow_with_the_rows_and_no_faster(folders, what):
     if what == "parquet":
         pytest.importorskip("pyarrow", reason="the extra `parquet`")
     made, (_, before, base) = folders

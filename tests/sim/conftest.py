@@ -1,10 +1,17 @@
 """Helpers of the tests of the simulation side: equations (1)-(4) and exact sampling."""
 
+import math
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
+from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import parse_scenario
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "estimators"))
+from acceptance.axes import held, system
 
 
 @pytest.fixture
@@ -19,18 +26,9 @@ def make():
 
 
 def state_space(theta):
-    """A and B of equations (3) and (4), written down from the paper, not from the package."""
-    kT, Jm, Jg, Ja, kg, ka, dg, da, fm, fg, fa, r = theta
-    A = np.array(
-        [
-            [0, 0, r, -1, 0],
-            [0, 0, 0, 1, -1],
-            [-r * kg / Jm, 0, -(r**2 * dg + fm) / Jm, r * dg / Jm, 0],
-            [kg / Jg, -ka / Jg, r * dg / Jg, -(fg + dg + da) / Jg, da / Jg],
-            [0, ka / Ja, 0, da / Ja, -(da + fa) / Ja],
-        ]
-    )
-    return A, np.array([0, 0, kT / Jm, 0, 0])
+    """A (5, 5) and B (5,) of equations (3) and (4), from the paper, not from the package."""
+    A, B = system(dict(zip(PARAMETER_NAMES, theta, strict=True)))
+    return A[:5, :5], B[:5]
 
 
 def exact_speed(torque, parameters, period):
@@ -43,9 +41,18 @@ def exact_speed(torque, parameters, period):
         speed[k] = x[2]
         key = theta.tobytes()
         if key not in cache:
-            A, B = state_space(theta)
-            block = np.zeros((6, 6))
-            block[:5, :5], block[:5, 5] = A, B
-            cache[key] = expm(block * period)
-        x = (cache[key] @ np.append(x, u))[:5]
+            cache[key] = held(*state_space(theta), period)
+        x = cache[key] @ np.append(x, u)
     return speed
+
+
+def commanded(errors, period, *, Kp=4.0, Kv=0.22, Ki=2.0, tau=0.0005):
+    """Yield the torque of the textbook loop for errors of the angle, one after the other."""
+    a = math.exp(-period / tau) if tau else 0.0
+    before = speed = integral = 0.0
+    for error in errors:
+        speed = a * speed + (1 - a) * (error - before) / period
+        before = error
+        wanted = Kp * error + speed
+        integral += period * Ki * wanted
+        yield Kv * (wanted + integral)

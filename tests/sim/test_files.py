@@ -9,7 +9,6 @@ import threading
 import pytest
 
 from flexaxis.sim.storage.files import atomic
-from flexaxis.sim.storage.netcdf import new_netcdf
 
 
 def write(path, text):
@@ -154,16 +153,3 @@ def test_writers_at_the_same_time_do_not_meet(tmp_path):
     while any(thread.is_alive() for thread in threads):
         found.add(path.read_text())
     assert not failed and found <= set(texts) and os.listdir(tmp_path) == ["study.json"]
-
-
-def test_a_netcdf_file_that_fails_halfway_leaves_the_old_one(tmp_path):
-    path = tmp_path / "curves.nc"
-    for value in (1.0, 2.0):
-        with new_netcdf(path) as file:
-            file.dimensions = {"time": 1}
-            file.create_variable("x", ("time",), data=[value])
-    before = path.read_bytes()
-    with pytest.raises(ZeroDivisionError), new_netcdf(path) as file:
-        file.dimensions = {"time": 1}
-        raise ZeroDivisionError
-    assert path.read_bytes() == before and os.listdir(tmp_path) == ["curves.nc"]

@@ -2,29 +2,23 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
-from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.simulate import simulate
 from flexaxis.sim.streams import stream
 
-from .conftest import state_space
+from .conftest import held, system
 
 TICK = 0.001
 
 
 def exact_ticks(scenario, command):
     """Motor angle and speed at each tick, `command(k, angle)` the torque from it on."""
-    A, B = state_space(scenario.nominal.as_array())
-    block = np.zeros((7, 7))  # five states, the motor angle, the held torque
-    block[:5, :5], block[:5, 6], block[5, 2] = A, B, 1.0
-    transition = expm(block * TICK)
-    x, angles, speeds = np.zeros(7), [], []
+    transition = held(*system(scenario.nominal.as_dict()), TICK)
+    x, angles, speeds = np.zeros(6), [], []
     for k in range(5 * scenario.samples):
         angles.append(x[5])
         speeds.append(x[2])
-        x[6] = command(k, x[5])
-        x = transition @ x
+        x = transition @ np.append(x, command(k, x[5]))
     return np.array(angles), np.array(speeds)
 
 
@@ -78,16 +72,6 @@ def test_a_torque_acts_late_and_is_logged_as_commanded(late, make):
     assert close(record.true_angle_m, angles[::5])
 
 
-def test_the_filter_smooths_the_measured_speed_with_its_noise(make):
-    scenario = make("filter.speed = 0.002\n", duration=1.0)
-    (record,) = simulate(scenario, [3])
-    noise = 0.1 * stream(scenario.key, 3, "noise.speed").standard_normal(scenario.samples)
-    a, out = np.exp(-0.005 / 0.002), 0.0
-    for k, value in enumerate(record.true_speed + noise):
-        out = a * out + (1 - a) * value
-        assert record.speed[k] == pytest.approx(out, abs=1e-12)
-
-
 def test_saturation_limits_what_acts_and_not_what_is_logged(make):
     scenario = make("saturation.torque = 1.0\n", duration=2.0)
     (record,) = simulate(scenario, [0])
@@ -115,30 +99,6 @@ def test_noise_on_the_torque_acts_and_is_not_logged(late, make):
         return (record.torque[(k - ticks) // 5] if k >= ticks else 0.0) + noise[k // 5]
 
     assert close(record.true_speed, exact_ticks(scenario, command)[1][::5])
-
-
-def test_the_level_of_coulomb_friction_changes_when_told(make):
-    scenario = make(
-        'friction.coulomb = 0.1\n[[fault]]\nkind = "step"\nparameter = "coulomb"\nat = 1.0\n'
-        "factor = 2.0\n",
-        duration=2.0,
-    )
-    (record,) = simulate(scenario, [0])
-    for change, agrees in ((200, True), (None, False)):
-        plant = Plant(
-            [scenario.nominal],
-            period=0.005,
-            substeps=20,
-            nonlinear=list(scenario.nonlinear.values()),
-        )
-        speed = []
-        for k, value in enumerate(record.torque):
-            if k == change:
-                plant.set_law("f_c", 0.2)
-            speed.append(plant.speed_m[0])
-            plant.step(np.array([value]))
-        assert np.array_equal(record.true_speed, speed) == agrees
-        assert np.array_equal(record.true_speed[:200], speed[:200])
 
 
 def test_a_record_is_the_same_in_any_batch_with_all_of_it(make):

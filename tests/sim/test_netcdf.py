@@ -83,7 +83,7 @@ except OSError as error:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of a file there")
-@pytest.mark.parametrize("limit", [0, 1000, 10_000, 100_000, 165_000, 300_000])
+@pytest.mark.parametrize("limit", [0, 10_000, 165_000, 300_000])
 def test_a_full_disk_is_an_error_and_leaves_the_old_file(limit, tmp_path):
     path = tmp_path / "some.nc"
     path.write_text("old")

@@ -14,7 +14,7 @@ from flexaxis.sim.tables.faults import Intermittent, Ramp, Step, Thermal
 from flexaxis.sim.tables.stability import _radius, loop_problem
 from flexaxis.sim.timing import Grid
 
-from .conftest import exact_speed
+from .conftest import commanded, exact_speed
 
 PERIODS = [0.001, 0.002, 0.0025, 0.01]
 FAULT = '[[fault]]\nkind = "step"\nparameter = "f_m"\nat = 1.5\nfactor = 1.5\n'
@@ -45,15 +45,9 @@ def test_the_controller_runs_at_that_period(period, make):
     scenario = scenario_at(make, period, "controller.tau = 0.002")
     (record,) = simulate(scenario, [3])
     wanted = scenario.excitation.reference(scenario.grid, stream(scenario.key, 3, "excitation"))
-    T, gains = period, scenario.controller
-    a = np.exp(-T / gains.tau)
-    before = speed = integral = 0.0
-    for k, error in enumerate(wanted - record.true_angle_m):
-        speed = a * speed + (1 - a) * (error - before) / T
-        before = error
-        command = gains.Kp * error + speed
-        integral += T * gains.Ki * command
-        assert record.torque[k] == pytest.approx(gains.Kv * (command + integral), abs=1e-12)
+    gains = {name: getattr(scenario.controller, name) for name in ("Kp", "Kv", "Ki", "tau")}
+    expected = [*commanded(wanted - record.true_angle_m, period, **gains)]
+    np.testing.assert_allclose(record.torque, expected, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("period", PERIODS)

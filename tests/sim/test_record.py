@@ -91,14 +91,6 @@ def test_an_own_log_needs_time_torque_and_one_output_only(output, own, tmp_path)
     assert np.array_equal(again.torque, own["torque"]) and again.seed is None
 
 
-def test_columns_are_found_by_name(record, tmp_path):
-    path = record.save(tmp_path / "run.nc")
-    with h5py.File(path, "r+") as file:
-        names, values = file["parameter"][:][::-1], file["true_parameters"][:][:, ::-1]
-        file["parameter"][:], file["true_parameters"][:] = names, values
-    assert np.array_equal(load_record(path).true_parameters, record.true_parameters)
-
-
 def test_not_a_file(tmp_path):
     with pytest.raises(RecordError, match=r"gone.nc: no such file"):
         load_record(tmp_path / "gone.nc")
@@ -203,19 +195,6 @@ def test_a_read_only_folder_is_told(record, tmp_path):
     tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
     with pytest.raises(RecordError, match="cannot be written"):
         record.save(tmp_path / "run.nc")
-
-
-def test_a_failed_save_leaves_the_old_file_and_nothing_else(record, tmp_path, monkeypatch):
-    path = record.save(tmp_path / "run.nc")
-    before = path.read_bytes()
-
-    def full(*_args, **_kwargs):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("flexaxis.sim.storage.record_file._write_parameters", full)
-    with pytest.raises(RecordError, match="No space left on device"):
-        record.save(path)
-    assert path.read_bytes() == before and os.listdir(tmp_path) == ["run.nc"]
 
 
 @pytest.mark.parametrize("room", [1_000, 20_000])

@@ -40,13 +40,6 @@ def test_without_sensors_the_truth_is_read():
         assert np.array_equal(read(*off, signal=signal), ANGLE)
 
 
-@pytest.mark.parametrize("signal", ["angle", "speed"])
-def test_noise_has_the_deviation_of_its_signal(signal):
-    deviation = {"angle": 1e-3, "speed": 0.1}[signal]
-    noisy = read(NoiseConfig(speed=0.1, angle=1e-3), signal=signal)
-    assert np.array_equal(noisy, ANGLE + deviation * white(f"noise.{signal}"))
-
-
 def test_encoder_reads_the_nearest_count():
     step = 2 * np.pi / 2048
     angle = read(EncoderConfig(counts=2048))
@@ -62,11 +55,6 @@ def test_increments_add_up_to_the_angle_and_start_at_zero():
     increment = angle_increment(ANGLE, period=0.005)
     assert not increment[0].any()
     assert np.allclose(ANGLE[0] + np.cumsum(increment, axis=0) * 0.005, ANGLE, atol=1e-12)
-
-
-def test_delay_shifts_and_begins_at_rest():
-    late = read(DelayConfig(measurement=3))
-    assert not late[:3].any() and np.array_equal(late[3:], ANGLE[:-3])
 
 
 @pytest.mark.parametrize("samples", range(1, 13))

@@ -11,7 +11,7 @@ from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate
 from flexaxis.sim.streams import stream
 
-from .conftest import exact_speed
+from .conftest import commanded, exact_speed
 
 ARRAYS = ("time", "torque", "angle", "speed", "increment", "true_speed", "true_angle_m",
           "true_angle_g", "true_angle_a", "true_parameters")  # fmt: skip
@@ -76,15 +76,8 @@ def test_torque_is_the_textbook_loop_on_reference_and_angle(sensors, make):
     (record,) = simulate(scenario, [5])
     rng = stream(scenario.key, 5, "excitation")
     reference = scenario.excitation.reference(scenario.grid, rng)
-    T, a = scenario.period, np.exp(-scenario.period / 0.0005)
-    before = speed = integral = 0.0
-    for k in range(scenario.samples):
-        error = reference[k] - record.true_angle_m[k]
-        speed = a * speed + (1 - a) * (error - before) / T
-        before = error
-        s = 4.0 * error + speed
-        integral += T * 2.0 * s
-        assert record.torque[k] == pytest.approx(0.22 * (s + integral), rel=1e-9, abs=1e-12)
+    expected = [*commanded(reference - record.true_angle_m, scenario.period)]
+    np.testing.assert_allclose(record.torque, expected, rtol=1e-9, atol=1e-12)
     assert record.true_speed[0] == record.true_angle_m[0] == 0
     assert record.true_speed[1] != 0  # u[0] is seen for the first time in y[1]
 
@@ -156,20 +149,8 @@ def test_measured_feedback_sees_exactly_the_recorded_angle(make):
     (record,) = simulate(scenario, [0])
     rng = stream(scenario.key, 0, "excitation")
     error = scenario.excitation.reference(scenario.grid, rng) - record.angle
-    T, a = scenario.period, np.exp(-scenario.period / 0.0005)
-    speed = integral = before = 0.0
-    for k in range(scenario.samples):
-        speed = a * speed + (1 - a) * (error[k] - before) / T
-        before, s = error[k], 4.0 * error[k] + speed
-        integral += T * 2.0 * s
-        assert record.torque[k] == pytest.approx(0.1 * (s + integral), rel=1e-9, abs=1e-10)
-
-
-def test_delay_is_in_the_measured_signals(make):
-    (record,) = simulate(make("delay.measurement = 3\nnoise.speed = 0", duration=1.0), [0])
-    assert np.array_equal(record.speed[3:], record.true_speed[:-3])
-    assert np.array_equal(record.angle[3:], record.true_angle_m[:-3])
-    assert not record.speed[:3].any() and not record.angle[:3].any()
+    expected = [*commanded(error, scenario.period, Kv=0.1)]
+    np.testing.assert_allclose(record.torque, expected, rtol=1e-9, atol=1e-10)
 
 
 def test_a_pause_brings_the_axis_to_rest(make):

@@ -1,7 +1,7 @@
 """The closed loop of an axis at any sampling period: exact zero-order hold, without MuJoCo."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import expm
@@ -26,6 +26,8 @@ class Run:
         The true values of `NAMES`.
     period : float
         Sampling period [s].
+    angle : (N,) array
+        Of the motor; empty where the run was put together of parts.
     """
 
     u: np.ndarray
@@ -33,6 +35,11 @@ class Run:
     clean: np.ndarray
     theta: np.ndarray
     period: float
+    angle: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def increment(self) -> np.ndarray:
+        return np.diff(self.angle, prepend=self.angle[0]) / self.period
 
     def samples(self, seconds: float) -> int:
         return round(seconds / self.period)
@@ -52,6 +59,11 @@ def system(q: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
     A[5, 2] = 1
     B[2] = q["k_T"] / q["J_m"]
     return A, B
+
+
+def held(A: np.ndarray, B: np.ndarray, period: float) -> np.ndarray:
+    """[Φ, Γ] (n, n+1) of a period in which the input (n,) is held."""
+    return expm(np.pad(np.column_stack([A, B]), ((0, 1), (0, 0))) * period)[:-1]
 
 
 def theta_of(q: Mapping[str, float], names: Sequence[str] = NAMES) -> np.ndarray:
@@ -94,8 +106,8 @@ def loop_matrix(
     integral = integral + 2.0 * period * wanted
     u = speed_gain * (wanted + integral)
     A, B = system(q)
-    step = expm(np.block([[A, B[:, None]], [np.zeros((1, 7))]]) * period)
-    plant = np.pad(step[:6, :6], ((0, 0), (0, 4))) + np.outer(step[:6, 6], u)
+    step = held(A, B, period)
+    plant = np.pad(step[:, :6], ((0, 0), (0, 4))) + np.outer(step[:, 6], u)
     whole = np.vstack([plant, lowpass, integral, error])
     return whole[:, :9], whole[:, 9], u
 
@@ -113,7 +125,7 @@ def simulate(
     seed: int = 0,
     sigma: float = SIGMA,
     faults: Mapping[float, Mapping[str, float]] | None = None,
-    held: tuple[float, float] = (0.0, 0.0),
+    pause: tuple[float, float] = (0.0, 0.0),
     off: tuple[float, float] = (0.0, 0.0),
 ) -> Run:
     """
@@ -123,24 +135,24 @@ def simulate(
     ----------
     faults : mapping
         Time [s] -> all parameters from then on.
-    held, off : (start, stop)
+    pause, off : (start, stop)
         When the reference is held, and when the drive is off: no torque, and after a second the
         axis has stopped and the sensor reads zero. The loop comes back as at the start.
     """
     N = round(seconds / period)
     rho = reference(seed, seconds, period)
-    a, b = (round(t / period) for t in held)
+    a, b = (round(t / period) for t in pause)
     rho[a:b] = rho[a]
     off_from, off_to = (round(t / period) for t in off)
     changes = {round(t / period): q for t, q in (faults or {}).items()} | {0: axis}
-    u, clean, theta = np.zeros(N), np.zeros(N), np.empty((N, 3))
+    u, clean, angle, theta = np.zeros(N), np.zeros(N), np.zeros(N), np.empty((N, 3))
     z, shift = np.zeros(9), 0.0
     for k in range(N):
         if k in changes:
             M, n, row = loop_matrix(changes[k], period, speed_gain(period))
             free = loop_matrix(changes[k], period, 0.0)[0]
         theta[k] = theta_of(changes[k]) if k in changes else theta[k - 1]
-        clean[k] = z[2]
+        clean[k], angle[k] = z[2], z[5]
         if off_from <= k < off_to:
             z = free @ z
             z[6:] = 0.0
@@ -152,4 +164,4 @@ def simulate(
         z = M @ z + n * (rho[k] + shift)
     y = clean + sigma * np.random.default_rng([seed, 1]).standard_normal(N)
     y[off_from + round(1.0 / period) : off_to] = 0.0
-    return Run(u, y, clean, theta, period)
+    return Run(u, y, clean, theta, period, angle)

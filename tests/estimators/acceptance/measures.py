@@ -96,10 +96,6 @@ class Outcome:
     findings: int
     at_rest: int
 
-    def __str__(self) -> str:
-        error = f"{100 * self.error:.2f}" if self.finite else "not finite"
-        return f"{error} ({self.findings})" if self.findings else error
-
 
 def outcome(estimator, given: Disturbed) -> Outcome:
     """Run it and judge what it says."""

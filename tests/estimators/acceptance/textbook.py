@@ -8,9 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
-from acceptance.axes import NAMES, system
+from acceptance.axes import NAMES, held, system
 
 N_X, N_P = 5, len(NAMES)
 MEMORY = 400  # samples of the running noise variance
@@ -62,9 +61,19 @@ def extended(q: Mapping[str, float], scale: Array) -> tuple[Array, Array]:
 
 def advance(X: Array, u: float, q: Mapping[str, float], scale: Array, period: float) -> Array:
     """X (1+p, 5) one sample later, with u held."""
-    F, G = extended(q, scale)
-    step = expm(np.pad(np.column_stack([F, G]), ((0, 1), (0, 0))) * period)[:-1]
-    return (step @ np.append(X, u)).reshape(X.shape)
+    return (held(*extended(q, scale), period) @ np.append(X, u)).reshape(X.shape)
+
+
+def sampled(
+    q: Mapping[str, float], xi: Array, u: float, *, period: float = 0.005, increments: bool = False
+) -> Array:
+    """ξ = [θ, x] one sample later; with increments the angle counts from the start of it."""
+    A, B = system(dict(q) | physical(xi))
+    x = xi[N_P:].copy()
+    if increments:
+        x[5] = 0.0
+    n = len(x)
+    return np.r_[xi[:N_P], held(A[:n, :n], B[:n], period) @ np.r_[x, u]]
 
 
 def textbook(
