@@ -65,7 +65,8 @@ def at_equal_noise(name: str) -> dict[str, tuple[float, str]]:
     """Return the lag [s] of each estimator whose std before the fault is that of the reference.
 
     With it stands "quieter" or "noisier" for one that is so at all settings of its knob, by its
-    nearest one. None is among them that has no lag in some run, or no knob.
+    nearest one. None is among them that has no lag in some run, or no knob,
+    as one with options.
     """
     scenario = find_scenario(name)
     parameter = changed("control", name, REFERENCE)

@@ -143,21 +143,21 @@ def goal() -> str:
         scenario = find_scenario(name)
         if not scenario.events() or scenario.nuisance:
             continue
-        sd, share = _known_in_ten_seconds(scenario)
-        counts = min(sd, sd * share) <= SURE
-        whole = f"{sd * share:.2g}" if share < 1 else ""
-        cells = [_missed(changed("drives", name, who), share) for who in WHO["drives"][:2]]
+        sd, after, before = _known_in_ten_seconds(scenario)
+        counts = min(sd, sd * after) <= SURE
+        whole = f"{sd * after:.2g}" if after != 1 else ""
+        cells = [_missed(changed("drives", name, who), before) for who in WHO["drives"][:2]]
         rows.append([f"`{name}`", scenario.events()[0].parameter, f"{sd:.2g}", whole,
                      "yes" if counts else "no", *cells])  # fmt: skip
     heads = ["scenario", "fault in", "sd [%]", "of all friction [%]", "counts"]
     return table([*heads, *(f"`{who}` misses" for who in WHO["drives"][:2])], rows) + said("drives")
 
 
-def _known_in_ten_seconds(scenario: Scenario) -> tuple[float, float]:
-    """Return the sd [%] of what fails by the bound, and its share in what it is a part of.
+def _known_in_ten_seconds(scenario: Scenario) -> tuple[float, float, float]:
+    """Return the sd [%] of what fails by the bound, and its shares in what it is a part of.
 
-    Structure is unknown, too. Of f_m and f_c that is their share in all friction at rms speed and
-    torque; of any other parameter 1.
+    Structure is unknown, too. Of f_m and f_c these are their shares in all friction at rms speed
+    and torque before the fault, after it and before; of any other parameter 1.
     """
     (record,) = simulate(scenario, [1000])
     event = scenario.events()[0]
@@ -170,9 +170,10 @@ def _known_in_ten_seconds(scenario: Scenario) -> tuple[float, float]:
     size = abs(1 / event.after if name == inverse else event.after)
     k = slice(len(record.time) // 4, len(record.time) // 2)
     rms, load = float(record.true_speed[k].std()), float(record.torque[k].std())
-    torque = {"f_m": event.after * rms, "f_c": event.after}.get(name)
+    arm = {"f_m": rms, "f_c": 1.0}.get(name)
     whole = friction(scenario, np.array([rms]), load)[0]
-    return 100 * deviation / size, 1.0 if torque is None else torque / whole
+    shares = (1.0, 1.0) if arm is None else (event.after * arm / whole, event.before * arm / whole)
+    return 100 * deviation / size, *shares
 
 
 def _missed(row: Mapping[str, Any] | None, share: float) -> str:

@@ -80,7 +80,7 @@ class Problem:
         return tuned(name, self.model, self.period, self.identify)
 
     def factor(self, name: str, forgetting: float | None) -> float:
-        """Return λ: as given, as tuned for this axis, or that of a time constant of 1 s."""
+        """Return λ: as given, as tuned for this axis, or of 1 s; warn where that is short."""
         given = self.tuned(name) if forgetting is None else forgetting
         weight = forgetting_factor(given, self.period)
         rates = np.abs(moving_poles(self.model).real)
@@ -89,7 +89,7 @@ class Problem:
             warnings.warn(
                 f"{name} remembers {memory:.3g} s (forgetting {weight:g}), and the slowest pole of "
                 f"the axis has a time constant of {slowest:.3g} s: estimates may run away; give "
-                f"forgetting={1 - self.period / slowest:.6g} or more, or use one that needs none",
+                f"forgetting={1 - self.period / slowest:.6g} or more, or use glr",
                 stacklevel=2,
             )
         return weight

@@ -78,7 +78,7 @@ def level(design: Design, *, rests: bool = False) -> tuple[Record, Record]:
         latest=0.0,  # the innovation before, whether its sample was used or not
         wild=0.0,  # samples in a row that are far from ŷ and from the one before
         lone=0.0,  # whether the last sample was, by WILD, and the one before it as usual, by CLIP
-        spikes=0.0,  # whether such a one was followed by a usual one
+        spikes=0.0,  # whether such a one was followed by a usual one, or its opposite, ever
     )
     more, sensor = monitor_records(design.period)
     return joined(tuning, more), joined(state, sensor)
@@ -104,6 +104,7 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
         valid = False
     if not valid:
         state["run"], state["innovation_variance"] = 0.0, np.nan
+        state["latest"] = state["lone"] = state["wild"] = 0.0
         return np.nan
     e = y - prediction
     state["innovation"] = e
@@ -131,7 +132,8 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
 def _is_wild(state, e, sd, judged):
     """Return whether a sample is a wild one, which says nothing of the axis."""
     before, state["latest"] = state["latest"], e
-    if state["lone"] > 0.0 and abs(e) <= CLIP * sd:
+    back = min(abs(e), abs(e + before))  # a wild angle is in two increments, there and back
+    if state["lone"] > 0.0 and back <= CLIP * sd:
         state["spikes"] = 1.0
     state["lone"] = 1.0 if judged and abs(e) > WILD * sd and abs(before) <= CLIP * sd else 0.0
     far = WILD * sd

@@ -159,9 +159,7 @@ def moves_as(model: Model, name: str) -> bool:
 
 def moving_poles(model: Model) -> NDArray[np.complex128]:
     """Return the poles [1/s] of the linear part of a model, but for those that do not move."""
-    linear = replace(model, laws=())
-    one = linear.parametrize(linear.parameters[:1])
-    poles = np.linalg.eigvals(one.matrices(one.theta)[0])
+    poles = _poles(replace(model, laws=()))
     return poles[np.abs(poles.real) > 1e-6 * np.abs(poles).max(initial=0.0)]
 
 
@@ -182,5 +180,9 @@ def _axis(name: str) -> Model:
 
 def _rates(model: Model) -> NDArray[np.float64]:
     """Return the sizes (n,) of the poles in order [1/s]."""
+    return np.sort(np.abs(_poles(model)))
+
+
+def _poles(model: Model) -> NDArray[np.complex128]:
     one = model.parametrize(model.parameters[:1])
-    return np.sort(np.abs(np.linalg.eigvals(one.matrices(one.theta)[0])))
+    return np.linalg.eigvals(one.matrices(one.theta)[0])

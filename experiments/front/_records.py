@@ -66,7 +66,8 @@ class Recording(Record):
             if name not in self.signals:
                 raise FlexaxisError(unknown("signal", name, self.signals))
         label = repr(self).partition(": ")[0]
-        who = "A" if ax is None else label  # alone it is unbroken; beside others by its name
+        beside = any(each.lines for each in np.ravel(ax if ax is not None else []))
+        who = label if beside else "A"  # alone it is unbroken; beside others by its name
         curves = {f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]":
                   [Line(who=who, label=label, x=self.time, y=getattr(self, name))]
                   for name in signals or usual}  # fmt: skip

@@ -16,6 +16,7 @@ from flexaxis.estimators.models.axes import (
     GEAR_FRICTION,
     GEAR_SPRING,
     LIMIT,
+    SHAPE,
     STATIC,
     three_mass,
     with_angle,
@@ -51,13 +52,16 @@ class Described:
     learnt : tuple of str
         Parameters of the law that an estimator may learn once.
     beside : tuple of Law
-        What the law reads its load from.
+        What the law reads its load from, or that acts besides.
+    found : bool
+        Whether no estimator has it as a law, so that a bound is defined for who looks for `learnt`.
     """
 
     law: Law
     values: Callable[[Any], Mapping[str, float]]
     learnt: tuple[str, ...] = ()
     beside: tuple[Law, ...] = ()
+    found: bool = False
 
 
 PHASES = ("c_sin", "c_cos")
@@ -71,6 +75,15 @@ def _shares(table: Any) -> dict[str, float]:
     return shares | slow | {"sharpness": table.alpha}
 
 
+def _by_sign(table: Any) -> dict[str, float]:
+    """Return what makes of friction of the gear the dry one f_c tanh(v/v₀)."""
+    none = dict.fromkeys(("f_s", "mu_m", "mu_e", "mu_ms", "mu_es", "kappa", "gap"), 0.0)
+    return none | {"v_s": 1.0, "sharpness": 1.0, "v_0": table.smooth}
+
+
+SIDES = replace(SHAPE, parameters={**SHAPE.parameters, "softness": "v_0", "which": 2.0})
+"""Dry friction that is larger one way by twice shape_cos."""
+
 DESCRIBED: Mapping[str, Described] = {
     "friction": Described(BRISTLES, lambda table: COULOMB),
     "lugre": Described(BRISTLES, lambda table: {"v_0": 0.0}, ("f_s", "v_s", "sigma_0", "sigma_1")),
@@ -80,6 +93,23 @@ DESCRIBED: Mapping[str, Described] = {
         lambda table: _shares(table) | {"v_0": table.smooth, "kappa": 0.0, "gap": 0.0},
         ("f_s", "v_s", "sharpness", "mu_m", "mu_e", "mu_ms", "mu_es", "v_0"),
         (GEAR_SPRING,),
+    ),
+    "load_friction": Described(
+        GEAR_FRICTION,
+        lambda table: _by_sign(table) | {"mu_e": table.load},
+        ("mu_e",),
+        (GEAR_SPRING,),
+        found=True,
+    ),
+    "directional_friction": Described(
+        GEAR_FRICTION,
+        lambda table: (
+            _by_sign(table)
+            | {"shape_sin": 0.0, "shape_cos": table.difference * table.f_c, "shape_n": 0.0}
+        ),
+        ("shape_cos",),
+        (GEAR_SPRING, SIDES),
+        found=True,
     ),
     "stiffening": Described(GEAR_SPRING, lambda table: {"gap": 0.0}, ("kappa",)),
     "backlash": Described(GEAR_SPRING, lambda table: {"kappa": 0.0}, ("gap",)),
@@ -99,7 +129,8 @@ DRY = ("friction", "lugre", "static_friction", "gear_friction")
 def describes(scenario: Scenario) -> bool:
     """Return whether a model describes the records, for whoever is told the truth."""
     tables = scenario.tables
-    known = all(table.exact or key in DESCRIBED for key, table in tables.items())
+    told = {key for key, part in DESCRIBED.items() if not part.found}
+    known = all(table.exact or key in told for key, table in tables.items())
     return known and sum(key in tables for key in DRY) <= 1
 
 
@@ -160,6 +191,11 @@ def with_structure(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
     learnt = [name for part in _described(scenario).values() for name in part.learnt]
     mine = {physical(name)[0] for name in names}
     return (*names, *(name for name in (*STRUCTURE, *learnt) if name not in mine))
+
+
+def found_of(scenario: Scenario) -> tuple[str, ...]:
+    """Return the coefficients of friction that no estimator has as a law, and may find."""
+    return tuple(n for part in _described(scenario).values() if part.found for n in part.learnt)
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:

@@ -27,7 +27,8 @@ def as_set(groups: Groups, pooled: Sequence[Mapping[str, Any]]) -> list[dict[str
     Returns
     -------
     list of dict
-        One for each fault and estimator: ``scenario, parameter, estimator, lag, std, diverged,
+        One for each fault and estimator with a lag and a standard deviation in every run:
+        ``scenario, parameter, estimator, lag, std, diverged,
         seeds`` and ``values`` of lag and std: their logarithms, as the jackknife's values, by
         all the seeds of the fault; None where the estimator has none.
     """

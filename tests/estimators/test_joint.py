@@ -77,6 +77,17 @@ def test_wild_readings_are_left_out_once_a_sensor_has_shown_that_it_gives_them(n
     np.testing.assert_allclose(with_spikes(nominal, loop, spikes), expected, rtol=1e-9)
 
 
+def test_a_wild_angle_is_known_by_two_increments(nominal, simulated):
+    """There and back, 300 standard deviations, then 50; what is on both sides of a gap is not."""
+    loop = simulated(30.0, seed=6)
+    spikes = {3000: 30.0, 3001: -30.0, 4000: 5.0, 4001: -5.0}
+    expected = with_spikes(nominal, loop, {}, told=spikes)
+    np.testing.assert_allclose(with_spikes(nominal, loop, spikes), expected, rtol=1e-9)
+    used = with_spikes(nominal, loop, {3000: 30.0, 4000: 5.0}, told=[3001])
+    left_out = with_spikes(nominal, loop, {}, told=[3000, 3001, 4000])
+    assert np.abs(used / left_out - 1).max() > 1e-6
+
+
 def test_what_may_be_a_fault_is_used(nominal, simulated):
     """50 standard deviations of a sensor that has not erred, and a reading that goes on so."""
     loop = simulated(30.0, seed=6)

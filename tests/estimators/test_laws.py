@@ -312,6 +312,49 @@ def test_against_the_engine(name):
     assert linear.laws is None and distance(ours, speed) < distance(without, speed) / 10
 
 
+@pytest.mark.slow
+def test_a_filter_against_a_textbook_loop():
+    """Eq. (5)–(9), with the gradient from differences of one sample of the model."""
+    names, values = ("k_T", "f_m", "f_c"), VALUES | {"k_T": 1.05, "f_c": 0.08, "gap": 0.0}
+    model = replace(three_mass(values), laws=(BRISTLES,))
+    theta, u = model.parametrize(names).theta, torque(60)
+    truth = replace(axis("bristle"), identify=names)
+    y = np.r_[0.0, travelled(truth, u)[:-1, 0, -1]]
+    P0 = np.diag((0.05 * theta) ** 2)
+    ours = Rpem(model, identify=names, P0=P0, period=T, forgetting=0.99).run(u, y)
+
+    def sample(x, theta, u):
+        one = model.parametrize(names)
+        ready = prepare(one, theta, T)
+        X, moved = np.zeros((1 + p, one.n + 1)), np.zeros((1 + p, one.n + 1))
+        X[0, :n] = x
+        travel(ready, X, moved, u)
+        return moved[0, :n]
+
+    theta0, n, p = theta.copy(), 6, len(names)
+    x, z, P = np.zeros(n), np.zeros((n, p)), P0
+    for k in range(len(u)):
+        psi, epsilon = z[2], y[k] - x[2]
+        P = P - np.outer(P @ psi, P @ psi) / (1 + psi @ P @ psi)
+        theta = theta + P @ psi * epsilon
+        P = P / 0.99
+        assert np.allclose(ours[k], theta, rtol=2e-7, atol=0), k
+        ahead = sample(x, theta, u[k])
+        by_x = np.empty((n, n))
+        for j in range(n):
+            step = 1e-6 * np.eye(n)[j] * max(1e-3, abs(x[j]))
+            by_x[:, j] = (sample(x + step, theta, u[k]) - sample(x - step, theta, u[k])) / (
+                2 * step[j]
+            )
+        by_theta = np.empty((n, p))
+        for i in range(p):
+            step = 1e-5 * theta0[i] * np.eye(p)[i]
+            by_theta[:, i] = (sample(x, theta + step, u[k]) - sample(x, theta - step, u[k])) / (
+                2 * step[i]
+            )
+        x, z = ahead, by_x @ z + by_theta
+
+
 def test_what_is_learnt_once_is_not_forgotten():
     model = replace(three_mass(VALUES), laws=(BRISTLES,))
     names, learn = ("k_T", "f_m"), ("f_c", "sigma_0")

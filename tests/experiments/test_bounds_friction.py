@@ -202,6 +202,23 @@ def test_which_scenarios_a_model_describes():
     assert not true_model.describes(both)
 
 
+@pytest.mark.parametrize("name", ["load_friction_fm_step-v1", "directional_fm_step-v1"])
+def test_friction_of_a_shape_that_is_found_has_a_bound(name):
+    """The model is where the simulation is, and what is not known of the shape costs a little."""
+    scenario, record = drawn(name)
+    truth, rms = scenario.true_parameters(), record.true_speed.std()
+    state = state_at(scenario, truth, record.torque, ONSET)
+    assert abs(state[2] - record.true_speed[ONSET]) < 0.01 * rms
+    names = true_model.tracked(scenario, scenario.identify)
+    unknown = (*names, *true_model.found_of(scenario))
+    sds = [
+        jump_bound(scenario, n, ONSET, ONSET + 400, record.torque).unknown for n in (names, unknown)
+    ]
+    assert len(unknown) == len(names) + 1
+    assert 1.002 < sds[1][:, 2].sum() / sds[0][:, 2].sum() < 1.1  # of f_m
+    assert (sds[1][:, : len(names)] >= sds[0] * (1 - 1e-9)).all() and np.isfinite(sds[1]).all()
+
+
 def test_the_phase_of_cogging_is_unknown_with_its_size():
     scenario, record = drawn("real_coulomb_fm_step-v1")
     names = true_model.with_structure(scenario, true_model.tracked(scenario, scenario.identify))

@@ -139,6 +139,28 @@ def test_the_friction_of_a_gear_is_that_of_its_torques(k_T):
         assert distance(without, reference) > 2e-3, name
 
 
+def test_energy_of_a_gear_with_friction_is_balanced():
+    """Work of the motor is energy kept, and what dampers and friction took."""
+    q, u, small = N1, torque(), 1e-4
+    plant = Plant([q], period=small, substeps=1, nonlinear=[GearFrictionConfig(**GEAR)])
+    done, taken, heat = 0.0, 0.0, 0.0
+    for value in np.repeat(u, round(T / small)):
+        x = np.concatenate([plant.angles[0], plant.speeds[0]])
+        plant.step(np.array([value]))
+        y = np.concatenate([plant.angles[0], plant.speeds[0]])
+        vm, vg, va = (x[3:] + y[3:]) / 2
+        done += value * (y[0] - x[0])
+        spring = -load(q, (x + y) / 2)
+        heat += gear_friction(vm, value, spring) * (y[0] - x[0])
+        losses = (q.f_m * vm**2 + q.f_g * vg**2 + q.f_a * va**2
+                  + q.d_g * (q.r * vm - vg) ** 2 + q.d_a * (vg - va) ** 2)  # fmt: skip
+        taken += losses * small
+    kinetic = q.J_m * y[3] ** 2 + q.J_g * y[4] ** 2 + q.J_a * y[5] ** 2
+    kept = (kinetic + q.k_g * (q.r * y[0] - y[1]) ** 2 + q.k_a * (y[1] - y[2]) ** 2) / 2
+    assert done == pytest.approx(kept + taken + heat, rel=2e-3)
+    assert heat > 0.2 * done  # and friction is a large part of it
+
+
 def test_laws_add_up():
     u = torque(N=100)
     reference = rubbed(N1, u, lambda x: sum(law(x) for _, law in UNEVEN.values()))
