@@ -185,4 +185,4 @@ def _rates(model: Model) -> NDArray[np.float64]:
 
 def _poles(model: Model) -> NDArray[np.complex128]:
     one = model.parametrize(model.parameters[:1])
-    return np.linalg.eigvals(one.matrices(one.theta)[0])
+    return np.linalg.eigvals(one.matrices(one.theta)[0]).astype(np.complex128)
