@@ -104,9 +104,9 @@ def test_an_option_that_cannot_be_written(short, value):
 def test_an_option_of_numpy_is_a_number(short):
     found = fx.estimate(fx.simulate(short), "frozen")
     assert found.last
-    options = {"forgetting": np.float32(0.5)}
+    options = {"forgetting": np.float32(0.9375)}
     found = fx.estimate(fx.simulate(short), "rpem-forgetting", options=options)
-    assert found.estimator == "rpem-forgetting[forgetting=0.5]"
+    assert found.estimator == "rpem-forgetting[forgetting=0.9375]"
 
 
 @pytest.mark.parametrize("torque", ["a", None, np.array([0.1]), [0.1], float("nan"), 1j, True])
