@@ -54,9 +54,9 @@ def main() -> None:
     text = table(heads, [measured(name) for name in CASES])
     text += f"\n`python docs/glr_shapes.py`, commit {commit()}, {seeds}.\n"
     page = PAGE.read_text(encoding="utf-8")
-    whole = f"<!-- table: shapes -->\n{text}<!-- end -->"
+    whole = f"<!-- shapes -->\n{text}<!-- end -->"
     found = re.sub(
-        r"<!-- table: shapes -->\n.*?<!-- end -->", lambda _: whole, page, flags=re.DOTALL
+        r"<!-- shapes -->\n.*?<!-- end -->", lambda _: whole, page, flags=re.DOTALL
     )
     PAGE.write_text(found, encoding="utf-8")
 
