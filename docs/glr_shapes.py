@@ -55,9 +55,7 @@ def main() -> None:
     text += f"\n`python docs/glr_shapes.py`, commit {commit()}, {seeds}.\n"
     page = PAGE.read_text(encoding="utf-8")
     whole = f"<!-- shapes -->\n{text}<!-- end -->"
-    found = re.sub(
-        r"<!-- shapes -->\n.*?<!-- end -->", lambda _: whole, page, flags=re.DOTALL
-    )
+    found = re.sub(r"<!-- shapes -->\n.*?<!-- end -->", lambda _: whole, page, flags=re.DOTALL)
     PAGE.write_text(found, encoding="utf-8")
 
 
