@@ -244,7 +244,11 @@ def _limit() -> None:
 
 
 def _ready() -> None:
-    """Import what every case needs, and give it what was compiled before: to add to, for itself."""
+    """
+    Import what every case needs, and give it what was compiled before: to add to, for itself.
+
+    By links, whose targets it cannot write: what is kept may be more than a case has room for.
+    """
     import numba  # noqa: F401
 
     from flexaxis.estimators.models import kernel  # noqa: F401
@@ -254,7 +258,7 @@ def _ready() -> None:
     if kept == Path("/cache"):
         own = Path(os.environ["HOME"]) / "compiled"
         if kept.is_dir():
-            shutil.copytree(kept, own)
+            shutil.copytree(kept, own, copy_function=os.symlink)
         os.environ["FLEXAXIS_COMPILED"] = str(own)
 
 

@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.compiler import cache_folder
 from flexaxis.experiments.board import sandbox
 from flexaxis.experiments.board.entry import EntryError
 from flexaxis.experiments.board.protocol import Wire, plain
-from flexaxis.experiments.board.sandbox import Sandbox, SandboxError, usage
+from flexaxis.experiments.board.sandbox import ROOM, Sandbox, SandboxError, usage
 from flexaxis.experiments.board.verification import rerun
 from flexaxis.experiments.building.offer import offer_of
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -126,6 +127,19 @@ def test_a_case_leaves_nothing_for_the_next(folder):
                     and left["a process that stays"]
                 )
     assert {what for what, there in left.items() if there} <= MESSAGES
+
+
+@confined
+def test_more_may_be_compiled_than_a_case_has_room_for(folder, tmp_path, monkeypatch):
+    monkeypatch.setenv("FLEXAXIS_COMPILED", str(tmp_path))
+    with open(tmp_path / "flexaxis_of_long_ago.nbc", "wb") as kept:
+        kept.truncate(2 * ROOM)
+    cache_folder.cache_clear()
+    try:
+        with Sandbox(folder) as place:
+            assert all(place.reached.values())
+    finally:
+        cache_folder.cache_clear()
 
 
 MESSAGES: set[str] = set()
