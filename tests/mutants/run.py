@@ -1,7 +1,8 @@
 """
 Plant errors one at a time, each in a copy with cold caches, and see whether a test dies of it.
 
-Compiled code is shared, but for errors in what is compiled; it begins with nothing in each run.
+Compiled code is shared, since it is named after its content, but for errors in what names it so; it
+begins with nothing in each run.
 
 ``python tests/mutants/run.py [NAME …] [--jobs N]`` runs those of all tables beside this file, or
 those whose names contain one of the words; a table is a list of
@@ -34,7 +35,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 FOLDERS = ("models_mjcf", "sim", "estimators", "experiments")
 FRONT = "experiments/front"  # is what `import flexaxis` gives
-COMPILED = ("estimators/", "sim/")  # hold all that is
+NAMING = ("estimators/models/compiler.py", "estimators/models/source.py")  # what is compiled
 NO_END = "NO END OF"  # which may be the machine's: not counted
 LONGEST = 600  # s, for one killer with everything to compile
 
@@ -84,7 +85,7 @@ def mutants() -> list[Mutant]:
 def dies(killers: Sequence[str], compiled: Path, mutant: Mutant | None = None) -> str | None:
     """Run tests on a copy, with or without an error in it; return what failed first.
 
-    An error in what is compiled is compiled for itself; else code from the folder `compiled` does.
+    An error in what names compiled code compiles for itself; else code from `compiled` does.
     """
     with tempfile.TemporaryDirectory(prefix="mutant") as folder:
         place = Path(folder)
@@ -95,7 +96,7 @@ def dies(killers: Sequence[str], compiled: Path, mutant: Mutant | None = None) -
             path = place / "flexaxis" / mutant.file
             text = path.read_text(encoding="utf-8")
             path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
-        if mutant is not None and mutant.file.startswith(COMPILED):
+        if mutant is not None and mutant.file in NAMING:
             compiled = place / "numba"
         home = place / "flexaxis"
         shutil.copytree(home / FRONT, home, dirs_exist_ok=True)
@@ -125,7 +126,7 @@ def environment(place: Path, compiled: Path) -> dict[str, str]:
     """The environment in which `flexaxis` is the copy; what is compiled is kept in a folder."""
     own = {
         "PYTHONPATH": str(place),
-        "PYTHONPYCACHEPREFIX": str(place / "pycache"),
+        "PYTHONPYCACHEPREFIX": str(compiled / "pycache"),  # by path: no copy has that of another
         "NUMBA_CACHE_DIR": str(compiled),
         "XDG_CACHE_HOME": str(place / "home"),
         "FLEXAXIS_CACHE": str(place / "records"),
