@@ -141,9 +141,10 @@ def _in_parts(pattern: Pattern) -> list[str]:
         [f"b + {j}" for j in range(PART)],
         [(entry, j) for entry in sloped for j in range(PART)],
         value="values[k, {}]",
+        moves="moves",
     )
     keep = [f"values[k, {i}] = v{i}_0" for i in range(pattern.n)]
-    held = ["h = u", *(f"h{j} = u if b + {j} == 0 else 0.0" for j in range(PART))]
+    held = ["h = u", "h0 = u * (1.0 - moves)", *(f"h{j} = 0.0" for j in range(1, PART))]
     output = " + ".join(
         f"M[{k}, 0] * X[{column}, a]" + f" + M[{k}, a] * slope * X[{column}, 0]" * (k in sloped)
         for k, (row, column, _) in enumerate(pattern.entries)
@@ -156,6 +157,7 @@ def _in_parts(pattern: Pattern) -> list[str]:
         " for _ in range(substeps):",
         *_shifted(2, [*values.begin(), "h0 = u", *values.series(keep)]),
         f"  for b in range(0, X.shape[1], {PART}):",
+        "   moves = 1.0 if b else 0.0",
         *_shifted(3, [*part.begin(), *held, *part.series(), *part.end()]),
         " for a in range(X.shape[1]):",
         "  slope = 1.0 if a else 0.0",
@@ -176,6 +178,8 @@ class _Lanes:
         Derivatives that entries have; `begin` takes those of the first lane, a value, for zero.
     value : str
         Where the value of a state's k-th power is.
+    moves : str
+        What is 0 where the first lane is the value, 1 where it is a derivative; "" if it has none.
     own : bool
         Whether each lane has its own entries.
     """
@@ -187,10 +191,11 @@ class _Lanes:
         sloped: Collection[tuple[int, int]] = (),
         *,
         value: str = "v{}_0",
+        moves: str = "",
         own: bool = False,
     ) -> None:
         self.pattern, self.lanes, self.sloped = pattern, lanes, sloped
-        self.value, self.own = value, own
+        self.value, self.moves, self.own = value, moves, own
         self.places = [(i, j) for i in range(pattern.n) for j in range(len(lanes))]
 
     def begin(self, reset: Sequence[int] = ()) -> list[str]:
@@ -202,10 +207,9 @@ class _Lanes:
                 lines += [f"m{k}_{j} = M[{k}, {lane}]" for j, lane in enumerate(self.lanes)]
             else:
                 lines.append(f"m{k} = M[{k}, 0]")
-        for k, j in self.sloped:
-            lane = self.lanes[j]
-            only = "" if lane.isdecimal() else f" if {lane} > 0 else 0.0"
-            lines.append(f"s{k}_{j} = M[{k}, {lane}]{only}")
+        # the first lane of a part may be the value: a factor, as a branch an entry compiles for ever
+        moves = [f" * {self.moves}" * (not j and bool(self.moves)) for j in range(len(self.lanes))]
+        lines += [f"s{k}_{j} = M[{k}, {self.lanes[j]}]{moves[j]}" for k, j in self.sloped]
         return lines
 
     def series(self, keep: Sequence[str] = ()) -> list[str]:
