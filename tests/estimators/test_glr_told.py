@@ -77,6 +77,11 @@ def test_a_told_zero_is_refused_by_its_name():
     _, nominal, torque = drawn("fm_step-v1")
     with pytest.raises(EstimatorError, match=r"^f_m is told to be 0, .* leave it out"):
         glr(nominal | {"f_m": 0.0}, T, torque=torque)
+
+
+@pytest.mark.slow  # a model of its own, which compiles for a minute
+def test_a_told_zero_can_be_left_out():
+    _, nominal, torque = drawn("fm_step-v1")
     left = {"identify": ("k_T", "1/J_a"), "track": ("k_T", "1/J_a", "f_c")}
     estimator = glr(nominal | {"f_m": 0.0}, T, torque=torque, **left)
     assert estimator.names == ("k_T", "1/J_a", "f_c")
@@ -97,6 +102,7 @@ def test_options_that_cannot_be_used_are_refused(options, match):
         glr(N1, T, **options)
 
 
+@pytest.mark.slow  # a model of its own as well
 def test_nothing_is_learnt_where_nothing_shall_be():
     estimator = glr(N1, T, learn="none")
     assert set(estimator.learnt) == {"k_T", "1/J_a", "f_m", "f_c"}

@@ -216,7 +216,10 @@ def test_all_wrong_names_at_once():
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * ("friction" in name)) for name in REGISTRY],
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * ("friction" in name or name == "glr"))
+        for name in REGISTRY
+    ],
 )
 def test_an_axis_that_is_never_moved_can_be_given_to_everybody(name):
     """What an estimator is told of the size of friction is of the motion it was designed for."""

@@ -79,8 +79,8 @@ def test_who_is_not_told_has_no_entry_and_nobody_is_told_a_law():
     assert told["f_c"] == pytest.approx(0.12) and len(told) == 13
 
 
-# For friction they compile a loop of their own, of ten seconds and more each.
-OWN_LOOPS = {"rpem-friction", "rpem-friction-drift"}
+# For friction they compile loops of their own, of ten seconds and more each.
+OWN_LOOPS = {"rpem-friction", "rpem-friction-drift", "glr"}
 
 
 @pytest.mark.parametrize(
