@@ -23,7 +23,7 @@ help:
 	@echo "make bench      simulate, inject faults, estimate, score: results/smoke/report.html"
 	@echo "make test       the test suite (minutes);   make test-slow adds the long checks"
 	@echo "make test-browser  the demo in Chromium, where that is installed"
-	@echo "make release    test-slow as before a release: bubblewrap is needed, cheaters come ten times"
+	@echo "make release    all that proves a commit, in stages, into docs/proof.md (hours; goes on where it stopped)"
 	@echo "make check      ruff, formatting, type checker, architecture test"
 	@echo "make fuzz       bad files of every kind, for MINUTES=60; none may lead to a crash or hang"
 	@echo "make kill       commands ended at random moments, KILLS=100; nothing may be torn or lost"
@@ -47,15 +47,16 @@ test-slow: $(VENV)/.test $(VENV)/.docs
 test-browser: $(VENV)/.browser
 	$(BIN)/python -m pytest -q $(PARALLEL) -m browser tests/browser
 
-# Nothing is skipped for bubblewrap, and each cheater of a board is tried on ten draws.
-release: $(VENV)/.test $(VENV)/.docs
-	FLEXAXIS_RELEASE=1 $(BIN)/python -m pytest -q $(PARALLEL) -m "slow or not slow"
+# In stages; what docs/proof.md has of the same code is not run again.
+release: $(VENV)/.check $(VENV)/.browser
+	$(BIN)/python docs/proof.py
 
 check: $(VENV)/.check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -q tests/test_architecture.py
+	$(BIN)/python docs/proof.py --stale
 
 format: $(VENV)/.check
 	$(BIN)/ruff format .

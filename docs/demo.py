@@ -5,11 +5,11 @@ It takes four minutes.
 """
 
 import re
-import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from tables import commit
 
 from flexaxis.experiments.demo.session import BUTTONS, DEFAULT_RACERS, DemoSession
 from flexaxis.experiments.reporting.tables import number
@@ -55,11 +55,9 @@ def table() -> str:
 def made() -> str:
     """Return the line below the table: what it is, and how it was made."""
     first, second, seeds = *DEFAULT_RACERS, f"seeds {SEEDS[0]} to {SEEDS[-1]}"
-    words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
-    commit = subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
     return (
         f"\nLag [s], mean (and the longest), of `{first}` and `{second}`; fault "
-        f"after {BEFORE:g} s. `python docs/demo.py`, commit {commit}, {seeds}.\n"
+        f"after {BEFORE:g} s. `python docs/demo.py`, commit {commit()}, {seeds}.\n"
     )
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from tables import commit, table
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse
@@ -81,7 +82,7 @@ def accuracy() -> str:
         found = [tested.travelled(model, u, steps=s)[:, 0, -1] for s in steps]
         rows.append([f"`{name}`", *(f"{100 * tested.distance(y, exact):.2g}" for y in found)])
     heads = ["laws", *(f"{s} steps of {5 / s:.3g} ms" for s in steps)]
-    return _table(heads, rows) + (
+    return table(heads, rows) + (
         "\nDistance of the motor speed from that of LSODA [% of its rms], on the axes of "
         "`tests/estimators/test_laws.py`. `python docs/friction.py accuracy`.\n"
     )
@@ -174,7 +175,7 @@ def motions() -> str:
             f"{C[0, 1] / np.sqrt(C[0, 0] * C[1, 1]):.2f}",
             *(_both(seen, unknown) for unknown in (TRACKED, seen.names, told)),
         ])  # fmt: skip
-    return _table(heads, rows) + (
+    return table(heads, rows) + (
         f"\nLeast standard deviation of f_m; f_c [%] after {SECONDS:g} s, by what is unknown. "
         f"`python docs/friction.py motions`, seeds {RUNS.start} to {RUNS.stop - 1}.\n"
     )
@@ -194,7 +195,7 @@ def estimators() -> str:
         changed = mine[-1][2] if mine else "f_m"
         label = f"`{name.removesuffix('-v1')}`" + ("" if changed == "f_m" else f" ({changed})")
         lines.append([label, *(_cell(rows.get((name, e, changed))) for e in ESTIMATORS)])
-    return _table(["scenario", *(f"`{e}`" for e in ESTIMATORS)], lines) + (
+    return table(["scenario", *(f"`{e}`" for e in ESTIMATORS)], lines) + (
         "\nBias ± std before the fault [%]; lag [s], × bound; found, named rightly at last [%]; "
         "false alarms a run; **lost** runs. `python docs/friction.py estimators`, commit "
         f"{(RESULTS / 'commit').read_text(encoding='utf-8')}, seeds 1000 to 1009.\n"
@@ -221,17 +222,8 @@ def _results() -> Any:
         words = [sys.executable, "-m", "flexaxis.experiments", *RUN, "-o", str(RESULTS)]
         if subprocess.run(words, stdout=subprocess.DEVNULL, check=False).returncode not in (0, 1):
             sys.exit("the run failed")
-        (RESULTS / "commit").write_text(_commit(), encoding="utf-8")
+        (RESULTS / "commit").write_text(commit(), encoding="utf-8")
     return json.loads((RESULTS / "summary.json").read_text(encoding="utf-8"))
-
-
-def _commit() -> str:
-    words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
-    return subprocess.check_output(words, text=True).strip()
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return "".join(f"| {' | '.join(x)} |\n" for x in [heads, ["---"] * len(heads), *rows])
 
 
 def figure() -> Figure:

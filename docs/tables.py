@@ -37,6 +37,7 @@ WRONG = tuple(
     f"{name}_fm_step{VERSION}" for name in ("coulomb", "lugre", "cogging", "backlash", "told_kg")
 )
 FEW = ("rpem-forgetting", "ekf", "imm", "cusum-reset")
+CODE = ("models_mjcf", "sim", "estimators", "experiments", "docs/*.py")
 FRESH = "--fresh" in sys.argv[1:]
 
 Row = Mapping[str, Any]
@@ -168,9 +169,15 @@ def said(what: str) -> str:
 
 
 def commit() -> str:
-    """Return the commit that is checked out, marked where files differ from it."""
-    words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
-    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+    """Return the commit that is checked out; a table of code that is in none is refused."""
+
+    def git(*words: str) -> str:
+        done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True)
+        return done.stdout.strip()
+
+    if changed := git("status", "--porcelain", "--", *CODE):
+        sys.exit(f"a table says of which commit it is: commit this first\n{changed}")
+    return git("rev-parse", "--short=8", "HEAD")
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -207,7 +207,7 @@ class _Lanes:
                 lines += [f"m{k}_{j} = M[{k}, {lane}]" for j, lane in enumerate(self.lanes)]
             else:
                 lines.append(f"m{k} = M[{k}, 0]")
-        # the first lane of a part may be the value: a factor, as a branch an entry compiles for ever
+        # The first lane of a part may be the value. A factor: a branch an entry compiles for ever.
         moves = [f" * {self.moves}" * (not j and bool(self.moves)) for j in range(len(self.lanes))]
         lines += [f"s{k}_{j} = M[{k}, {self.lanes[j]}]{moves[j]}" for k, j in self.sloped]
         return lines

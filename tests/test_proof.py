@@ -1,0 +1,85 @@
+"""What is proved stands in docs/proof.md, and is proved again where what it depends on changed."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
+import proof
+import tables
+
+
+def git(folder, *words):
+    who = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
+    subprocess.run(["git", *who, *words], cwd=folder, check=True, capture_output=True)
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A project of one module, with two stages that leave a mark when they are run."""
+    for folder in ("sim", "docs"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "sim" / "a.py").write_text('"""Words."""\nx = 1  # more\n')
+    page = tmp_path / "docs" / "proof.md"
+    page.write_text("# Proof\n\n<!-- table: proof -->\n<!-- end -->\n")
+    (tmp_path / "README.md").write_text("Lags, commit 1234567.\n")
+    (tmp_path / ".gitignore").write_text("ran*\n")
+    git(tmp_path, "init", "-q")
+    for module in (proof, tables):
+        monkeypatch.setattr(module, "ROOT", tmp_path)
+    monkeypatch.setattr(proof, "PAGE", page)
+    stages = {
+        "code": proof.Stage("echo ran >> ran_code; echo 3 passed", "it runs", ("sim",)),
+        "all": proof.Stage("echo ran >> ran_all; echo 'a | b'", "all", ("sim", "README.md")),
+    }
+    monkeypatch.setattr(proof, "STAGES", stages)
+    commit(tmp_path)
+    return tmp_path
+
+
+def commit(place):
+    git(place, "add", "-A")
+    git(place, "commit", "-q", "-m", "x", "--allow-empty")
+
+
+def ran(place):
+    return [(place / f"ran_{name}").read_text().count("ran") for name in ("code", "all")]
+
+
+def test_a_stage_is_run_again_where_what_it_depends_on_has_changed(place):
+    assert proof.main([]) == 0 and ran(place) == [1, 1]
+    assert proof.rows()["code"][-1] == "3 passed" and proof.rows()["all"][-1] == "a | b"
+    commit(place)
+    assert proof.main([]) == 0 and ran(place) == [1, 1]
+    (place / "sim" / "a.py").write_text('"""Other words."""\nx = 1  # other ones\n')
+    (place / "README.md").write_text("Lags, commit 7654321.\n")
+    commit(place)
+    assert proof.main([]) == 0 and ran(place) == [1, 2]
+    (place / "sim" / "a.py").write_text("x = 2\n")
+    commit(place)
+    assert proof.main(["code"]) == 0 and ran(place) == [2, 2]
+
+
+def test_what_fails_is_not_shown_and_what_was_shown_stays(place, monkeypatch):
+    failing = proof.Stage("echo 1 failed; false", "no", ("sim",))
+    monkeypatch.setitem(proof.STAGES, "code", failing)
+    assert proof.main([]) == 1
+    assert "code" not in {n for n, cells in proof.rows().items() if cells[0] != "–"}
+    assert proof.rows()["all"][-1] == "a | b"
+
+
+def test_nothing_is_proved_of_code_that_is_in_no_commit(place):
+    (place / "sim" / "a.py").write_text("x = 3\n")
+    with pytest.raises(SystemExit, match="commit this first"):
+        proof.main(["code"])
+
+
+def test_a_table_of_older_code_is_told(place):
+    now = subprocess.check_output(["git", "rev-parse", "--short=8", "HEAD"], cwd=place, text=True)
+    (place / "docs" / "a.md").write_text(f"Now, commit {now.strip()}.\n")
+    assert proof.stale() == ["README.md:1: of 1234567, which is not in this history"]
+    (place / "sim" / "a.py").write_text("x = 2\n")
+    commit(place)
+    assert proof.stale()[1] == f"docs/a.md:1: of {now.strip()}, 1 commits of code ago"
