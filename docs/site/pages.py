@@ -93,6 +93,7 @@ SECTIONS = (
             "docs/compares.md",
             "CHANGELOG.md",
             "CONTRIBUTING.md",
+            "docs/proof.md",
             "SECURITY.md",
             "made/citation",
         ),
