@@ -30,6 +30,9 @@ Flags = NDArray[np.bool_]
 
 ROUNDS = 40  # where noise and parameters explain the same, each leaves two thirds of the way
 LAST = 2  # rounds that solve laws to their full accuracy, at least
+TURNS = (
+    1.0  # standard deviations between fits to colours that take turns: the last one is kept then
+)
 EVALUATIONS, SEARCHING = 25, 12  # in a round of a fit, and of a search
 SEARCHED = 0.5  # likewise, where a search does
 UNSEEN = 1e200  # variance of what a record shows nothing of
@@ -103,7 +106,7 @@ def fit(
     coarse, most = problem.course.coarsens, EVALUATIONS if fine else SEARCHING
     near, damping, converged = CONVERGED if fine else SEARCHED, CAREFUL, False
     colour = colourless(problem.highpass, problem.course.period)
-    point = problem.at(z, colour, coarse=coarse)
+    point, moved = problem.at(z, colour, coarse=coarse), np.inf
     if not np.isfinite(point.square):  # it cannot be simulated from there
         return finished(problem, point, colour, False)
     if plain:
@@ -111,7 +114,8 @@ def fit(
     for left in reversed(range(rounds)):
         if not np.isfinite(point.square):
             break  # it cannot be simulated, and has no residual that could be coloured
-        colour = problem.colour(point.residual)
+        if not (fine and left < LAST and moved <= TURNS):
+            colour = problem.colour(point.residual)
         point = problem.weighed(point, colour)
         if coarse and fine and (converged or left < LAST):
             point, coarse, converged = problem.at(point.z, colour), False, False
@@ -122,7 +126,8 @@ def fit(
         point, ended = problem.descend(
             point, colour, most, coarse=coarse, near=near / 2, damping=damping
         )
-        converged, damping = ended and gained(before, point) <= near, BOLD
+        moved = gained(before, point)
+        converged, damping = ended and moved <= near, BOLD
     return finished(problem, point, colour, converged)
 
 

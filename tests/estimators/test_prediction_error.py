@@ -1,13 +1,14 @@
 """Fits of a record: how far it is to the bottom, what a gap is not, what steps of laws cost."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from flexaxis.estimators.models.axes import STATIC, one_mass
-from flexaxis.estimators.offline import trajectory
+from flexaxis.estimators.offline import prediction_error, trajectory
 from flexaxis.estimators.offline.colour import noise_model
 from flexaxis.estimators.offline.descent import CONVERGED, Problem
 from flexaxis.estimators.offline.prediction_error import discretisation, fit
@@ -100,3 +101,38 @@ def test_steps_of_a_law_are_told_and_a_linear_model_has_none(linear, monkeypatch
 def test_a_start_that_cannot_be_simulated_is_no_fit(linear):
     fitted = fit(linear[0], np.r_[1e-9, 5e-3, 0.0, 0.0], plain=True)  # too fast for the log
     assert fitted.square == np.inf and not fitted.converged
+
+
+class _Turns:
+    """A record whose noise looks now like one colour and now like another, d deviations apart."""
+
+    course = SimpleNamespace(coarsens=False, period=0.005)
+    highpass, samples = None, 10_000
+
+    def __init__(self, apart):
+        self.apart, self.calls = apart, 0
+
+    def colour(self, residual):
+        self.calls += 1
+        return self.calls % 2
+
+    def at(self, z, colour, *, coarse=False):
+        return self.weighed(SimpleNamespace(z=z, residual=z), colour)
+
+    def weighed(self, at, colour):
+        bottom = colour if isinstance(colour, int) else 0
+        far = self.apart * abs(float(at.z[0]) - bottom)
+        square = 1 + far**2 / self.samples
+        return SimpleNamespace(z=at.z, residual=at.z, square=square, far=far, samples=self.samples)
+
+    def left(self, at):
+        return at.far
+
+    def descend(self, at, colour, most, **options):
+        return self.at(np.array([float(colour)]), colour), True
+
+
+@pytest.mark.parametrize(("apart", "converged"), [(0.3, True), (0.9, True), (1.1, False)])
+def test_colours_that_take_turns_end_where_they_hardly_differ(monkeypatch, apart, converged):
+    monkeypatch.setattr(prediction_error, "finished", lambda *a: a[3])
+    assert fit(_Turns(apart), np.array([5.0])) is converged
