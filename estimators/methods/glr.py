@@ -271,7 +271,8 @@ def _check(*, budget: int, **options: float) -> None:
 ENTRIES = (
     Entry(
         "glr",
-        "joint Kalman filter with a bank of hypotheses: which parameter jumped, when, by how much",
+        "recommended: a joint Kalman filter with a bank of hypotheses, which parameter jumped, "
+        "when, by how much",
         glr,
         knob="walk",
         default=WALK,
