@@ -29,10 +29,10 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ROUNDS = 40  # where noise and parameters explain the same, each leaves two thirds of the way
-LAST = 2  # rounds that solve laws to their full accuracy, at least
-TURNS = (
-    1.0  # standard deviations between fits to colours that take turns: the last one is kept then
-)
+LAST = 2  # rounds that solve laws to their full accuracy, at least, and may keep a colour
+TURNING, TURNS = 10, 1.0
+"""Where fits of so many rounds lie within so many standard deviations, and still do not stay, the
+colours of their residuals take turns (a drift would have gone further), and one is kept."""
 EVALUATIONS, SEARCHING = 25, 12  # in a round of a fit, and of a search
 SEARCHED = 0.5  # likewise, where a search does
 UNSEEN = 1e200  # variance of what a record shows nothing of
@@ -87,7 +87,7 @@ def fit(
     plain: bool = False,
 ) -> Fitted:
     """
-    Fit parameters and noise in turn.
+    Fit parameters and noise in turn, until both stay, or only colours of the noise take turns.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def fit(
     coarse, most = problem.course.coarsens, EVALUATIONS if fine else SEARCHING
     near, damping, converged = CONVERGED if fine else SEARCHED, CAREFUL, False
     colour = colourless(problem.highpass, problem.course.period)
-    point, moved = problem.at(z, colour, coarse=coarse), np.inf
+    point, places = problem.at(z, colour, coarse=coarse), list[Array]()
     if not np.isfinite(point.square):  # it cannot be simulated from there
         return finished(problem, point, colour, False)
     if plain:
@@ -114,7 +114,7 @@ def fit(
     for left in reversed(range(rounds)):
         if not np.isfinite(point.square):
             break  # it cannot be simulated, and has no residual that could be coloured
-        if not (fine and left < LAST and moved <= TURNS):
+        if not (fine and left < LAST and _takes_turns(point, places)):
             colour = problem.colour(point.residual)
         point = problem.weighed(point, colour)
         if coarse and fine and (converged or left < LAST):
@@ -126,9 +126,18 @@ def fit(
         point, ended = problem.descend(
             point, colour, most, coarse=coarse, near=near / 2, damping=damping
         )
-        moved = gained(before, point)
-        converged, damping = ended and moved <= near, BOLD
+        places.append(point.z)
+        converged, damping = ended and gained(before, point) <= near, BOLD
     return finished(problem, point, colour, converged)
+
+
+def _takes_turns(point: Point, places: list[Array]) -> bool:
+    """Return whether the last fits lie around a point, as its curvature has it."""
+    if len(places) < TURNING:
+        return False
+    off = np.array(places[-TURNING:]) - point.z
+    far = np.einsum("ki,ij,kj->k", off, point.H, off) * point.samples / point.square
+    return bool(np.all(far <= TURNS**2))
 
 
 def finished(problem: Problem, point: Point, colour: Colour, converged: bool = True) -> Fitted:

@@ -104,17 +104,20 @@ def test_a_start_that_cannot_be_simulated_is_no_fit(linear):
 
 
 class _Turns:
-    """A record whose noise looks now like one colour and now like another, d deviations apart."""
+    """A record whose noise looks now like one colour and now like another.
+
+    Their fits are `apart` deviations from each other; with `drifts` each is as far beyond the last.
+    """
 
     course = SimpleNamespace(coarsens=False, period=0.005)
     highpass, samples = None, 10_000
 
-    def __init__(self, apart):
-        self.apart, self.calls = apart, 0
+    def __init__(self, apart, drifts):
+        self.apart, self.drifts, self.calls = apart, drifts, 0
 
     def colour(self, residual):
         self.calls += 1
-        return self.calls % 2
+        return self.calls if self.drifts else self.calls % 2
 
     def at(self, z, colour, *, coarse=False):
         return self.weighed(SimpleNamespace(z=z, residual=z), colour)
@@ -122,8 +125,9 @@ class _Turns:
     def weighed(self, at, colour):
         bottom = colour if isinstance(colour, int) else 0
         far = self.apart * abs(float(at.z[0]) - bottom)
+        H = np.array([[self.apart**2 / self.samples]])
         square = 1 + far**2 / self.samples
-        return SimpleNamespace(z=at.z, residual=at.z, square=square, far=far, samples=self.samples)
+        return SimpleNamespace(**vars(at) | dict(square=square, far=far, H=H, samples=self.samples))
 
     def left(self, at):
         return at.far
@@ -132,7 +136,12 @@ class _Turns:
         return self.at(np.array([float(colour)]), colour), True
 
 
-@pytest.mark.parametrize(("apart", "converged"), [(0.3, True), (0.9, True), (1.1, False)])
-def test_colours_that_take_turns_end_where_they_hardly_differ(monkeypatch, apart, converged):
+@pytest.mark.parametrize(
+    ("apart", "drifts", "converged"),
+    [(0.3, False, True), (0.9, False, True), (1.1, False, False), (0.3, True, False)],
+)
+def test_colours_that_take_turns_end_where_they_hardly_differ(
+    monkeypatch, apart, drifts, converged
+):
     monkeypatch.setattr(prediction_error, "finished", lambda *a: a[3])
-    assert fit(_Turns(apart), np.array([5.0])) is converged
+    assert fit(_Turns(apart, drifts), np.array([5.0])) is converged
