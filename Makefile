@@ -55,8 +55,8 @@ check: $(VENV)/.check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest -q tests/test_architecture.py
 	$(BIN)/python docs/proof.py --stale
+	$(BIN)/python -m pytest -q tests/test_architecture.py
 
 format: $(VENV)/.check
 	$(BIN)/ruff format .

@@ -63,7 +63,8 @@ def made() -> str:
 
 def main() -> None:
     """Write the table."""
-    text = f"<!-- table: lags -->\n{table()}{made()}<!-- end -->"
+    below = made()
+    text = f"<!-- table: lags -->\n{table()}{below}<!-- end -->"
     page = PAGE.read_text(encoding="utf-8")
     PAGE.write_text(MARK.sub(lambda _: text, page), encoding="utf-8")
 

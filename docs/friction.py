@@ -219,10 +219,11 @@ def _cell(row: Mapping[str, Any] | None) -> str:
 
 def _results() -> Any:
     if not (RESULTS / "summary.json").exists():
-        words = [sys.executable, "-m", "flexaxis.experiments", *RUN, "-o", str(RESULTS)]
+        at, words = commit(), [sys.executable, "-m", "flexaxis.experiments", *RUN]
+        words += ["-o", str(RESULTS)]
         if subprocess.run(words, stdout=subprocess.DEVNULL, check=False).returncode not in (0, 1):
             sys.exit("the run failed")
-        (RESULTS / "commit").write_text(commit(), encoding="utf-8")
+        (RESULTS / "commit").write_text(at, encoding="utf-8")
     return json.loads((RESULTS / "summary.json").read_text(encoding="utf-8"))
 
 

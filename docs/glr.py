@@ -97,10 +97,15 @@ def names_of(table: str) -> list[str]:
     return [*names, *(o.name for o in OWN if table == "ground")]
 
 
+def at(given: Any) -> str:
+    """Return of which commit a table is; one that is printed only may be of none."""
+    return "none" if given.print else commit()
+
+
 def measured(table: str, texts: Sequence[str], seeds: range, given: Any) -> list[Row]:
     """Return the pooled rows of a table, all runs made that are not stored yet."""
     cases = [name for name in names_of(table) if given.only in name]
-    of = {"table": table, "seeds": f"{seeds.start}:{seeds.stop}", "commit": commit()}
+    of = {"table": table, "seeds": f"{seeds.start}:{seeds.stop}", "commit": at(given)}
     if table == "excess":
         return [of | row for row in at_excess(cases, texts, seeds, given)]
     tasks = [(table, n, t, s, given.store) for n in cases for s in seeds for t in texts]
@@ -288,7 +293,7 @@ def main() -> None:
     asked = given.estimator
     for name in given.table:
         given.estimator = asked or (BUDGETS if name == "budget" else ["rpem-forgetting", "glr"])
-        words = f"`python docs/glr.py --table {name}`, commit {commit()}"
+        words = f"`python docs/glr.py --table {name}`, commit {at(given)}"
         text = f"{made(name, given)}\n{words}, seeds {given.seeds or 'of this page'}.\n"
         if given.print:
             print(f"## {name}\n\n{text}", flush=True)

@@ -50,9 +50,9 @@ def measured(name: str) -> list[str]:
 def main() -> None:
     """Write the table."""
     heads = ["case", "unknown besides", "lag of `glr` [s]", "bound [s]", "× bound"]
-    seeds = f"seeds {SEEDS.start} to {SEEDS.stop - 1}"
+    at, seeds = commit(), f"seeds {SEEDS.start} to {SEEDS.stop - 1}"
     text = table(heads, [measured(name) for name in CASES])
-    text += f"\n`python docs/glr_shapes.py`, commit {commit()}, {seeds}.\n"
+    text += f"\n`python docs/glr_shapes.py`, commit {at}, {seeds}.\n"
     page = PAGE.read_text(encoding="utf-8")
     whole = f"<!-- shapes -->\n{text}<!-- end -->"
     found = re.sub(r"<!-- shapes -->\n.*?<!-- end -->", lambda _: whole, page, flags=re.DOTALL)

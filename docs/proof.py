@@ -1,14 +1,16 @@
 """Prove a commit: `make release` runs all that can tell of it, and writes docs/proof.md.
 
-A stage is keyed by a digest of what it depends on: code without comments and docstrings, other
-files as they are, versions of Python and of the libraries. A stage whose digest is in docs/proof.md
-is not run again, so that after a stop or a small change only what is missing is. With names of
-stages only these are run; `--stale` runs nothing, and says which tables of the documentation are of
-other code than today's.
+A stage is keyed by a digest of its command, of the files that it depends on and of all libraries.
+Where a stage only runs code, comments and docstrings do not count; where it looks at the text
+(style, tests, documentation) all does. A stage whose digest is in docs/proof.md is not run again,
+so that after a stop only what is missing is. With names of stages only these are run; `--stale`
+runs nothing, and says which tables of the documentation, and which stages, are of other code than
+today's.
 """
 
 import ast
 import hashlib
+import os
 import re
 import subprocess
 import sys
@@ -21,51 +23,54 @@ from importlib.metadata import distributions
 from io import BytesIO
 from pathlib import Path
 
-from tables import ROOT, commit, table
+from tables import ROOT, table
 
 PAGE = ROOT / "docs" / "proof.md"
 MARK = re.compile(r"(<!-- table: proof -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-LIBRARIES = ("mujoco", "numpy", "scipy", "numba", "llvmlite", "control", "pandas", "xarray")
-NUMBERS = ("models_mjcf", "sim", "estimators", "experiments/scoring")  # what makes an estimate
-CODE = (*NUMBERS, "experiments", "pyproject.toml", "Makefile")
-TESTS, DOCS = (*CODE, "tests"), (*CODE, "docs", "README.md")
-ALL = (*TESTS, "docs", "README.md")
+NUMBERS = ("models_mjcf", "sim", "estimators", "experiments")  # what a table may be made of
+RUNS = (*NUMBERS, "tests", "docs/proof.py", "pyproject.toml", "Makefile")
 SAYS = 90  # characters of what a stage said last
+ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A command that must end with 0, what it shows, and the files that may change it."""
+    """A command that must end with 0, what it shows, and the files that may change that.
+
+    Without files it looks at all of them, text and comments included.
+    """
 
     command: str
     shows: str
-    of: tuple[str, ...]
+    runs: tuple[str, ...] = ()
 
 
-PYTEST = "-m pytest -q -n 2 --dist=loadfile -p no:cacheprovider"
 STAGES = {
-    "check": Stage("make check", "style, types, architecture", ALL),
-    "test": Stage("make test", "the fast tests", ALL),
-    "slow": Stage(f"FLEXAXIS_RELEASE=1 python {PYTEST} -m slow --deselect tests/mutants",
-                  "the long tests: labs, notebooks, lessons, all 44 claims of the paper, cheaters "
-                  "of a board ten times", ALL),
-    "browser": Stage("make test-browser", "pages and demo in Chromium", ALL),
-    "mutants": Stage("make mutants JOBS=2", "every planted error is seen by a test", TESTS),
-    "fuzz": Stage("make fuzz MINUTES=10", "bad files lead to a message", TESTS),
-    "kills": Stage("make kill KILLS=100", "what is killed goes on, nothing torn or lost", TESTS),
-    "standard": Stage("flexaxis run standard --seeds 20 -o results/standard --overwrite",
-                      "the suite that tables of scores are of", CODE),
-    "site": Stage("make site", "the documentation, with its links", DOCS),
-    "wheel": Stage("make dist", "wheel and source archive", ALL),
+    "check": Stage("make check", "style, types, architecture"),
+    "test": Stage("make test", "the fast tests, none skipped for bubblewrap"),
+    "slow": Stage("python -m pytest -q -n 2 --dist=loadfile -m slow --ignore tests/mutants",
+                  "the long tests: labs, notebooks, lessons, all claims of the paper, each cheater "
+                  "of a board ten times"),
+    "browser": Stage("make test-browser", "pages and demo in Chromium"),
+    "mutants": Stage("make mutants JOBS=2", "every planted error is seen by a test", RUNS),
+    "fuzz": Stage("make fuzz MINUTES=10", "bad files lead to a message", RUNS),
+    "kills": Stage("make kill KILLS=100", "what is killed goes on, nothing torn or lost", RUNS),
+    "standard": Stage("flexaxis run standard --seeds 20 -o results/release --overwrite",
+                      "every estimator on the standard suite, twenty seeds", RUNS),
+    "site": Stage("make site", "the documentation, with its links"),
+    "wheel": Stage("make dist", "wheel and source archive"),
 }  # fmt: skip
 
 
 def digest(parts: tuple[str, ...], ref: str = "") -> str:
-    """Return what tells files from any others: those here, or those of a commit."""
+    """Return what tells files from any others: those here, or those of a commit.
+
+    Of parts that are named code counts without comments and docstrings; without parts, all does.
+    """
     total = hashlib.sha256()
     for name, content in sorted(_files(parts, ref)):
         if name != "docs/proof.md":
-            total.update(f"{name}\n".encode() + _meant(name, content))
+            total.update(f"{name}\n".encode() + (_meant(name, content) if parts else content))
     return total.hexdigest()[:10]
 
 
@@ -76,14 +81,14 @@ def _files(parts: tuple[str, ...], ref: str) -> Iterator[tuple[str, bytes]]:
                 if member.isfile() and any(f"{member.name}/".startswith(f"{p}/") for p in parts):
                     yield member.name, archive.extractfile(member).read()
         return
-    listed = _git("ls-files", "-co", "--exclude-standard", "--", *parts).decode().splitlines()
-    for name in listed:
+    listed = _git("ls-files", "-co", "--exclude-standard", "-z", "--", *parts).decode()
+    for name in listed.split("\0"):
         if (ROOT / name).is_file():
             yield name, (ROOT / name).read_bytes()
 
 
 def _meant(name: str, content: bytes) -> bytes:
-    """Return a file without what changes nothing: comments and docstrings of code."""
+    """Return a file without what a run does not see: comments and docstrings of code."""
     if not name.endswith(".py"):
         return content
     tree = ast.parse(content)
@@ -91,44 +96,37 @@ def _meant(name: str, content: bytes) -> bytes:
         body = getattr(node, "body", None)
         first = body[0] if isinstance(body, list) and body else None
         if isinstance(first, ast.Expr) and isinstance(getattr(first.value, "value", None), str):
-            body[0] = ast.Pass()
+            del body[0]
     return ast.dump(tree).encode()
 
 
 def _git(*words: str) -> bytes:
-    return subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, check=True).stdout
-
-
-@cache
-def libraries() -> str:
-    """Return the versions that numbers may depend on."""
-    found = {d.metadata["Name"].lower(): d.version for d in distributions()}
-    ours = [f"{name} {found[name]}" for name in LIBRARIES if name in found]
-    return ", ".join([f"Python {sys.version.split()[0]}", *ours])
+    return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, check=True).stdout
 
 
 def key(stage: Stage) -> str:
     """Return the digest of all that a stage depends on."""
-    return hashlib.sha256(f"{digest(stage.of)}\n{libraries()}".encode()).hexdigest()[:10]
+    versions = sorted(f"{d.metadata['Name']} {d.version}" for d in distributions())
+    parts = [stage.command, digest(stage.runs), sys.version, *versions]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:10]
 
 
 def stale() -> list[str]:
-    """Return which tables are of code that has changed since, a line each."""
+    """Return which tables and stages are of other code than what is here, a line each."""
     found, now = [], digest(NUMBERS)
     then = cache(lambda ref: digest(NUMBERS, ref))
     for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
-        if page == PAGE:
-            continue
         for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
             for ref, dirty in re.findall(r"\bcommit ([0-9a-f]{7,40})(-dirty)?\b", line):
-                place = f"{page.relative_to(ROOT)}:{number}"
                 try:
-                    same = not dirty and then(ref) == now
-                    since = "" if same else f"{_changes(ref)} commits of code ago"
+                    same, since = not dirty and then(ref) == now, f"{_changes(ref)} commits ago"
                 except subprocess.CalledProcessError:
                     same, since = False, "which is not in this history"
                 if not same:
-                    found.append(f"{place}: of {ref}{dirty}, {since}")
+                    found.append(f"{page.relative_to(ROOT)}:{number}: of {ref}{dirty}, {since}")
+    known = rows()
+    told = {n: "never" if n not in known else f"at {known[n][1]}" for n in STAGES}
+    found += [f"{n}: shown {told[n]}" for n, s in STAGES.items() if known.get(n, "-")[0] != key(s)]
     return found
 
 
@@ -137,32 +135,54 @@ def _changes(ref: str) -> int:
 
 
 def rows() -> dict[str, list[str]]:
-    """Return what docs/proof.md says of each stage: digest, commit, how long, what it said."""
+    """Return what docs/proof.md has of each stage: digest, commit, how long, what it said."""
     text = MARK.search(PAGE.read_text(encoding="utf-8"))
-    lines = [re.split(r"(?<!\\) \| ", line.strip("| ")) for line in text[2].splitlines()[2:]]
+    lines = [re.split(r"(?<!\\) \| ", line[2:-2]) for line in text[2].splitlines()[2:]]
     texts = [[cell.replace("\\|", "|") for cell in cells] for cells in lines if len(cells) == 6]
-    return {cells[0].strip("`"): cells[2:] for cells in texts}
+    return {cells[0].strip("`"): cells[2:] for cells in texts if cells[2] != "–"}
 
 
 def run(name: str) -> bool:
     """Run a stage unless its digest stands there already; return whether it holds."""
-    stage, known = STAGES[name], rows()
-    if known.get(name, [""])[0] == key(stage):
+    stage = STAGES[name]
+    before = key(stage)
+    if rows().get(name, [""])[0] == before:
         print(f"{name}: as in docs/proof.md", flush=True)
         return True
+    if changed := _changed():
+        sys.exit(f"only a commit can be proved: commit this first\n{changed}")
     print(f"{name}: {stage.command}", flush=True)
-    at, before, began = commit(), key(stage), time.monotonic()
-    place = f"PATH={Path(sys.executable).parent}:$PATH; {stage.command}"
-    done = subprocess.run(["bash", "-o", "pipefail", "-c", f"({place}) 2>&1 | tee /dev/stderr"],
-                          cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)  # fmt: skip
+    at, began = _git("rev-parse", "--short=8", "HEAD").decode().strip(), time.monotonic()
+    status, said = _said(stage.command)
     took = f"{(time.monotonic() - began) / 60:.1f} min"
-    said = [line.strip(" =") for line in done.stdout.splitlines() if line.strip(" =")]
-    if done.returncode:
-        print(f"{name} ended with status {done.returncode}; what was shown before is kept")
+    if status:
+        print(f"{name} ended with status {status}; what was shown before is kept")
         return False
-    known[name] = [before, at, took, (said or ["nothing"])[-1][:SAYS]]
-    write(known)
+    if key(stage) != before or _changed():
+        print(f"{name}: files have changed while it ran, so that it shows nothing; once more")
+        return False
+    write(rows() | {name: [before, at, took, said]})
     return True
+
+
+def _changed() -> str:
+    lines = _git("status", "--porcelain").decode().splitlines()
+    return "\n".join(line for line in lines if not line.endswith(" docs/proof.md"))
+
+
+def _said(command: str) -> tuple[int, str]:
+    """Run a command, its output on the terminal; return its status and its last words."""
+    own = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+    kept.pop("MFLAGS", None)  # of the make that started this: another one would tell where it is
+    environment = kept | own | ALONE | {"FLEXAXIS_RELEASE": "1"}
+    last = "nothing"
+    with subprocess.Popen(command, shell=True, cwd=ROOT, env=environment, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:  # fmt: skip
+        for line in process.stdout:
+            print(line, end="", flush=True)
+            last = line.strip(" =\n") or last
+    return process.returncode, last.replace(f"{ROOT}{os.sep}", "")[:SAYS]
 
 
 def write(known: dict[str, list[str]]) -> None:
@@ -170,7 +190,6 @@ def write(known: dict[str, list[str]]) -> None:
     missing = ["–", "–", "–", "not run"]
     lines = [[f"`{n}`", s.shows, *known.get(n, missing)] for n, s in STAGES.items()]
     text = table(["stage", "shows", "digest", "commit", "took", "said"], lines)
-    text += f"\nWith {libraries()}.\n"
     page = PAGE.read_text(encoding="utf-8")
     PAGE.write_text(MARK.sub(lambda m: m[1] + text + m[3], page), encoding="utf-8")
 
@@ -178,7 +197,10 @@ def write(known: dict[str, list[str]]) -> None:
 def main(words: list[str]) -> int:
     """Run what is named, or all."""
     if "--stale" in words:
-        print("\n".join(stale()) or "every table is of today's code")
+        if not (ROOT / ".git").exists() or b"true" in _git("rev-parse", "--is-shallow-repository"):
+            print("no history here: it cannot be told which tables are of older code")
+        else:
+            print("\n".join(stale()) or "every table and every stage is of today's code")
         return 0
     if wrong := set(words) - set(STAGES):
         sys.exit(f"no stage {min(wrong)!r}: {', '.join(STAGES)}")

@@ -175,7 +175,7 @@ class _Lanes:
     lanes : sequence of str
         Where in a row each is.
     sloped : collection of (entry, place in lanes)
-        Derivatives that entries have; `begin` takes those of the first lane, a value, for zero.
+        Derivatives that entries have; of a value, see `moves`, they are zero.
     value : str
         Where the value of a state's k-th power is.
     moves : str
@@ -207,7 +207,7 @@ class _Lanes:
                 lines += [f"m{k}_{j} = M[{k}, {lane}]" for j, lane in enumerate(self.lanes)]
             else:
                 lines.append(f"m{k} = M[{k}, 0]")
-        # The first lane of a part may be the value. A factor: a branch an entry compiles for ever.
+        # By a factor, as numba takes far longer to compile a branch for each entry.
         moves = [f" * {self.moves}" * (not j and bool(self.moves)) for j in range(len(self.lanes))]
         lines += [f"s{k}_{j} = M[{k}, {self.lanes[j]}]{moves[j]}" for k, j in self.sloped]
         return lines

@@ -3,6 +3,7 @@
 import base64
 import importlib.util
 import json
+import os
 import shutil
 import subprocess
 import time
@@ -56,7 +57,7 @@ def find() -> str | None:
 def chromium(tmp_path_factory):
     """A Chromium that all tests of a process share."""
     if find() is None:
-        pytest.skip("no Chromium on the path")
+        (pytest.fail if os.environ.get("FLEXAXIS_RELEASE") else pytest.skip)("no Chromium here")
     with Browser(tmp_path_factory.mktemp("profile") / "profile") as page:
         yield page
 

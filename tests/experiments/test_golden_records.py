@@ -25,9 +25,9 @@ LIKE_OTHERS = {
 # With a drive, or a motion under control, that others have as well.
 LIKE_OTHERS |= {
     "bench_kg_step-v1", "control_erob80_100_kt_moves-v1", "control_erob80_50_fm_moves-v1",
-    "control_fc_multisine-v1", "control_wg_fc_moves-v1", "control_wg_kt_moves-v1",
-    "coulomb_fc_step-v2", "erob80_100_kt_step-v1", "erob80_50_ja_step-v1", "gone_fc_step-v1",
-    "mx106_fm_step-v1", "mx64_kg_step-v1", "sts3215_warming-v1", "xl320_kt_step-v1",
+    "control_fc_multisine-v1", "control_wg_kt_moves-v1",
+    "coulomb_fc_step-v2", "erob80_100_kt_step-v1", "erob80_50_ja_step-v1", "mx106_fm_step-v1",
+    "mx64_kg_step-v1", "sts3215_warming-v1", "xl320_kt_step-v1",
 }  # fmt: skip
 # Of other parameters than f_m; each has a step besides, or d_a and d_g a fault that doubles them.
 LIKE_OTHERS |= {

@@ -108,6 +108,8 @@ def dies(killers: Sequence[str], compiled: Path, mutant: Mutant | None = None) -
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             return f"{NO_END} {killers[0]} in {LONGEST} s"
+        finally:
+            shutil.rmtree(f"{compiled}/pycache{place.resolve()}", ignore_errors=True)
     if done.returncode == 0:
         return None
     lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
