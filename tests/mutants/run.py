@@ -154,9 +154,11 @@ def main(arguments: Sequence[str]) -> int:
         killers = list(dict.fromkeys(m.killer for m in chosen))
         # Once more for one that failed: what ends by the clock may do so on a busy machine.
         tried = pool.map(lambda k: dies([k], compiled) and dies([k], compiled), killers)
-        broken = {k: failed for k, failed in zip(killers, tried, strict=True) if failed}
-        for killer, failed in broken.items():
-            print(f"fails where nothing is planted: {killer}: {failed}", flush=True)
+        broken = set()
+        for number, (killer, failed) in enumerate(zip(killers, tried, strict=True), 1):
+            how = f"FAILS where nothing is planted ({failed})" if failed else "passes as it is"
+            print(f"{number} of {len(killers)} tests: {killer} {how}", flush=True)
+            broken |= {killer} if failed else set()
         chosen = [m for m in chosen if m.killer not in broken]
         ends = pool.map(lambda mutant: timed(mutant, compiled), chosen)
         for mutant, (killer, seconds) in zip(chosen, ends, strict=True):
