@@ -168,9 +168,7 @@ def _measured(what: str) -> list[Row]:
     if kind == "steps":
         return list(timed_steps(STEPS[what], names))
     if kind == "memory":
-        fast = [name for name in names if name not in SLOW]
-        slow = [name for name in names if name in SLOW]
-        return [*held(HOURS[what], fast), *held(HOURS[what] / 10, slow)]
+        return [r for n in names for r in held(HOURS[what] / (10 if n in SLOW else 1), [n])]
     given = problem()
     found, missing = others(given)
     for name, why in missing.items():
