@@ -55,7 +55,7 @@ def three() -> str:
     return (
         f"- **{unit['us_per_sample']:.2g} µs a sample** with the paper's method, "
         f"{1 / unit['times']:.0f} times as fast as one matrix exponential; "
-        f"{leader['ratio']:.2g} times that with `{RECOMMENDED}`.\n"
+        f"{leader['ratio']:.3g} times that with `{RECOMMENDED}`.\n"
         f"- **{_ms(step['cpu_us']['max'])} ms, the longest of {step['steps']:,} steps** of "
         f"`{RECOMMENDED}` with a fault every five seconds: {100 * step['of_period']:.0f} % of the "
         "sampling period.\n"

@@ -104,7 +104,6 @@ def test_the_tables_of_friction_are_of_what_their_command_makes():
     assert all(f"`python docs/friction.py {name}`" in found[name][-1] for name in found)
 
 
-@pytest.mark.xfail(strict=True, reason="glr is not measured there yet: make docs-speed, an hour")
 def test_the_tables_of_speed_are_of_what_their_command_makes():
     speed = loaded("speed")
     found = dict(speed.MARK.findall(speed.PAGE.read_text(encoding="utf-8")))
