@@ -142,6 +142,7 @@ def test_a_rest_before_the_motion_tells_of_the_noise():
     theta = made.run(u, y)
     assert [f.parameters for f in made.findings] == [("f_m",)]
     assert abs(theta[rest + 1500 : rest + 2000, 2].mean() / 0.05 - 1) < 0.02
+    assert not made.fixed_because  # else it is the rest that has shown nothing of the structure
 
 
 def test_work_is_bounded_in_every_sample():
