@@ -1,7 +1,7 @@
 """
 Every registered estimator: any unit, rate and start, whatever happens to the axis, in one shape.
 
-What is claimed is printed by `python tests/estimators/tables.py`.
+What is claimed is printed by `python tests/estimators/claims_tables.py`.
 """
 
 import pickle

@@ -147,8 +147,9 @@ def test_code_that_joins_in_a_lesson_is_not_run_unasked(tmp_path, capsys, monkey
     assert not (tmp_path / "ran").exists()
 
 
-def test_the_table_of_the_page_is_of_what_its_command_makes():
+def test_the_table_of_the_page_is_of_what_its_command_makes(monkeypatch):
     path = Path(__file__).parents[2] / "docs" / "demo.py"
+    monkeypatch.syspath_prepend(path.parent)
     spec = importlib.util.spec_from_file_location("table_of_the_demo", path)
     made = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(made)

@@ -1,7 +1,7 @@
 """
 Print what every registered estimator claims before and after a fault of f_m, over what is true.
 
-``python tests/estimators/tables.py [--only NAME …] [--runs 50]``
+``python tests/estimators/claims_tables.py [--only NAME …] [--runs 50]``
 """
 
 import argparse
