@@ -182,6 +182,20 @@ def test_what_is_written_is_what_was_marked():
     assert inner(1.0) == 2.0
 
 
+real = 7.0
+
+
+def test_a_name_of_its_own_is_no_constant_of_the_module():
+    """Python tells of a module's names that a function has as an attribute as well."""
+
+    @compiled
+    def own(x):
+        real = 2.0
+        return x.real * real
+
+    assert own(3.0) == 6.0
+
+
 def plugged(plug, number):
     @compiled
     def run(x):

@@ -44,7 +44,7 @@ def test_two_sides_and_gravity_are_told_apart():
 
 
 def test_a_hump_of_slow_motion_is_left_out():
-    axis = found(LINEAR, *driven(5.0, hump=0.5))
+    axis = found(LINEAR, *driven(5.0, hump=2.0))
     assert axis.value["viscous"] == pytest.approx(F, rel=0.02)
     assert axis.value["dry"] == pytest.approx(F_C, rel=0.02)
 
