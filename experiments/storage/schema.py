@@ -81,6 +81,8 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
     found = {name: row.get(name) for name in COLUMNS if "." not in name}
     for table, parts in _TABLES.items():
         inside = row.get(table) or {}
+        if not isinstance(inside, Mapping):
+            raise ValueError(f"{table} is {inside!r}, and is to be a table")
         found |= {f"{table}.{part}": inside.get(part) for part in parts}
     for name, kind in COLUMNS.items():
         if not _fits(found[name], kind, name):
