@@ -28,8 +28,9 @@ SILENT = "not more"
 ALPHA = 0.01
 """Chance of any false "worse" or "better" in a comparison, at most."""
 
-SHARES = {"scores": 0.6, "diverged": 0.2, "never_settled": 0.2}
-"""How the families share alpha: all scores together, and each way to lose a run."""
+SHARES = {"scores": 0.5, "guards": 0.1, "diverged": 0.2, "never_settled": 0.2}
+"""How the families share alpha: all scores together, what has a say only where it is worse (there
+is as much of it as of scores, which would lose power to it), and each way to lose a run."""
 
 LOST_WORSE = 0.75
 """Part of a lost-run test's share that goes to "worse"; the rest goes to "better".
@@ -123,7 +124,9 @@ def decide(ratios: Array, family: Family, *, alpha: float = ALPHA) -> Decision:
     n, mean, sd = statistics.summary(ratios)
     # Scores that are equal on every seed cannot differ: they are tested by nobody, and cost nobody.
     p = np.where((sd == 0) & (mean == 0), np.nan, statistics.t_p(n, mean, sd))
-    level = statistics.holm_levels(p, SHARES["scores"] * alpha)
+    level = np.empty_like(p)
+    for share, mine in (("scores", ~family.guards), ("guards", family.guards)):
+        level[:, mine] = statistics.holm_levels(p[:, mine], SHARES[share] * alpha)
     half = statistics.half_width(sd, n, level)
     low, high = mean - half, mean + half
     way = np.where(low > 0, 1, np.where(high < 0, -1, 0))

@@ -43,7 +43,7 @@ MORE_LOST = (0.05, 0.10, 0.20, 0.40, 0.70)
 
 SMALL = 0.015  # a change below the margin
 
-ENOUGH, MANY, MOST_RUNS = 32, 64, 128  # runs from which on power is promised
+ENOUGH, MANY = 32, 64  # runs from which on power is promised
 
 Draw = Callable[[int, int, np.random.Generator], Drawn]
 Count = Callable[[Judged], NDArray[np.bool_]]
@@ -120,7 +120,7 @@ def trials(same: Mapping[str, Pool], changed: Pool | None) -> Iterator[Trial]:
         text = f"{name}, every score {100 * SMALL:g} % larger: called worse"
         yield Trial(text, _shifted(pool), _worse, INSIDE)
     if changed is not None:
-        yield Trial("planted change: called worse", _drawing(changed), _worse, POWER, MOST_RUNS)
+        yield Trial("planted change: called worse", _drawing(changed), _worse, POWER, MANY)
     yield from _found(next(iter(same.values())))
 
 

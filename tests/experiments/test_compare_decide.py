@@ -86,6 +86,17 @@ def test_what_is_equal_on_every_seed_costs_the_others_nothing():
     assert set(together.words[0, 3:]) == {"same"}
 
 
+def test_guards_cost_the_scores_nothing():
+    """A bias has a say where it is worse, and an error of its own: as many as there are scores."""
+    scores = normal(0.05, 0.06, scenarios=3)
+    with_biases = Family.of(list("abc") * 2, ["lag"] * 3 + ["bias"] * 3, [0.02] * 3 + [0.2] * 3)
+    ratios = np.concatenate([scores, normal(0.0, 0.06, scenarios=3)], axis=1)
+    np.testing.assert_array_equal(
+        decide(ratios, with_biases).level[:, :3], decide(scores, family(3)).level
+    )
+    assert sum(rules.SHARES.values()) == pytest.approx(1)
+
+
 def test_a_small_change_needs_many_runs():
     """5 % on each of 32 runs: on .9³² = 3.4 % of such, a failure of every tenth run is not seen."""
     one = np.full((1, 1, 32), -STEP)
