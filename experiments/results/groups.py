@@ -119,9 +119,8 @@ class _Columns(Mapping[str, Array]):
 
     def __getitem__(self, name: str) -> Array:
         if name == "point":  # points are scenarios with estimators
-            scenario, estimator = (self._results.column(n) for n in ("hash", "estimator"))
-            many = int(estimator.max(initial=0)) + 1
-            return scenario[self._rows].astype(float) * many + estimator[self._rows]
+            scenario, estimator = (self._results.at(n, self._rows) for n in ("hash", "estimator"))
+            return scenario.astype(float) * (max(self._results.source.texts) + 1) + estimator
         return self._results.numbers(name, self._rows)
 
     def __iter__(self) -> Iterator[str]:

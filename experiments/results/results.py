@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -12,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped, middle, place_of
-from flexaxis.experiments.results.source import Condition, Source, asked, having
+from flexaxis.experiments.results.source import ALL, Condition, Source, asked, having
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.study import find_point, is_option
 from flexaxis.experiments.scoring.score_definition import Kind
@@ -46,9 +47,8 @@ class Results:
     folder: Path
     study: Mapping[str, Any]
     where: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
-    _more: Condition = field(default=Condition("1"), repr=False)
+    _more: Condition = field(default=ALL, repr=False)
     _shared: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
-    _held: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def load(cls, folder: str | Path, *, whole: bool = False) -> Self:
@@ -109,11 +109,11 @@ class Results:
             column: tuple(value) if isinstance(value, list | tuple | set) else (value,)
             for column, value in where.items()
         }
-        return replace(self, where={**self.where, **wanted}, _held={})
+        return replace(self, where={**self.where, **wanted})
 
     def having(self, more: Condition) -> Self:
         """Return those rows of which something more is true."""
-        return replace(self, _more=self._more & more, _held={})
+        return replace(self, _more=self._more & more)
 
     @property
     def _condition(self) -> Condition:
@@ -207,20 +207,38 @@ class Results:
         return self.grouped(by, bins=bins).pooled(POOLED if scores is None else scores)
 
     def column(self, name: str) -> NDArray[Any]:
-        """Return a column as it is stored; some others are read with it, likely to come next."""
-        if name not in self._held:
-            room = max(1, ROOM // (8 * max(1, len(self.source))))
-            place = STORED.index(name)
-            names = [n for n in STORED[place : place + room] if n not in self._held]
-            while self._held and len(self._held) + len(names) > 2 * room:
-                del self._held[next(iter(self._held))]
-            self._held.update(self.source.arrays(names, self._condition))
-        return self._held[name]
+        """Return a column as it is stored."""
+        return self.at(name, slice(None))
+
+    def at(self, name: str, rows: Any) -> NDArray[Any]:
+        """Return a column as it is stored, in some rows."""
+        places = self._places
+        return self._whole(name)[rows if places is None else places[rows]]
 
     def numbers(self, name: str, rows: Any) -> NDArray[np.float64]:
         """Return a column of numbers or truths in some rows; NaN where it is not defined."""
-        found = self.column(name)[rows]
+        found = self.at(name, rows)
         return found if found.dtype == np.float64 else np.where(found < 0, np.nan, found)
+
+    @cached_property
+    def _places(self) -> NDArray[np.int64] | None:
+        """Where the rows lie among all of the folder; None for all of them."""
+        return self.source.places(self._condition)
+
+    def _whole(self, name: str) -> NDArray[Any]:
+        """Return a column of all rows; some others are read with it, likely to come next.
+
+        Who selects reads nothing anew: to go through the rows costs more than to take some columns.
+        """
+        held: dict[str, NDArray[Any]] = self._shared.setdefault("columns", {})
+        if name not in held:
+            room = max(1, ROOM // (8 * max(1, len(self.source))))
+            names = [n for n in STORED[STORED.index(name) :] if n not in held][:room]
+            while held and len(held) + len(names) > 2 * room:
+                del held[next(iter(held))]
+            held.update(self.source.arrays(names))
+        held[name] = held.pop(name)  # the last that goes
+        return held[name]
 
     def codes(
         self, name: str, edges: Sequence[float] | None = None

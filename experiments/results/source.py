@@ -40,7 +40,12 @@ class Condition(NamedTuple):
 
     def __and__(self, other: Condition) -> Condition:
         """Return that both are."""
-        return Condition(f"{self.sql} AND {other.sql}", self.given + other.given)
+        both = [each.sql for each in (self, other) if each != ALL]
+        return Condition(" AND ".join(both) or ALL.sql, self.given + other.given)
+
+
+ALL = Condition("1")
+"""What is true of all rows."""
 
 
 def having(column: str, values: Sequence[Any], axes: Sequence[str]) -> Condition:
@@ -65,7 +70,7 @@ def asked(study: Mapping[str, Any]) -> Condition:
 
     Of a comparison, and in folders of 0.1, that are all; of code of users those of the code then.
     """
-    wanted, found = study.get("asked") or {}, Condition("1")
+    wanted, found = study.get("asked") or {}, ALL
     if not wanted.get("estimators"):
         return found
     for column, key in (("hash", "hashes"), ("method", "estimators"), ("seed", "seeds")):
@@ -131,7 +136,17 @@ class Source:
                 (self._last, *where.given),
             )
 
-    def arrays(self, names: Sequence[str], where: Condition) -> dict[str, Array]:
+    def places(self, where: Condition) -> NDArray[np.int64] | None:
+        """Return where rows are among all of them, in their order; None for all."""
+        if where == ALL:
+            return None
+        found = np.fromiter((row for (row,) in self.lines(["rowid"], where)), np.int64)
+        if self._last == self._rows:  # numbers without gaps
+            return found - 1
+        every = np.fromiter((row for (row,) in self.lines(["rowid"], ALL)), np.int64)
+        return np.searchsorted(every, found)
+
+    def arrays(self, names: Sequence[str]) -> dict[str, Array]:
         """Return columns as they are stored: numbers of texts, −1 for what is not defined.
 
         What is not defined among numbers is NaN.
@@ -139,11 +154,15 @@ class Source:
         real = [name for name in names if COLUMNS.get(name) == "number"]
         types = [(name, np.float64 if name in real else np.int64) for name in names]
         wanted = [f'coalesce("{name}", {"9e999" if name in real else -1})' for name in names]
+        columns = {name: np.empty(self._rows, kind) for name, kind in types}
+        lines = self.lines(wanted, ALL)
         try:
-            found = np.fromiter(self.lines(wanted, where), types)
+            for start in range(0, self._rows, PART):
+                part = np.fromiter(islice(lines, PART), types)
+                for name in names:
+                    columns[name][start : start + PART] = part[name]
         except (TypeError, ValueError, OverflowError) as error:
             raise self.damaged(error) from error
-        columns = {name: np.ascontiguousarray(found[name]) for name in names}
         for name in real:
             columns[name][np.isinf(columns[name])] = np.nan
         for name in set(names) & {*TEXTS}:

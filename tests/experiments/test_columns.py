@@ -91,14 +91,33 @@ def test_columns_hold_what_is_in_the_file(stored, tmp_path):
         {"fault[0].factor": 99.0},
     ],
 )
-def test_what_is_selected_is_what_has_the_values(stored, tmp_path, where):
+@pytest.mark.parametrize("gaps", [False, True])
+def test_what_is_selected_is_what_has_the_values(stored, tmp_path, where, gaps):
     results = stored(tmp_path, some_rows(), AXES)
+    if gaps:
+        change(tmp_path, "DELETE FROM cells WHERE seed = 1003")
     wanted = [
         line
         for line in by_hand(results)
         if all(line[k] in (v if isinstance(v, list | tuple) else [v]) for k, v in where.items())
     ]
-    assert list(results.select(where).rows) == wanted
+    selected = results.select(where)
+    assert list(selected.rows) == wanted
+    stds = np.array([line["std"] for line in wanted], float)
+    np.testing.assert_array_equal(selected.column("std"), stds)
+    np.testing.assert_array_equal(selected.numbers("std", slice(1, None, 2)), stds[1::2])
+
+
+def test_a_selection_reads_no_column_anew(stored, tmp_path, monkeypatch):
+    results, reads = stored(tmp_path, some_rows(), AXES), []
+    read = source.Source.arrays
+    monkeypatch.setattr(
+        source.Source, "arrays", lambda self, names: reads.append(names) or read(self, names)
+    )
+    for method in ("glr", "frozen"):
+        results.select({"method": method}).pooled()
+    names = [name for some in reads for name in some]
+    assert len(names) == len(set(names))
 
 
 def test_pooled_is_what_a_loop_gives(stored, tmp_path):
