@@ -5,30 +5,30 @@ Where a stage only runs code, comments and docstrings do not count; where it loo
 (style, tests, documentation) all does. A stage whose digest is in docs/proof.md is not run again,
 so that after a stop only what is missing is. With names of stages only these are run; `--stale`
 runs nothing, and says which tables of the documentation, and which stages, are of other code than
-today's.
+today's: of a table by the digest below it, which is of code and data, and of the libraries.
 """
 
-import ast
 import hashlib
 import os
 import re
 import subprocess
 import sys
-import tarfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import distributions
-from io import BytesIO
 from pathlib import Path
 
-from tables import ROOT, table
+from digests import NUMBERS, ROOT, digest, git, installed, stamp
+from tables import table
 
 PAGE = ROOT / "docs" / "proof.md"
 MARK = re.compile(r"(<!-- table: proof -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-NUMBERS = ("models_mjcf", "sim", "estimators", "experiments")  # what a table may be made of
-RUNS = (*NUMBERS, "tests", "docs/proof.py", "pyproject.toml", "Makefile")
+RUNS = (*NUMBERS, "tests", "docs/proof.py", "docs/digests.py", "pyproject.toml", "Makefile")
+# what stands below a table: its commit, and the digest of code and libraries
+BELOW = re.compile(
+    r"\bcommit ([0-9a-f]{7,40})(-dirty)?(?:, digest ([0-9a-f]{10}(?:-[0-9a-f]{6})?))?"
+)
 SAYS = 90  # characters of what a stage said last
 ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
@@ -62,76 +62,41 @@ STAGES = {
 }  # fmt: skip
 
 
-def digest(parts: tuple[str, ...], ref: str = "") -> str:
-    """Return what tells files from any others: those here, or those of a commit.
-
-    Of parts that are named code counts without comments and docstrings; without parts, all does.
-    """
-    total = hashlib.sha256()
-    for name, content in sorted(_files(parts, ref)):
-        if name != "docs/proof.md":
-            total.update(f"{name}\n".encode() + (_meant(name, content) if parts else content))
-    return total.hexdigest()[:10]
-
-
-def _files(parts: tuple[str, ...], ref: str) -> Iterator[tuple[str, bytes]]:
-    if ref:
-        with tarfile.open(fileobj=BytesIO(_git("archive", ref))) as archive:
-            for member in archive:  # some of the parts may not be in it yet
-                if member.isfile() and any(f"{member.name}/".startswith(f"{p}/") for p in parts):
-                    yield member.name, archive.extractfile(member).read()
-        return
-    listed = _git("ls-files", "-co", "--exclude-standard", "-z", "--", *parts).decode()
-    for name in listed.split("\0"):
-        if (ROOT / name).is_file():
-            yield name, (ROOT / name).read_bytes()
-
-
-def _meant(name: str, content: bytes) -> bytes:
-    """Return a file without what a run does not see: comments and docstrings of code."""
-    if not name.endswith(".py"):
-        return content
-    tree = ast.parse(content)
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        first = body[0] if isinstance(body, list) and body else None
-        if isinstance(first, ast.Expr) and isinstance(getattr(first.value, "value", None), str):
-            del body[0]
-    return ast.dump(tree).encode()
-
-
-def _git(*words: str) -> bytes:
-    return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, check=True).stdout
-
-
 def key(stage: Stage) -> str:
     """Return the digest of all that a stage depends on."""
-    versions = sorted(f"{d.metadata['Name']} {d.version}" for d in distributions())
-    parts = [stage.command, digest(stage.runs), sys.version, *versions]
+    parts = [stage.command, digest(stage.runs), installed()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:10]
 
 
 def stale() -> list[str]:
     """Return which tables and stages are of other code than what is here, a line each."""
-    found, now = [], digest(NUMBERS)
-    then = cache(lambda ref: digest(NUMBERS, ref))
+    found, now, then = [], stamp(), cache(lambda ref: digest(NUMBERS, ref))
     for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
-            for ref, dirty in re.findall(r"\bcommit ([0-9a-f]{7,40})(-dirty)?\b", line):
-                try:
-                    same, since = not dirty and then(ref) == now, f"{_changes(ref)} commits ago"
-                except subprocess.CalledProcessError:
-                    same, since = False, "which is not in this history"
-                if not same:
-                    found.append(f"{page.relative_to(ROOT)}:{number}: of {ref}{dirty}, {since}")
+            for ref, dirty, said in BELOW.findall(line):
+                if why := _why(ref, dirty, said, now, then):
+                    found.append(f"{page.relative_to(ROOT)}:{number}: of {ref}{dirty}, {why}")
     known = rows()
     told = {n: "never" if n not in known else f"at {known[n][1]}" for n in STAGES}
     found += [f"{n}: shown {told[n]}" for n, s in STAGES.items() if known.get(n, "-")[0] != key(s)]
     return found
 
 
+def _why(ref: str, dirty: str, said: str, now: str, then: Callable[[str], str]) -> str:
+    """Return what is old in a table: its digest decides, and of one without that its commit."""
+    code, _, libraries = said.partition("-")
+    try:
+        if dirty:
+            return "code that is in no commit"
+        if (code or then(ref)) != now.partition("-")[0]:
+            return f"{_changes(ref)} commits ago"
+    except subprocess.CalledProcessError:
+        return "which is not in this history"
+    return "with other libraries" if libraries and said != now else ""
+
+
 def _changes(ref: str) -> int:
-    return int(_git("rev-list", "--count", f"{ref}..HEAD", "--", *NUMBERS))
+    return int(git("rev-list", "--count", f"{ref}..HEAD", "--", *NUMBERS))
 
 
 def rows() -> dict[str, list[str]]:
@@ -152,7 +117,7 @@ def run(name: str) -> bool:
     if changed := _changed():
         sys.exit(f"only a commit can be proved: commit this first\n{changed}")
     print(f"{name}: {stage.command}", flush=True)
-    at, began = _git("rev-parse", "--short=8", "HEAD").decode().strip(), time.monotonic()
+    at, began = git("rev-parse", "--short=8", "HEAD").decode().strip(), time.monotonic()
     status, said = _said(stage.command)
     took = f"{(time.monotonic() - began) / 60:.1f} min"
     if status:
@@ -166,7 +131,7 @@ def run(name: str) -> bool:
 
 
 def _changed() -> str:
-    lines = _git("status", "--porcelain").decode().splitlines()
+    lines = git("status", "--porcelain").decode().splitlines()
     return "\n".join(line for line in lines if not line.endswith(" docs/proof.md"))
 
 
@@ -197,8 +162,8 @@ def write(known: dict[str, list[str]]) -> None:
 def main(words: list[str]) -> int:
     """Run what is named, or all."""
     if "--stale" in words:
-        if not (ROOT / ".git").exists() or b"true" in _git("rev-parse", "--is-shallow-repository"):
-            print("no history here: it cannot be told which tables are of older code")
+        if not (ROOT / ".git").exists():
+            print("no repository here: it cannot be told which tables are of older code")
         else:
             print("\n".join(stale()) or "every table and every stage is of today's code")
         return 0

@@ -12,8 +12,9 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from pathlib import Path
 from typing import Any
+
+from digests import ROOT, git, stamp
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
@@ -24,7 +25,6 @@ from flexaxis.experiments.gate import selftest
 from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.score_table import SCORES
 
-ROOT = Path(__file__).parents[1]
 PAGES = ("README.md", "docs/scenarios.md", "docs/scores.md", "docs/gate.md")
 STANDARD, SELF_TEST = ROOT / "results" / "standard", ROOT / "results" / "self-test.json"
 SEEDS = 20
@@ -171,15 +171,10 @@ def said(what: str) -> str:
 
 
 def commit() -> str:
-    """Return the commit that is checked out; a table of code that is in none is refused."""
-
-    def git(*words: str) -> str:
-        done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True)
-        return done.stdout.strip()
-
-    if changed := git("status", "--porcelain", "--", *CODE):
+    """Return commit and digest of what is here; a table of code that is in none is refused."""
+    if changed := git("status", "--porcelain", "--", *CODE).decode():
         sys.exit(f"a table says of which commit it is: commit this first\n{changed}")
-    return git("rev-parse", "--short=8", "HEAD")
+    return f"{git('rev-parse', '--short=8', 'HEAD').decode().strip()}, digest {stamp()}"
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -82,6 +82,17 @@ def test_measured_tables_say_how_they_were_made(written, name):
     assert re.search(r"`flexaxis \w+ .*`, commit [0-9a-f]{7,}", written[name, "text"])
 
 
+def test_a_digest_stands_below_each_table_that_names_its_commit():
+    """Two tables of scores.md are of a run from before code in no commit was refused."""
+    told = {}
+    for path in ROOT.glob("docs/**/*.md"):
+        for ref, dirty, said in loaded("proof").BELOW.findall(path.read_text(encoding="utf-8")):
+            told.setdefault((bool(said), bool(dirty)), []).append((path.name, ref))
+    assert len(told.pop((True, False))) > 20
+    assert told.pop((False, True)) == 2 * [("scores.md", "feed32b")]
+    assert not told, "run what makes them again, or: python docs/proof.py --stale"
+
+
 @pytest.mark.parametrize(
     "path", sorted((ROOT / "tests/experiments").glob("*_tables.py")), ids=lambda path: path.stem
 )

@@ -1,6 +1,7 @@
 """What is proved stands in docs/proof.md, and is proved again where what it depends on changed."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
+import digests
 import proof
 import tables
 
@@ -29,9 +31,10 @@ def place(tmp_path, monkeypatch):
     page = tmp_path / "docs" / "proof.md"
     page.write_text("# Proof\n\n<!-- table: proof -->\n<!-- end -->\n")
     (tmp_path / "README.md").write_text("Lags, commit 1234567.\n")
+    (tmp_path / "pyproject.toml").write_text('[project]\ndependencies = ["numpy>=2"]\n')
     (tmp_path / ".gitignore").write_text("ran*\n")
     git(tmp_path, "init", "-q")
-    for module in (proof, tables):
+    for module in (digests, proof, tables):
         monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(proof, "PAGE", page)
     stages = {
@@ -66,7 +69,7 @@ def test_a_stage_is_run_again_where_what_it_depends_on_has_changed(place, monkey
     assert [line.split(":")[0] for line in proof.stale()] == ["README.md", "code", "all"]
     assert proof.main(["code"]) == 0 and ran(place) == [2, 2]
     library = SimpleNamespace(metadata={"Name": "numpy"}, version="99")
-    monkeypatch.setattr(proof, "distributions", lambda: [library])
+    monkeypatch.setattr(digests, "distributions", lambda: [library])
     assert proof.main(["code"]) == 0 and ran(place) == [3, 2]
 
 
@@ -89,21 +92,44 @@ def test_nothing_is_proved_of_what_is_in_no_commit(place, file):
         proof.main(["code", "all"])
 
 
-def test_a_table_of_older_code_is_told(place):
+def test_a_table_of_older_code_is_told_by_its_commit(place):
     proof.main([])
-    now = subprocess.check_output(["git", "rev-parse", "--short=8", "HEAD"], cwd=place, text=True)
-    (place / "docs" / "a.md").write_text(f"Now, commit {now.strip()}.\n")
-    first, *stages = proof.stale()
+    now = head(place)
+    (place / "docs" / "a.md").write_text(f"Now, commit {now}.\nThen, commit {now}-dirty.\n")
+    first, dirty, *stages = proof.stale()
     assert first == "README.md:1: of 1234567, which is not in this history"
-    assert stages == [f"all: shown at {now.strip()}"]
+    assert dirty == f"docs/a.md:2: of {now}-dirty, code that is in no commit"
+    assert stages == [f"all: shown at {now}"]
     (place / "sim" / "a.py").write_text("x = 2\n")
     commit(place)
-    assert proof.stale()[1] == f"docs/a.md:1: of {now.strip()}, 1 commits ago"
+    assert proof.stale()[1] == f"docs/a.md:1: of {now}, 1 commits ago"
+
+
+def head(place):
+    words = ["git", "rev-parse", "--short=8", "HEAD"]
+    return subprocess.check_output(words, cwd=place, text=True).strip()
+
+
+def test_a_table_is_told_by_the_digest_below_it(place, monkeypatch):
+    """Whatever became of its commit: of code and data, without comments, and of the libraries."""
+    now = tables.commit()
+    assert re.fullmatch(rf"{head(place)}, digest [0-9a-f]{{10}}-[0-9a-f]{{6}}", now)
+    lost = now.replace(head(place), "7654321")
+    (place / "README.md").write_text(f"Lags, commit {lost}.\nOlder, commit {lost[:-7]}, seeds.\n")
+    (place / "sim" / "a.py").write_text("x = 1  # other words\n")
+    of_tables = [line for line in proof.stale() if line.startswith("README")]
+    assert not of_tables
+    monkeypatch.setattr(digests, "version", lambda name: "99")
+    first, *_ = proof.stale()
+    assert first == "README.md:1: of 7654321, with other libraries"
+    (place / "sim" / "a.py").write_text("x = 2\n")
+    why = "which is not in this history"
+    assert proof.stale()[:2] == [f"README.md:{n}: of 7654321, {why}" for n in (1, 2)]
 
 
 def test_a_table_is_refused_while_its_code_is_in_no_commit(place):
     (place / "README.md").write_text("Words.\n")
-    assert len(tables.commit()) == 8
+    assert tables.commit().startswith(f"{head(place)}, digest ")
     (place / "sim" / "a.py").write_text("x = 3\n")
     with pytest.raises(SystemExit, match="commit this first"):
         tables.commit()
