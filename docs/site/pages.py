@@ -82,6 +82,7 @@ SECTIONS = (
             "made/estimators",
             "made/scores",
             "made/api",
+            "docs/glossary.md",
             "docs/json.md",
             "docs/speed.md",
             "docs/glr.md",
