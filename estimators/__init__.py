@@ -1,7 +1,9 @@
-"""
-Estimators of physical parameters from torque and motor angle or speed.
+"""Estimators of physical parameters from torque and motor angle or speed.
 
 Nothing here knows the truth, MuJoCo or the rest of the package: it works on a robot's log as well.
+In come u[k], y[k] and what is known beforehand (`problem`), out go θ[k] and findings (`protocol`).
+`models` says what an axis is, `filters` and `glr` what is done with it sample by sample, `offline`
+looks at whole records; `methods` are the estimators, which `registry` has by name.
 """
 
 from importlib import import_module

@@ -1,6 +1,7 @@
 """The import arrows: experiments -> sim -> models_mjcf, experiments -> estimators."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -113,6 +114,18 @@ def test_folders_show_the_way_of_the_data(folder, way):
             if place[target] >= place[folder]:
                 wrong.append(f"{path.relative_to(ROOT)} imports from {target}")
     assert not wrong, "against the way of the data: " + "; ".join(wrong)
+
+
+@pytest.mark.parametrize("path", [f for f in FILES if f.name == "__init__.py"], ids=str)
+def test_a_folder_says_what_is_in_it_what_comes_in_and_what_goes_out(path):
+    said = " ".join((ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").split())
+    if path.parent.name == "front":  # what `import flexaxis` shows to users
+        return
+    assert re.search(r"\b[Ii]n comes?\b", said) and re.search(r"\b[Oo]ut\b", said)
+    above = [path.parent, *(p for p in path.parents if p.is_relative_to(ROOT))]
+    for name in re.findall(r"`([\w./]+)`", said):
+        place = name if name.endswith(".toml") else name.replace(".", "/").removeprefix("flexaxis/")
+        assert any((p / place).exists() or (p / f"{place}.py").exists() for p in above), name
 
 
 def test_no_module_is_too_long():

@@ -1,4 +1,9 @@
-"""What is to be doubted of a log: nine looks, in the order in which one hides another."""
+"""What is to be doubted of a log: nine looks, in the order in which one hides another.
+
+In comes `evidence` (the log on its even grid, its spectra, how it was sampled), out go findings:
+how it was sampled (`sampled`), how the torque moves the axis (`moved`), what the torque is
+(`torque_kind`).
+"""
 
 from __future__ import annotations
 
