@@ -39,6 +39,17 @@ def test_no_workflow_gives_a_request_the_rights_of_the_repository(path):
         assert not re.search(r"\$\{\{\s*github\.(event|head_ref)", step.get("run", ""))
 
 
+def test_what_the_readme_says_for_who_has_no_make_is_tried():
+    readme = (HOME.parent / "README.md").read_text(encoding="utf-8")
+    told = re.search(r"```sh\n(python -m venv.*?)```", readme, re.DOTALL)[1].splitlines()
+    told, windows = [line.partition("#")[0].strip() for line in told], told[1].split("Windows: ")[1]
+    job = read("ci")["jobs"]["without-make"]
+    run = job["steps"][-1]["run"].splitlines()
+    cases = {case["os"]: case["activate"] for case in job["strategy"]["matrix"]["include"]}
+    assert cases == {"macos-latest": told[1], "windows-latest": windows}
+    assert [told[1] if "matrix.activate" in line else line for line in run] == told
+
+
 def test_the_check_only_reads_and_has_no_secrets():
     flow = read(CHECK)
     assert [*flow["on"]] == ["pull_request"] and flow["permissions"] == {"contents": "read"}
