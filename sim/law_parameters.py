@@ -35,7 +35,7 @@ LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
 ESTIMATED_ONLY = ("c_sin", "c_cos")
 """What an estimator may call a parameter though no record has it: the phase of cogging is free."""
 
-LAWS: Mapping[str, tuple[str, ...]] = {
+LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "friction": ("f_c",),
     "lugre": ("f_c", "f_s", "v_s", "sigma_0", "sigma_1"),
     "static_friction": ("f_c", "f_s", "alpha", "beta"),
@@ -83,7 +83,7 @@ def law_owners(tables: Mapping[str, Any]) -> dict[str, str]:
     {'f_c': 'friction'}
     """
     owners: dict[str, str] = {}
-    for key, names in LAWS.items():
+    for key, names in LAW_PARAMETERS.items():
         if tables.get(key) is not None:
             owners = dict.fromkeys(names, key) | owners
     return {name: owners[name] for name in LAW_NAMES if name in owners}

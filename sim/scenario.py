@@ -21,7 +21,7 @@ from flexaxis.sim.tables import friction as dry
 from flexaxis.sim.tables import identity
 from flexaxis.sim.tables import nonlinear as beyond
 from flexaxis.sim.tables import sensors as sensing
-from flexaxis.sim.tables.config import Config, Frozen, NotNegative, Positive, Table, Values, Word
+from flexaxis.sim.tables.config import Config, Frozen, NotNegative, Part, Positive, Values, Word
 from flexaxis.sim.tables.controller import ControllerConfig
 from flexaxis.sim.tables.drawn_onsets import drawn
 from flexaxis.sim.tables.events import Event, changed, find_events
@@ -156,10 +156,10 @@ class Scenario(Config):
         return preset(self.preset).replace(**self.parameters)
 
     @property
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> dict[str, Part]:
         """The tables of axis, loop and sensors that are not off, by key."""
         fields = {key: getattr(self, key) for key in type(self).model_fields if key != "excitation"}
-        return cast("dict[str, Table]", {k: v for k, v in fields.items() if isinstance(v, Config)})
+        return cast("dict[str, Part]", {k: v for k, v in fields.items() if isinstance(v, Config)})
 
     @property
     def nonlinear(self) -> dict[str, beyond.Nonlinearity]:

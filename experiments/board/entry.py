@@ -142,7 +142,7 @@ def _about(given: Any) -> About:
     kw_only=True,
     config=ConfigDict(extra="forbid", strict=True, hide_input_in_errors=True),
 )
-class Entry:
+class BoardEntry:
     """An entry that is as it was written: what stands in entry.json, and where that lies.
 
     Attributes
@@ -224,7 +224,7 @@ def seal(folder: Path, content: Mapping[str, Any]) -> None:
     write_json(folder / ENTRY, whole | {"digest": _digest(whole)})
 
 
-def read(folder: Path) -> Entry:
+def read(folder: Path) -> BoardEntry:
     """Return an entry if it is as it was written.
 
     Raises
@@ -236,7 +236,7 @@ def read(folder: Path) -> Entry:
     text = read_text(folder / ENTRY, EntryError)
     content = json_value(text, source=str(folder / ENTRY), refuse=EntryError)
     try:
-        entry = Entry(**content, folder=folder)
+        entry = BoardEntry(**content, folder=folder)
     except (TypeError, ValidationError) as error:
         found = error.errors()[:10] if isinstance(error, ValidationError) else []
         lines = [f"{shown('.'.join(map(str, e['loc'])))}: {e['msg']}" for e in found]

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.board.entry import Entry, EntryError
+from flexaxis.experiments.board.entry import BoardEntry, EntryError
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.comparison.matching import MATCHED
 from flexaxis.experiments.comparison.mismatch import NUISANCE, TRACKS, UNKNOWN, track_of
@@ -140,7 +140,7 @@ def reference_rows(board: Board, means: Means) -> list[Row]:
     return [row for runs in found.values() for run in runs for row in run]
 
 
-def check_rows(entry: Entry, board: Board) -> str:
+def check_rows(entry: BoardEntry, board: Board) -> str:
     """Return what is wrong with the rows of an entry: all of its settings, each once, no others."""
     first = {turn for line in entry.turns.values() for turn in line if turn in FACTORS}
     for scenario in board.faults if entry.knob else ():
@@ -165,7 +165,7 @@ def check_rows(entry: Entry, board: Board) -> str:
     return f"neither run nor left out: {', '.join(missing)}" if missing else ""
 
 
-def own_of(entry: Entry, board: Board, usual: Sequence[Row]) -> Own:
+def own_of(entry: BoardEntry, board: Board, usual: Sequence[Row]) -> Own:
     """Return what the rows of an entry come to, beside those of the reference.
 
     Raises

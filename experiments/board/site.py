@@ -11,7 +11,7 @@ from typing import Any
 
 from packaging.version import InvalidVersion, Version
 
-from flexaxis.experiments.board.entry import Entry, EntryError
+from flexaxis.experiments.board.entry import BoardEntry, EntryError
 from flexaxis.experiments.board.ranking import (
     MEASURES,
     Board,
@@ -39,7 +39,7 @@ LARGEST_CODE = 100_000  # characters of a file of code that a page shows
 class Taken:
     """An entry on a board, what its rows come to, and what the board's keeper found of it."""
 
-    entry: Entry
+    entry: BoardEntry
     own: Own
     verdict: Mapping[str, Any] | None = None
 
@@ -98,7 +98,7 @@ def collect(
 
 def _entry(
     folder: Path, board: Board, verdicts: Mapping[str, Mapping[str, Any]], quick: bool
-) -> Entry:
+) -> BoardEntry:
     entry, verdict = of_form(folder, board)
     if entry.quick != quick:
         raise EntryError(f"{folder}: {FOR_TRYING if entry.quick else FULL}")
@@ -112,7 +112,7 @@ def _entry(
     return entry
 
 
-def _check_name(entry: Entry, contacts: dict[str, str], taken: Mapping[str, Taken]) -> None:
+def _check_name(entry: BoardEntry, contacts: dict[str, str], taken: Mapping[str, Taken]) -> None:
     """Refuse a name that another contact has: a version of his would take the place of it."""
     name, contact = entry.about.name, entry.about.contact
     if (other := contacts.setdefault(name.casefold(), contact)) != contact:

@@ -13,7 +13,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.board.entry import CODE, ENTRY, ROWS, About, Entry, EntryError, read, seal
+from flexaxis.experiments.board.entry import (
+    CODE,
+    ENTRY,
+    ROWS,
+    About,
+    BoardEntry,
+    EntryError,
+    read,
+    seal,
+)
 from flexaxis.experiments.board.ranking import Board
 from flexaxis.experiments.building.code import PIPE, digest, piped
 from flexaxis.experiments.building.neighbours import code_file, imported_neighbours
@@ -41,7 +50,7 @@ def submit(
     resume: bool = False,
     command: str = "",
     say: Callable[[str], object] = lambda text: None,
-) -> Entry:
+) -> BoardEntry:
     """Run an estimator on the frozen suite and write an entry.
 
     Parameters

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.board.entry import Entry, EntryError, read
+from flexaxis.experiments.board.entry import BoardEntry, EntryError, read
 from flexaxis.experiments.board.hidden_seeds import Draw, Pair, agreements, sample
 from flexaxis.experiments.board.ranking import (
     Board,
@@ -58,7 +58,7 @@ class Check:
 
 
 @dataclass
-class Verdict:
+class Verification:
     """What is found of an entry.
 
     Attributes
@@ -135,11 +135,11 @@ class Ask:
     confined: bool = True
 
 
-def of_form(folder: Path, frozen: Board | None = None) -> tuple[Entry, Verdict]:
+def of_form(folder: Path, frozen: Board | None = None) -> tuple[BoardEntry, Verification]:
     """Return an entry, and what its files say; EntryError if it is not as it was written."""
     entry = read(folder)
     mine = mine_of(entry, frozen)
-    found = Verdict(entry.label, entry.digest, entry.about.contact, entry.quick)
+    found = Verification(entry.label, entry.digest, entry.about.contact, entry.quick)
     same = entry.suite == mine.hash
     words = f"{mine.name}, {len(mine.seeds)} seeds"
     wrong = check_rows(entry, mine) if same else ""
@@ -152,7 +152,7 @@ def of_form(folder: Path, frozen: Board | None = None) -> tuple[Entry, Verdict]:
     return entry, found
 
 
-def mine_of(entry: Entry, frozen: Board | None = None) -> Board:
+def mine_of(entry: BoardEntry, frozen: Board | None = None) -> Board:
     """Return what an entry is scored on: the suite, or the same with few seeds."""
     frozen = frozen or board()
     return frozen.quick() if entry.quick else frozen
@@ -167,7 +167,7 @@ def verify_entry(
     means: Means | None = None,
     frozen: Board | None = None,
     told: Callable[[Check], object] = lambda check: None,
-) -> Verdict:
+) -> Verification:
     """Return what is found of an entry, its code included.
 
     Parameters
@@ -224,7 +224,7 @@ class _Ranked:
         return f"{self.scenario.name} {self.text}"
 
 
-def _ranked(entry: Entry, own: Own, mine: Board) -> list[_Ranked]:
+def _ranked(entry: BoardEntry, own: Own, mine: Board) -> list[_Ranked]:
     """Return all settings that carry a rank: on either side of the match, or as entered.
 
     Between the two settings on either side of the reference's noise the match is interpolated: who
@@ -270,7 +270,7 @@ def rerun(sandbox: Sandbox, text: str, scenario: Scenario, record: Record) -> Ro
 class _Trial:
     """An entry whose code runs in a sandbox, with the settings that carry its rank."""
 
-    entry: Entry
+    entry: BoardEntry
     board: Board
     ranked: Sequence[_Ranked]
     ask: Ask

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.demo.history import Entry, History
+from flexaxis.experiments.demo.history import History, HistoryLine
 from flexaxis.experiments.demo.racer import NAMES, SHOWN, Racer
 from flexaxis.experiments.demo.session import SPAN, Curves, DemoSession
 from flexaxis.experiments.demo.tracking import LENGTH, Point
@@ -144,7 +144,7 @@ OWN: Mapping[str, Callable[[Racer], Chart]] = {"glr": bank}
 chart. It is drawn below the curves."""
 
 
-def left(entry: Entry | None) -> Chart:
+def left(entry: HistoryLine | None) -> Chart:
     """Return how much of the last change each racer has still to find, and what theory allows."""
     tracking = entry.tracking if entry else None
     known = tracking is None or tracking.changed is not None
@@ -170,7 +170,7 @@ def left(entry: Entry | None) -> Chart:
     )
 
 
-def _title(entry: Entry | None) -> str:
+def _title(entry: HistoryLine | None) -> str:
     if entry is None or entry.tracking is None:
         return "break it: what is left to be found over time"
     what = entry.what.partition(" (")[0]

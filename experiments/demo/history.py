@@ -28,7 +28,7 @@ TAIL = 6.0
 
 
 @dataclass
-class Entry:
+class HistoryLine:
     """One thing that was done, and what came of it.
 
     Attributes
@@ -95,21 +95,21 @@ class History:
 
     Attributes
     ----------
-    entries : deque of Entry
+    entries : deque of HistoryLine
         The last ones.
     """
 
     def __init__(self) -> None:
-        self.entries: deque[Entry] = deque(maxlen=KEPT)
+        self.entries: deque[HistoryLine] = deque(maxlen=KEPT)
         self._acts: deque[tuple[int, dict[str, Any]]] = deque(maxlen=ACTS)
         self._forgotten = 0
 
     @property
-    def last(self) -> Entry | None:
+    def last(self) -> HistoryLine | None:
         """The last change of the truth."""
         return next((entry for entry in reversed(self.entries) if entry.tracking), None)
 
-    def add(self, entry: Entry, act: Mapping[str, Any]) -> None:
+    def add(self, entry: HistoryLine, act: Mapping[str, Any]) -> None:
         """Take down what was done; ``act`` as in the table ``[[act]]`` of a lesson."""
         if dragged(self.entries, entry):
             self.entries.pop()
@@ -164,12 +164,12 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def dragged(entries: Sequence[Entry] | deque[Entry], entry: Entry) -> bool:
+def dragged(entries: Sequence[HistoryLine] | deque[HistoryLine], entry: HistoryLine) -> bool:
     """Return whether an entry only goes on with the last one."""
     return bool(entries) and entries[-1].key == entry.key and entry.at - entries[-1].at < SOON
 
 
-def _rows(entry: Entry) -> Iterable[list[Any]]:
+def _rows(entry: HistoryLine) -> Iterable[list[Any]]:
     tracking = entry.tracking
     changed = tracking.changed if tracking else None
     column = SHOWN.index(changed) if changed else 0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.building.estimator_text import Spec
-from flexaxis.experiments.demo.history import KEPT, Entry, History, dragged
+from flexaxis.experiments.demo.history import KEPT, History, HistoryLine, dragged
 from flexaxis.experiments.demo.live_axis import NO_SAMPLES, Friction, LiveAxis, Samples
 from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, SHOWN, KnobSettings, Racer
 from flexaxis.experiments.demo.tracking import LEAST, Jump, Point, Tracking
@@ -229,8 +229,8 @@ class DemoSession:
         self.said = f"at {self.axis.time:.1f} s: {what}"
         self.history.add(self._entry(key, what), act)
 
-    def _entry(self, key: str, what: str) -> Entry:
-        return Entry(self.axis.samples, key, what, tuple(racer.text for racer in self.racers))
+    def _entry(self, key: str, what: str) -> HistoryLine:
+        return HistoryLine(self.axis.samples, key, what, tuple(racer.text for racer in self.racers))
 
     def _close(self) -> None:
         """End what is followed, because something else changes; it gives points for what it had."""
@@ -255,7 +255,7 @@ class DemoSession:
             if not tracking.open:
                 self._close()
 
-    def _listen(self, entry: Entry, estimates: Sequence[Array]) -> None:
+    def _listen(self, entry: HistoryLine, estimates: Sequence[Array]) -> None:
         """Take down what the racers say of a change."""
         changed = entry.tracking.changed if entry.tracking else None
         if changed is not None:

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from flexaxis._given import spec_of
-from flexaxis._table import Names, Table
+from flexaxis._table import Names, ShownTable
 from flexaxis.experiments.building.guest import limited
 from flexaxis.experiments.conformance import check as conformance
 from flexaxis.experiments.running.cache import default_cache
@@ -61,7 +61,7 @@ _WORDS = {True: "holds", False: "BROKEN", None: "not applicable"}
 
 def check(
     estimator: str | Callable[..., Any], *, long: bool = False, time_limit: float | None = None
-) -> Table:
+) -> ShownTable:
     """Look whether an estimator keeps the rules: no look-ahead, `step` equals `run`, and so on.
 
     Parameters
@@ -75,7 +75,7 @@ def check(
 
     Returns
     -------
-    Table
+    ShownTable
         A line a rule: ``rule, result, seen``, and with `to_dataframe` also ``holds, reason, hint``.
 
     Raises
@@ -86,4 +86,4 @@ def check(
     with limited(time_limit):
         found = conformance.check(spec_of(estimator), long=long, store=default_cache())
     lines = [asdict(each) | {"result": _WORDS[each.holds]} for each in found]
-    return Table(lines, ("rule", "result", "seen"))
+    return ShownTable(lines, ("rule", "result", "seen"))

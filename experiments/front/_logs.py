@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis._draw import drawn, panels
-from flexaxis._table import Table
+from flexaxis._table import ShownTable
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.axis_file import Axis
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Log = Any  # a path, a record, or what `import_log` returned
 
 
-class LogResult(Table):
+class LogResult(ShownTable):
     """What came of a log or of many: a line for each thing that was looked at or estimated.
 
     Attributes

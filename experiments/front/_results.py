@@ -19,7 +19,7 @@ from flexaxis._given import (
     seeds_of,
     texts_of,
 )
-from flexaxis._table import Table
+from flexaxis._table import ShownTable
 from flexaxis.experiments.building.guest import in_words
 from flexaxis.experiments.results import results as kept
 from flexaxis.experiments.running.cache import default_cache
@@ -77,7 +77,7 @@ _SHOWN = (
 class Results(kept.Results):
     """Results with their figure; rows, selections and tables are those of every folder."""
 
-    def scores(self, *by: str) -> Table:
+    def scores(self, *by: str) -> ShownTable:
         """Return pooled scores, a line for all rows that agree in some columns.
 
         Parameters
@@ -88,7 +88,7 @@ class Results(kept.Results):
         columns = list(by) or ["base", "method", *self.axes]
         lines = [self._named(row) for row in self.pooled(columns)]
         first = [_NAMES.get(column, column) for column in columns]
-        return Table(lines, list(dict.fromkeys([*first, *_SHOWN])) if lines else ())
+        return ShownTable(lines, list(dict.fromkeys([*first, *_SHOWN])) if lines else ())
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
         """Draw the lag after a fault: against the noise before it, or over an axis of a study.

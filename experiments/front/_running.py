@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexaxis._estimates import Estimate
 from flexaxis._given import spec_of
 from flexaxis._records import Recording, changed
-from flexaxis._table import Table
+from flexaxis._table import ShownTable
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.experiments.building.estimator_text import Spec, build
@@ -151,7 +151,7 @@ def score(
     estimator: str | Callable[..., Any] | None = None,
     *,
     options: Mapping[str, Any] | None = None,
-) -> Table:
+) -> ShownTable:
     """Return the scores of an estimate, a line a parameter, as `benchmark` has them.
 
     Parameters
@@ -163,7 +163,7 @@ def score(
 
     Returns
     -------
-    Table
+    ShownTable
         Scores of one run by their names, with their units.
 
     Raises
@@ -191,7 +191,7 @@ def score(
         "seed": seed,
     }
     case = scored(track, estimator=found.estimator, identity=identity, cost={})
-    return Table([_plain(row) for row in case.rows], _SCORES, _UNITS)
+    return ShownTable([_plain(row) for row in case.rows], _SCORES, _UNITS)
 
 
 def _estimated(record: Any, estimator: Any, options: Mapping[str, Any] | None) -> Estimate:

@@ -16,7 +16,7 @@ SHOWN = 30
 """Lines that are shown; a longer table says how many it has."""
 
 
-class Table(Sequence[Line]):
+class ShownTable(Sequence[Line]):
     """Some lines with the same columns; a sequence of mappings.
 
     Parameters
@@ -40,7 +40,7 @@ class Table(Sequence[Line]):
     def __getitem__(self, place: Any) -> Any:
         """Return a line, or some of them."""
         found = self._lines[place]
-        return Table(found, self._shown, self._named) if isinstance(place, slice) else found
+        return ShownTable(found, self._shown, self._named) if isinstance(place, slice) else found
 
     def __len__(self) -> int:
         """Return the number of lines."""
@@ -69,13 +69,13 @@ class Table(Sequence[Line]):
 class Names(tuple[str, ...]):
     """Some names, which show themselves with what is known of each."""
 
-    table: Table
+    table: ShownTable
 
     @classmethod
     def of(cls, lines: Sequence[Line], shown: Sequence[str]) -> Names:
         """Return the names of some lines, which are in their column `name`."""
         found = cls(line["name"] for line in lines)
-        found.table = Table(lines, shown)
+        found.table = ShownTable(lines, shown)
         return found
 
     def __repr__(self) -> str:

@@ -10,7 +10,7 @@ from flexaxis.experiments.building.ready import readable
 from flexaxis.experiments.catalogue.find import find_suite, suite_names
 from flexaxis.experiments.gate.decide import ALPHA, SAME, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, at_one_noise, work
-from flexaxis.experiments.gate.pairs import Lack, Paired, Table, pair, table
+from flexaxis.experiments.gate.pairs import Lack, Paired, ScoreRows, pair, table
 from flexaxis.experiments.gate.verdicts import (
     Verdict,
     alarming,
@@ -289,7 +289,7 @@ def ask(  # noqa: PLR0917
     return Question(base, candidate, kept, seeds, margins, max_seeds, lacking=alone), why
 
 
-def rows_of(found: Mapping[tuple[str, str], Runs], estimator: str) -> Table:
+def rows_of(found: Mapping[tuple[str, str], Runs], estimator: str) -> ScoreRows:
     """Return the rows of one estimator by scenario, seed and parameter.
 
     Parameters

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 KEY = ["scenario", "seed", "parameter"]
 TRUTHS = ["changed", "failed", *LOST]
 NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
-Table: TypeAlias = "pd.DataFrame"
+ScoreRows: TypeAlias = "pd.DataFrame"
 """Rows of one estimator by scenario, seed and parameter."""
 
 
@@ -129,7 +129,7 @@ class Paired:
     failed: tuple[int, int] = (0, 0)
 
 
-def table(rows: Iterable[Mapping[str, Any]]) -> Table:
+def table(rows: Iterable[Mapping[str, Any]]) -> ScoreRows:
     """Return what is compared of the rows of one estimator.
 
     A row without a parameter is of a record that nobody can make, and left out.
@@ -142,7 +142,7 @@ def table(rows: Iterable[Mapping[str, Any]]) -> Table:
     return found
 
 
-def pair(base: Table, candidate: Table, margins: Mapping[str, float]) -> Paired:
+def pair(base: ScoreRows, candidate: ScoreRows, margins: Mapping[str, float]) -> Paired:
     """Return what base and candidate got on the runs common to both.
 
     Parameters
@@ -189,7 +189,7 @@ def pair(base: Table, candidate: Table, margins: Mapping[str, float]) -> Paired:
     )
 
 
-def _kinds(rows: Table) -> list[tuple[str, str]]:
+def _kinds(rows: ScoreRows) -> list[tuple[str, str]]:
     """Return the scenarios with the parameters that are estimated there.
 
     A case that failed has those of the scenario: they count where no other case tells.
@@ -199,7 +199,7 @@ def _kinds(rows: Table) -> list[tuple[str, str]]:
     return ran + [kind for kind in rows.index.droplevel("seed").unique() if kind[0] not in known]
 
 
-def _lacking(base: Table, candidate: Table) -> tuple[Lack, ...]:
+def _lacking(base: ScoreRows, candidate: ScoreRows) -> tuple[Lack, ...]:
     """Return what one side alone was run on, of the seeds on which both were run at all."""
     ran = [dict.fromkeys(side.index.droplevel("parameter")) for side in (base, candidate)]
     seeds = set.intersection(*({seed for _, seed in mine} for mine in ran))
@@ -212,15 +212,15 @@ def _lacking(base: Table, candidate: Table) -> tuple[Lack, ...]:
     return tuple(Lack(*key, cases) for key, cases in gone.items())
 
 
-def _failed(rows: Table) -> int:
+def _failed(rows: ScoreRows) -> int:
     return rows.index[rows["failed"]].droplevel("parameter").nunique()
 
 
-def _names(rows: Table) -> str:
+def _names(rows: ScoreRows) -> str:
     return ", ".join(rows.index.unique("parameter"))
 
 
-def _runs(scenario: str, both: Table) -> Runs:
+def _runs(scenario: str, both: ScoreRows) -> Runs:
     """Count a run as lost if it is so in any of the common parameters."""
     lost = both.groupby(level="seed").any()
     sides = [{way: lost[f"{way} {side}"].to_numpy(bool) for way in LOST}
@@ -231,7 +231,9 @@ def _runs(scenario: str, both: Table) -> Runs:
     return Runs(scenario, lost.index.to_numpy(int), *sides)
 
 
-def _metric(both: Table, scenario: str, parameter: str, metric: str, margin: float) -> Pairs | None:
+def _metric(
+    both: ScoreRows, scenario: str, parameter: str, metric: str, margin: float
+) -> Pairs | None:
     scored = _sides(both, metric)
     if not np.isfinite(scored).any():  # not defined here: the lag of what did not change
         return None
@@ -262,7 +264,7 @@ def _about_the_mean(
 
 def _scale(
     scored: Array,
-    both: Table,
+    both: ScoreRows,
     here: NDArray[np.bool_],
     score: Score,
     margin: float,
@@ -280,7 +282,7 @@ def _scale(
     return max(float(scored[0, here].mean()), score.zero / margin)
 
 
-def _sides(both: Table, name: str) -> Array:
+def _sides(both: ScoreRows, name: str) -> Array:
     """Return a column of base and candidate (2, n)."""
     return both[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()
 

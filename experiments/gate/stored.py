@@ -9,7 +9,7 @@ from typing import Any
 from flexaxis.experiments.comparison.matching import SPREADS
 from flexaxis.experiments.gate.decide import ALPHA
 from flexaxis.experiments.gate.gate import Comparison
-from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
+from flexaxis.experiments.gate.pairs import LOST, ScoreRows, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.storage.files import SUMMARY, OutputError, json_table
@@ -70,8 +70,8 @@ def compare_runs(
 
 
 def compare_rows(
-    base: Table,
-    candidate: Table,
+    base: ScoreRows,
+    candidate: ScoreRows,
     margins: Mapping[str, float],
     *,
     estimators: tuple[str, str] = ("base", "candidate"),
@@ -108,7 +108,7 @@ def _load(folder: Path) -> tuple[dict[str, Any], Results]:
 
 def _rows(
     results: Results, estimator: str, seeds: Sequence[int] | None, metrics: Iterable[str]
-) -> Table:
+) -> ScoreRows:
     """Return what is compared of one estimator."""
     where: dict[str, Any] = {"estimator": estimator}
     if seeds is not None:
@@ -131,7 +131,7 @@ def _check_versions(
         )
 
 
-def _check_hashes(base: Path, candidate: Path, old: Table, new: Table) -> None:
+def _check_hashes(base: Path, candidate: Path, old: ScoreRows, new: ScoreRows) -> None:
     first, second = (rows.groupby(level="scenario")["hash"].first() for rows in (old, new))
     for name in first.index.intersection(second.index):
         if first[name] != second[name]:

@@ -27,7 +27,7 @@ from flexaxis.experiments.gate.decide import (
     Family,
 )
 from flexaxis.experiments.gate.gate import Question, at_equal_noise, compare
-from flexaxis.experiments.gate.pairs import LOST, Table
+from flexaxis.experiments.gate.pairs import LOST, ScoreRows
 from flexaxis.experiments.gate.resampling import Drawn, Judged, Pool, draw
 from flexaxis.experiments.gate.stored import compare_rows
 from flexaxis.experiments.running.bench import Bench, Runs
@@ -231,7 +231,7 @@ TURNED = f"{REFERENCE}[forgetting=0.99,regularization={MARK}]"
 Tried = tuple[str, bool]  # what should be said, and whether it is
 
 
-def stored(base: Table, margins: Mapping[str, float]) -> Iterator[Tried]:
+def stored(base: ScoreRows, margins: Mapping[str, float]) -> Iterator[Tried]:
     """Yield what is said of an estimator's rows beside the same with something the matter.
 
     Parameters
@@ -256,7 +256,7 @@ def stored(base: Table, margins: Mapping[str, float]) -> Iterator[Tried]:
         yield "stored, the base lacks a scenario: undecided", found.verdict == UNDECIDED
 
 
-def _failing(rows: Table, cases: Any) -> Table:
+def _failing(rows: ScoreRows, cases: Any) -> ScoreRows:
     found = rows.copy()
     found.loc[rows.index.droplevel("parameter").isin(cases), ["failed", "diverged"]] = True
     return found

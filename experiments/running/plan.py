@@ -17,7 +17,7 @@ from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.study import (
-    Entry,
+    EstimatorSetting,
     Point,
     Study,
     Unit,
@@ -126,7 +126,7 @@ def _missing(unit: Unit, done: NDArray[np.uint64] | None) -> Iterator[Unit]:
         there = done[np.minimum(np.searchsorted(done, ids), done.size - 1)] == ids
         sets.setdefault(tuple(there.tolist()), []).append(seed)
     for known, some in sets.items():
-        lacking: dict[str, tuple[Variant, list[Entry]]] = {}
+        lacking: dict[str, tuple[Variant, list[EstimatorSetting]]] = {}
         for (variant, entry), there in zip(pairs, known, strict=True):
             if not there:
                 lacking.setdefault(variant.hash, (variant, []))[1].append(entry)
@@ -221,11 +221,13 @@ class _Problems:
         raise EstimatorCrash(text) if self._crashed else StudyError(text)
 
 
-def _entries(study: Study, problems: _Problems, run_code: bool) -> dict[str, dict[str, Entry]]:
+def _entries(
+    study: Study, problems: _Problems, run_code: bool
+) -> dict[str, dict[str, EstimatorSetting]]:
     """Return for each point of the scenario axes the estimators, by their text."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
     codes = {method: digest(method) for method in study.estimators}
-    found: dict[str, dict[str, Entry]] = {}
+    found: dict[str, dict[str, EstimatorSetting]] = {}
     for point in study.points:
         # Points are told apart as text, for a value may be an array.
         mine = found.setdefault(
@@ -234,7 +236,7 @@ def _entries(study: Study, problems: _Problems, run_code: bool) -> dict[str, dic
         for method in study.estimators:
             axes = {key: point[key] for key in options if applies(key, method)}
             try:
-                entry = Entry(method, _text(method, axes, run_code), axes, codes[method])
+                entry = EstimatorSetting(method, _text(method, axes, run_code), axes, codes[method])
             except EstimatorError as error:
                 problems.add(error, in_words(axes))
             else:
@@ -257,7 +259,7 @@ def _text(method: str, axes: Point, run_code: bool) -> str:
 
 def _try_estimators(
     base: Scenario,
-    entries: Mapping[str, Mapping[str, Entry]],
+    entries: Mapping[str, Mapping[str, EstimatorSetting]],
     problems: _Problems,
     run_code: bool,
 ) -> None:

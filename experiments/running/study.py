@@ -96,7 +96,7 @@ def in_words(axes: Mapping[str, Any]) -> str:
 
 
 @dataclass(frozen=True)
-class Entry:
+class EstimatorSetting:
     """An estimator at one setting of its swept options.
 
     Attributes
@@ -125,7 +125,7 @@ class Variant:
     axes: Mapping[str, Any]
     hash: str
     duration: float
-    entries: tuple[Entry, ...]
+    entries: tuple[EstimatorSetting, ...]
     common: bool = True
 
     def scenario(self) -> Scenario:

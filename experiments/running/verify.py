@@ -13,7 +13,7 @@ from typing import Any
 from flexaxis.estimators.registry import gone
 from flexaxis.experiments.building.code import digest, require
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.study import Entry, Unit, applies, find_point
+from flexaxis.experiments.running.study import EstimatorSetting, Unit, applies, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
 from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import flat, nested, row_files
@@ -118,7 +118,7 @@ def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:
 
 def _run(row: Mapping[str, Any], bases: Sequence[Scenario]) -> list[dict[str, Any]]:
     axes = {key: value for key, value in row["axes"].items() if not applies(key, row["method"])}
-    entry = Entry(row["method"], row["estimator"], {}, digest(row["estimator"]))
+    entry = EstimatorSetting(row["method"], row["estimator"], {}, digest(row["estimator"]))
     variant = find_point(bases, axes, row["hash"])
     if variant is None:
         raise ScenarioError(

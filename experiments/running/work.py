@@ -20,7 +20,7 @@ from flexaxis.experiments.running.cache import RecordCache, kept_runs
 from flexaxis.experiments.running.cache import records as simulated_or_kept
 from flexaxis.experiments.running.case import identity_of, run_case, warm
 from flexaxis.experiments.running.interrupts import asked
-from flexaxis.experiments.running.study import Entry, Unit, Variant
+from flexaxis.experiments.running.study import EstimatorSetting, Unit, Variant
 from flexaxis.experiments.scoring.score_table import rows as score_rows
 from flexaxis.experiments.scoring.score_table import undefined
 from flexaxis.experiments.scoring.scores import failed_track
@@ -164,7 +164,7 @@ def _records(
 def _cases(
     variant: Variant,
     scenario: Scenario,
-    entry: Entry,
+    entry: EstimatorSetting,
     found: Sequence[Record],
     missing: list[str],
 ) -> Iterator[tuple[list[Row], Case | None]]:
@@ -201,7 +201,7 @@ def _cases(
 
 
 def _failure(  # noqa: PLR0917
-    variant: Variant, entry: Entry, scenario: Scenario, seed: int, problem: str,
+    variant: Variant, entry: EstimatorSetting, scenario: Scenario, seed: int, problem: str,
     record: Record | None = None,
 ) -> list[Row]:  # fmt: skip
     """Return the rows of a case that failed: of a run lost at its first sample.
@@ -218,7 +218,7 @@ def _failure(  # noqa: PLR0917
     return [identity | row | more for row in found]
 
 
-def _columns(variant: Variant, entry: Entry) -> Row:
+def _columns(variant: Variant, entry: EstimatorSetting) -> Row:
     """Return what stands in a row besides the case and its scores."""
     return {
         "base": variant.base.name,

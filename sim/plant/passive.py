@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.plant.engine import mujoco
-from flexaxis.sim.tables.friction import LAWS, MARK, WIDTH
+from flexaxis.sim.tables.friction import COMPILED_LAWS, MARK, WIDTH
 
 _LOCK = Lock()
 _SEARCHED = 1 << 18  # bytes of a structure of the engine: what we look for lies in these
@@ -99,7 +99,7 @@ def _compiled() -> Any:
     from numba import cfunc, types
     from numba.extending import intrinsic
 
-    law = _any_of([table.torque for table in LAWS])
+    law = _any_of([table.torque for table in COMPILED_LAWS])
     numbers, numeric, gear, qpos, qvel, spring, passive, ctrl = _layout()
     mark, width = MARK, WIDTH
 

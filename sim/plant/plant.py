@@ -14,7 +14,7 @@ from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
 from flexaxis.sim.plant import passive
 from flexaxis.sim.plant.engine import Batch, mujoco
-from flexaxis.sim.tables.friction import LAWS
+from flexaxis.sim.tables.friction import COMPILED_LAWS
 from flexaxis.sim.tables.nonlinear import FrictionConfig, Law, Nonlinearity
 from flexaxis.sim.tables.places import CubicSprings, KeptLaw, parameter_places
 
@@ -59,7 +59,7 @@ class Plant:
         nonlinear: Sequence[Nonlinearity] = (),
     ) -> None:
         values = _as_rows(parameters)
-        self._called = any(isinstance(each, LAWS) for each in nonlinear)
+        self._called = any(isinstance(each, COMPILED_LAWS) for each in nonlinear)
         if self._called:
             passive.install()
         model = _compile(period / substeps, nonlinear)

@@ -26,7 +26,7 @@ class Frozen(dict[str, float]):
         return Frozen, (dict(self),)
 
 
-class Table(Protocol):
+class Part(Protocol):
     """What every table of axis, loop and sensors says of itself."""
 
     @property

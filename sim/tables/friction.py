@@ -2,9 +2,9 @@ r"""Laws of friction of the motor beyond the engine's, a table of a scenario eac
 
 The engine knows none of them; `sim/plant/passive.py` makes it call them. Beside its keys, a table
 has the law itself (`torque`), a plain function that is compiled: a new one is a table here with its
-name in `LAWS`, and a key of `Scenario`. None of them is dry in the strict sense: where a law has a
-sign of the speed v, it is :math:`\tanh(v/v_0)` with the key `smooth` for v₀, so that the motor
-creeps where it would stick.
+name in `COMPILED_LAWS`, and a key of `Scenario`. None of them is dry in the strict sense: where a
+law has a sign of the speed v, it is :math:`\tanh(v/v_0)` with the key `smooth` for v₀, so that the
+motor creeps where it would stick.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of a row, by which it is known to be ours."""
 
 WIDTH = 12
-"""Numbers in a row: mark, number of the law in `LAWS`, and up to ten parameters."""
+"""Numbers in a row: mark, number of the law in `COMPILED_LAWS`, and up to ten parameters."""
 
 _FIRST = 2  # of the parameters in a row
 
@@ -32,7 +32,7 @@ Row = Sequence[float]
 
 def add_row(table: BaseModel, spec: Any) -> None:
     """Build a law into an `MjSpec`, as a row of numbers."""
-    row = [MARK, float(LAWS.index(type(table))), *map(float, table.model_dump().values())]
+    row = [MARK, float(COMPILED_LAWS.index(type(table))), *map(float, table.model_dump().values())]
     spec.add_numeric(name=_row_name(table), size=WIDTH, data=row)
 
 
@@ -318,7 +318,7 @@ class GearFrictionConfig(Config):
         return f"gear friction of {dry}, {shares} of the load"
 
 
-LAWS: tuple[Any, ...] = (
+COMPILED_LAWS: tuple[Any, ...] = (
     StaticFrictionConfig,
     DirectionalFrictionConfig,
     PositionFrictionConfig,

@@ -13,7 +13,7 @@ from flexaxis.sim.law_parameters import (
     FIXED,
     LAW_MAY_BE_ZERO,
     LAW_NAMES,
-    LAWS,
+    LAW_PARAMETERS,
     law_owners,
     meant,
 )
@@ -234,7 +234,7 @@ def _law_problems(identify: list[Any], content: Mapping[str, Any]) -> Iterator[P
     named = [(f"identify[{i}]", name) for i, name in enumerate(identify)] + changed
     for key, name in named:
         # "coulomb" is that of the table friction alone
-        mine = [t for t, names in LAWS.items() if content.get(t) and name in names]
+        mine = [t for t, names in LAW_PARAMETERS.items() if content.get(t) and name in names]
         if len(mine) > 1:
             yield key, f"{name} is one of {' and one of '.join(mine)}: keep one of these tables"
     for i, name in enumerate(identify):
@@ -251,7 +251,7 @@ def _never_harder(lugre: Mapping[str, Any]) -> bool:
 
 
 def _no_such_law(parameter: str) -> str:
-    tables = " or ".join(key for key, names in LAWS.items() if parameter in names)
+    tables = " or ".join(key for key, names in LAW_PARAMETERS.items() if parameter in names)
     return f"the plant has no {parameter}: give it the table {tables}"
 
 

@@ -13,7 +13,7 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.demo import history
 from flexaxis.experiments.demo.curves import estimates_table, history_table
-from flexaxis.experiments.demo.history import COLUMNS, Entry, History
+from flexaxis.experiments.demo.history import COLUMNS, History, HistoryLine
 from flexaxis.experiments.demo.lesson import LessonError, Player, parse_lesson
 from flexaxis.experiments.demo.live_axis import Friction
 from flexaxis.experiments.demo.session import BUTTONS, DemoSession
@@ -108,7 +108,7 @@ def test_what_an_estimator_found_is_told():
 
 def test_text_is_shown_as_text():
     past = History()
-    past.add(Entry(0, "x", "<script>alert(1)</script>", ("a", "b")), {})
+    past.add(HistoryLine(0, "x", "<script>alert(1)</script>", ("a", "b")), {})
     assert "<script>" not in history_table(past)
 
 
@@ -116,7 +116,7 @@ def test_it_does_not_grow_without_end(monkeypatch):
     monkeypatch.setattr(history, "ACTS", 5)
     past = History()
     for k in range(1000):
-        past.add(Entry(k * RATE, f"{k}", "a", ("a", "b")), {"noise": 0.1})
+        past.add(HistoryLine(k * RATE, f"{k}", "a", ("a", "b")), {"noise": 0.1})
     assert len(past.entries) == history.KEPT
     assert "995 acts are forgotten" in past.lesson(estimators=QUICK, seed=0, now=0)
 

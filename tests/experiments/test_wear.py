@@ -6,7 +6,7 @@ import pytest
 from flexaxis.experiments.logs.trend import estimates as trend
 from flexaxis.experiments.logs.trend import wear
 from flexaxis.experiments.logs.trend.change_points import Change
-from flexaxis.experiments.logs.trend.wear import Verdict, verdict, verdicts
+from flexaxis.experiments.logs.trend.wear import WearVerdict, verdict, verdicts
 
 N = 12
 DAYS = np.cumsum(np.arange(1.0, N + 1))  # none as long after the last as another
@@ -46,7 +46,7 @@ def test_the_chance_of_a_false_alarm_is_that_of_all_parameters(monkeypatch, valu
 def test_a_difference_of_logarithms_is_a_ratio(values):
     change = Change("step", 5, 5, 5, 0.0, size=float(np.log(1.5)), deviation=0.01)
     shared = ("f_m", "changed", np.arange(N), None)
-    ratio, part = (Verdict(*shared, proportional, None, None) for proportional in (True, False))
+    ratio, part = (WearVerdict(*shared, proportional, None, None) for proportional in (True, False))
     assert ratio.percent(change.size) == pytest.approx(50.0)
     assert ratio.percent_deviation(change) == pytest.approx(1.5)  # d(e^x) = e^x dx
     assert part.percent(0.5) == pytest.approx(50.0) and part.percent_deviation(change) == 1.0

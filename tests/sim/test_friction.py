@@ -14,7 +14,7 @@ from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.simulate import simulate
 from flexaxis.sim.tables.friction import (
-    LAWS,
+    COMPILED_LAWS,
     WIDTH,
     DirectionalFrictionConfig,
     GearFrictionConfig,
@@ -287,4 +287,4 @@ def test_wrong_names_and_values():
 
 
 def test_a_row_has_room_for_every_law():
-    assert all(2 + len(law.model_fields) <= WIDTH for law in LAWS)
+    assert all(2 + len(law.model_fields) <= WIDTH for law in COMPILED_LAWS)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.law_parameters import FIXED, LAW_NAMES, LAWS
+from flexaxis.sim.law_parameters import FIXED, LAW_NAMES, LAW_PARAMETERS
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.record import load_record
@@ -46,11 +46,13 @@ def test_each_law_has_its_parameters_by_name():
 def test_every_table_says_what_is_declared_of_it():
     tables = made(LUGRE, REST, STATIC, UNEVEN, "friction.coulomb = 0.1").nonlinear
     declared = {key: tuple(table.law) for key, table in tables.items() if hasattr(table, "law")}
-    assert declared == dict(LAWS) and list(declared) == list(LAWS)
+    assert declared == dict(LAW_PARAMETERS) and list(declared) == list(LAW_PARAMETERS)
     assert {key for key in declared if not isinstance(tables[key], Law)} == set(FIXED)
-    assert {name for names in LAWS.values() for name in names} == set(LAW_NAMES)
+    assert {name for names in LAW_PARAMETERS.values() for name in names} == set(LAW_NAMES)
     types = {key: get_args(field.annotation) for key, field in Scenario.model_fields.items()}
-    assert {key for key, each in types.items() if any(hasattr(t, "law") for t in each)} == set(LAWS)
+    assert {key for key, each in types.items() if any(hasattr(t, "law") for t in each)} == set(
+        LAW_PARAMETERS
+    )
 
 
 def test_a_record_has_them_after_the_twelve_and_keeps_them(tmp_path):

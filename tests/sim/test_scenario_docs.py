@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.law_parameters import LAW_NAMES, LAW_UNITS, LAWS
+from flexaxis.sim.law_parameters import LAW_NAMES, LAW_PARAMETERS, LAW_UNITS
 from flexaxis.sim.parameters import DATA_SHEET
 from flexaxis.sim.scenario import Scenario, parse_scenario
 from flexaxis.sim.tables.config import kinds
@@ -90,7 +90,9 @@ def test_what_the_data_sheet_says_is_explained(name):
 def test_every_parameter_of_a_law_is_explained(name):
     _, _, unit, tables, _, _ = AT_THE_TOP[name]
     assert unit == LAW_UNITS[name]
-    assert set(re.findall(r"\w+", tables)) == {key for key, names in LAWS.items() if name in names}
+    assert set(re.findall(r"\w+", tables)) == {
+        key for key, names in LAW_PARAMETERS.items() if name in names
+    }
 
 
 def test_examples_are_valid():

@@ -30,7 +30,7 @@ from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.board.verification import Check, Verdict
+    from flexaxis.experiments.board.verification import Check, Verification
 
 HELP = "verify an entry of a board: run its code where it can do no harm, and compare"
 UNDECIDED = 3
@@ -131,7 +131,7 @@ def _tell(check: Check) -> None:
     print(f"{word:<6} {visible(check.name)}: {visible(check.seen)}", flush=True)
 
 
-def _conclude(args: argparse.Namespace, verdict: Verdict) -> None:
+def _conclude(args: argparse.Namespace, verdict: Verification) -> None:
     if verdict.ran:
         held = [what for what, yes in verdict.isolation.items() if yes]
         how = (

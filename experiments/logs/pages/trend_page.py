@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.pages.page import LogPage, capital, line
 from flexaxis.experiments.logs.trend.trend import Trend, ailments
-from flexaxis.experiments.logs.trend.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
+from flexaxis.experiments.logs.trend.wear import (
+    CHANGED,
+    EXPLAINED,
+    OPEN,
+    STEADY,
+    UNTOLD,
+    WearVerdict,
+)
 from flexaxis.experiments.logs.trend.words import remarks, sentences
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
@@ -66,7 +73,7 @@ def _charts(trend: Trend) -> Iterator[Chart]:
     yield overview_chart(trend)
 
 
-def _over_time(found: Verdict, trend: Trend) -> Chart:
+def _over_time(found: WearVerdict, trend: Trend) -> Chart:
     """Return a parameter over time with what was found in it."""
     times, changes = trend.clock.time[found.logs], found.found.changes
     causes = " and ".join(trend.covariates)
@@ -103,7 +110,7 @@ def _across(trend: Trend) -> dict[str, Any]:
     return {"x": "date" if trend.clock.first else "log", "x_from": trend.clock.first}
 
 
-def _panel(found: Verdict, trend: Trend, title: str = "", *, raw: bool = False) -> Panel:
+def _panel(found: WearVerdict, trend: Trend, title: str = "", *, raw: bool = False) -> Panel:
     """Return estimates and what was found in them [%]; less what covariates explain, or `raw`."""
     times, warm = trend.clock.time[found.logs], found.found.of_covariates
     level = found.found.level + (0.0 if raw else warm)
@@ -119,7 +126,7 @@ def _panel(found: Verdict, trend: Trend, title: str = "", *, raw: bool = False) 
     return Panel(y=f"{found.name} [%]", title=title, lines=lines)
 
 
-def _over_covariate(found: Verdict, name: str, values: Array) -> Chart:
+def _over_covariate(found: WearVerdict, name: str, values: Array) -> Chart:
     """Return the estimates over a covariate, those before a change apart from those after it."""
     x, turn = values[found.logs], [c.place for c in found.found.changes[:1]]
     y = found.percent(found.series.value - found.found.level)
@@ -145,7 +152,7 @@ def _parameters(trend: Trend) -> Table:
     return Table("Parameters", [*columns, *map(Column, numbers)], rows)
 
 
-def _line(found: Verdict, trend: Trend) -> Row:
+def _line(found: WearVerdict, trend: Trend) -> Row:
     slopes = zip(100 * found.found.slopes, 100 * found.found.slope_deviations, strict=True)
     sizes = [
         (float(found.percent(c.size)), found.percent_deviation(c)) for c in found.found.changes

@@ -20,7 +20,7 @@ from flexaxis.experiments.logs.trend.estimates import (
     estimate_all,
     plan_for,
 )
-from flexaxis.experiments.logs.trend.wear import CHANGED, OPEN, Verdict, fewest_logs, verdicts
+from flexaxis.experiments.logs.trend.wear import CHANGED, OPEN, WearVerdict, fewest_logs, verdicts
 from flexaxis.experiments.running.progress import progress
 
 
@@ -35,7 +35,7 @@ class Trend:
     clock : Clock
         Of those that could.
     covariates : dict of str to ndarray
-    verdicts : list of Verdict
+    verdicts : list of WearVerdict
     false_alarms : float
         Probability that any parameter of an axis that does not change is said to.
     """
@@ -43,7 +43,7 @@ class Trend:
     rows: list[dict[str, Any]]
     clock: Clock
     covariates: Mapping[str, NDArray[np.float64]]
-    verdicts: list[Verdict]
+    verdicts: list[WearVerdict]
     false_alarms: float = 0.01
 
     @property

@@ -32,7 +32,7 @@ PROPORTIONAL = 0.2  # relative deviation up to which ratios of estimates are tak
 
 
 @dataclass(frozen=True)
-class Verdict:
+class WearVerdict:
     """What became of a parameter.
 
     Attributes
@@ -89,7 +89,7 @@ def verdict(
     *,
     false_alarms: float,
     smallest: float = SMALLEST,
-) -> Verdict:
+) -> WearVerdict:
     """Return what became of a parameter.
 
     Parameters
@@ -130,7 +130,7 @@ def verdict(
     least = FOUND * size_of(series, half_way).deviation
     if kind == STEADY and not found.changes and least > max(COARSE, smallest):
         kind = UNTOLD
-    return Verdict(name, kind, logs, series, proportional, found, bare, change, smallest, least)
+    return WearVerdict(name, kind, logs, series, proportional, found, bare, change, smallest, least)
 
 
 def fewest_logs(covariates: int) -> int:
@@ -145,7 +145,7 @@ def verdicts(
     *,
     false_alarms: float,
     smallest: float = SMALLEST,
-) -> list[Verdict]:
+) -> list[WearVerdict]:
     """Return what became of each parameter.
 
     Parameters

@@ -11,7 +11,14 @@ from flexaxis.experiments.logs.findings import Finding, Kind
 from flexaxis.experiments.logs.trend.change_points import Change
 from flexaxis.experiments.logs.trend.covariates import Clock
 from flexaxis.experiments.logs.trend.trend import Trend, ailments, common
-from flexaxis.experiments.logs.trend.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
+from flexaxis.experiments.logs.trend.wear import (
+    CHANGED,
+    EXPLAINED,
+    OPEN,
+    STEADY,
+    UNTOLD,
+    WearVerdict,
+)
 
 SIGN = 3.0  # standard deviations of a slope whose sign is believed
 QUIET = "did not change"
@@ -19,7 +26,7 @@ TOLD = 3  # logs of which it is told above all else what is wrong with them
 COLOURED = 0.4  # memory of the scatter from log to log that is worth a word
 
 
-def sentences(found: Verdict, trend: Trend) -> list[str]:
+def sentences(found: WearVerdict, trend: Trend) -> list[str]:
     """Return what became of a parameter."""
     slopes, causes = _slopes(found, [*trend.covariates]), " and ".join(trend.covariates)
     lines = []
@@ -61,11 +68,11 @@ def sentences(found: Verdict, trend: Trend) -> list[str]:
     return [f"{found.name} {lines[0]}", *(f"{found.name}: {line}" for line in lines[1:])]
 
 
-def _size(found: Verdict, change: Change) -> str:
+def _size(found: WearVerdict, change: Change) -> str:
     return f"{found.percent(change.size):+.2g} ± {found.percent_deviation(change):.2g} %"
 
 
-def _change(found: Verdict, change: Change, clock: Clock) -> str:
+def _change(found: WearVerdict, change: Change, clock: Clock) -> str:
     """Return such as "has grown by 12 ± 2 % since 2026-01-30 (day 29, at 95 % 26 … 33)"."""
     size, sd = float(found.percent(change.size)), found.percent_deviation(change)
     at, first, last = (found.logs[k] for k in (change.place, change.earliest, change.latest))
@@ -79,7 +86,7 @@ def _change(found: Verdict, change: Change, clock: Clock) -> str:
     return f"{verb} by {abs(size):.2g} ± {sd:.1g} % {since} {clock.labels[at]} ({where})"
 
 
-def _asked(found: Verdict, covariates: Sequence[str]) -> list[str]:
+def _asked(found: WearVerdict, covariates: Sequence[str]) -> list[str]:
     """Return a question where friction grows with the temperature, as that of no grease does."""
     slopes = zip(covariates, found.found.slopes, found.found.slope_deviations, strict=True)
     wrong = [n for n, slope, sd in slopes if "temp" in n.lower() and slope > SIGN * sd]
@@ -91,7 +98,7 @@ def _asked(found: Verdict, covariates: Sequence[str]) -> list[str]:
     ]
 
 
-def _slopes(found: Verdict, covariates: Sequence[str]) -> list[str]:
+def _slopes(found: WearVerdict, covariates: Sequence[str]) -> list[str]:
     spans = np.ptp(found.series.covariates, axis=0)
     slopes = found.found.slopes, found.found.slope_deviations
     return [
@@ -166,7 +173,7 @@ def dates_remark(trend: Trend) -> str:
     return f"the logs are numbered in the order given, as {why} such as 2026-12-31"
 
 
-def summary(found: Verdict, trend: Trend) -> dict[str, Any]:
+def summary(found: WearVerdict, trend: Trend) -> dict[str, Any]:
     """Return what became of a parameter, for JSON; sizes as parts, not per cent."""
     clock = trend.clock
 

@@ -194,7 +194,7 @@ def _mean(each: Sequence[tuple[float, int]] | None) -> float | None:
 LINES = 300  # of both tables
 POOLED = ("lag", "lag_bound", "t10", "std", "bias", "score", "diverged", "never_settled",
          "detection")  # fmt: skip
-SCORES = (
+SHOWN = (
     Column("lag [s]", term="lag"),
     Column("× bound", term="× bound"),
     Column("t10 [s]", term="t10"),
@@ -236,7 +236,7 @@ def scores_tables(results: Results, bins: Bins) -> list[Table]:
     rows = groups.first(LINES).pooled(POOLED)
     left = len(groups) - LINES
     words = (f"{left} more lines are left out. " if left > 0 else "") + WORDS
-    still = [column.heading not in NEED_A_CHANGE for column in SCORES]
+    still = [column.heading not in NEED_A_CHANGE for column in SHOWN]
 
     def line(row: Mapping[str, Any], kept: Sequence[bool]) -> Row:
         base = [str(row["base"])] * several
@@ -250,11 +250,11 @@ def scores_tables(results: Results, bins: Bins) -> list[Table]:
 
     found = []
     for heading, changed, kept in (
-        ("What changed", True, [True] * len(SCORES)),
+        ("What changed", True, [True] * len(SHOWN)),
         ("Parameters that did not change", False, still),
     ):
         mine = [row for row in rows if row["changed"] == changed]
-        columns = [*first, *(c for c, there in zip(SCORES, kept, strict=True) if there)]
+        columns = [*first, *(c for c, there in zip(SHOWN, kept, strict=True) if there)]
         lines = [line(row, kept) for row in mine]
         if lines:
             found.append(Table(heading, columns, lines, words))
@@ -262,7 +262,7 @@ def scores_tables(results: Results, bins: Bins) -> list[Table]:
 
 
 def _scores(row: Mapping[str, Any]) -> list[Cell]:
-    """Return the cells of `SCORES`."""
+    """Return the cells of `SHOWN`."""
     names = ("std", "bias", "score", "diverged", "failed", "runs", "lag_bound", "never_settled")
     lag = scored(row["lag"], within=pair(row["lag_interval"]))
     alarms = pair(row["false_alarms_per_hour_interval"])
