@@ -169,7 +169,7 @@ def test_the_documentation_has_commands():
 
 FROM_INDEX = re.compile(
     r"\b(?:pipx?|uv|uvx|conda|mamba|poetry)\b[^\n|#]*\b(?:install|add|run|uvx)\b[^\n|#]*?"
-    r"[\s\"'`]flexaxis(?![\w/.-])"
+    r"[ \t\"'`]flexaxis(?![\w/.-])"
 )
 
 
@@ -178,6 +178,7 @@ FROM_INDEX = re.compile(
     [("pip install flexaxis", True), ("pip install 'flexaxis[demo]'", True),
      ("python -m pip install -U flexaxis==0.1.0", True), ("uv add flexaxis", True),
      ("pip install -e '.[demo]' in the folder of flexaxis", False),
+     ("pip install -e .\nflexaxis run smoke", False),
      ('pip install "git+https://git.example.org/flexaxis.git"', False)],
 )  # fmt: skip
 def test_what_is_taken_for_the_name_on_the_index(line, found):

@@ -161,4 +161,5 @@ def test_the_table_of_the_page_is_of_what_its_command_makes(monkeypatch):
     for row in rows:
         allowed = row.strip("| ").split(" | ")[-1].split(" – ")
         assert float(allowed[0]) < float(allowed[1])
-    assert re.search(r"`python docs/demo.py`, commit [0-9a-f]{7,}, seeds 1000 to 1019", last)
+    made_at = r"commit [0-9a-f]{7,}, digest [0-9a-f-]{10,}"
+    assert re.search(rf"`python docs/demo.py`, {made_at}, seeds 1000 to 1019", last)
