@@ -12,6 +12,7 @@ LANGUAGES = {
     ".py": "python",
     ".toml": "toml",
     ".yml": "yaml",
+    ".yaml": "yaml",
     ".cff": "yaml",
     ".patch": "diff",
     ".xml": "xml",
