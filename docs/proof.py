@@ -16,7 +16,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 from digests import NUMBERS, ROOT, digest, git, installed, stamp
@@ -62,24 +62,24 @@ STAGES = {
 }  # fmt: skip
 
 
-def key(stage: Stage) -> str:
+def key(stage: Stage, of: Callable[[tuple[str, ...]], str] = digest) -> str:
     """Return the digest of all that a stage depends on."""
-    parts = [stage.command, digest(stage.runs), installed()]
+    parts = [stage.command, of(stage.runs), installed()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:10]
 
 
 def stale() -> list[str]:
     """Return which tables and stages are of other code than what is here, a line each."""
-    found, now, then = [], stamp(), cache(lambda ref: digest(NUMBERS, ref))
+    found, now, once = [], stamp(), cache(digest)
+    then = partial(once, NUMBERS)
     for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
             for ref, dirty, said in BELOW.findall(line):
                 if why := _why(ref, dirty, said, now, then):
                     found.append(f"{page.relative_to(ROOT)}:{number}: of {ref}{dirty}, {why}")
-    known = rows()
+    known, keys = rows(), {n: key(s, once) for n, s in STAGES.items()}
     told = {n: "never" if n not in known else f"at {known[n][1]}" for n in STAGES}
-    found += [f"{n}: shown {told[n]}" for n, s in STAGES.items() if known.get(n, "-")[0] != key(s)]
-    return found
+    return found + [f"{n}: shown {told[n]}" for n in STAGES if known.get(n, "-")[0] != keys[n]]
 
 
 def _why(ref: str, dirty: str, said: str, now: str, then: Callable[[str], str]) -> str:
