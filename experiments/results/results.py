@@ -19,7 +19,7 @@ from flexaxis.experiments.running.study import find_point, is_option
 from flexaxis.experiments.scoring.score_definition import Kind
 from flexaxis.experiments.scoring.summary import POOLED
 from flexaxis.experiments.storage.files import StudyError
-from flexaxis.experiments.storage.schema import CASE, COLUMNS, STORED, as_text, axis_kind
+from flexaxis.experiments.storage.schema import CASE, COLUMNS, as_text, axis_kind
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     import xarray
 
 Line = dict[str, Any]
-ROOM = 1 << 28  # bytes of columns in memory
 _TYPES = {"text": object, "truth": "boolean", "integer": "Int64", "number": float}
 
 
@@ -213,7 +212,7 @@ class Results:
     def at(self, name: str, rows: Any) -> NDArray[Any]:
         """Return a column as it is stored, in some rows."""
         places = self._places
-        return self._whole(name)[rows if places is None else places[rows]]
+        return self.source.column(name)[rows if places is None else places[rows]]
 
     def numbers(self, name: str, rows: Any) -> NDArray[np.float64]:
         """Return a column of numbers or truths in some rows; NaN where it is not defined."""
@@ -224,21 +223,6 @@ class Results:
     def _places(self) -> NDArray[np.int64] | None:
         """Where the rows lie among all of the folder; None for all of them."""
         return self.source.places(self._condition)
-
-    def _whole(self, name: str) -> NDArray[Any]:
-        """Return a column of all rows; some others are read with it, likely to come next.
-
-        Who selects reads nothing anew: to go through the rows costs more than to take some columns.
-        """
-        held: dict[str, NDArray[Any]] = self._shared.setdefault("columns", {})
-        if name not in held:
-            room = max(1, ROOM // (8 * max(1, len(self.source))))
-            names = [n for n in STORED[STORED.index(name) :] if n not in held][:room]
-            while held and len(held) + len(names) > 2 * room:
-                del held[next(iter(held))]
-            held.update(self.source.arrays(names))
-        held[name] = held.pop(name)  # the last that goes
-        return held[name]
 
     def codes(
         self, name: str, edges: Sequence[float] | None = None

@@ -19,6 +19,7 @@ from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import (
     CASE,
     COLUMNS,
+    STORED,
     TEXTS,
     connect,
     of_axis,
@@ -29,6 +30,7 @@ from flexaxis.experiments.storage.schema import (
 from flexaxis.experiments.storage.store import Store
 
 Array = NDArray[Any]
+ROOM = 1 << 28  # bytes of columns that are read together; twice as many are held
 PART = 1 << 14  # rows that are read at a time where all their columns are wanted
 
 
@@ -109,6 +111,7 @@ class Source:
             self._last = self._db.execute("SELECT max(rowid) FROM cells").fetchone()[0] or 0
             self.texts: dict[int, str | None] = dict(self._db.execute("SELECT id, text FROM texts"))
             self._seen, self._rows = -1, self._count()
+            self._held = dict[str, Array]()
             self._axes = dict[str | None, dict[str, Any]]()
 
     def __len__(self) -> int:
@@ -145,6 +148,20 @@ class Source:
             return found - 1
         every = np.fromiter((row for (row,) in self.lines(["rowid"], ALL)), np.int64)
         return np.searchsorted(every, found)
+
+    def column(self, name: str) -> Array:
+        """Return a column of all rows; some others are read with it, likely to come next.
+
+        They are held, for to go through the rows costs more than to take some columns of them.
+        """
+        if name not in self._held:
+            room = max(1, ROOM // (8 * max(1, len(self))))
+            names = [n for n in STORED[STORED.index(name) :] if n not in self._held][:room]
+            while self._held and len(self._held) + len(names) > 2 * room:
+                del self._held[next(iter(self._held))]
+            self._held.update(self.arrays(names))
+        self._held[name] = self._held.pop(name)  # the last that goes
+        return self._held[name]
 
     def arrays(self, names: Sequence[str]) -> dict[str, Array]:
         """Return columns as they are stored: numbers of texts, −1 for what is not defined.

@@ -10,7 +10,6 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.results import export, source
-from flexaxis.experiments.results import results as columns
 from flexaxis.experiments.results.export import cube_of
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.excess import information
@@ -176,7 +175,7 @@ def test_pooled_does_not_depend_on_the_order_in_which_rows_came(stored, tmp_path
 def large(monkeypatch):
     """Parts are small, and few columns are in memory."""
     monkeypatch.setattr(source, "PART", 16)
-    monkeypatch.setattr(columns, "ROOM", 8 * 100 * 3)
+    monkeypatch.setattr(source, "ROOM", 8 * 100 * 3)
 
 
 def again(results):
