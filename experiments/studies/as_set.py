@@ -40,7 +40,7 @@ def as_set(groups: Groups, pooled: Sequence[Mapping[str, Any]]) -> list[dict[str
         rows = [dict(zip(_OF_NOISE, line, strict=True)) for line in lines]
         setting = Setting(row["method"], 1.0, rows)
         values = {name: listed(plain(setting, name)) for name in ("lag", "std")}
-        if not row["changed"] or None in values.values():
+        if not row["changed"] or None in (row["lag"], row["std"], *values.values()):
             continue
         every = seeds[_fault(row)]
         place = np.searchsorted(every, columns["seed"])
