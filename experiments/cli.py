@@ -21,9 +21,9 @@ from types import ModuleType
 from typing import Any
 
 from flexaxis.experiments import commands as home
+from flexaxis.experiments.building.interrupts import leave, one_stage
 from flexaxis.experiments.commands.answers import add_json
 from flexaxis.experiments.commands.words import Parser, check_words, complete
-from flexaxis.experiments.running.interrupts import leave, one_stage, threads_left
 from flexaxis.experiments.running.progress import told
 from flexaxis.experiments.streams import Stream, forgiving, is_text, visible
 from flexaxis.sim.storage.current_folder import without_its_style
@@ -158,7 +158,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args.line = shlex.join(["flexaxis", *args.words])
     with forgiving() as out, told(quiet=args.quiet, verbose=args.verbose), one_stage():
         status = _told(out, _guarded(args))
-    if alone and (status == INTERRUPTED or threads_left()):
+    if alone and status == INTERRUPTED:
         leave(status)
     return status
 
@@ -174,7 +174,7 @@ def _told(out: Stream, status: int) -> int:
 
 def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.building.crashes import EstimatorCrash, worker_died
+    from flexaxis.experiments.building.crashes import EstimatorCrash
     from flexaxis.experiments.storage.files import NotRun
     from flexaxis.sim.errors import FlexaxisError
 
@@ -183,7 +183,7 @@ def _guarded(args: argparse.Namespace) -> int:
         check_words(args.parser, args)
         return int(args.main(args) or FINE)
     except (FlexaxisError, EstimatorError) as error:
-        if isinstance(error, EstimatorCrash) or worker_died(error):
+        if isinstance(error, EstimatorCrash):
             return _crashed(args, error, str(error))
         told, status = str(error), CRASH if isinstance(error, NotRun) else WRONG_USE
     except KeyboardInterrupt as error:
@@ -207,23 +207,10 @@ def _ended(args: argparse.Namespace, status: int, text: str) -> int:
 
 
 def _unexpected(args: argparse.Namespace, error: BaseException) -> str:
-    from flexaxis.experiments.building.crashes import described, user_code, worker_died
+    from flexaxis.experiments.building.crashes import described, user_code
 
-    if worker_died(error):
-        own = f" ({', '.join(_own_code(args))})" if _own_code(args) else ""
-        return (
-            f"{args.command}: a worker process died: its code{own} ended it, memory ran out, or it "
-            "was killed. Try --jobs 1"
-        )
     whose = "code that was given" if user_code(error) else "flexaxis itself, which should not"
     return f"{args.command}: crashed in {whose}: {described(error)}"
-
-
-def _own_code(args: argparse.Namespace) -> list[str]:
-    """Return the estimators of a command line that are not of the registry."""
-    given = [getattr(args, name, None) for name in ("estimator", "base", "candidate")]
-    texts = [text for one in given if one for text in ([one] if isinstance(one, str) else one)]
-    return [text for text in texts if ":" in text.partition("[")[0]]
 
 
 def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.board.entry import EntryError
+from flexaxis.experiments.building.guest import stay
 
 Array = NDArray[np.float64]
 Torques = Callable[[Any], Array]
@@ -183,6 +184,7 @@ def main() -> None:
     wire = _own_wire()
     _limit()
     _ready()
+    stay()
     with suppress(EntryError, OSError):  # nobody is there any more
         wire.send(reached())
         try:

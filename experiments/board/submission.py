@@ -24,8 +24,13 @@ from flexaxis.experiments.board.entry import (
     seal,
 )
 from flexaxis.experiments.board.ranking import Board
-from flexaxis.experiments.building.code import PIPE, digest, piped
-from flexaxis.experiments.building.neighbours import code_file, imported_neighbours
+from flexaxis.experiments.building.code import (
+    PIPE,
+    code_file,
+    digest,
+    imported_neighbours,
+    piped,
+)
 from flexaxis.experiments.building.ready import readable
 from flexaxis.experiments.comparison.ranking import CONTROLS
 from flexaxis.experiments.running.bench import Bench

@@ -9,16 +9,16 @@ of the registry or of an installed entry point is as good as typed, but `path/fi
 from __future__ import annotations
 
 import argparse
+import ast
 import shlex
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from flexaxis.experiments.building.neighbours import content_of, imported_neighbours
 from flexaxis.experiments.storage.files import SHORT, digest_of
 from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
@@ -138,12 +138,81 @@ def _named(estimator: str) -> list[Path]:
     return [Path(found.origin)] if found and found.origin else []
 
 
+def code_file(text: str) -> str:
+    """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
+    file = text.partition("[")[0].rpartition(":")[0]
+    return file if file.endswith(".py") else ""
+
+
+_imported: dict[Path, bytes] = {}
+
+
+def remember(file: Path, *besides: Path) -> None:
+    """Keep what a file holds that is imported now, and files that go with it, if they are new."""
+    for each in (file, *besides):
+        if each.is_file() and (each == file or each not in _imported):
+            _imported[each] = each.read_bytes()
+
+
+def content_of(file: Path) -> bytes:
+    """Return what a file held when it was imported here; else what it holds, nothing if it is none.
+
+    Whoever edits a file while it runs has not run what he wrote.
+    """
+    known = _imported.get(file.resolve())
+    if known is None:
+        return file.read_bytes() if file.is_file() else b""
+    return known
+
+
+def imported_neighbours(file: Path) -> list[Path]:
+    """Return the files beside a file that it imports, and those import in turn, in order of name.
+
+    They are read, not run; what is imported by a name that is computed is not found.
+    """
+    found: set[Path] = set()
+    wanted = [file]
+    while wanted:
+        new = set(_imports(wanted.pop(), file.parent)) - found - {file}
+        found |= new
+        wanted += new
+    return sorted(found)
+
+
+def _imports(file: Path, folder: Path) -> Iterator[Path]:
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (OSError, SyntaxError, ValueError):  # said where it is imported
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield from _files(folder, alias.name)
+        elif isinstance(node, ast.ImportFrom):
+            base = file.parents[node.level - 1] if node.level else folder
+            for alias in node.names:
+                yield from _files(base, f"{node.module or ''}.{alias.name}".lstrip("."))
+
+
+def _files(folder: Path, name: str) -> Iterator[Path]:
+    """Yield the files of a module of some dotted name and of the packages that it lies in."""
+    parts = name.split(".")
+    if parts[0] in sys.stdlib_module_names:  # goes before a neighbour
+        return
+    for count in range(1, len(parts) + 1):
+        place = folder.joinpath(*parts[:count])
+        for path in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
+            if path.is_file():
+                yield path
+
+
 def own_digest() -> str:
     """Return a digest of the code of simulation, estimators and scores."""
     return digest_of("models_mjcf", "sim", "estimators", "experiments.scoring")
 
 
 _HELD: dict[str, Callable[..., Any]] = {}
+_HANDED: dict[str, Callable[..., Any]] = {}  # of modules: here as they are, elsewhere imported
 _UNSEEN: dict[str, tuple[Callable[..., Any], bytes]] = {}
 
 
@@ -151,7 +220,8 @@ def give(make: Callable[..., Any]) -> str:
     """Return the text that names a class: that of its module, or its own name in this session.
 
     A class of a module that any process can import goes by ``module:Class``. One of a notebook,
-    a script or a function is kept here under its name, and a new one takes its place.
+    a script or a function is kept here under its name, and a new one takes its place. Either lives
+    in this process, which is not protected from it.
 
     Raises
     ------
@@ -167,7 +237,8 @@ def give(make: Callable[..., Any]) -> str:
     module = getattr(make, "__module__", "__main__")
     held = getattr(sys.modules.get(module), name, None)
     if module != "__main__" and held is make and getattr(sys.modules[module], "__spec__", None):
-        return f"{module}:{name}"
+        _HANDED[text := f"{module}:{name}"] = make
+        return text
     if name in REGISTRY:
         raise EstimatorError(f"{name} is the name of a registered estimator: rename the class")
     _HELD[name] = make
@@ -180,8 +251,8 @@ def is_given(text: str) -> bool:
 
 
 def given(name: str) -> Callable[..., Any] | None:
-    """Return the class of this session that has a name, None if there is none."""
-    return _HELD.get(name)
+    """Return the class that was handed over in this session under a name, None if there is none."""
+    return _HELD.get(name, _HANDED.get(name))
 
 
 def written(name: str) -> bytes:

@@ -7,7 +7,6 @@ import os
 import re
 import sysconfig
 import traceback
-from concurrent.futures import BrokenExecutor
 from importlib import import_module
 from pathlib import Path
 
@@ -43,7 +42,7 @@ def is_its_own(error: BaseException) -> bool:
     """Whether an error is the estimator's, and not of memory, a disk, or a missing package."""
     cause: BaseException | None = error
     while cause is not None:
-        if isinstance(cause, MemoryError | ModuleNotFoundError):
+        if isinstance(cause, MemoryError | ModuleNotFoundError) or getattr(cause, "outside", False):
             return False
         if isinstance(cause, OSError) and cause.errno in _NO_ROOM:
             return False
@@ -76,16 +75,6 @@ def user_code(error: BaseException) -> str | None:
     installed = (paths[key] + os.sep for key in ("stdlib", "purelib", "platlib"))
     others = ("<", *_flexaxis(), *installed)
     return next((p for p in reversed(_places(error)) if not p.startswith(others)), None)
-
-
-def worker_died(error: BaseException) -> bool:
-    """Whether an error, or one that it came from, is that a worker process has ended."""
-    cause: BaseException | None = error
-    while cause is not None:
-        if isinstance(cause, BrokenExecutor):
-            return True
-        cause = cause.__cause__
-    return False
 
 
 def _places(error: BaseException) -> list[str]:

@@ -13,17 +13,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import entry_points
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY, gone
+from flexaxis.experiments.building.away import Away, class_away
 from flexaxis.experiments.building.code import PIPE, given, piped
 from flexaxis.experiments.building.crashes import user_code
-from flexaxis.experiments.building.guest import hosted, is_guest
-from flexaxis.experiments.building.imports import imported, module_of
+from flexaxis.experiments.building.guest import hosted, is_away, is_guest
+from flexaxis.experiments.building.imports import class_of, imported
 from flexaxis.experiments.building.offer import (
     Misfit,
     Nominal,
@@ -35,12 +36,12 @@ from flexaxis.experiments.building.offer import (
     torque_of,
 )
 from flexaxis.experiments.building.pipe import PipeEstimator
-from flexaxis.experiments.scoring.parameter_names import known_names
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
-from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.storage.reading import shown, toml_tables
-from flexaxis.sim.tables.problems import estimated_problems
+
+if TYPE_CHECKING:
+    from flexaxis.sim.scenario import Scenario
 
 ENTRY_POINTS = "flexaxis.estimators"
 
@@ -67,12 +68,7 @@ def parse(text: str) -> Spec:
     name, _, rest = text.partition("[")
     make = _find(name.strip())
     options = _options(rest, text)
-    try:
-        known = keywords(make)
-    except (TypeError, ValueError) as error:  # as of a number, or of a class in C
-        raise EstimatorError(
-            f"{name} cannot be made like an estimator, from nominal values and a period: {error}"
-        ) from error
+    known = keywords(make, name)
     for key in options:
         if key not in known:
             raise EstimatorError(
@@ -184,6 +180,8 @@ def made(
     EstimatorCrash
         If its constructor raises anything else.
     """
+    if isinstance(spec.make, Away):
+        return spec.make(made, spec.text, spec.options, nominal, period, offered)
     known = keywords(spec.make)
     given = {k: v for k, v in (offered or {}).items() if k in known} | dict(spec.options)
     _check_identify(spec)
@@ -226,6 +224,9 @@ def _check_identify(spec: Spec) -> None:
 
 def _check_names(text: str, names: Sequence[str], scenario: Scenario) -> None:
     """Refuse names that no score could be taken for."""
+    from flexaxis.experiments.scoring.parameter_names import known_names
+    from flexaxis.sim.tables.problems import estimated_problems
+
     if tuple(names) == scenario.identify:  # which was checked when the scenario was made
         return
     besides = (*LAW_NAMES, *ESTIMATED_ONLY)
@@ -255,13 +256,7 @@ def _find(name: str) -> Callable[..., Estimator]:
     module, colon, attribute = name.rpartition(":")
     if colon:
         _refuse_kind(name)
-        home = module_of(module)
-        found = getattr(home, attribute, None)
-        if found is None:
-            raise EstimatorError(
-                f"{name}: {module} has no {attribute!r}.{did_you_mean(attribute, _classes(home))}"
-            )
-        return found
+        return class_away(name) if is_away(name) else class_of(module, name, attribute)
     installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name in installed:
         return imported(name, installed[name].load)
@@ -281,7 +276,3 @@ def _refuse_kind(name: str) -> None:
             f"{name}: {kind}: is no way to ask a program: there is one, {PIPE}, in binary blocks "
             f"(docs/pipes.md). Write {PIPE}{command}"
         )
-
-
-def _classes(module: Any) -> list[str]:
-    return [name for name, value in vars(module).items() if isinstance(value, type)]

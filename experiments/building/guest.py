@@ -1,32 +1,29 @@
-"""A user's code as a guest: what it prints goes to stderr, it ends in time, and cannot end us.
+"""A user's code as a guest: what it prints goes to stderr, and it ends in time.
 
-What it raises, `sys.exit` and a timeout included, is an `EstimatorCrash` that says where. The
-folder, NumPy's handling of errors and the depth of calls are put back after it: else results with a
-relative path would go elsewhere, and what it asks of NumPy or of the stack would hold for our own
-sums. Code of the registry is left alone.
+What it raises, `sys.exit` and a timeout included, is an `EstimatorCrash` that says where. Code in
+files and modules has a process of its own (`flexaxis.experiments.building.away`), and what it does
+there to its folder, to NumPy or to the process is nobody else's. An object or a class of a session
+lives in the process of whoever hands it over, and is trusted with it. Code of the registry is left
+alone.
 """
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout, suppress
+from contextlib import AbstractContextManager, contextmanager, redirect_stdout
 from contextvars import ContextVar
 from numbers import Real
-from pathlib import Path
 from types import FrameType
-from typing import NamedTuple, NoReturn
-
-import numpy as np
+from typing import NamedTuple
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import StepError
-from flexaxis.experiments.building.code import is_given, names_code
-from flexaxis.experiments.building.crashes import crash
-from flexaxis.experiments.building.neighbours import code_file, move_to
+from flexaxis.experiments.building.code import given, is_given, names_code, piped
+from flexaxis.experiments.building.crashes import EstimatorCrash, crash
 
 LIMIT = 600.0
 """s for one run of a user's estimator, or for making one: far more than a benchmark is for."""
@@ -39,6 +36,49 @@ class Remark(NamedTuple):
 
     estimator: str
     where: str
+
+
+class Told(NamedTuple):
+    """What a user's code is doing, as `hosted` takes it, and until when, by `time.monotonic`."""
+
+    text: str
+    doing: str
+    until: float
+    first: int = 0
+    period: float | None = None
+    refusing: bool = False
+
+
+_now: ContextVar[Told | None] = ContextVar("now", default=None)
+_at_home: list[bool] = []  # whether this process is that of a user's code
+
+
+def stay() -> None:
+    """Have all code run in this process, which is that of a user's code."""
+    _at_home.append(True)
+
+
+def is_away(text: str) -> bool:
+    """Whether an estimator's text names code that has a process of its own."""
+    handed = given(text.partition("[")[0].strip())
+    if not names_code(text) or _at_home or piped(text) or handed:
+        return False
+    from multiprocessing import current_process
+
+    return not current_process().daemon  # which may start no other, such as one of Dask
+
+
+def told(text: str, doing: str, first: int = 0, period: float | None = None,
+         refusing: bool = False) -> Told:  # fmt: skip
+    """Return what is said of code, which has the time that is left to what it is a part of."""
+    outer = _now.get()
+    until = outer.until if outer else time.monotonic() + time_limit()
+    return Told(text, doing, until, first, period, refusing)
+
+
+def asked(text: str, doing: str) -> Told:
+    """Return what is going on, else what is about to, in which code may refuse."""
+    return _now.get() or told(text, doing, refusing=True)
 
 
 _remarks: ContextVar[list[Remark] | None] = ContextVar("remarks", default=None)
@@ -123,7 +163,7 @@ def hosted(
     refusing : bool
         Whether an `EstimatorError` is passed on as what it says; else it is a crash as well.
     guest : bool, optional
-        Whether it is code of a user; as `text` says by default.
+        Whether it is code of a user in this process; as `text` says by default.
 
     Raises
     ------
@@ -132,27 +172,52 @@ def hosted(
     EstimatorCrash
         For whatever it raises, and where it takes longer than `time_limit`.
     """
-    ours = not (is_guest(text) if guest is None else guest)
-    if file := code_file(text):
-        move_to(Path(file).resolve().parent)
+    here = is_guest(text) and not is_away(text) if guest is None else guest
+    token = _now.set(told(text, doing, first, period, refusing))
     try:
-        if ours:
-            yield
-        else:
-            with put_back(), redirect_stdout(sys.stderr), _timed(time_limit()):
+        if here:
+            with redirect_stdout(sys.stderr), _timed(time_limit()):
                 yield
+        else:
+            yield
     except _TimeUp as error:
-        limit = TimeoutError(
-            f"no end within {time_limit():g} s; if it needs longer, give --time-limit "
-            "(in Python time_limit=)"
-        )
+        limit = TimeoutError(no_end())
         raise crash(text, doing, limit.with_traceback(error.__traceback__)) from None
     except StepError as error:  # which says itself where
         raise EstimatorError(f"{text}, {doing}{_sample(error, first, period)}: {error}") from error
     except BaseException as error:
-        if not _its_own(error) or (refusing and isinstance(error, EstimatorError)):
+        refused = refusing and isinstance(error, EstimatorError)
+        if refused or hasattr(error, "outside") or not _its_own(error):
             raise
         raise crash(text, doing + _sample(error, first, period), error) from error
+    finally:
+        _now.reset(token)
+
+
+def complete(error: BaseException, *, outside: bool = False) -> None:
+    """Mark an error that says it all already; `outside` where it is not the estimator's own."""
+    error.__dict__["outside"] = outside
+
+
+def ended(told: Told, kind: type[EstimatorCrash], why: str) -> EstimatorCrash:
+    """Return the error for code that was ended."""
+    error = kind(f"{told.text} crashed {told.doing}: {why}")
+    complete(error)
+    return error
+
+
+def again(told: Told) -> AbstractContextManager[None]:
+    """Return what hosts code here that was hosted elsewhere."""
+    text, doing, _, first, period, refusing = told
+    return hosted(text, doing, first=first, period=period, refusing=refusing)
+
+
+def no_end() -> str:
+    """Return what is said of code that takes longer than it may."""
+    return (
+        f"no end within {time_limit():g} s; if it needs longer, give --time-limit "
+        "(in Python time_limit=)"
+    )
 
 
 def _its_own(error: BaseException) -> bool:
@@ -207,65 +272,3 @@ def in_words(remarks: Sequence[Remark]) -> list[str]:
         "counts as diverged"
         for estimator, where in places.items()
     ]
-
-
-@contextmanager
-def put_back() -> Iterator[None]:
-    """Put back the folder, NumPy's handling of errors and the depth of calls at the end.
-
-    Raises
-    ------
-    SystemExit
-        Inside, in the place of `os._exit`, which would end a command with a status of its choice
-        and without a word.
-    """
-    folder, depth = _folder(), sys.getrecursionlimit()
-    try:
-        with np.errstate(), _no_sudden_end():
-            yield
-    finally:
-        if sys.getrecursionlimit() != depth:
-            with suppress(RecursionError):  # we are deeper than that: it was lowered inside as well
-                sys.setrecursionlimit(depth)
-        if folder is not None and _folder() != folder:
-            with suppress(OSError):
-                os.chdir(folder)
-
-
-def _folder() -> str | None:
-    try:
-        return os.getcwd()
-    except OSError:  # it was removed
-        return None
-
-
-_inside: list[tuple[int, int]] = []  # thread and process of each `_no_sudden_end` that is open
-_usual = [os._exit]  # as it was before the first of them
-_one_at_a_time = threading.Lock()
-
-
-@contextmanager
-def _no_sudden_end() -> Iterator[None]:
-    """Make `os._exit` an error in this thread and process; others may have their reasons for it.
-
-    Where threads overlap, the last one to leave puts it back.
-    """
-    here = threading.get_ident(), os.getpid()
-    with _one_at_a_time:
-        if not _inside:
-            _usual[0] = os._exit
-        _inside.append(here)
-        os._exit = _refused
-    try:
-        yield
-    finally:
-        with _one_at_a_time:
-            _inside.remove(here)  # not always by the thread that came in: generators move
-            if not _inside:
-                os._exit = _usual[0]
-
-
-def _refused(status: int) -> NoReturn:
-    if (threading.get_ident(), os.getpid()) in _inside:
-        raise SystemExit(f"os._exit({status})")
-    _usual[0](status)

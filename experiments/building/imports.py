@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.code import imported_neighbours, remember
 from flexaxis.experiments.building.guest import hosted
-from flexaxis.experiments.building.neighbours import PRIVATE, imported_neighbours, move_to, remember
 from flexaxis.sim.errors import did_you_mean
 
 
@@ -40,10 +40,27 @@ def module_of(name: str) -> Any:
     return imported(name, lambda: _file(Path(name).resolve()))
 
 
+def class_of(module: str, name: str, attribute: str) -> Any:
+    """Return what a module has under a name; `name` is what the whole is called in messages.
+
+    Raises
+    ------
+    EstimatorError
+        If there is none, or the module cannot be imported.
+    """
+    home, called = module_of(module), name.rpartition(":")[0]
+    if (found := getattr(home, attribute, None)) is None:
+        classes = [each for each, value in vars(home).items() if isinstance(value, type)]
+        raise EstimatorError(
+            f"{name}: {called} has no {attribute!r}.{did_you_mean(attribute, classes)}"
+        )
+    return found
+
+
 def imported(name: str, load: Callable[[], Any]) -> Any:
     """Import a user's code; whatever goes wrong in it is the user's to read, in one line."""
     try:
-        with hosted(f"{name}:", "when it was imported"):
+        with hosted(f"{name}:", "when it was imported", guest=True):
             return load()
     except EstimatorError as error:
         cause = error.__cause__ or error
@@ -62,8 +79,9 @@ def _by_name(name: str) -> Any:
 @lru_cache
 def _file(path: Path) -> Any:
     remember(path, *imported_neighbours(path))
-    move_to(path.parent)
-    name = f"{PRIVATE}{sha256(str(path).encode()).hexdigest()[:12]}_{path.stem}"
+    if str(path.parent) not in sys.path:  # at its end: no neighbour takes the place of a library
+        sys.path.append(str(path.parent))
+    name = f"_flexaxis_file_{sha256(str(path).encode()).hexdigest()[:12]}_{path.stem}"
     spec = spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None  # a .py file always has both
     sys.modules[name] = module = module_from_spec(spec)  # dataclasses look for theirs there

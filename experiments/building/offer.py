@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.guest import is_guest
-from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.scenario import Scenario
 
 if TYPE_CHECKING:
     from flexaxis.experiments.building.estimator_text import Spec
+    from flexaxis.sim.scenario import Scenario
 
 Torque = Literal["design", "reference"]
 """Of the axis as it was designed, or of the scenario's own at nominal parameters."""
@@ -84,6 +83,8 @@ class Offer:
 
 def offer_of(scenario: Scenario) -> Offer:
     """Return what a scenario tells an estimator."""
+    from flexaxis.experiments.scoring.parameter_names import started_nominal
+
     return Offer(
         name=scenario.name,
         nominal=started_nominal(scenario),
@@ -132,9 +133,20 @@ def offered_to(
     return offered
 
 
-def keywords(make: Callable[..., Any]) -> set[str]:
-    """Return what may be given to a constructor by keyword, besides nominal values and period."""
-    parameters = list(inspect.signature(make).parameters.values())[2:]
+def keywords(make: Callable[..., Any], name: str = "") -> set[str]:
+    """Return what may be given to a constructor by keyword, besides nominal values and period.
+
+    Raises
+    ------
+    EstimatorError
+        If it takes none of these, as a number, or a class in C; it says its name.
+    """
+    try:
+        parameters = list(inspect.signature(make).parameters.values())[2:]
+    except (TypeError, ValueError) as error:
+        raise EstimatorError(
+            f"{name} cannot be made like an estimator, from nominal values and a period: {error}"
+        ) from error
     return {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
 
 

@@ -90,7 +90,7 @@ def add_cache(parser: argparse.ArgumentParser, *, default: bool) -> None:
 
 def check_jobs(args: argparse.Namespace) -> None:
     """Refuse a number of processes that is none."""
-    from flexaxis.experiments.running.processes import check_jobs
+    from flexaxis.experiments.building.processes import check_jobs
 
     if args.jobs is not None:
         check_jobs(args.jobs, what="--jobs")
@@ -177,7 +177,7 @@ def working(
         remarks.extend(outcome.remarks)
 
     means = Means(
-        jobs=1 if elsewhere else workers, apart=True, executor=elsewhere, in_flight=2 * workers,
+        jobs=1 if elsewhere else workers, executor=elsewhere, in_flight=2 * workers,
         store=default_cache() if cache else None,
     )  # fmt: skip
     limit = getattr(args, "time_limit", None)

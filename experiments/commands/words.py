@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from flexaxis.experiments.building.code import names_code
-from flexaxis.experiments.building.neighbours import code_file
+from flexaxis.experiments.building.code import code_file, names_code
 from flexaxis.experiments.catalogue.names import GROUPS, scenario_names, suite_names
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import STUDY, no_study

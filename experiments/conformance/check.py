@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.away import Away, there
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.estimator_text import Spec, build
 from flexaxis.experiments.building.guest import hosted
@@ -48,13 +49,13 @@ def check(
     """
     subject = _subject(spec, store)
     found = []
-    for rule in [*RULES, *(rules(subject, store) if long else ())]:
+    for rule in [*RULES, *(rules() if long else ())]:
         begun(rule.name)
-        found.append(_result(rule, subject))
+        found.append(_result(rule, subject, spec.text))
     return found
 
 
-def _subject(spec: Spec, store: RecordCache | None) -> Subject:
+def _subject(spec: Spec, store: RecordCache | None) -> Subject | Away:
     problems = []
     for name in ("fm_step-v1", "encoder_fm_step-v1"):  # whichever output it reads
         scenario = find_scenario(name).override({"name": "check", "duration": DURATION})
@@ -63,18 +64,21 @@ def _subject(spec: Spec, store: RecordCache | None) -> Subject:
         except EstimatorError as error:
             problems.append(error)
             continue
-        return Subject(spec, scenario, records(scenario, [0], store)[0][0])
+        asked = scenario, records(scenario, [0], store)[0][0], store
+        if not isinstance(spec.make, Away):
+            return Subject(spec, *asked)
+        return spec.make(Subject, spec.text, spec.options, *asked)
     raise problems[0]
 
 
-def _result(rule: Rule, subject: Subject) -> RuleResult:
+def _result(rule: Rule, subject: Subject | Away, text: str) -> RuleResult:
     try:
-        with hosted(subject.spec.text, "on the record of the check"):
-            holds, seen = rule.look(subject)
+        with hosted(text, "on the record of the check"):
+            holds, seen = there(rule.look, subject)
     except EstimatorCrash as error:
         seen = str(error).partition(" crashed ")[2]
         return RuleResult(rule.name, False, f"it crashed {seen}", rule.reason, rule.hint, True)
     except EstimatorError as error:
-        seen = str(error).removeprefix(f"{subject.spec.text}, on the record of the check, ")
+        seen = str(error).removeprefix(f"{text}, on the record of the check, ")
         return RuleResult(rule.name, False, seen, rule.reason, rule.hint, True)
     return RuleResult(rule.name, holds, seen, rule.reason, rule.hint)

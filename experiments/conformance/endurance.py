@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,30 +175,35 @@ DISTURBANCES: Mapping[str, Callable[[Axis], Disturbed]] = {
 }
 
 
-def rules(subject: Subject, store: RecordCache | None) -> Iterator[Rule]:
+def rules() -> Iterator[Rule]:
     """Yield a rule for each disturbance, over good data of the subject's axis."""
-    axis = Axis(subject, store)
-    for name, disturb in DISTURBANCES.items():
+    for name in DISTURBANCES:
         yield Rule(
             name,
             "an axis runs for years: an estimator that this throws is of no use on the day after",
             "bound P and the estimates, do not forget without excitation, limit a single residual "
             "by what was predicted, and begin anew when something is not finite",
-            partial(_survives, axis, disturb),
+            partial(_survives, name),
         )
 
 
-def _survives(axis: Axis, disturb: Callable[[Axis], Disturbed], subject: Subject) -> Seen:
-    given, estimator = disturb(axis), subject.make()
+@lru_cache(1)
+def _axis(subject: Subject) -> Axis:
+    return Axis(subject, subject.store)
+
+
+def _survives(name: str, subject: Subject) -> Seen:
+    axis, estimator = _axis(subject), subject.make()
+    given = DISTURBANCES[name](axis)
     with np.errstate(all="ignore"):  # what comes of an overflow is judged below
         theta = _estimates(estimator, given)
     wrong = np.flatnonzero(~np.isfinite(theta).all(axis=1))
     if wrong.size:
         return False, f"not finite from {wrong[0] * axis.period:.1f} s on"
     usual, stated = axis.undisturbed
-    for name in stated:  # θ may stand still, and all else be lost
-        if not _is_finite(estimator, name):
-            return False, f"its {name} is not finite"
+    for each in stated:  # θ may stand still, and all else be lost
+        if not _is_finite(estimator, each):
+            return False, f"its {each} is not finite"
     first, stop = given.rest
     alarms = [f for f in getattr(estimator, "findings", ()) if first <= f.alarm < stop]
     if alarms:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.experiments.building.estimator_text import Spec, build
+from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.scoring.parameter_names import known_names, nominal_theta, theta_over_time
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
@@ -22,8 +23,10 @@ BEFORE_FAULT = slice(1000, 2000)
 class Subject:
     """An estimator under test, and the record that it is tested on."""
 
-    def __init__(self, spec: Spec, scenario: Scenario, record: Record) -> None:
-        self.spec, self.scenario = spec, scenario
+    def __init__(
+        self, spec: Spec, scenario: Scenario, record: Record, store: RecordCache | None = None
+    ) -> None:
+        self.spec, self.scenario, self.store = spec, scenario, store
         self.u = record.torque
         self.y: Array = getattr(record, scenario.output)
         self.names = tuple(self.make().names)

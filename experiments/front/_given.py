@@ -14,8 +14,8 @@ import numpy as np
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.code import give, is_given
 from flexaxis.experiments.building.estimator_text import Spec, parse
+from flexaxis.experiments.building.processes import check_jobs
 from flexaxis.experiments.catalogue.find import select
-from flexaxis.experiments.running.processes import check_jobs
 from flexaxis.experiments.running.seeds import MOST, check_number, check_seed, parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario

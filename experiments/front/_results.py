@@ -21,10 +21,10 @@ from flexaxis._given import (
 )
 from flexaxis._table import ShownTable
 from flexaxis.experiments.building.guest import in_words
+from flexaxis.experiments.building.processes import check_jobs
 from flexaxis.experiments.results import results as kept
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.running.processes import check_jobs
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.errors import FlexaxisError, unknown
 

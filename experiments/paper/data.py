@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
+from flexaxis.experiments.building.processes import spread
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.processes import spread
 from flexaxis.experiments.running.seeds import FIRST
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.sim.record import Record

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.code import piped
+from flexaxis.experiments.building.away import Away, there
 from flexaxis.experiments.building.estimator_text import Spec
 from flexaxis.experiments.building.guest import hosted, is_guest, note
+from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.running.adapted import tracking
 from flexaxis.experiments.scoring.parameter_names import known_names
@@ -65,7 +66,8 @@ def run_case(scenario: Scenario, record: Record, spec: Spec) -> Case:
         If the estimator raises, or returns what it may not.
     """
     mine = scenario.drawn(record.seed or 0)
-    estimator, clock = ready(spec, mine), clock_of(spec.text)
+    estimator = ready(spec, mine)
+    clock = clock_of(estimator)
     start = clock()
     theta, claimed, innovations = followed(spec.text, estimator, mine, record)
     seconds = clock() - start
@@ -82,13 +84,14 @@ def run_case(scenario: Scenario, record: Record, spec: Spec) -> Case:
     return scored(track, estimator=spec.text, written=scenario, identity=identity, cost=cost)
 
 
-def clock_of(text: str) -> Callable[[], float]:
-    """Return what tells how long an estimator takes [s]: the time of this thread alone.
+def clock_of(estimator: Any) -> Callable[[], float]:
+    """Return what tells how long an estimator takes [s]: the time of its thread alone.
 
-    What else runs on the machine does not count. A program works in a process of its own: there
-    it is the clock on the wall.
+    What else runs on the machine does not count. Of a program it is the clock on the wall.
     """
-    return time.perf_counter if piped(text) else time.thread_time
+    if isinstance(estimator, Away):
+        return lambda: estimator.spent
+    return time.perf_counter if isinstance(estimator, PipeEstimator) else time.thread_time
 
 
 def track_of(  # noqa: PLR0917
@@ -225,7 +228,7 @@ def _estimates(
 ) -> NDArray[np.float64]:
     """Run an estimator; what a user's code raises is said with its name and the sample."""
     with hosted(text, f"on {where}", first=first, period=period):
-        theta = run_estimator(estimator, u, y, valid)
+        theta = there(run_estimator, estimator, u, y, valid)
     if theta.shape != (len(u), len(estimator.names)):
         raise EstimatorError(
             f"{text} returned estimates of the shape {theta.shape} on {where}; "

@@ -14,18 +14,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from flexaxis.experiments.building.code import names_code, require
+from flexaxis.experiments.building.code import require
 from flexaxis.experiments.building.guest import limited
 from flexaxis.experiments.building.guest import time_limit as limit
+from flexaxis.experiments.building.processes import Workers, spread
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.running.estimate import keep_all
 from flexaxis.experiments.running.folder import cases as all_cases
 from flexaxis.experiments.running.folder import done, opened
 from flexaxis.experiments.running.plan import Plan, make_plan
-from flexaxis.experiments.running.processes import Workers, spread
 from flexaxis.experiments.running.progress import progress, remark
 from flexaxis.experiments.running.study import Study, Unit
-from flexaxis.experiments.running.work import Outcome, died, run_unit
+from flexaxis.experiments.running.work import Outcome, run_unit
 from flexaxis.experiments.storage.files import NotRun
 
 Worker = Callable[[Unit], Outcome]
@@ -39,9 +39,6 @@ class Means:
     ----------
     jobs : int
         Processes; one stays in this process.
-    apart : bool
-        Whether code of users has a process of its own also where that is one. A script that asks
-        for it needs ``if __name__ == "__main__":``.
     executor : concurrent.futures.Executor, optional
         Where to work instead, for example that of a Dask client.
     in_flight : int, optional
@@ -57,7 +54,6 @@ class Means:
     """
 
     jobs: int = 1
-    apart: bool = False
     executor: Executor | None = None
     in_flight: int | None = None
     store: RecordCache | None = None
@@ -68,8 +64,7 @@ class Means:
     @contextmanager
     def kept(self) -> Iterator[Means]:
         """Give the same means, with processes that all calls inside share."""
-        here = self.jobs == 1 and not self.apart
-        if here or self.executor is not None or self.workers is not None:
+        if self.jobs == 1 or self.executor is not None or self.workers is not None:
             yield self
             return
         with Workers(self.jobs) as workers:
@@ -138,11 +133,9 @@ class Means:
                 wanted += unit.cases
                 yield unit
 
-        own = self.apart and any(map(names_code, plan.codes))
-        jobs = self.jobs if self.jobs > 1 or own else 0
+        jobs = self.jobs if self.jobs > 1 else 0
         where: dict[str, Any] = {"jobs": jobs, "executor": self.executor}
         where |= {"in_flight": self.in_flight, "workers": self.workers if jobs else None}
-        where |= {"parts": Unit.apart, "died": died}
         with closing(spread(units(), work, **where)) as outcomes:
             for outcome in outcomes:
                 found += outcome.cases

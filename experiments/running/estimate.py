@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator, theta_of
+from flexaxis.experiments.building.away import there
 from flexaxis.experiments.building.estimator_text import Spec, build
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.scoring.parameter_names import physical, true_theta
@@ -133,16 +134,22 @@ def run_on(
     alarms : ndarray (n,) of bool
     """
     y = getattr(piece, estimator.output)
+    return there(_run_on, estimator, piece.torque, y, piece.valid, claims)
+
+
+def _run_on(
+    estimator: Estimator, u: Array, y: Array, valid: NDArray[np.bool_] | None, claims: bool
+) -> tuple[Array, Array | None, NDArray[np.bool_]]:
     n, p = len(y), len(estimator.names)
     alarms = np.zeros(n, bool)
     sure = claims and hasattr(estimator, "covariance")
     if not sure and not (claims and hasattr(estimator, "alarm")):
-        return run_estimator(estimator, piece.torque, y, piece.valid), None, alarms
+        return run_estimator(estimator, u, y, valid), None, alarms
     theta, claimed = np.empty((n, p)), np.empty((n, p, p))
-    there = np.ones(n, bool) if piece.valid is None else piece.valid
+    present = np.ones(n, bool) if valid is None else valid
     for k in range(n):
         try:
-            given = estimator.step(piece.torque[k], y[k] if there[k] else None)
+            given = estimator.step(u[k], y[k] if present[k] else None)
             theta[k] = theta_of(given, estimator.names, estimator)
         except BaseException as error:
             error.at_sample = k  # type: ignore[attr-defined]  # for whoever says where it was

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from flexaxis.experiments.storage.files import StudyError
@@ -177,13 +177,6 @@ class Unit:
     variants: tuple[Variant, ...]
     seeds: tuple[int, ...]
     repeat: int = 0
-
-    def apart(self) -> Iterator[Unit]:
-        """Yield the same case by case."""
-        for variant in self.variants:
-            for entry in variant.entries:
-                for seed in self.seeds:
-                    yield Unit((replace(variant, entries=(entry,)),), (seed,), self.repeat)
 
     @property
     def cases(self) -> int:

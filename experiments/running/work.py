@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
@@ -13,19 +13,19 @@ from threadpoolctl import threadpool_limits
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import estimator_text as specs
+from flexaxis.experiments.building.away import Died
 from flexaxis.experiments.building.code import own_digest
-from flexaxis.experiments.building.crashes import is_its_own
-from flexaxis.experiments.building.guest import Remark, is_guest, limited, noted
+from flexaxis.experiments.building.crashes import EstimatorCrash, is_its_own
+from flexaxis.experiments.building.guest import Remark, limited, noted
+from flexaxis.experiments.building.interrupts import asked
 from flexaxis.experiments.running.cache import RecordCache, kept_runs
 from flexaxis.experiments.running.cache import records as simulated_or_kept
 from flexaxis.experiments.running.case import identity_of, run_case, warm
-from flexaxis.experiments.running.interrupts import asked
 from flexaxis.experiments.running.study import EstimatorSetting, Unit, Variant
 from flexaxis.experiments.scoring.score_table import rows as score_rows
 from flexaxis.experiments.scoring.score_table import undefined
 from flexaxis.experiments.scoring.scores import failed_track
 from flexaxis.experiments.scoring.summary import Case
-from flexaxis.experiments.storage.files import NotRun
 from flexaxis.experiments.storage.traces import packed
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
@@ -83,7 +83,7 @@ def run_unit(
 ) -> Outcome:
     """Run the cases of a unit; one that fails is a row that says so.
 
-    Where it is asked to end (`flexaxis.experiments.running.interrupts`), the outcome has the cases
+    Where it is asked to end (`flexaxis.experiments.building.interrupts`), the outcome has the cases
     that were done by then; what is missing besides it says in `missing`.
 
     Parameters
@@ -117,25 +117,6 @@ def run_unit(
                     if asked():
                         break
     return found
-
-
-def died(unit: Unit) -> Outcome:
-    """Return what became of a case whose process died twice, the second time alone.
-
-    Raises
-    ------
-    NotRun
-        If it is of no code of a user: then the system has ended it, as where memory runs out.
-    """
-    (variant,), (seed,) = unit.variants, unit.seeds
-    (entry,), scenario = variant.entries, variant.scenario()
-    what = "its process died: its code ended it, memory ran out, or it was killed"
-    if not is_guest(entry.text):
-        raise NotRun(f"{unit}: {what}")
-    text = f"EstimatorCrash: {entry.text} crashed on {scenario.name}, seed {seed}: {what}"
-    (record,), _, _ = _records(unit, [seed], None)
-    rows = _failure(variant, entry, scenario, seed, text, record)
-    return Outcome(rows, cases=1, failed=1)
 
 
 def _records(
@@ -175,7 +156,7 @@ def _cases(
     spec, problem = None, None
     try:
         spec = specs.parse(entry.text)
-        warm(spec, scenario)
+        _again(warm, spec, scenario)
     except EstimatorError as error:
         problem = error
     columns = _columns(variant, entry)
@@ -185,19 +166,28 @@ def _cases(
         failure, case = problem, None
         if spec is not None and failure is None:
             try:
-                case = run_case(scenario, record, spec)
+                case = _again(run_case, scenario, record, spec)
             except EstimatorError as error:
                 failure = error
         if failure is not None and not is_its_own(failure):
             missing.append(str(failure))
             continue
         if case is None:
-            text = f"{type(failure).__name__}: {failure}"
+            crashed = isinstance(failure, EstimatorCrash)
+            text = f"{EstimatorCrash.__name__ if crashed else type(failure).__name__}: {failure}"
             yield _failure(variant, entry, scenario, record.seed or 0, text, record), None
             continue
         more = columns | {"rows": len(case.rows), "error": None}
         yield [row | more | {"cost": row["cost"] | {"versions": made_with()}}
                for row in case.rows], case  # fmt: skip
+
+
+def _again(run: Callable[..., Any], *args: Any) -> Any:
+    """Run, and once more where the process of a user's code dies: the system may have ended it."""
+    try:
+        return run(*args)
+    except Died:
+        return run(*args)
 
 
 def _failure(  # noqa: PLR0917

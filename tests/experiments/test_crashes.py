@@ -15,7 +15,7 @@ from flexaxis.sim.parameters import preset
 from flexaxis.sim.simulate import simulate
 
 OWN = """\
-import multiprocessing, os, sys
+import os, sys
 
 
 class Base:
@@ -50,8 +50,7 @@ class Needs(Base):
 
 class Dies(Base):
     def __init__(self, nominal, period):
-        if multiprocessing.parent_process():
-            os.kill(os.getpid(), 9)
+        os.kill(os.getpid(), 9)
         super().__init__(nominal, period)
 
 
@@ -188,13 +187,11 @@ def test_an_option_that_a_shipped_one_refuses_is_wrong_use(capsys, option):
     assert status == WRONG_USE and len(err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("command", ["run", pytest.param("compare", marks=pytest.mark.slow)])
-def test_a_worker_that_dies(capsys, command):
-    status, err = told(capsys, *COMMANDS[command], "own.py:Dies", "--jobs", "2")
-    assert status == CRASH and "Traceback" not in err
-    said = [line for line in err.splitlines() if line.startswith("flexaxis:")]
-    assert "own.py:Dies" in said[0] and "process died" in said[0]
-    assert len(said) == 1 or "could not be run" in said[1]  # and what it means for the rows
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_constructor_that_ends_its_process(capsys, command):
+    status, err = told(capsys, *COMMANDS[command], "own.py:Dies")
+    assert status == CRASH and len(err.splitlines()) == 1
+    assert "own.py:Dies crashed when it was made: its process died: " in err
 
 
 def test_a_fault_of_our_own_is_a_crash_as_well(capsys, monkeypatch):

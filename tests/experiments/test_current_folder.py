@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from flexaxis.experiments.building.processes import spread
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running.processes import spread
 from flexaxis.sim.storage.current_folder import SAFE_PATH, safe_path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -135,7 +135,7 @@ STARTERS = {
     "experiments/board/sandbox.py": "the process of a case isolated, -I",
     "experiments/building/pipe.py": "programs of a user, with their own variables",
     "experiments/logs/reading/mat_file.py": "reads MAT files, -P",
-    "experiments/running/processes.py": "workers, in safe_path",
+    "experiments/building/processes.py": "workers, in safe_path",
     "sim/storage/hdf5_apart.py": "reads HDF5 files, -P",
 }
 """Modules that start processes, and how those leave the current folder out."""

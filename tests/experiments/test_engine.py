@@ -12,15 +12,16 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from flexaxis.experiments.building import imports, neighbours
+from flexaxis.experiments.building import away
+from flexaxis.experiments.building import code as named
 from flexaxis.experiments.building.crashes import EstimatorCrash
+from flexaxis.experiments.building.processes import Workers
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.merge import merge
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.processes import Workers
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.running.work import Outcome, run_unit
@@ -144,8 +145,8 @@ def test_rows_of_code_that_changed_are_added_and_not_mixed(short_toml, tmp_path)
     study, lags, codes = sweep_of(short_toml, estimators=[f"{own}:Mine"]), [], []
     for gain in ("1.0", "2.0", "1.0"):
         own.write_text(OWN.replace("GAIN", gain))
-        imports._file.cache_clear()  # as in another process: in one, what was imported goes on
-        neighbours._imported.clear()
+        away._running.clear()  # as in another process: in one, what was imported goes on
+        named._imported.clear()
         run_study(study, out, run_code=True)
         rows = list(Results.load(out).rows)
         lags.append([row["bias"] for row in rows])

@@ -1,10 +1,8 @@
 """A user's code is a guest: it is told where it fails, ends in time, and says nothing on stdout."""
 
 import json
-import os
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +10,11 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.estimator_text import build, parse
-from flexaxis.experiments.building.guest import hosted, limited, put_back
+from flexaxis.experiments.building.guest import hosted, limited
 from flexaxis.experiments.cli import CRASH, FINDING, main
 
 OWN = """\
-import sys, os, threading, time, numpy
+import os, pathlib, signal, sys, threading, time, numpy
 
 
 class Base:
@@ -110,6 +108,29 @@ class Meddles(Base):
         return self.theta
 
 
+class Sleeps(Base):
+    def go(self):
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})
+        time.sleep(1e6)
+
+
+class Killed(Base):
+    def go(self):
+        mark = pathlib.Path("killed")
+        if self.k == 9 and not mark.exists():
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return self.theta
+
+
+class Found(tuple):
+    alarm, parameters = 3, ("f_m",)
+
+
+class Finds(Base):
+    findings = [Found()]
+
+
 class Threads(Base):
     def go(self):
         if self.k == 1:
@@ -173,12 +194,13 @@ def test_check_ends_too(capsys):
     assert "no end within 0.2 s" in " ".join(capsys.readouterr().out.split())
 
 
-def test_the_limit_is_of_one_run_and_put_back(short):
+def test_the_limit_is_of_one_run_and_put_back():
     import signal
 
-    with limited(5.0), hosted("guests.py:Base", "in a test"):
+    with limited(5.0), hosted("pipe:true", "in a test"):
         assert 3.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 5.0
-        build(parse("guests.py:Base"), short)  # inside another it has the time of that
+        with hosted("pipe:true", "in another, which has the time of that"):
+            pass
         assert 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 5.0
     with limited(5.0), hosted("frozen", "in a test"):
         assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
@@ -297,69 +319,45 @@ def test_whatever_it_raises_the_others_go_on(capsys, name, what, jobs):
     assert "sample 0" in err and "frozen" in out and "given up" not in err
 
 
-@pytest.mark.slow
-def test_an_interrupt_of_its_own_in_a_worker_ends_nobody_else(capsys):
-    status, out, err = ran(capsys, "Interrupts", "--estimator", "frozen", jobs=2)
+def test_an_interrupt_of_its_own_ends_nobody_else(capsys):
+    status, out, err = ran(capsys, "Interrupts", "--estimator", "frozen")
     assert status == CRASH and "crashed on short" in err and "frozen" in out
 
 
-@pytest.mark.parametrize("words", ["check", "run short.toml --jobs 1 -o out --estimator"])
-def test_who_ends_the_process_is_seen(words):
-    """In a process of its own, for it would end that of the tests as well."""
-    line = [sys.executable, "-m", "flexaxis", *words.split(), "guests.py:Ends"]
-    found = subprocess.run(line, check=False, timeout=100, capture_output=True, text=True)
-    assert found.returncode == (FINDING if words == "check" else CRASH)
-    assert "os._exit(0)" in found.stdout + found.stderr
+def test_check_goes_on_where_the_process_ends(capsys):
+    assert main(["check", "guests.py:Ends"]) == FINDING
+    out = " ".join(capsys.readouterr().out.split())
+    assert "its code ended it" in out and "the same" in out
 
 
-def test_what_it_changes_is_put_back(capsys, tmp_path):
+def test_who_ends_its_process_costs_nobody_else_a_case(capsys):
+    status, out, err = ran(capsys, "Ends", "--estimator", "frozen")
+    assert status == CRASH and "guests.py:Ends crashed on short" in err
+    assert "its process died: its code ended it" in err and "frozen" in out
+
+
+def test_what_the_system_kills_is_run_again(capsys):
+    status, _, err = ran(capsys, "Killed")
+    assert status == 0 and Path("killed").exists(), err
+
+
+def test_what_hears_no_signal_is_stopped_too(capsys):
+    status, _, err = ran(capsys, "Sleeps", "--time-limit", "0.5")
+    assert status == CRASH and "no end within 0.5 s" in err
+
+
+def test_an_object_of_its_own_comes_as_its_values(short):
+    (found,) = build(parse("guests.py:Finds"), short).findings
+    assert (found.alarm, found.parameters) == (3, ("f_m",))
+
+
+def test_what_it_changes_stays_with_it(capsys, tmp_path):
     """Else the results would lie elsewhere, and our own sums would stop at an underflow."""
     before = sys.getrecursionlimit(), np.geterr()
     status, _, err = ran(capsys, "Meddles")
     assert status == 0, err
     assert Path.cwd() == tmp_path and (sys.getrecursionlimit(), np.geterr()) == before
     assert (tmp_path / "out" / "report.html").exists()
-
-
-def test_threads_that_overlap_put_back_the_end_of_the_process(monkeypatch):
-    """The first one in leaves first; a third thread, with nobody's code, ends as it likes."""
-    ended = []
-    monkeypatch.setattr(os, "_exit", ended.append)
-    inside, left, told = threading.Event(), threading.Event(), []
-
-    def other():
-        with put_back():
-            inside.set()
-            assert left.wait(60)
-            with pytest.raises(SystemExit, match=r"os\._exit\(3\)"):
-                os._exit(3)
-            told.append(3)
-
-    usual, thread = os._exit, threading.Thread(target=other)
-    with put_back():
-        thread.start()
-        assert inside.wait(60)
-        third = threading.Thread(target=lambda: os._exit(4))
-        third.start()
-        third.join(60)
-        with put_back(), pytest.raises(SystemExit):
-            os._exit(5)
-        with pytest.raises(SystemExit):
-            os._exit(6)
-    os._exit(7)
-    left.set()
-    thread.join(60)
-    assert (ended, told) == ([4, 7], [3])
-    assert os._exit is usual
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
-def test_a_process_that_it_begins_may_end_as_it_likes():
-    with hosted("guests.py:Base", "in a test"):
-        child = os.fork()
-        if child == 0:
-            os._exit(7)
-        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
 
 
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])

@@ -13,10 +13,10 @@ from threading import Event
 
 import pytest
 
+from flexaxis.experiments.building.interrupts import one_stage
+from flexaxis.experiments.building.processes import spread
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.interrupts import one_stage
-from flexaxis.experiments.running.processes import spread
 from flexaxis.experiments.studies.definition import study_from
 from tests.experiments.kept_rows import cases_of
 

@@ -129,4 +129,3 @@ def test_the_digest_of_a_module_is_of_what_was_imported(two, monkeypatch):
     parse("module_of_mine:Mine")
     (two / "module_of_mine.py").write_text("class Mine: x = 1\n")
     assert digest("module_of_mine:Mine") == before
-    monkeypatch.delitem(sys.modules, "module_of_mine")

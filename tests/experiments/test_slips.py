@@ -8,6 +8,7 @@ import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.offline.colour import colourless
+from flexaxis.experiments.building.processes import MOST, check_jobs
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identification.identify import LOWEST
@@ -16,7 +17,6 @@ from flexaxis.experiments.logs.prepare import prepare
 from flexaxis.experiments.logs.reading.log import Log
 from flexaxis.experiments.running import seeds
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.processes import MOST, check_jobs
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.studies.definition import study_from

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import pytest
 
+from flexaxis.experiments.building import interrupts as stopping
+from flexaxis.experiments.building.interrupts import one_stage, two_stage
+from flexaxis.experiments.building.processes import spread
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running import interrupts as stopping
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.interrupts import one_stage, two_stage
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.processes import spread
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import run_unit
 from flexaxis.experiments.storage.files import NotRun

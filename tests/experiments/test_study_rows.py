@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from flexaxis.experiments.building import processes
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running import processes
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.storage.files import NotRun, StudyError
@@ -243,7 +243,7 @@ import sys
 sys.path.insert(0, {here!r})
 import study_stubs
 from pathlib import Path
-from flexaxis.experiments.running import processes
+from flexaxis.experiments.building import processes
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.studies.definition import study_from
 run_study(study_from({study!r} | {{"seeds": {seeds}}}), Path({folder!r}),

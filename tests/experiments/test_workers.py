@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from flexaxis.experiments.running import processes
+from flexaxis.experiments.building import processes
+from flexaxis.experiments.building.processes import Workers, spread
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.running.processes import Workers, spread
 
 
 def alive(pid):

@@ -18,7 +18,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.building.neighbours import code_file
+from flexaxis.experiments.building.code import code_file
 from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import problems_of, say_problems, show, tell, waiting

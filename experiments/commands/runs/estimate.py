@@ -15,7 +15,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.building.neighbours import code_file
+from flexaxis.experiments.building.code import code_file
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.progress import progress

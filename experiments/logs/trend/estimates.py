@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.processes import spread
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import labels
@@ -22,7 +23,6 @@ from flexaxis.experiments.logs.importing import read_any
 from flexaxis.experiments.logs.reading.log import open_log
 from flexaxis.experiments.logs.trend.covariates import dated
 from flexaxis.experiments.logs.trend.refit import refit, seen
-from flexaxis.experiments.running.processes import spread
 from flexaxis.experiments.storage.files import REPORT, make_folder
 from flexaxis.experiments.storage.store import Lines
 from flexaxis.sim.errors import FlexaxisError

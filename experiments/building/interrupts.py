@@ -138,17 +138,10 @@ def _in_numba(frame: FrameType | None) -> bool:
     return frame is not None
 
 
-def threads_left() -> bool:
-    """Whether there are threads for whose end Python waits, such as an estimator may have begun."""
-    others = set(threading.enumerate()) - {threading.main_thread(), threading.current_thread()}
-    return any(not thread.daemon for thread in others)
-
-
 def leave(status: int) -> NoReturn:
     """End this process after Ctrl-C, without what Python does at its end.
 
-    That takes up to a second, in which another Ctrl-C would change the status; and for ever, where
-    threads are left that do not end.
+    That takes up to a second, in which another Ctrl-C would change the status.
     """
     for kind in _KINDS:
         signal.signal(kind, lambda number, frame: os._exit(status))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import (
@@ -16,18 +17,19 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
-from contextlib import nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from itertools import islice
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.util import Finalize
+from types import ModuleType
 from typing import Any, Self, TypeVar
 
 import numpy as np
 
+from flexaxis.experiments.building import interrupts
+from flexaxis.experiments.building.interrupts import Interrupts, two_stage
 from flexaxis.experiments.building.pipe import held_back
-from flexaxis.experiments.running import interrupts
-from flexaxis.experiments.running.interrupts import Interrupts, threads_left, two_stage
 from flexaxis.experiments.storage.files import NotRun, StudyError
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.storage.current_folder import forget_safe_path, safe_path, without_its_style
@@ -75,7 +77,7 @@ class Workers:
 
     def submit(self, work: Callable[[Task], Result], task: Task) -> Future[Result]:
         """Have a task done."""
-        with held_back(), safe_path():  # its locks have a process of their own
+        with held_back(), safe_path(), _without_main():  # its locks have a process of their own
             if self._pool is None:
                 self._pool, self._stop = _started(self._jobs)
             future: Future[Result] = self._pool.submit(work, task)
@@ -106,6 +108,16 @@ def _started(jobs: int) -> tuple[Executor, Any]:
     return pool, stop
 
 
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Have no process that is started meanwhile run the script that we are a part of."""
+    main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
 def _start_worker(stop: Any) -> None:
     """Leave Ctrl-C to the parent, and end when it ends: a killed parent leaves no process."""
     forget_safe_path()
@@ -123,19 +135,14 @@ def _start_worker(stop: Any) -> None:
 
 def _wait_for_no_thread() -> None:
     """End a process that is done, though a thread of a user's code goes on."""
-    if threads_left():
+    others = {*threading.enumerate()} - {threading.main_thread(), threading.current_thread()}
+    if not all(thread.daemon for thread in others):
         os._exit(0)
 
 
 def _end_with(sentinel: int) -> None:
     wait_for([sentinel])
     os._exit(1)
-
-
-def _died(task: Any) -> Any:
-    raise NotRun(
-        f"{task}: its process died twice: its code ended it, memory ran out, or it was killed"
-    )
 
 
 def spread(
@@ -146,8 +153,6 @@ def spread(
     executor: Executor | None = None,
     in_flight: int | None = None,
     workers: Workers | None = None,
-    parts: Callable[[Task], Iterable[Task]] = lambda task: [task],
-    died: Callable[[Task], Result] = _died,
 ) -> Generator[Result, None, None]:
     """Yield results as they come, in any order.
 
@@ -169,14 +174,12 @@ def spread(
         Tasks handed out at a time; twice the jobs by default.
     workers : Workers, optional
         Processes that are there already, in the place of as many new ones as there are jobs.
-    parts, died : callable
-        A process that dies takes all that were at work with it: the parts of each task are run
-        again, one by one; `died` gives the result of one whose process dies again, or raises.
 
     Raises
     ------
     NotRun
-        If the process of a task dies twice.
+        If the process of a task dies, and again where it is run alone: a process that dies takes
+        all that were at work with it, which are run again one by one.
     StudyError
         If a task fails elsewhere: names the task.
     KeyboardInterrupt
@@ -191,7 +194,7 @@ def spread(
             yield from map(work, remaining)
         else:
             with nullcontext(workers) if workers else Workers(jobs) as own:
-                yield from _own(remaining, work, own, room, asked, parts, died)
+                yield from _own(remaining, work, own, room, asked)
         asked.tell()
 
 
@@ -214,14 +217,12 @@ def _elsewhere(
             future.cancel()
 
 
-def _own(  # noqa: PLR0917
+def _own(
     tasks: Iterator[Task],
     work: Callable[[Task], Result],
     workers: Workers,
     room: int,
     asked: Interrupts,
-    parts: Callable[[Task], Iterable[Task]],
-    died: Callable[[Task], Result],
 ) -> Iterator[Result]:
     """Start new processes where one died, after what was out with it was run one by one."""
     whole = False
@@ -234,32 +235,26 @@ def _own(  # noqa: PLR0917
                 whole = True
             except BrokenExecutor:
                 workers.end(killed=True)
-                alone = [part for task in out.values() for part in parts(task)]
-                yield from _alone(alone, work, asked, died)
+                yield from _alone(list(out.values()), work, asked)
     finally:
         if not whole:  # nobody waits for what they do any more
             workers.end(killed=True)
 
 
 def _alone(
-    tasks: list[Task],
-    work: Callable[[Task], Result],
-    asked: Interrupts,
-    died: Callable[[Task], Result],
+    tasks: list[Task], work: Callable[[Task], Result], asked: Interrupts
 ) -> Iterator[Result]:
     with Workers(1) as worker:
         asked.stop = worker.ask
         for task in tasks:
-            for _ in range(2):
-                if asked.asked:
-                    return
-                try:
-                    yield from _landed(partial(worker.submit, work), iter([task]), 1, asked, {})
-                    break
-                except BrokenExecutor:
-                    worker.end(killed=True)
-            else:
-                yield died(task)
+            if asked.asked:
+                return
+            try:
+                yield from _landed(partial(worker.submit, work), iter([task]), 1, asked, {})
+            except BrokenExecutor:
+                worker.end(killed=True)
+                why = "its process died twice: memory ran out, or it was killed"
+                raise NotRun(f"{task}: {why}") from None
 
 
 def _landed(

@@ -1,0 +1,251 @@
+"""A user's code in a process of its own: whatever it does there, this one goes on.
+
+A module has one process for as long as it is used. What is asked of it is a function of ours, of
+the class or of what was made of it. Numbers, texts and tables come back as they are, an object of a
+user's class as the values that it has.
+"""
+
+from __future__ import annotations
+
+import inspect
+import io
+import os
+import pickle
+import sys
+import time
+import traceback
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from concurrent.futures import BrokenExecutor
+from functools import partial
+from itertools import count
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.protocol import theta_of
+from flexaxis.experiments.building import guest
+from flexaxis.experiments.building.code import imported_neighbours, remember
+from flexaxis.experiments.building.crashes import EstimatorCrash, described, is_its_own
+from flexaxis.experiments.building.imports import class_of, no_file
+from flexaxis.experiments.building.offer import keywords
+from flexaxis.experiments.building.processes import Workers
+
+GRACE = 1.0  # s after its limit, in which code may still be told where it is
+MOST = 8  # processes that are kept for what is asked next
+Call = Callable[..., Any]
+KEPT = 64  # estimators, the last that were asked for
+What = tuple[str, str, str] | int
+"""A class by its module, its whole name and its own; an estimator by its number."""
+
+
+class Died(EstimatorCrash):
+    """The process of a user's code has ended: by what it does, or by the system."""
+
+
+_running = OrderedDict[tuple[str, str, int], Workers]()
+_numbers = count()
+
+
+class Away:
+    """What lives in the process of a user's code, as if it were here: a class, or an estimator.
+
+    Parameters
+    ----------
+    module, text : str
+        Its module, and what it is called in messages.
+    what : tuple of str, or int
+        As `_answer` takes it.
+
+    Attributes
+    ----------
+    spent : float
+        Time of its thread that it has taken so far [s].
+    """
+
+    __signature__: inspect.Signature
+
+    def __init__(self, module: str, text: str, what: What) -> None:
+        self._module, self.text, self._what, self.spent = module, text, what, 0.0
+        key = module, os.getcwd(), os.getpid()
+        if key not in _running:
+            workers = Workers(1)
+            workers.submit(_begin, 0).result()
+            _running[key] = workers
+            if len(_running) > MOST:
+                _running.popitem(last=False)
+        self._workers = _running[key]
+        _running.move_to_end(key)
+
+    def there(self, function: Call, *args: Any, doing: str = "when it was asked") -> Any:
+        """Return what a function of ours gives of it, where it is.
+
+        Raises
+        ------
+        EstimatorError
+            As from `guest.hosted`.
+        Died
+            If the process ends.
+        """
+        told = guest.asked(self.text, doing)
+        left = max(told.until - time.monotonic(), 0.0) + GRACE
+        asked = told, guest.time_limit(), self._what, function, args
+        try:
+            answer = self._workers.submit(_answer, asked).result(left)
+        except BaseException as error:
+            self._workers.end(killed=True)
+            for key in [key for key, each in _running.items() if each is self._workers]:
+                del _running[key]
+            if isinstance(error, TimeoutError):
+                raise guest.ended(told, EstimatorCrash, f"TimeoutError: {guest.no_end()}") from None
+            if isinstance(error, BrokenExecutor):
+                why = "its process died: its code ended it, memory ran out, or it was killed"
+                raise guest.ended(told, Died, why) from None
+            raise
+        raised, value, seconds = pickle.loads(answer)
+        if raised is not None:
+            raise raised
+        self.spent += seconds
+        return value
+
+    def __call__(self, maker: Call, text: str, options: Mapping[str, Any], *args: Any) -> Away:
+        """Return what a function of ours makes there of the class, as a `Spec`, and its options."""
+        made = Away(self._module, text, next(_numbers))
+        asked = made._what, maker, text, dict(options), *args
+        Away(self._module, text, self._what).there(_keep, *asked, doing="when it was made")
+        return made
+
+    def step(self, u: float, y: float | None) -> Any:
+        """Return θ[k] (p,)."""
+        return self.there(_step, u, y)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what it has under a name; a method as what calls it."""
+        kind, found = ("", None) if name.startswith("_") else self.there(_attribute, name)
+        if not kind:
+            raise AttributeError(name)
+        if name in {"names", "output"}:  # which do not change
+            setattr(self, name, found)
+        return partial(self.there, _call, name) if kind == "method" else found
+
+
+def class_away(name: str) -> Away:
+    """Return the class of ``path/file.py:Class`` or ``package.module:Class``, in its process.
+
+    Raises
+    ------
+    EstimatorError
+        If there is none, or it cannot be made like an estimator.
+    """
+    module, _, attribute = name.rpartition(":")
+    if module.endswith(".py"):
+        if not (file := Path(module).resolve()).is_file():
+            raise no_file(Path(module))
+        remember(file, *imported_neighbours(file))
+        module = str(file)
+    found = Away(module, name, (module, name, attribute))
+    origin, found.__signature__ = found.there(_looked_at, module, name)
+    if origin and not module.endswith(".py"):
+        remember(Path(origin))
+    return found
+
+
+def there(function: Call, estimator: Any, *args: Any) -> Any:
+    """Return what a function gives of an estimator, called where the estimator is."""
+    away = isinstance(estimator, Away)
+    return estimator.there(function, *args) if away else function(estimator, *args)
+
+
+# The other end, in the process of the code.
+
+_KNOWN = sys.stdlib_module_names | {"flexaxis", "numpy"}
+_kept = OrderedDict[int, Any]()
+
+
+def _begin(_: int) -> None:
+    """Make this process that of a user's code; what is imported here is no part of its time."""
+    from flexaxis.experiments.building import estimator_text  # noqa: F401
+
+    os.dup2(2, 1)
+    guest.stay()
+
+
+def _answer(asked: tuple[guest.Told, float, What, Call, Any]) -> bytes:
+    """Return what a function gives of a class or an estimator, as error, value and time [s]."""
+    told, limit, what, function, args = asked
+    start = time.thread_time()
+    try:
+        with guest.limited(limit), guest.again(told):
+            value = function(_found(what), *args)
+        return _packed((None, value, time.thread_time() - start))
+    except BaseException as error:
+        own = isinstance(error, EstimatorError) and type(error).__module__.startswith("flexaxis.")
+        found = error if own else EstimatorError(described(error))
+        found.add_note("".join(traceback.format_exception(error)))
+        guest.complete(found, outside=not is_its_own(error))
+        return _packed((found, None, 0.0))
+
+
+def _found(what: What) -> Any:
+    if not isinstance(what, int):
+        return class_of(*what)
+    _kept.move_to_end(what)
+    return _kept[what]
+
+
+class _Pickler(pickle.Pickler):
+    def reducer_override(self, found: Any) -> Any:
+        """Send what only this process knows as its values."""
+        if getattr(found, "__module__", "builtins").partition(".")[0] in _KNOWN:
+            return NotImplemented
+        values = {name: getattr(found, name, None) for name in dir(found) if name[0] != "_"}
+        return _namespace, ({name: each for name, each in values.items() if not callable(each)},)
+
+
+def _namespace(values: dict[str, Any]) -> SimpleNamespace:
+    return SimpleNamespace(**values)
+
+
+def _packed(content: Any) -> bytes:
+    file = io.BytesIO()
+    _Pickler(file).dump(content)
+    return file.getvalue()
+
+
+def _looked_at(found: Call, module: str, name: str) -> tuple[str | None, inspect.Signature]:
+    """Return the file of the module of a class, and how the class is made."""
+    keywords(found, name)
+    known = [p.replace(annotation=p.empty) for p in inspect.signature(found).parameters.values()]
+    return getattr(sys.modules.get(module), "__file__", None), inspect.Signature(known)
+
+
+def _keep(found: Call, number: int, maker: Call, text: str, options: Any, *args: Any) -> None:
+    """Keep under a number what is made of a class and its options."""
+    from flexaxis.experiments.building.estimator_text import Spec
+
+    _kept[number] = maker(Spec(text, found, options), *args)
+    if len(_kept) > KEPT:
+        _kept.popitem(last=False)
+    threadpool_limits(1)  # wherever it is run, to the last bit the same
+
+
+def _step(estimator: Any, u: float, y: float | None) -> Any:
+    """Return θ[k] of a step as numbers."""
+    return theta_of(estimator.step(u, y), estimator.names, estimator).tolist()
+
+
+def _attribute(found: Any, name: str) -> tuple[str, Any]:
+    """Return what there is under a name: a value or a method, which stays here, or nothing."""
+    try:
+        value = getattr(found, name)
+    except AttributeError:
+        return "", None
+    return ("method", None) if callable(value) else ("value", value)
+
+
+def _call(found: Any, name: str, *args: Any) -> Any:
+    """Call a method."""
+    return getattr(found, name)(*args)
