@@ -28,7 +28,7 @@ from threadpoolctl import threadpool_limits
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import theta_of
 from flexaxis.experiments.building import guest
-from flexaxis.experiments.building.code import imported_neighbours, remember
+from flexaxis.experiments.building.code import remember
 from flexaxis.experiments.building.crashes import EstimatorCrash, described, is_its_own
 from flexaxis.experiments.building.imports import class_of, no_file
 from flexaxis.experiments.building.offer import keywords
@@ -46,6 +46,7 @@ class Died(EstimatorCrash):
     """The process of a user's code has ended: by what it does, or by the system."""
 
 
+_DIED = "its process died: its code ended it, memory ran out, or it was killed"
 _running = OrderedDict[tuple[str, str, int], Workers]()
 _numbers = count()
 
@@ -72,6 +73,7 @@ class Away:
         self._module, self.text, self._what, self.spent = module, text, what, 0.0
         key = module, os.getcwd(), os.getpid()
         if key not in _running:
+            remember(text)
             workers = Workers(1)
             workers.submit(_begin, 0).result()
             _running[key] = workers
@@ -90,21 +92,20 @@ class Away:
         Died
             If the process ends.
         """
-        told = guest.asked(self.text, doing)
-        left = max(told.until - time.monotonic(), 0.0) + GRACE
+        told, left = guest.asked(self.text, doing)
         asked = told, guest.time_limit(), self._what, function, args
         try:
-            answer = self._workers.submit(_answer, asked).result(left)
+            answer = self._workers.submit(_answer, asked).result(left + GRACE)
         except BaseException as error:
             self._workers.end(killed=True)
             for key in [key for key, each in _running.items() if each is self._workers]:
                 del _running[key]
-            if isinstance(error, TimeoutError):
-                raise guest.ended(told, EstimatorCrash, f"TimeoutError: {guest.no_end()}") from None
-            if isinstance(error, BrokenExecutor):
-                why = "its process died: its code ended it, memory ran out, or it was killed"
-                raise guest.ended(told, Died, why) from None
-            raise
+            if not isinstance(error, TimeoutError | BrokenExecutor):
+                raise
+            late = isinstance(error, TimeoutError)
+            why = f"TimeoutError: {guest.no_end()}" if late else _DIED
+            crashed = (EstimatorCrash if late else Died)(f"{told.text} crashed {told.doing}: {why}")
+            raise guest.complete(crashed) from None
         raised, value, seconds = pickle.loads(answer)
         if raised is not None:
             raise raised
@@ -142,14 +143,11 @@ def class_away(name: str) -> Away:
     """
     module, _, attribute = name.rpartition(":")
     if module.endswith(".py"):
-        if not (file := Path(module).resolve()).is_file():
+        if not Path(module).is_file():
             raise no_file(Path(module))
-        remember(file, *imported_neighbours(file))
-        module = str(file)
+        module = str(Path(module).resolve())
     found = Away(module, name, (module, name, attribute))
-    origin, found.__signature__ = found.there(_looked_at, module, name)
-    if origin and not module.endswith(".py"):
-        remember(Path(origin))
+    found.__signature__ = found.there(_signature, name)
     return found
 
 
@@ -178,15 +176,14 @@ def _answer(asked: tuple[guest.Told, float, What, Call, Any]) -> bytes:
     told, limit, what, function, args = asked
     start = time.thread_time()
     try:
-        with guest.limited(limit), guest.again(told):
+        with guest.limited(limit), guest.hosted(**told._asdict()):
             value = function(_found(what), *args)
         return _packed((None, value, time.thread_time() - start))
     except BaseException as error:
         own = isinstance(error, EstimatorError) and type(error).__module__.startswith("flexaxis.")
         found = error if own else EstimatorError(described(error))
         found.add_note("".join(traceback.format_exception(error)))
-        guest.complete(found, outside=not is_its_own(error))
-        return _packed((found, None, 0.0))
+        return _packed((guest.complete(found, outside=not is_its_own(error)), None, 0.0))
 
 
 def _found(what: What) -> Any:
@@ -215,11 +212,11 @@ def _packed(content: Any) -> bytes:
     return file.getvalue()
 
 
-def _looked_at(found: Call, module: str, name: str) -> tuple[str | None, inspect.Signature]:
-    """Return the file of the module of a class, and how the class is made."""
+def _signature(found: Call, name: str) -> inspect.Signature:
+    """Return how a class is made."""
     keywords(found, name)
-    known = [p.replace(annotation=p.empty) for p in inspect.signature(found).parameters.values()]
-    return getattr(sys.modules.get(module), "__file__", None), inspect.Signature(known)
+    known = inspect.signature(found).parameters.values()
+    return inspect.Signature([p.replace(annotation=p.empty) for p in known])
 
 
 def _keep(found: Call, number: int, maker: Call, text: str, options: Any, *args: Any) -> None:

@@ -147,11 +147,11 @@ def code_file(text: str) -> str:
 _imported: dict[Path, bytes] = {}
 
 
-def remember(file: Path, *besides: Path) -> None:
-    """Keep what a file holds that is imported now, and files that go with it, if they are new."""
-    for each in (file, *besides):
-        if each.is_file() and (each == file or each not in _imported):
-            _imported[each] = each.read_bytes()
+def remember(estimator: str) -> None:
+    """Keep what the files hold that an estimator names, and that are imported now."""
+    for file in _named(estimator):
+        if file.is_file():
+            _imported[file.resolve()] = file.read_bytes()
 
 
 def content_of(file: Path) -> bytes:

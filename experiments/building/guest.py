@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 from contextvars import ContextVar
 from numbers import Real
 from types import FrameType
@@ -23,7 +23,7 @@ from typing import NamedTuple
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import StepError
 from flexaxis.experiments.building.code import given, is_given, names_code, piped
-from flexaxis.experiments.building.crashes import EstimatorCrash, crash
+from flexaxis.experiments.building.crashes import crash
 
 LIMIT = 600.0
 """s for one run of a user's estimator, or for making one: far more than a benchmark is for."""
@@ -39,17 +39,16 @@ class Remark(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What a user's code is doing, as `hosted` takes it, and until when, by `time.monotonic`."""
+    """What a user's code is doing, as `hosted` takes it."""
 
     text: str
     doing: str
-    until: float
     first: int = 0
     period: float | None = None
     refusing: bool = False
 
 
-_now: ContextVar[Told | None] = ContextVar("now", default=None)
+_now: ContextVar[tuple[Told, float] | None] = ContextVar("now", default=None)
 _at_home: list[bool] = []  # whether this process is that of a user's code
 
 
@@ -68,17 +67,16 @@ def is_away(text: str) -> bool:
     return not current_process().daemon  # which may start no other, such as one of Dask
 
 
-def told(text: str, doing: str, first: int = 0, period: float | None = None,
-         refusing: bool = False) -> Told:  # fmt: skip
-    """Return what is said of code, which has the time that is left to what it is a part of."""
+def asked(text: str, doing: str) -> tuple[Told, float]:
+    """Return what is going on and the time that is left to it [s]; else what is about to."""
+    told, until = _now.get() or (Told(text, doing, refusing=True), _until())
+    return told, max(until - time.monotonic(), 0.0)
+
+
+def _until() -> float:
+    """Return when code that begins now is to end: with what it is a part of."""
     outer = _now.get()
-    until = outer.until if outer else time.monotonic() + time_limit()
-    return Told(text, doing, until, first, period, refusing)
-
-
-def asked(text: str, doing: str) -> Told:
-    """Return what is going on, else what is about to, in which code may refuse."""
-    return _now.get() or told(text, doing, refusing=True)
+    return outer[1] if outer else time.monotonic() + time_limit()
 
 
 _remarks: ContextVar[list[Remark] | None] = ContextVar("remarks", default=None)
@@ -173,7 +171,7 @@ def hosted(
         For whatever it raises, and where it takes longer than `time_limit`.
     """
     here = is_guest(text) and not is_away(text) if guest is None else guest
-    token = _now.set(told(text, doing, first, period, refusing))
+    token = _now.set((Told(text, doing, first, period, refusing), _until()))
     try:
         if here:
             with redirect_stdout(sys.stderr), _timed(time_limit()):
@@ -194,22 +192,10 @@ def hosted(
         _now.reset(token)
 
 
-def complete(error: BaseException, *, outside: bool = False) -> None:
-    """Mark an error that says it all already; `outside` where it is not the estimator's own."""
+def complete(error: EstimatorError, *, outside: bool = False) -> EstimatorError:
+    """Return an error that says it all already; `outside` where it is not the estimator's own."""
     error.__dict__["outside"] = outside
-
-
-def ended(told: Told, kind: type[EstimatorCrash], why: str) -> EstimatorCrash:
-    """Return the error for code that was ended."""
-    error = kind(f"{told.text} crashed {told.doing}: {why}")
-    complete(error)
     return error
-
-
-def again(told: Told) -> AbstractContextManager[None]:
-    """Return what hosts code here that was hosted elsewhere."""
-    text, doing, _, first, period, refusing = told
-    return hosted(text, doing, first=first, period=period, refusing=refusing)
 
 
 def no_end() -> str:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.code import imported_neighbours, remember
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.sim.errors import did_you_mean
 
@@ -34,9 +33,7 @@ def module_of(name: str) -> Any:
         If there is none, or it cannot be imported.
     """
     if not name.endswith(".py"):
-        return imported(name, lambda: _by_name(name))
-    if not Path(name).is_file():
-        raise no_file(Path(name))
+        return imported(name, lambda: importlib.import_module(name))
     return imported(name, lambda: _file(Path(name).resolve()))
 
 
@@ -68,17 +65,8 @@ def imported(name: str, load: Callable[[], Any]) -> Any:
         raise EstimatorError(f"{name} cannot be imported: {told}{_hidden(name, cause)}") from error
 
 
-def _by_name(name: str) -> Any:
-    new = name not in sys.modules
-    module = importlib.import_module(name)
-    if new and module.__file__:
-        remember(Path(module.__file__).resolve())
-    return module
-
-
 @lru_cache
 def _file(path: Path) -> Any:
-    remember(path, *imported_neighbours(path))
     if str(path.parent) not in sys.path:  # at its end: no neighbour takes the place of a library
         sys.path.append(str(path.parent))
     name = f"_flexaxis_file_{sha256(str(path).encode()).hexdigest()[:12]}_{path.stem}"

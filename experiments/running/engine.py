@@ -134,9 +134,13 @@ class Means:
                 yield unit
 
         jobs = self.jobs if self.jobs > 1 else 0
-        where: dict[str, Any] = {"jobs": jobs, "executor": self.executor}
-        where |= {"in_flight": self.in_flight, "workers": self.workers if jobs else None}
-        with closing(spread(units(), work, **where)) as outcomes:
+        own = self.workers if jobs else None
+        with closing(
+            spread(
+                units(), work, jobs=jobs, executor=self.executor, in_flight=self.in_flight,
+                workers=own,
+            )
+        ) as outcomes:  # fmt: skip
             for outcome in outcomes:
                 found += outcome.cases
                 missing += outcome.missing
