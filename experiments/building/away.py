@@ -21,7 +21,7 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 from threadpoolctl import threadpool_limits
 
@@ -34,7 +34,7 @@ from flexaxis.experiments.building.imports import class_of, no_file
 from flexaxis.experiments.building.offer import keywords
 from flexaxis.experiments.building.processes import Workers
 
-GRACE = 1.0  # s after its limit, in which code may still be told where it is
+GRACE = 5.0  # s after its limit, in which code may still be told where it is
 MOST = 8  # processes that are kept for what is asked next
 Call = Callable[..., Any]
 KEPT = 64  # estimators, the last that were asked for
@@ -179,11 +179,12 @@ def _answer(asked: tuple[guest.Told, float, What, Call, Any]) -> bytes:
         with guest.limited(limit), guest.hosted(**told._asdict()):
             value = function(_found(what), *args)
         return _packed((None, value, time.thread_time() - start))
-    except BaseException as error:
-        own = isinstance(error, EstimatorError) and type(error).__module__.startswith("flexaxis.")
-        found = error if own else EstimatorError(described(error))
-        found.add_note("".join(traceback.format_exception(error)))
-        return _packed((guest.complete(found, outside=not is_its_own(error)), None, 0.0))
+    except BaseException as raised:
+        ours = type(raised).__module__.startswith("flexaxis.")
+        known = ours and isinstance(raised, EstimatorError)
+        error = cast(EstimatorError, raised) if known else EstimatorError(described(raised))
+        error.add_note("".join(traceback.format_exception(raised)))
+        return _packed((guest.complete(error, outside=not is_its_own(raised)), None, 0.0))
 
 
 def _found(what: What) -> Any:

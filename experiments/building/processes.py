@@ -24,6 +24,7 @@ from multiprocessing.connection import wait as wait_for
 from multiprocessing.util import Finalize
 from types import ModuleType
 from typing import Any, Self, TypeVar
+from weakref import WeakSet
 
 import numpy as np
 
@@ -80,6 +81,7 @@ class Workers:
         with held_back(), safe_path(), _without_main():  # its locks have a process of their own
             if self._pool is None:
                 self._pool, self._stop = _started(self._jobs)
+                _open.add(self)
             future: Future[Result] = self._pool.submit(work, task)
             return future
 
@@ -98,6 +100,15 @@ class Workers:
                     os.killpg(process.pid, signal.SIGKILL)
             process.kill()
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+_open = WeakSet[Workers]()
+
+
+def _end_own() -> None:
+    """End what a worker has started itself; it would be waited for, and waits for work."""
+    for workers in [*_open]:
+        workers.end(killed=True)
 
 
 def _started(jobs: int) -> tuple[Executor, Any]:
@@ -130,6 +141,7 @@ def _start_worker(stop: Any) -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    Finalize(None, _end_own, exitpriority=0)
     Finalize(None, _wait_for_no_thread, exitpriority=-1)  # after what others do at their end
 
 
@@ -178,8 +190,8 @@ def spread(
     Raises
     ------
     NotRun
-        If the process of a task dies, and again where it is run alone: a process that dies takes
-        all that were at work with it, which are run again one by one.
+        If the process of a task dies twice where it is run alone: a process that dies takes all
+        that were at work with it, which are run again one by one.
     StudyError
         If a task fails elsewhere: names the task.
     KeyboardInterrupt
@@ -247,14 +259,16 @@ def _alone(
     with Workers(1) as worker:
         asked.stop = worker.ask
         for task in tasks:
-            if asked.asked:
-                return
-            try:
-                yield from _landed(partial(worker.submit, work), iter([task]), 1, asked, {})
-            except BrokenExecutor:
-                worker.end(killed=True)
-                why = "its process died twice: memory ran out, or it was killed"
-                raise NotRun(f"{task}: {why}") from None
+            for _ in range(2):
+                if asked.asked:
+                    return
+                try:
+                    yield from _landed(partial(worker.submit, work), iter([task]), 1, asked, {})
+                    break
+                except BrokenExecutor:
+                    worker.end(killed=True)
+            else:
+                raise NotRun(f"{task}: its process died twice: memory ran out, or it was killed")
 
 
 def _landed(

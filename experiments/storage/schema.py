@@ -99,7 +99,8 @@ def _fits(value: Any, kind: Kind, name: str) -> bool:
         return isinstance(value, str)
     if kind == "truth":
         return isinstance(value, bool)
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    large = isinstance(value, int) and abs(value) >> 63  # more than SQLite holds
+    if isinstance(value, bool) or not isinstance(value, int | float) or large:
         return False
     return math.isfinite(value) if kind == "number" else isinstance(value, int) and value >= 0
 

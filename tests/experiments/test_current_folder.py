@@ -133,6 +133,7 @@ def test_threads_that_overlap_leave_nothing_set(monkeypatch, given):
 STARTERS = {
     "experiments/board/protocol.py": "starts none: a pipe to the process of a case",
     "experiments/board/sandbox.py": "the process of a case isolated, -I",
+    "experiments/building/guest.py": "starts none: asks whether it might",
     "experiments/building/pipe.py": "programs of a user, with their own variables",
     "experiments/logs/reading/mat_file.py": "reads MAT files, -P",
     "experiments/building/processes.py": "workers, in safe_path",

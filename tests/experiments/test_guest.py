@@ -342,7 +342,9 @@ def test_what_the_system_kills_is_run_again(capsys):
 
 
 def test_what_hears_no_signal_is_stopped_too(capsys):
+    began = time.monotonic()
     status, _, err = ran(capsys, "Sleeps", "--time-limit", "0.5")
+    assert time.monotonic() - began < 200
     assert status == CRASH and "no end within 0.5 s" in err
 
 
@@ -358,6 +360,17 @@ def test_what_it_changes_stays_with_it(capsys, tmp_path):
     assert status == 0, err
     assert Path.cwd() == tmp_path and (sys.getrecursionlimit(), np.geterr()) == before
     assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_script_without_a_guard_may_use_workers_that_use_it():
+    """No process runs the script again, and none waits for what it has started itself."""
+    lines = ["import flexaxis as fx", 'own = "guests.py:Base"',
+             'found = fx.benchmark(own, scenarios="short.toml", seeds=2, jobs=2)',
+             "print(len(found.rows))"]  # fmt: skip
+    Path("script.py").write_text("\n".join(lines))
+    done = subprocess.run([sys.executable, "script.py"], check=True, timeout=200,
+                          capture_output=True, text=True)  # fmt: skip
+    assert done.stdout.split() == ["2"]
 
 
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
