@@ -342,9 +342,7 @@ def test_what_the_system_kills_is_run_again(capsys):
 
 
 def test_what_hears_no_signal_is_stopped_too(capsys):
-    began = time.monotonic()
     status, _, err = ran(capsys, "Sleeps", "--time-limit", "0.5")
-    assert time.monotonic() - began < 200
     assert status == CRASH and "no end within 0.5 s" in err
 
 
