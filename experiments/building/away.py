@@ -17,6 +17,7 @@ import traceback
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor
+from contextlib import nullcontext
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -34,7 +35,7 @@ from flexaxis.experiments.building.imports import class_of, no_file
 from flexaxis.experiments.building.offer import keywords
 from flexaxis.experiments.building.processes import Workers
 
-GRACE = 5.0  # s after its limit, in which code may still be told where it is
+GRACE = 60.0  # s after its limit, in which it is told where it is, on a busy machine, too
 MOST = 8  # processes that are kept for what is asked next
 Call = Callable[..., Any]
 KEPT = 64  # estimators, the last that were asked for
@@ -176,7 +177,8 @@ def _answer(asked: tuple[guest.Told, float, What, Call, Any]) -> bytes:
     told, limit, what, function, args = asked
     start = time.thread_time()
     try:
-        with guest.limited(limit), guest.hosted(**told._asdict()):
+        host = nullcontext() if function is _keep else guest.hosted(**told._asdict())
+        with guest.limited(limit), host:  # what is kept is hosted where it is made
             value = function(_found(what), *args)
         return _packed((None, value, time.thread_time() - start))
     except BaseException as raised:

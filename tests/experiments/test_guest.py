@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building import away
 from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.building.guest import hosted, limited
 from flexaxis.experiments.cli import CRASH, FINDING, main
@@ -341,7 +342,8 @@ def test_what_the_system_kills_is_run_again(capsys):
     assert status == 0 and Path("killed").exists(), err
 
 
-def test_what_hears_no_signal_is_stopped_too(capsys):
+def test_what_hears_no_signal_is_stopped_too(capsys, monkeypatch):
+    monkeypatch.setattr(away, "GRACE", 10.0)
     status, _, err = ran(capsys, "Sleeps", "--time-limit", "0.5")
     assert status == CRASH and "no end within 0.5 s" in err
 

@@ -59,7 +59,7 @@ def usual():
 
 
 def test_the_case_under_ctrl_c_is_done_and_no_other_is_begun(short, tmp_path, usual):
-    press = "if Mine.runs == 2: signal.raise_signal(signal.SIGINT)"
+    press = "if Mine.runs == 2: os.kill(os.getppid(), signal.SIGINT)"
     work = unit(short, code(tmp_path, press))
     every, found = run_unit(unit(short, code(tmp_path / "b", "pass"))), []
     with pytest.raises(KeyboardInterrupt):
@@ -115,14 +115,14 @@ def test_one_killer_among_many_loses_one(short, tmp_path, jobs):
     """Also in one process, and whatever runs beside it."""
     killer = code(tmp_path, f"if abs(u - {torque(short, 1007)!r}) < 1e-12: {KILLED}")
     study = Study("s", (short,), (killer, "frozen"), tuple(range(1000, 1020)))
-    finished = run_study(study, tmp_path / "out", Means(jobs=jobs, apart=True), run_code=True)
+    finished = run_study(study, tmp_path / "out", Means(jobs=jobs), run_code=True)
     assert (finished.cases, finished.failed) == (40, 1)
     failed = {(r["seed"], r["estimator"]): r["error"] for r in lines_of(tmp_path / "out")
               if r["error"]}  # fmt: skip
     assert [*failed] == [(1007, killer)]
     assert "its process died" in failed[1007, killer] and "seed 1007" in failed[1007, killer]
     alone = Study("s", (short,), (killer, "frozen"), (1006,))
-    run_study(alone, tmp_path / "alone", Means(apart=True), run_code=True)
+    run_study(alone, tmp_path / "alone", Means(), run_code=True)
     both = [scores_of(tmp_path / name) for name in ("out", "alone")]
     assert {k: v for k, v in both[0].items() if k[3] == 1006} == both[1]
 
@@ -138,7 +138,7 @@ def test_a_death_that_does_not_come_again_is_no_failure(short, tmp_path):
     mark = str(tmp_path / "mark")
     once = f"if not os.path.exists({mark!r}): open({mark!r}, 'w').close(); {KILLED}"
     study = Study("s", (short,), (code(tmp_path, once),), (0, 1, 2))
-    finished = run_study(study, tmp_path / "out", Means(apart=True), run_code=True)
+    finished = run_study(study, tmp_path / "out", Means(), run_code=True)
     assert (finished.cases, finished.failed) == (3, 0) and (tmp_path / "mark").exists()
 
 
