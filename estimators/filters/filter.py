@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import begin_anew
+from flexaxis.estimators.models.compiler import Compiled
 from flexaxis.estimators.signals import check_sample, check_signals
 
 Array = NDArray[np.float64]
@@ -149,7 +150,7 @@ class CompiledFilter(RecursiveEstimator):
 
     Parameters
     ----------
-    loop : callable
+    loop : Compiled
         ``loop(tuning, state, u, y, valid, estimates, trace)`` takes samples, from ``state`` and
         back into it, and writes η (N, p), and ŷ, innovation and its variance (N, 3).
     tuning, start
@@ -181,7 +182,7 @@ class CompiledFilter(RecursiveEstimator):
 
     def __init__(
         self,
-        loop: Callable[..., Any],
+        loop: Compiled,
         tuning: Any,
         start: Any,
         design: Design,
@@ -193,16 +194,9 @@ class CompiledFilter(RecursiveEstimator):
         self._design, self._loop, self._tuning = design, loop, tuning
         self._begin, self._read, self._restarts = start, read, restarts
         self.reset()
-        nothing = np.empty(0)  # what has to be compiled is compiled now, and not in the first step
-        loop(
-            tuning,
-            self.state,
-            nothing,
-            nothing,
-            np.empty(0, bool),
-            np.empty((0, len(self.names))),
-            np.empty((0, 3)),
-        )
+        nothing = np.empty(0)
+        samples = nothing, nothing, np.empty(0, bool), np.empty((0, len(self.names)))
+        loop.prepare(lambda: loop(tuning, self.state, *samples, np.empty((0, 3))))
 
     def _start(self) -> None:
         self.state = deepcopy(self._begin)

@@ -116,7 +116,7 @@ class Glr(RecursiveEstimator):
         self._plain = Kit(design, jumps, timing, values, dict(fixable), at, records, loop, angle)
         self._rich, self._geared = richer._plain if richer else None, geared
         self.reset()
-        self.run(np.zeros(1), np.zeros(1))  # what has to be compiled is compiled now
+        loop.prepare(lambda: self.run(np.zeros(1), np.zeros(1)))  # now, not in the first step
         self.reset()
 
     def _start(self) -> None:

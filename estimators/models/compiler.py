@@ -16,6 +16,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import cached_property, lru_cache, update_wrapper, wraps
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -79,6 +80,14 @@ class Compiled:
         assert callable(self.function)
         return self.function.__qualname__
 
+    def prepare(self, call: Callable[[], object]) -> None:
+        """Compile it by a call of it, unless whoever is about it `gathers` what is to be."""
+        found = gathered()
+        if found is None or self._called or _is_done(self._loaded[1]):
+            call()
+        else:
+            found.add(self.rendered.name)
+
     @cached_property
     def rendered(self) -> Rendered:
         """Its source, under a name that no other function has."""
@@ -107,6 +116,25 @@ def inlined(function: Callable) -> Compiled:
 def fused(function: Callable) -> Compiled:
     """Compile a function as `inlined` does, where a·b + c may be rounded once."""
     return Compiled(function, inline=True, fused=True)
+
+
+_gathered: ContextVar[set[str] | None] = ContextVar("gathered", default=None)
+
+
+def gathered() -> set[str] | None:
+    """Return the names that are gathered so far, None where nobody gathers them."""
+    return _gathered.get()
+
+
+@contextmanager
+def gathers() -> Iterator[set[str]]:
+    """Give the names of what filters that are made inside have to compile, and do not yet."""
+    names: set[str] = set()
+    token = _gathered.set(names)
+    try:
+        yield names
+    finally:
+        _gathered.reset(token)
 
 
 def remembered(factory: Callable[..., Compiled]) -> Callable[..., Compiled]:
@@ -221,6 +249,14 @@ def _unkept(name: str, text: str) -> ModuleType:
     return module
 
 
+DONE = ".compiled"
+"""Ends the name of the empty file beside a module that says that it is compiled."""
+
+
+def _is_done(path: Path | None) -> bool:
+    return path is not None and path.with_suffix(DONE).exists()
+
+
 @contextmanager
 def _first_call(path: Path | None, label: str) -> Iterator[None]:
     """
@@ -234,10 +270,10 @@ def _first_call(path: Path | None, label: str) -> Iterator[None]:
         What it is.
     """
     with _claimed(path, label):
-        done = path and path.with_suffix(".compiled")
-        if done and done.exists():
+        if _is_done(path):
             yield
             return
+        done = path and path.with_suffix(DONE)
         where = f"once, into {done.parent}" if done else "as no cache folder can be written"
         print(f"flexaxis: compiling {label} {where} …", file=sys.stderr, flush=True)
         with _all_for_speed():

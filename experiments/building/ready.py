@@ -11,6 +11,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from functools import cache, partial
 from hashlib import sha256
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.compiler import gathered, gathers
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.estimator_text import Spec, build, check_fits, made, parse
@@ -31,7 +33,7 @@ class _Kept(threading.local):
     """The estimators of a thread, the least recently used first."""
 
     def __init__(self) -> None:
-        self.estimators = OrderedDict[str, Any]()
+        self.estimators = OrderedDict[str, tuple[Any, set[str]]]()
 
 
 _kept = _Kept()
@@ -56,17 +58,44 @@ def ready(spec: Spec, scenario: Scenario) -> Estimator:
         offer.period,
     ]
     key = sha256(repr(content).encode()).hexdigest()
-    estimator = known.pop(key, None)
-    if estimator is None:
-        estimator = made(spec, dict(offer.nominal), offer.period, offered)
+    wanted, (estimator, lacks) = gathered(), known.pop(key, (None, set()))
+    if estimator is None or (lacks and wanted is None):
+        with nullcontext(set()) if wanted is None else gathers() as lacks:
+            estimator = made(spec, dict(offer.nominal), offer.period, offered)
     else:
         estimator.reset()
+    if wanted is not None:
+        wanted |= lacks
     if hasattr(estimator, "reset"):
-        known[key] = estimator
+        known[key] = estimator, lacks
         while len(known) > KEPT:
             known.popitem(last=False)
     check_fits(spec.text, estimator.names, estimator.output, scenario)
     return estimator
+
+
+class Uncompiled:
+    """Which of the estimators that are tried compile something when they are made for good.
+
+    What several have in common is compiled with the first of them.
+    """
+
+    def __init__(self) -> None:
+        self.found: list[tuple[str, Scenario]] = []
+        self._names: set[str] = set()
+
+    def try_out(self, text: str, scenario: Scenario) -> None:
+        """Make an estimator, but for what it compiles; errors as from `ready`."""
+        with gathers() as names:
+            ready(parse(text), scenario)
+        if names - self._names:
+            self.found.append((text, scenario))
+            self._names |= names
+
+
+def compile_for(task: tuple[str, Scenario]) -> None:
+    """Compile what an estimator needs on a scenario."""
+    build(parse(task[0]), task[1])
 
 
 def _content(value: Any) -> Any:
@@ -99,7 +128,8 @@ def readable(
     for scenario in scenarios:
         for spec in specs:
             try:
-                ready(spec, scenario)
+                with gathers():
+                    ready(spec, scenario)
             except Misfit as error:
                 left.setdefault(scenario.name, str(error))
             except EstimatorError:  # of another kind: told where it is to be run

@@ -14,7 +14,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import estimator_text as specs
 from flexaxis.experiments.building.code import digest, names_code
 from flexaxis.experiments.building.crashes import EstimatorCrash
-from flexaxis.experiments.building.ready import ready
+from flexaxis.experiments.building.ready import Uncompiled
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.study import (
     EstimatorSetting,
@@ -59,12 +59,15 @@ class Plan:
         Number of this share, from 1, and of all shares.
     repeat : int
         As in `Unit`.
+    uncompiled : sequence of (text, Scenario)
+        Estimators that have something to compile first.
     """
 
     study: Study
     groups: tuple[tuple[Variant, ...], ...]
     shard: tuple[int, int] = (1, 1)
     repeat: int = 0
+    uncompiled: Sequence[tuple[str, Scenario]] = ()
 
     @property
     def variants(self) -> tuple[Variant, ...]:
@@ -159,7 +162,7 @@ def make_plan(
     """
     _check_size(study)
     groups: dict[str, dict[str, Variant]] = {}
-    problems = _Problems(study)
+    problems, uncompiled = _Problems(study), Uncompiled()
     entries = _entries(study, problems, run_code)
     common = study.streams == "common"
     for base in study.scenarios:
@@ -177,9 +180,10 @@ def make_plan(
             known = group.get(scenario.hash, new)
             all_of_it = {entry.text: entry for entry in known.entries} | texts
             group[scenario.hash] = replace(known, entries=tuple(all_of_it.values()))
-        _try_estimators(base, entries, problems, run_code)
+        _try_estimators(base, entries, problems, run_code, uncompiled)
     problems.tell()
-    return Plan(study, tuple(tuple(group.values()) for group in groups.values()), shard, repeat)
+    made = tuple(tuple(group.values()) for group in groups.values())
+    return Plan(study, made, shard, repeat, uncompiled.found)
 
 
 def _check_size(study: Study) -> None:
@@ -262,12 +266,13 @@ def _try_estimators(
     entries: Mapping[str, Mapping[str, EstimatorSetting]],
     problems: _Problems,
     run_code: bool,
+    uncompiled: Uncompiled,
 ) -> None:
     for text, entry in {t: e for texts in entries.values() for t, e in texts.items()}.items():
         if names_code(text) and not run_code:
             continue
         try:
-            ready(specs.parse(text), base)
+            uncompiled.try_out(text, base)
         except EstimatorError as error:
             problems.add(error, in_words(entry.axes))
 

@@ -92,6 +92,20 @@ def forgotten(folder):
         sys.modules.pop(path.stem, None)
 
 
+def test_what_is_to_be_compiled_is_gathered_until_somebody_has(folder):
+    made = doubled()
+    with compiler.gathers() as names:
+        made.prepare(lambda: pytest.fail("called"))
+    assert names == {made.rendered.name}
+    made.prepare(lambda: made(2.0))
+    calls = []
+    for known in (made, doubled()):  # in this process, and by its file
+        with compiler.gathers() as names:
+            known.prepare(lambda: calls.append(1))
+        assert not names
+    assert len(calls) == 2
+
+
 def test_a_broken_cache_stops_nobody(folder, capsys):
     made = doubled()
     assert made(3.0) == 6.0

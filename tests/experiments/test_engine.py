@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import pytest
 
@@ -18,6 +19,7 @@ from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.processes import Workers
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results.results import Results
+from flexaxis.experiments.running import engine
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.merge import merge
@@ -199,6 +201,22 @@ def test_a_merge_adds_and_is_whole_or_not_at_all(short_toml, tmp_path, monkeypat
 
 
 # ------------------------------------------------------------------ the bench
+
+
+def test_what_is_not_compiled_yet_is_so_before_all_wait_for_it(short, monkeypatch):
+    plan = replace(make_plan(Study("one", (short,), ("frozen",), (0,))), uncompiled=["a", "b"])
+    began = []
+
+    def spread(tasks, work, **how):
+        began.append((work.__name__ if hasattr(work, "__name__") else "run", list(tasks)))
+        yield Outcome(cases=1)
+
+    monkeypatch.setattr(engine, "spread", spread)
+    for jobs, first in ((2, [("compile_for", ["a", "b"])]), (1, [])):
+        list(Means(jobs=jobs).outcomes(plan))
+        assert [began.pop(0) for _ in first] == first
+        assert [name for name, _ in began] == ["run"]
+        began.clear()
 
 
 def test_a_bench_runs_nothing_twice_and_remembers(short, tmp_path):
