@@ -154,7 +154,7 @@ def test_what_has_to_be_compiled_is_so_where_it_is_made_for_good(records, monkey
     monkeypatch.setattr(ready_, "made", making)
     monkeypatch.setattr(ready_, "_kept", ready_._Kept())
     tried = Uncompiled()
-    for text in ("frozen", "oracle-reset", "frozen"):
+    for text in ("frozen", "literal-rpem", "frozen"):
         tried.try_out(text, scenario)
     assert tried.found == [("frozen", scenario)]  # the others need what it needs
     assert not loop.calls
