@@ -82,7 +82,7 @@ class Compiled:
 
     def prepare(self, call: Callable[[], object]) -> None:
         """Compile it by a call of it, unless whoever is about it `gathers` what is to be."""
-        found = gathered()
+        found = GATHERED.get()
         if found is None or self._called or _is_done(self._loaded[1]):
             call()
         else:
@@ -118,23 +118,19 @@ def fused(function: Callable) -> Compiled:
     return Compiled(function, inline=True, fused=True)
 
 
-_gathered: ContextVar[set[str] | None] = ContextVar("gathered", default=None)
-
-
-def gathered() -> set[str] | None:
-    """Return the names that are gathered so far, None where nobody gathers them."""
-    return _gathered.get()
+GATHERED: ContextVar[set[str] | None] = ContextVar("GATHERED", default=None)
+"""What is gathered so far; None where nobody does."""
 
 
 @contextmanager
 def gathers() -> Iterator[set[str]]:
     """Give the names of what filters that are made inside have to compile, and do not yet."""
     names: set[str] = set()
-    token = _gathered.set(names)
+    token = GATHERED.set(names)
     try:
         yield names
     finally:
-        _gathered.reset(token)
+        GATHERED.reset(token)
 
 
 def remembered(factory: Callable[..., Compiled]) -> Callable[..., Compiled]:

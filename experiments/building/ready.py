@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.compiler import gathered, gathers
+from flexaxis.estimators.models.compiler import GATHERED, gathers
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.estimator_text import Spec, build, check_fits, made, parse
@@ -58,7 +58,7 @@ def ready(spec: Spec, scenario: Scenario) -> Estimator:
         offer.period,
     ]
     key = sha256(repr(content).encode()).hexdigest()
-    wanted, (estimator, lacks) = gathered(), known.pop(key, (None, set()))
+    wanted, (estimator, lacks) = GATHERED.get(), known.pop(key, (None, set()))
     if estimator is None or (lacks and wanted is None):
         with nullcontext(set()) if wanted is None else gathers() as lacks:
             estimator = made(spec, dict(offer.nominal), offer.period, offered)
