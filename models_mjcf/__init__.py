@@ -7,11 +7,32 @@ In comes the name of a model, out go its MJCF text and the files beside it, for 
 from __future__ import annotations
 
 from difflib import get_close_matches
+from functools import cache
+from hashlib import sha256
 from importlib.resources import files
 
-MODEL_NAMES = ("three_mass",)
+DEFAULT = "three_mass"
+"""The axis of the paper, which a scenario has that names no model."""
 
-__all__ = ["MODEL_NAMES", "model_files"]
+_FOLDERS = (folder.name for folder in files(__package__).iterdir() if folder.is_dir())
+MODEL_NAMES = (DEFAULT, *sorted({n for n in _FOLDERS if n.endswith("_mass")} - {DEFAULT}))
+"""The models: a folder ``…_mass`` beside this file each."""
+
+SHIPPED = {
+    "three_mass": "568ae0456234c373",
+    "two_mass": "d8bc98029129c44a",
+    "four_mass": "15f2f33427d01713",
+}
+"""Digests of the models as they were first published: what was simulated with another is told apart
+by the hash of its scenario."""
+
+__all__ = ["DEFAULT", "MODEL_NAMES", "SHIPPED", "model_digest", "model_files"]
+
+
+@cache
+def model_digest(name: str) -> str:
+    """Return the first 16 hex digits of the SHA-256 of a model's MJCF; errors as `model_files`."""
+    return sha256(model_files(name)[0].encode()).hexdigest()[:16]
 
 
 def model_files(name: str) -> tuple[str, dict[str, bytes]]:

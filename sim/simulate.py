@@ -10,6 +10,7 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.models_mjcf import model_digest
 from flexaxis.sim.errors import ScenarioError, SimulationError
 from flexaxis.sim.plant.loop import Progress, Truth, closed_loop
 from flexaxis.sim.record import Record
@@ -160,6 +161,7 @@ def _records(  # noqa: PLR0917
     parameters = {run.hash: run.true_parameters() for run in runs}
     for shared in parameters.values():  # by all records of the batch to which it happens at once
         shared.flags.writeable = False
+    angles = [f"true_angle_{name[2:]}" for name in scenario.nominal if name[0] == "J"]
     return [
         Record(
             time=scenario.times,
@@ -168,16 +170,14 @@ def _records(  # noqa: PLR0917
             speed=speed[:, run].copy(),
             increment=increment[:, run].copy(),
             true_speed=truth.speed[:, run].copy(),
-            true_angle_m=truth.angles[:, run, 0].copy(),
-            true_angle_g=truth.angles[:, run, 1].copy(),
-            true_angle_a=truth.angles[:, run, 2].copy(),
+            **{name: truth.angles[:, run, i].copy() for i, name in enumerate(angles)},
             true_parameters=parameters[runs[run].hash],
             parameter_names=scenario.parameter_names,
             scenario=runs[run].resolved(),
             hash=scenario.hash,
             seed=seed,
             burn_in=scenario.burn_in,
-            versions=dict(versions()),
+            versions=made_with(scenario),
         )
         for run, seed in enumerate(seeds)
     ]
@@ -185,6 +185,11 @@ def _records(  # noqa: PLR0917
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions that decide about the bits of a record, by name."""
+    """Return the versions of what makes records, by name."""
     packages = ("flexaxis", "mujoco", "numpy")
     return {"python": platform.python_version()} | {name: version(name) for name in packages}
+
+
+def made_with(scenario: Scenario) -> dict[str, str]:
+    """Return what decides about the bits of a record: versions, and a digest of the MJCF."""
+    return versions() | {"mjcf": model_digest(scenario.model)}

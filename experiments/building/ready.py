@@ -52,13 +52,14 @@ def ready(spec: Spec, scenario: Scenario) -> Estimator:
         id(spec.make),
         [(name, _content(value)) for name, value in sorted(spec.options.items())],
         [(name, _content(value)) for name, value in sorted(offered.items())],
+        offer.model,
         sorted(offer.nominal.items()),
         offer.period,
     ]
     key = sha256(repr(content).encode()).hexdigest()
     estimator = known.pop(key, None)
     if estimator is None:
-        estimator = made(spec, dict(offer.nominal), offer.period, offered)
+        estimator = made(spec, offer.axis(spec.text), offer.period, offered)
     else:
         estimator.reset()
     if hasattr(estimator, "reset"):

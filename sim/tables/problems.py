@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from flexaxis.models_mjcf import DEFAULT, MODEL_NAMES
 from flexaxis.sim.errors import did_you_mean, unknown
 from flexaxis.sim.law_parameters import (
     FIXED,
@@ -21,14 +22,15 @@ from flexaxis.sim.parameters import (
     DATA_SHEET,
     DEFAULT_IDENTIFY,
     MAY_BE_ZERO,
-    PARAMETER_NAMES,
+    PARAMETER_UNITS,
+    parameter_names,
     parameter_problem,
     presets,
 )
 from flexaxis.sim.storage.reading import shown
 from flexaxis.sim.tables.config import kinds
 from flexaxis.sim.tables.excitation import Excitation
-from flexaxis.sim.tables.faults import Fault
+from flexaxis.sim.tables.faults import Fault, changeable
 from flexaxis.sim.tables.rate_problems import (
     Problem,
     as_list,
@@ -39,6 +41,11 @@ from flexaxis.sim.tables.rate_problems import (
     span_problems,
 )
 from flexaxis.sim.timing import sample_index
+
+OF_THE_GEAR = (
+    "backlash", "stiffening", "gear_friction", "load_friction", "directional_friction",
+)  # fmt: skip
+"""Tables that act on the spring of the gear, or have a bound by a model that does."""
 
 _KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}
 
@@ -67,6 +74,7 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
     """
     duration, period = as_number(content.get("duration")), checked_period(content)
     yield from rate_problems(content)
+    yield from _model_problems(content)
     yield from _parameter_problems(content)
     identify = as_list(content.get("identify", DEFAULT_IDENTIFY))
     yield from estimated_problems(identify, content)
@@ -74,7 +82,7 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
     yield from _told_problems(content, identify)
     yield from _loop_problems(content)
     for place, change in _changes(content):
-        for key, text in _change_problems(change, duration, period, law_owners(content)):
+        for key, text in _change_problems(change, duration, period, content):
             yield f"{place}.{key}", text
     excitation = content.get("excitation")
     if isinstance(excitation, Mapping):
@@ -133,7 +141,8 @@ def estimated_problems(
         What they may be besides the parameters of the axis and their inverses.
     """
     texts = [(f"{key}[{i}]", name) for i, name in enumerate(names) if isinstance(name, str)]
-    yield from _name_problems([(k, name) for k, name in texts if name not in besides])
+    known = _names(content)
+    yield from _name_problems([(k, name) for k, name in texts if name not in besides], known)
     yield from _zero_problems(texts, content.get("parameters"))
     inverses = {name for _, name in texts if name.startswith("1/")}
     for place, change in _changes(content):
@@ -187,27 +196,48 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
     return table.model_fields if isinstance(table, type) and issubclass(table, BaseModel) else ()
 
 
+def _model(content: Mapping[str, Any]) -> str:
+    """Return the model of a scenario: the usual one for a wrong one."""
+    return name if (name := content.get("model")) in MODEL_NAMES else DEFAULT
+
+
+def _names(content: Mapping[str, Any]) -> tuple[str, ...]:
+    return parameter_names(_model(content))
+
+
+def _model_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
+    name = content.get("model", DEFAULT)
+    if isinstance(name, str) and name not in MODEL_NAMES:
+        yield "model", unknown("model", name, MODEL_NAMES)
+    for table in OF_THE_GEAR if "k_g" not in _names(content) else ():
+        if content.get(table) is not None:
+            yield table, f"is of the spring of a gear, which the model {name} has not"
+
+
 def _parameter_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
     name, parameters = content.get("preset"), content.get("parameters")
-    if isinstance(name, str) and name not in presets():
-        yield "preset", unknown("preset", name, presets())
+    names, known = _names(content), presets(_model(content))
+    if isinstance(name, str) and name not in known:
+        yield "preset", unknown("preset", name, known)
     for key, value in parameters.items() if isinstance(parameters, Mapping) else ():
-        if key not in PARAMETER_NAMES:
-            yield f"parameters.{key}", unknown("parameter", key, PARAMETER_NAMES)
+        if key not in names:
+            yield f"parameters.{key}", unknown("parameter", key, names)
         elif as_number(value) is not None and (problem := parameter_problem(key, value)):
             yield f"parameters.{key}", problem
 
 
-def _name_problems(names: list[tuple[str, str]]) -> Iterator[Problem]:
+def _name_problems(
+    names: list[tuple[str, str]], parameters: Sequence[str]
+) -> Iterator[Problem]:
     seen: dict[str, str] = {}
     for key, name in names:
         parameter = name.removeprefix("1/")
-        if parameter not in PARAMETER_NAMES:
-            known = [*PARAMETER_NAMES, *(f"1/{parameter}" for parameter in PARAMETER_NAMES)]
+        if parameter not in parameters:
+            known = [*parameters, *(f"1/{parameter}" for parameter in parameters)]
             yield (
                 key,
-                f"unknown parameter {name!r}; known are {', '.join(PARAMETER_NAMES)} and the "
-                f"inverse of each, such as '1/J_a'; and of laws {', '.join(LAW_NAMES)}."
+                f"unknown parameter {name!r}; known are {', '.join(parameters)} and the "
+                f"inverse of each, such as '1/J_m'; and of laws {', '.join(LAW_NAMES)}."
                 f"{did_you_mean(name, [*known, *LAW_NAMES])}",
             )
         elif parameter in seen:
@@ -256,13 +286,13 @@ def _no_such_law(parameter: str) -> str:
 
 
 def _told_problems(content: Mapping[str, Any], identify: list[Any]) -> Iterator[Problem]:
-    told, laws = as_table(content.get("told")), law_owners(content)
+    told, laws, names = as_table(content.get("told")), law_owners(content), _names(content)
     estimated = {str(name).removeprefix("1/") for name in identify}
     for name, value in told.items():
         key = f"told.{name}"
-        if name not in (*PARAMETER_NAMES, *LAW_NAMES, *DATA_SHEET):
-            yield key, unknown("parameter", name, (*PARAMETER_NAMES, *LAW_NAMES, *DATA_SHEET))
-        elif name in PARAMETER_NAMES and name in estimated:
+        if name not in (*names, *LAW_NAMES, *DATA_SHEET):
+            yield key, unknown("parameter", name, (*names, *LAW_NAMES, *DATA_SHEET))
+        elif name in names and name in estimated:
             yield key, f"{name} is estimated: where that starts is `start`"
         elif name in LAW_NAMES and name not in laws:
             yield key, _no_such_law(name)
@@ -282,9 +312,10 @@ def _change_problems(
     fault: Mapping[str, Any],
     duration: float | None,
     period: float,
-    laws: Mapping[str, str],
+    content: Mapping[str, Any],
 ) -> Iterator[Problem]:
     yield from span_problems(fault, period)
+    laws, known = law_owners(content), changeable(_names(content))
     at, until, factor = (as_number(fault.get(key)) for key in ("at", "until", "factor"))
     index = partial(sample_index, period=period)
     later = fault.get("kind") == "profile"  # whose line begins with the value before
@@ -298,6 +329,10 @@ def _change_problems(
             yield "parameter", _no_such_law(law)
         elif laws[law] in FIXED:
             yield "parameter", f"{law} of {laws[law]} cannot change in the course of a run"
+    elif parameter == "r":
+        yield "parameter", "the gear ratio r is a count of teeth and cannot change in a run"
+    elif isinstance(parameter, str) and parameter not in known:
+        yield "parameter", unknown("parameter", parameter, known)
     if factor == 0 and _must_stay_positive(parameter):
         yield "factor", f"must be above 0, for {parameter} must stay positive"
 
@@ -321,7 +356,7 @@ def _changes(content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any
 
 
 def _must_stay_positive(parameter: Any) -> bool:
-    known = parameter in (*PARAMETER_NAMES, *LAW_NAMES)
+    known = parameter in (*PARAMETER_UNITS, *LAW_NAMES)
     return known and parameter not in MAY_BE_ZERO | LAW_MAY_BE_ZERO
 
 
