@@ -7,9 +7,9 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.resources import files
+from itertools import pairwise
 from numbers import Real
 from types import MappingProxyType
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -43,34 +43,36 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
     """
     root = ElementTree.fromstring(model_files(model)[0])
     bodies, tendons = [*root.iter("body")], root.findall("tendon/fixed")
+    chain, ties = _named(bodies), _named(tendons)
+    links = [[joint.get("joint") for joint in tendon] for tendon in tendons]
+    if links != [list(pair) for pair in pairwise(chain)] or not set(chain) <= set(MASSES):
+        raise ParameterError(
+            f"model {model}: its MJCF must be a chain of bodies called {', '.join(MASSES)}, with a "
+            f"fixed tendon from each to the next; it has {', '.join(chain)} and tendons of {links}."
+        )
 
     def number(owner: ElementTree.Element, path: str, key: str) -> float:
         found = owner.find(path)
-        text = found.get(key, "") if found is not None else ""
-        if not text:
-            raise ParameterError(f"model {model}: {owner.get('name')} of its MJCF has no {key}.")
+        if found is None or not (text := found.get(key)):
+            raise ParameterError(f"model {model}: {owner.get('name')} in its MJCF has no {key}.")
         return float(text.split()[0])
 
-    pairs = [[joint.get("joint") for joint in tendon] for tendon in tendons]
-    chain = [each.get("name") for each in bodies]
-    apart = {name[0] for each in tendons if (name := each.get("name"))}
-    links = [*map(list, zip(chain, chain[1:], strict=False))]
-    if not set(chain) <= set(MASSES) or len(apart) < len(tendons) or pairs != links:
-        raise ParameterError(
-            f"model {model}: its MJCF must be a chain of bodies called {', '.join(MASSES)}, with a "
-            f"fixed tendon from each to the next; it has the bodies {chain} and tendons of {pairs}."
-        )
-    of_body = {kind: {f"{kind}_{body.get('name', '')[0]}": number(body, path, key)
-                      for body in bodies}
-               for kind, path, key in (("J", "inertial", "diaginertia"), ("f", "joint", "damping"))}
-    of_tendon = {kind: {kind if len(tendons) == 1 else f"{kind}_{tendon.get('name', '')[0]}":
-                        number(tendon, ".", key) for tendon in tendons}
-                 for kind, key in (("k", "stiffness"), ("d", "damping"))}  # fmt: skip
-    k_T, r = number(root, "actuator/motor", "gear"), number(tendons[0], "joint", "coef")
-    ratio = {} if r == 1 else {"r": r}
-    return MappingProxyType(
-        {"k_T": k_T, **of_body["J"], **of_tendon["k"], **of_tendon["d"], **of_body["f"], **ratio}
-    )
+    found = {"k_T": number(root, "actuator/motor", "gear")}
+    for kind, owners, path, key in (
+        ("J", bodies, "inertial", "diaginertia"),
+        ("k", tendons, ".", "stiffness"),
+        ("d", tendons, ".", "damping"),
+        ("f", bodies, "joint", "damping"),
+    ):
+        for owner, name in zip(owners, chain if owners is bodies else ties, strict=True):
+            alone = owners is tendons and len(tendons) == 1
+            found[kind if alone else f"{kind}_{name[0]}"] = number(owner, path, key)
+    r = number(tendons[0], "joint", "coef")
+    return MappingProxyType(found if r == 1 else found | {"r": r})
+
+
+def _named(elements: Iterable[ElementTree.Element]) -> list[str]:
+    return [each.get("name") or "?" for each in elements]
 
 
 def parameter_names(model: str = DEFAULT) -> tuple[str, ...]:
@@ -135,10 +137,9 @@ class AxisParameters(Frozen):
     ----------
     values : mapping of str to float
     **more : float
-        All parameters of one of the models, in any order: torque constant k_T [N m per N m], moments
-        of inertia J [kg m^2], spring constants k [N m/rad] and damping coefficients d [N m s/rad]
-        of the couplings, viscous frictions f [N m s/rad], and the gear ratio r, gear angle over
-        motor angle, below one; see `nominal_numbers`.
+        All parameters of one of the models, in any order: torque constant k_T, moments of inertia
+        J, spring constants k and damping coefficients d of the couplings, viscous frictions f, and
+        the gear ratio r, gear angle over motor angle; see `nominal_numbers`.
 
     Raises
     ------

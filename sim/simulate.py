@@ -6,6 +6,7 @@ import platform
 from collections.abc import Sequence
 from functools import cache, partial
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +162,6 @@ def _records(  # noqa: PLR0917
     parameters = {run.hash: run.true_parameters() for run in runs}
     for shared in parameters.values():  # by all records of the batch to which it happens at once
         shared.flags.writeable = False
-    angles = [f"true_angle_{name[2:]}" for name in scenario.nominal if name[0] == "J"]
     return [
         Record(
             time=scenario.times,
@@ -170,7 +170,7 @@ def _records(  # noqa: PLR0917
             speed=speed[:, run].copy(),
             increment=increment[:, run].copy(),
             true_speed=truth.speed[:, run].copy(),
-            **{name: truth.angles[:, run, i].copy() for i, name in enumerate(angles)},
+            **_angles(scenario, truth.angles[:, run]),
             true_parameters=parameters[runs[run].hash],
             parameter_names=scenario.parameter_names,
             scenario=runs[run].resolved(),
@@ -181,6 +181,11 @@ def _records(  # noqa: PLR0917
         )
         for run, seed in enumerate(seeds)
     ]
+
+
+def _angles(scenario: Scenario, angles: Array) -> dict[str, Any]:
+    masses = [name[2:] for name in scenario.nominal if name[0] == "J"]
+    return {f"true_angle_{name}": angles[:, i].copy() for i, name in enumerate(masses)}
 
 
 @cache

@@ -1,9 +1,10 @@
 """Simulated records kept for the next run, addressed by their content.
 
 A record is known by what plant and sensors see of its scenario (`Scenario.record_hash`), its seed,
-the version of the engine and digests of the MJCF and of our simulation code, so that a change of any of them
-simulates anew, and a change of what estimators are told or asked does not. Entries are written at
-once or not at all, carry checksums, and the least recently used ones go when the folder is full.
+the version of the engine and digests of the MJCF and of our simulation code, so that a change of
+any of them simulates anew, and a change of what estimators are told or asked does not. Entries are
+written at once or not at all, carry checksums, and the least recently used ones go when the folder
+is full.
 """
 
 from __future__ import annotations

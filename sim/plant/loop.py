@@ -25,7 +25,7 @@ _REPORT_EVERY = 200  # samples between two calls of progress
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened: torque (N, R) as logged, speed (N, R), and angles (N, R, n) of n masses.
+    """What really happened: torque (N, R) as logged, speed (N, R), angles (N, R, n) of n masses.
 
     And in how many samples (R,) limits acted on what was learnt and fed forward.
     """

@@ -67,9 +67,7 @@ class Plant:
         self._batch = Batch(made, len(values), threads)
         self._substeps = substeps
         self._places = [*parameter_places(self._batch, self._names)]
-        self._springs = (
-            CubicSprings(self._batch, made) if made.tendon_stiffnesspoly.any() else None
-        )
+        self._springs = CubicSprings(self._batch, made) if made.tendon_stiffnesspoly.any() else None
         laws = [each for each in nonlinear if isinstance(each, Law)]
         self._laws = [KeptLaw(self._batch, made, law.law, law.kept) for law in laws]
         self._values = np.full_like(values, np.nan)
@@ -185,8 +183,7 @@ class Plant:
         values, P = np.array(rows, dtype=float), len(self._names)
         if values.ndim != 2 or values.shape[1] != P or not len(values):
             raise ParameterError(
-                f"parameters must have shape (runs, {P}) with at least one run, "
-                f"not {values.shape}."
+                f"parameters must have shape (runs, {P}) with at least one run, not {values.shape}."
             )
         return values
 
@@ -238,9 +235,7 @@ QUIET = _Quiet()
 """To be entered around many steps: once inside, a step need not set and reset anything."""
 
 
-def _compile(
-    model: str, timestep: float, nonlinear: Sequence[Nonlinearity]
-) -> mujoco.MjModel:
+def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjModel:
     xml, _ = model_files(model)
     spec = mujoco.MjSpec.from_string(xml)
     spec.option.timestep = timestep

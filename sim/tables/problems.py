@@ -226,9 +226,7 @@ def _parameter_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
             yield f"parameters.{key}", problem
 
 
-def _name_problems(
-    names: list[tuple[str, str]], parameters: Sequence[str]
-) -> Iterator[Problem]:
+def _name_problems(names: list[tuple[str, str]], parameters: Sequence[str]) -> Iterator[Problem]:
     seen: dict[str, str] = {}
     for key, name in names:
         parameter = name.removeprefix("1/")

@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from flexaxis.models_mjcf import DEFAULT
-from flexaxis.sim.errors import ParameterError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.tables.config import kinds
 from flexaxis.sim.tables.controller import ControllerConfig
@@ -90,7 +89,7 @@ def _stability_problems(content: Mapping[str, Any], period: float) -> Iterator[P
         parameters = preset(*named).replace(**changes)
         config = _made(ControllerConfig, content.get("controller"))
         delay = _made(DelayConfig, content.get("delay"))
-    except (ValidationError, ValueError, TypeError):
+    except (ValueError, TypeError):
         return
     late = delay.measurement if content.get("feedback") == "measured" else 0
     ticks = delay.torque_ticks
