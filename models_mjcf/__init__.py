@@ -59,7 +59,7 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
     --------
     >>> xml, assets = model_files("three_mass")
     >>> sorted(assets)
-    ['README.md', 'scene.xml', 'three_mass.xml', 'wg.md']
+    ['README.md', 'axes.toml', 'drives.toml', 'scene.xml', 'three_mass.xml', 'wg.md']
     """
     if name not in MODEL_NAMES:
         near = get_close_matches(name, MODEL_NAMES, n=1)
@@ -67,5 +67,6 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
         raise ValueError(f"unknown model {name!r}; models are {', '.join(MODEL_NAMES)}.{hint}")
     # Read through the import system, so that it also works from a wheel or a zip file.
     folder = files(__package__) / name
-    assets = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
+    listed = sorted(folder.iterdir(), key=lambda file: file.name)
+    assets = {file.name: file.read_bytes() for file in listed if file.is_file()}
     return assets[f"{name}.xml"].decode(), assets

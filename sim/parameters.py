@@ -6,7 +6,6 @@ import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from functools import cache
-from importlib.resources import files
 from itertools import pairwise
 from numbers import Real
 from types import MappingProxyType
@@ -192,58 +191,18 @@ class AxisParameters(Frozen):
         return AxisParameters(self, **changes)
 
 
-# E. Wernholt and S. Gunnarsson, "Nonlinear identification of a physically parameterized robot
-# model", SYSID 2006: all inertia of the axis, and the parts of it that motor and gear have.
-_WG_J, _WG_MOTOR, _WG_GEAR = 0.03291699877416, 0.17910964111956, 0.61206166914114
-
-_OWN: dict[str, AxisParameters] = {
-    # Constructed as a stress case: so lightly damped that the estimates adapt faster than the
-    # plant forgets, where the theory of slow adaptation no longer holds.
-    "n2": AxisParameters(
-        k_T=1.0,
-        J_m=2.1e-3,
-        J_g=15.0,
-        J_a=1.7,
-        k_g=1.7e5,
-        k_a=4.8e4,
-        d_g=33.0,
-        d_a=7.6,
-        f_m=0.0085,
-        f_g=3.0,
-        f_a=1.1,
-        r=1 / 118,
-    ),
-    # Published: axis one of a large industrial robot, all on the motor side. Its friction is most
-    # of it dry, a law of its own: see models_mjcf/three_mass/wg.md.
-    "wg": AxisParameters(
-        k_T=1.0,
-        J_m=_WG_MOTOR * _WG_J,
-        J_g=_WG_GEAR * _WG_J,
-        J_a=(1 - _WG_MOTOR - _WG_GEAR) * _WG_J,
-        k_g=20.59269827430799,
-        k_a=20.23072060978318,
-        d_g=0.06241814047290,
-        d_a=0.00987527995798,
-        f_m=0.00986346744839,
-        f_g=0.0,
-        f_a=0.0,
-        r=1.0,
-    ),
-}
-
-
 @cache
 def presets(model: str = DEFAULT) -> Mapping[str, AxisParameters]:
-    """Return the named parameter sets of a model: "n1" is what stands in its MJCF.
+    """Return the named parameter sets of a model.
 
-    The paper's axis has those above as well, and the drives of models_mjcf/drives.toml.
+    "n1" is what stands in its MJCF; others are tables of TOML files beside that.
     """
-    own = {"n1": AxisParameters(nominal_numbers(model))}
-    if model != DEFAULT:
-        return MappingProxyType(own)
-    text = files("flexaxis.models_mjcf").joinpath("drives.toml").read_text(encoding="utf-8")
-    drives = {name: AxisParameters(**values) for name, values in tomllib.loads(text).items()}
-    return MappingProxyType(own | _OWN | drives)
+    texts = [text for name, text in model_files(model)[1].items() if name.endswith(".toml")]
+    tables = [tomllib.loads(text.decode()) for text in texts]
+    named = {name: values for table in tables for name, values in table.items()}
+    return MappingProxyType(
+        {name: AxisParameters(x) for name, x in ({"n1": nominal_numbers(model)} | named).items()}
+    )
 
 
 def preset(name: str, model: str = DEFAULT) -> AxisParameters:

@@ -1,4 +1,4 @@
-"""Plants of two and of four masses: their equations by hand, their MJCF, and what tells them apart."""
+"""Plants of two and of four masses: their equations by hand, their MJCF, what tells them apart."""
 
 import numpy as np
 import pytest
@@ -146,8 +146,11 @@ def test_parameters_are_those_of_one_model():
         preset("n1", "two_mass").replace(k_g=1.0)
 
 
-NESTED = ("</body>\n  </worldbody>", '<body name="load"><inertial pos="0 0 0" mass="1" '
-          'diaginertia="1 1 1"/><joint name="load" damping="1"/></body></body>\n  </worldbody>')  # fmt: skip
+INNER = (
+    '<body name="load"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    '<joint name="load" damping="1"/></body>'
+)
+NESTED = ("</body>\n  </worldbody>", f"{INNER}</body>\n  </worldbody>")
 
 
 @pytest.mark.parametrize(
@@ -169,6 +172,7 @@ def test_a_file_that_is_no_chain_is_refused(change, told, monkeypatch):
 
 
 SHORT = 'name = "s"\nduration = 2.0\n'
+FAULT = '[[fault]]\nkind = "step"\nparameter = "{}"\nat = 1.0\nfactor = 2.0'
 
 
 @pytest.mark.parametrize("name", MODEL_NAMES)
@@ -203,11 +207,11 @@ def test_a_changed_mjcf_is_another_scenario_and_the_published_one_is_not(monkeyp
         ('model = "two_mass"\ntold.k_g = 1.0', "told.k_g: unknown parameter 'k_g'"),
         ('model = "two_mass"\nbacklash.gear = 0.1', "backlash: is of the spring of a gear, which"),
         (
-            'model = "two_mass"\n[[fault]]\nkind = "step"\nparameter = "k_g"\nat = 1.0\nfactor = 2.0',
+            'model = "two_mass"\n' + FAULT.format("k_g"),
             "fault[0].parameter: unknown parameter 'k_g'; known are k_T, J_m, J_l, k, d, f_m, f_l,",
         ),
         (
-            '[[fault]]\nkind = "step"\nparameter = "J_l"\nat = 1.0\nfactor = 2.0',
+            FAULT.format("J_l"),
             "fault[0].parameter: unknown parameter 'J_l'",
         ),
     ],
