@@ -14,9 +14,9 @@ from importlib.resources import files
 DEFAULT = "three_mass"
 """The axis of the paper, which a scenario has that names no model."""
 
-_FOLDERS = (folder.name for folder in files(__package__).iterdir() if folder.is_dir())
-MODEL_NAMES = (DEFAULT, *sorted({n for n in _FOLDERS if n.endswith("_mass")} - {DEFAULT}))
-"""The models: a folder ``…_mass`` beside this file each."""
+_FOUND = {f.name for f in files(__package__).iterdir() if (f / f"{f.name}.xml").is_file()}
+MODEL_NAMES = (DEFAULT, *sorted(_FOUND - {DEFAULT}))
+"""The models: each a folder beside this file with an MJCF of its name."""
 
 SHIPPED = {
     "three_mass": "568ae0456234c373",

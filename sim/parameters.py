@@ -53,7 +53,9 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
     def number(owner: ElementTree.Element, path: str, key: str) -> float:
         found = owner.find(path)
         if found is None or not (text := found.get(key)):
-            raise ParameterError(f"model {model}: {owner.get('name')} in its MJCF has no {key}.")
+            raise ParameterError(
+                f"model {model}: {owner.get('name', 'the motor')} in its MJCF has no {key}."
+            )
         return float(text.split()[0])
 
     found = {"k_T": number(root, "actuator/motor", "gear")}

@@ -33,9 +33,6 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 
 STIFF = 1e5  # N m/rad: stiff enough for Coulomb friction; ten times less moves a bound by 1–2 %
-STRUCTURE = ("J_m", "k_g", "k_a", "d_g", "d_a")
-"""Parameters of the linear axis that an estimator may learn once; inertia and friction of the gear
-and friction of the arm, which hardly act, and the gear ratio it takes as told."""
 
 
 @dataclass(frozen=True)
@@ -185,10 +182,15 @@ def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_structure(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return these parameters, and those that an estimator may have to learn besides."""
+    """Return these parameters, and those that an estimator may have to learn besides.
+
+    Of the linear axis that is the inertia of the motor, springs and dampers; other inertias and
+    frictions, which hardly act, and the gear ratio it takes as told.
+    """
+    structure = [n for n in scenario.nominal if n == "J_m" or (n[0] in "kd" and n != "k_T")]
     learnt = [name for part in _described(scenario).values() for name in part.learnt]
     mine = {physical(name)[0] for name in names}
-    return (*names, *(name for name in (*STRUCTURE, *learnt) if name not in mine))
+    return (*names, *(name for name in (*structure, *learnt) if name not in mine))
 
 
 def found_of(scenario: Scenario) -> tuple[str, ...]:
