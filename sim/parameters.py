@@ -44,10 +44,12 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
     bodies, tendons = [*root.iter("body")], root.findall("tendon/fixed")
     chain, ties = _named(bodies), _named(tendons)
     links = [[joint.get("joint") for joint in tendon] for tendon in tendons]
-    if links != [list(pair) for pair in pairwise(chain)] or not set(chain) <= set(MASSES):
+    apart = len({name[0] for name in ties}) == len(ties) > 0 and set(chain) <= set(MASSES)
+    if not apart or links != [list(pair) for pair in pairwise(chain)]:
         raise ParameterError(
             f"model {model}: its MJCF must be a chain of bodies called {', '.join(MASSES)}, with a "
-            f"fixed tendon from each to the next; it has {', '.join(chain)} and tendons of {links}."
+            "fixed tendon from each to the next, of another initial each; it has "
+            f"{', '.join(chain)} and the tendons {', '.join(ties)} of {links}."
         )
 
     def number(owner: ElementTree.Element, path: str, key: str) -> float:
@@ -56,7 +58,7 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
             raise ParameterError(
                 f"model {model}: {owner.get('name', 'the motor')} in its MJCF has no {key}."
             )
-        return float(text.split()[0])
+        return float(text.split()[-1])  # of an inertia, that about the axis z
 
     found = {"k_T": number(root, "actuator/motor", "gear")}
     for kind, owners, path, key in (

@@ -38,12 +38,10 @@ def parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
     """
     seen = Counter({"J": 1})  # the first body is the world
     for name in names:
-        if name in {"k_T", "r"}:  # of the first actuator, and of the motor in the first tendon
-            yield (
-                batch.expand("actuator_gear")[:, 0, 0]
-                if name == "k_T"
-                else batch.expand("wrap_prm")[:, 0]
-            )
+        if name == "k_T":
+            yield batch.expand("actuator_gear")[:, 0, 0]
+        elif name == "r":  # the coefficient of the motor in the first tendon
+            yield batch.expand("wrap_prm")[:, 0]
         else:
             yield batch.expand(_FIELDS[name[0]])[:, seen[name[0]]]
             seen[name[0]] += 1

@@ -159,6 +159,7 @@ NESTED = ("</body>\n  </worldbody>", f"{INNER}</body>\n  </worldbody>")
         (NESTED, "must be a chain of bodies called motor, gear, arm, load, with a fixed tendon"),
         (('name="arm" pos', 'name="wrist" pos'), "it has motor, gear, wrist"),
         (('joint="gear" coef="1"', 'joint="motor" coef="1"'), r"\['motor', 'arm'\]"),
+        (('<fixed name="arm"', '<fixed name="grip"'), "the tendons gear, grip of"),
         ((' stiffness="8.4e3"', ""), "arm in its MJCF has no stiffness"),
         ((' diaginertia="7 7 7"', ""), "gear in its MJCF has no diaginertia"),
     ],
