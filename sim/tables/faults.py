@@ -22,6 +22,9 @@ def changeable(names: Iterable[str]) -> tuple[str, ...]:
     return (*(name for name in names if name != "r"), *LAW_NAMES)
 
 
+Parameter = str
+"""One of those that are `changeable`, which the scenario sees to."""
+
 # Above that a percentage was meant, or a value instead of a factor.
 Factor = Annotated[float, Field(ge=0, le=100)]
 Point = Annotated[
@@ -47,7 +50,7 @@ class Step(Config):
     Attributes
     ----------
     parameter : str
-        Of those that are `changeable`.
+        One that is `changeable`.
     at : float
         Time of the onset [s], rounded to a sample; that sample has the new value.
     factor : float
@@ -55,7 +58,7 @@ class Step(Config):
     """
 
     kind: Literal["step"] = "step"
-    parameter: str
+    parameter: Parameter
     at: Span
     factor: Factor
 
@@ -78,7 +81,7 @@ class Ramp(Config):
     Attributes
     ----------
     parameter : str
-        Of those that are `changeable`.
+        One that is `changeable`.
     at : float
         Time of the onset [s], rounded to a sample; that sample has the first changed value.
     over : float
@@ -88,7 +91,7 @@ class Ramp(Config):
     """
 
     kind: Literal["ramp"] = "ramp"
-    parameter: str
+    parameter: Parameter
     at: Span
     over: Span
     factor: Factor
@@ -115,7 +118,7 @@ class Thermal(Config):
     Attributes
     ----------
     parameter : str
-        Of those that are `changeable`.
+        One that is `changeable`.
     at : float
         Time of the onset [s], rounded to a sample; that sample has the first changed value.
     time_constant : float
@@ -125,7 +128,7 @@ class Thermal(Config):
     """
 
     kind: Literal["thermal"] = "thermal"
-    parameter: str
+    parameter: Parameter
     at: Span
     time_constant: Span
     factor: Factor
@@ -153,7 +156,7 @@ class Intermittent(Config):
     Attributes
     ----------
     parameter : str
-        Of those that are `changeable`.
+        One that is `changeable`.
     at : float
         Time of the first onset [s], rounded to a sample.
     on, off : float
@@ -165,7 +168,7 @@ class Intermittent(Config):
     """
 
     kind: Literal["intermittent"] = "intermittent"
-    parameter: str
+    parameter: Parameter
     at: Span
     on: Span
     off: Span
@@ -198,7 +201,7 @@ class Profile(Config):
     Attributes
     ----------
     parameter : str
-        Of those that are `changeable`.
+        One that is `changeable`.
     at : float
         Time of the onset [s], rounded to a sample, which still has the value before.
     points : tuple of (float, float)
@@ -209,7 +212,7 @@ class Profile(Config):
     """
 
     kind: Literal["profile"] = "profile"
-    parameter: str
+    parameter: Parameter
     at: Span
     points: Annotated[tuple[Point, ...], Field(strict=False)]
     factor: Factor
