@@ -48,20 +48,16 @@ class Scenario(Config):
         Frozen with the content: change the content, and it is another name.
     duration : float
         Length of the run [s].
-    card : str
-        What the scenario tests, in words.
-    group : str, optional
-        Where it stands in the catalogue.
+    card, group : str, optional
+        What the scenario tests, in words, and where it stands in the catalogue.
     difficulty : {"easy", "medium", "hard"}, optional
         What to expect of a good estimator.
     period : float
         Sampling period T [s] of controller and signals; its inverse is a whole number.
     substeps : int, optional
         Steps of the simulation in 5 ms, where more are wanted than the laws of the axis ask for.
-    model : str
-        The plant, of `flexaxis.models_mjcf.MODEL_NAMES`.
-    preset : str
-        Named parameter set of the model.
+    model, preset : str
+        The plant, of `flexaxis.models_mjcf.MODEL_NAMES`, and a named parameter set of it.
     parameters : dict of str to float
         Values that replace those of the preset (SI).
     identify : tuple of str
@@ -251,8 +247,7 @@ class Scenario(Config):
     def resolved(self) -> dict[str, Any]:
         """Return the definition with all defaults and all parameters written out.
 
-        What is off is left out (None), so that a feature added later does not change the
-        identity of a scenario that does not use it.
+        What is off (None) is left out: a feature added later changes no identity without it.
         """
         content = self.model_dump(mode="json", exclude_none=True)
         return content | {"parameters": self.nominal.as_dict()}

@@ -8,8 +8,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from flexaxis.models_mjcf import DEFAULT, MODEL_NAMES
-from flexaxis.sim.errors import did_you_mean, unknown
+from flexaxis.sim.errors import unknown
 from flexaxis.sim.law_parameters import (
     FIXED,
     LAW_MAY_BE_ZERO,
@@ -18,15 +17,13 @@ from flexaxis.sim.law_parameters import (
     law_owners,
     meant,
 )
-from flexaxis.sim.parameters import (
-    DATA_SHEET,
-    DEFAULT_IDENTIFY,
-    MAY_BE_ZERO,
-    PARAMETER_UNITS,
-    parameter_names,
-    parameter_problem,
-    presets,
+from flexaxis.sim.parameter_problems import (
+    name_problems,
+    names_of,
+    parameter_problems,
+    zero_problems,
 )
+from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, MAY_BE_ZERO, PARAMETER_UNITS
 from flexaxis.sim.storage.reading import shown
 from flexaxis.sim.tables.config import kinds
 from flexaxis.sim.tables.excitation import Excitation
@@ -41,11 +38,6 @@ from flexaxis.sim.tables.rate_problems import (
     span_problems,
 )
 from flexaxis.sim.timing import sample_index
-
-OF_THE_GEAR = (
-    "backlash", "stiffening", "gear_friction", "load_friction", "directional_friction",
-)  # fmt: skip
-"""Tables that act on the spring of the gear, or have a bound by a model that does."""
 
 _KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}
 
@@ -74,8 +66,7 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
     """
     duration, period = as_number(content.get("duration")), checked_period(content)
     yield from rate_problems(content)
-    yield from _model_problems(content)
-    yield from _parameter_problems(content)
+    yield from parameter_problems(content)
     identify = as_list(content.get("identify", DEFAULT_IDENTIFY))
     yield from estimated_problems(identify, content)
     yield from _law_problems(identify, content)
@@ -141,14 +132,14 @@ def estimated_problems(
         What they may be besides the parameters of the axis and their inverses.
     """
     texts = [(f"{key}[{i}]", name) for i, name in enumerate(names) if isinstance(name, str)]
-    known = _names(content)
-    yield from _name_problems([(k, name) for k, name in texts if name not in besides], known)
-    yield from _zero_problems(texts, content.get("parameters"))
+    known = names_of(content)
+    yield from name_problems([(k, name) for k, name in texts if name not in besides], known)
+    yield from zero_problems(texts, content.get("parameters"))
     inverses = {name for _, name in texts if name.startswith("1/")}
     for place, change in _changes(content):
         parameter, factor = change.get("parameter"), as_number(change.get("factor"))
         inverse = f"1/{parameter}"
-        if factor == 0 and inverse in inverses and _may_be_zero(parameter):
+        if factor == 0 and inverse in inverses and parameter in MAY_BE_ZERO:
             yield (
                 f"{place}.factor",
                 f"must be above 0 where {inverse} is estimated, which would become infinite; "
@@ -196,65 +187,6 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
     return table.model_fields if isinstance(table, type) and issubclass(table, BaseModel) else ()
 
 
-def _model(content: Mapping[str, Any]) -> str:
-    """Return the model of a scenario: the usual one for a wrong one."""
-    return name if (name := content.get("model")) in MODEL_NAMES else DEFAULT
-
-
-def _names(content: Mapping[str, Any]) -> tuple[str, ...]:
-    return parameter_names(_model(content))
-
-
-def _model_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
-    name = content.get("model", DEFAULT)
-    if isinstance(name, str) and name not in MODEL_NAMES:
-        yield "model", unknown("model", name, MODEL_NAMES)
-    for table in OF_THE_GEAR if "k_g" not in _names(content) else ():
-        if content.get(table) is not None:
-            yield table, f"is of the spring of a gear, which the model {name} has not"
-
-
-def _parameter_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
-    name, parameters = content.get("preset"), content.get("parameters")
-    names, known = _names(content), presets(_model(content))
-    if isinstance(name, str) and name not in known:
-        yield "preset", unknown("preset", name, known)
-    for key, value in parameters.items() if isinstance(parameters, Mapping) else ():
-        if key not in names:
-            yield f"parameters.{key}", unknown("parameter", key, names)
-        elif as_number(value) is not None and (problem := parameter_problem(key, value)):
-            yield f"parameters.{key}", problem
-
-
-def _name_problems(names: list[tuple[str, str]], parameters: Sequence[str]) -> Iterator[Problem]:
-    seen: dict[str, str] = {}
-    for key, name in names:
-        parameter = name.removeprefix("1/")
-        if parameter not in parameters:
-            known = [*parameters, *(f"1/{parameter}" for parameter in parameters)]
-            yield (
-                key,
-                f"unknown parameter {name!r}; known are {', '.join(parameters)} and the "
-                f"inverse of each, such as '1/J_m'; and of laws {', '.join(LAW_NAMES)}."
-                f"{did_you_mean(name, [*known, *LAW_NAMES])}",
-            )
-        elif parameter in seen:
-            yield key, f"{name!r} after {seen[parameter]!r}: name each once"
-        seen.setdefault(parameter, name)
-
-
-def _zero_problems(names: list[tuple[str, str]], parameters: Any) -> Iterator[Problem]:
-    given = parameters if isinstance(parameters, Mapping) else {}
-    for key, name in names:
-        parameter = name.removeprefix("1/")
-        if _may_be_zero(parameter) and as_number(given.get(parameter)) == 0:
-            yield (
-                key,
-                f"{name!r} cannot be estimated where parameters.{parameter} is 0, for errors are "
-                "in % of the nominal value: give it one above 0, or do not estimate it",
-            )
-
-
 def _law_problems(identify: list[Any], content: Mapping[str, Any]) -> Iterator[Problem]:
     """Yield why parameters of laws cannot be identified on this plant, or changed."""
     owners = law_owners(content)
@@ -284,7 +216,7 @@ def _no_such_law(parameter: str) -> str:
 
 
 def _told_problems(content: Mapping[str, Any], identify: list[Any]) -> Iterator[Problem]:
-    told, laws, names = as_table(content.get("told")), law_owners(content), _names(content)
+    told, laws, names = as_table(content.get("told")), law_owners(content), names_of(content)
     estimated = {str(name).removeprefix("1/") for name in identify}
     for name, value in told.items():
         key = f"told.{name}"
@@ -313,7 +245,7 @@ def _change_problems(
     content: Mapping[str, Any],
 ) -> Iterator[Problem]:
     yield from span_problems(fault, period)
-    laws, known = law_owners(content), changeable(_names(content))
+    laws, known = law_owners(content), changeable(names_of(content))
     at, until, factor = (as_number(fault.get(key)) for key in ("at", "until", "factor"))
     index = partial(sample_index, period=period)
     later = fault.get("kind") == "profile"  # whose line begins with the value before
@@ -356,7 +288,3 @@ def _changes(content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any
 def _must_stay_positive(parameter: Any) -> bool:
     known = parameter in (*PARAMETER_UNITS, *LAW_NAMES)
     return known and parameter not in MAY_BE_ZERO | LAW_MAY_BE_ZERO
-
-
-def _may_be_zero(parameter: Any) -> bool:
-    return isinstance(parameter, str) and parameter in MAY_BE_ZERO
