@@ -196,17 +196,15 @@ class AxisParameters(Frozen):
 
 
 @cache
-def presets(model: str = DEFAULT) -> Mapping[str, AxisParameters]:
-    """Return the named parameter sets of a model.
+def presets(model: str = DEFAULT) -> Mapping[str, Mapping[str, float]]:
+    """Return the named parameter sets of a model, as they are written.
 
     "n1" is what stands in its MJCF; others are tables of TOML files beside that.
     """
     texts = [text for name, text in model_files(model)[1].items() if name.endswith(".toml")]
     tables = [tomllib.loads(text.decode()) for text in texts]
     named = {name: values for table in tables for name, values in table.items()}
-    return MappingProxyType(
-        {name: AxisParameters(x) for name, x in ({"n1": nominal_numbers(model)} | named).items()}
-    )
+    return MappingProxyType({"n1": nominal_numbers(model)} | named)
 
 
 def preset(name: str, model: str = DEFAULT) -> AxisParameters:
@@ -215,7 +213,7 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
     Raises
     ------
     ParameterError
-        If there is no such set.
+        If there is no such set, or it is none of this model.
 
     Examples
     --------
@@ -224,4 +222,4 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
     """
     if name not in presets(model):
         raise ParameterError(unknown("preset", name, presets(model)))
-    return presets(model)[name]
+    return AxisParameters(presets(model)[name])
