@@ -1,7 +1,7 @@
 """The plants as data: MJCF models and where their numbers come from.
 
-A folder a model, with its README, and `drives.toml`: published drives, a source for each number.
-In comes the name of a model, out go its MJCF text and the files beside it, for `sim.plant.plant`.
+A folder a model, with its MJCF, a README, and other parameter sets as TOML with a source for each
+number. In comes the name of a model, out go its MJCF text and the files beside it, for `sim`.
 """
 
 from __future__ import annotations
