@@ -1,17 +1,38 @@
 """The plants as data: MJCF models and where their numbers come from.
 
-A folder a model, with its README, and `drives.toml`: published drives, a source for each number.
-In comes the name of a model, out go its MJCF text and the files beside it, for `sim.plant.plant`.
+A folder a model, with its MJCF, a README, and other parameter sets as TOML with a source for each
+number. In comes the name of a model, out go its MJCF text and the files beside it, for `sim`.
 """
 
 from __future__ import annotations
 
 from difflib import get_close_matches
+from functools import cache
+from hashlib import sha256
 from importlib.resources import files
 
-MODEL_NAMES = ("three_mass",)
+DEFAULT = "three_mass"
+"""The axis of the paper, which a scenario has that names no model."""
 
-__all__ = ["MODEL_NAMES", "model_files"]
+_FOUND = {f.name for f in files(__package__).iterdir() if (f / f"{f.name}.xml").is_file()}
+MODEL_NAMES = (DEFAULT, *sorted(_FOUND - {DEFAULT}))
+"""The models: each a folder beside this file with an MJCF of its name."""
+
+SHIPPED = {
+    "three_mass": "568ae0456234c373",
+    "two_mass": "d8bc98029129c44a",
+    "four_mass": "15f2f33427d01713",
+}
+"""Digests of the models as they were first published: what was simulated with another is told apart
+by the hash of its scenario."""
+
+__all__ = ["DEFAULT", "MODEL_NAMES", "SHIPPED", "model_digest", "model_files"]
+
+
+@cache
+def model_digest(name: str) -> str:
+    """Return the first 16 hex digits of the SHA-256 of a model's MJCF; errors as `model_files`."""
+    return sha256(model_files(name)[0].encode()).hexdigest()[:16]
 
 
 def model_files(name: str) -> tuple[str, dict[str, bytes]]:
@@ -38,7 +59,7 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
     --------
     >>> xml, assets = model_files("three_mass")
     >>> sorted(assets)
-    ['README.md', 'scene.xml', 'three_mass.xml', 'wg.md']
+    ['README.md', 'axes.toml', 'drives.toml', 'scene.xml', 'three_mass.xml', 'wg.md']
     """
     if name not in MODEL_NAMES:
         near = get_close_matches(name, MODEL_NAMES, n=1)
@@ -46,5 +67,6 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
         raise ValueError(f"unknown model {name!r}; models are {', '.join(MODEL_NAMES)}.{hint}")
     # Read through the import system, so that it also works from a wheel or a zip file.
     folder = files(__package__) / name
-    assets = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
+    listed = sorted(folder.iterdir(), key=lambda file: file.name)
+    assets = {file.name: file.read_bytes() for file in listed if file.is_file()}
     return assets[f"{name}.xml"].decode(), assets

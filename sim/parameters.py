@@ -1,40 +1,103 @@
-"""The twelve physical parameters of the axis, and named sets of them."""
+"""The physical parameters of an axis, as its MJCF names them, and named sets of them."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from functools import cache
-from importlib.resources import files
+from itertools import pairwise
 from numbers import Real
 from types import MappingProxyType
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.models_mjcf import DEFAULT, MODEL_NAMES, model_files
 from flexaxis.sim.errors import ParameterError, unknown
+from flexaxis.sim.tables.config import Frozen
+
+MASSES = ("motor", "gear", "arm", "load")
+"""What the bodies of a plant may be called; records have an angle of each."""
+
+_UNITS = {
+    "k_T": "1", "J": "kg m^2", "k": "N m/rad", "d": "N m s/rad", "f": "N m s/rad", "r": "1",
+}  # fmt: skip
+
+
+@cache
+def nominal_numbers(model: str) -> Mapping[str, float]:
+    """Return the parameters of a plant with the values that stand in its MJCF, in their order.
+
+    They are the torque constant ``k_T`` (`gear` of the motor); of each body, with its initial,
+    inertia ``J_m`` and friction ``f_m``; of each tendon stiffness ``k_g`` and damping ``d_g``,
+    without an initial where there is one alone; and the gear ratio ``r``, the coefficient of the
+    motor in the first tendon, unless that is 1.
+
+    Raises
+    ------
+    ParameterError
+        If it is no chain of masses, a tendon from each to the next, or lacks a number.
+    """
+    root = ElementTree.fromstring(model_files(model)[0])
+    bodies, tendons = [*root.iter("body")], root.findall("tendon/fixed")
+    chain, ties = _named(bodies), _named(tendons)
+    links = [[joint.get("joint") for joint in tendon] for tendon in tendons]
+    apart = len({name[0] for name in ties}) == len(ties) > 0 and set(chain) <= set(MASSES)
+    if not apart or links != [list(pair) for pair in pairwise(chain)]:
+        raise ParameterError(
+            f"model {model}: its MJCF must be a chain of bodies called {', '.join(MASSES)}, with a "
+            "fixed tendon from each to the next, of another initial each; it has "
+            f"{', '.join(chain)} and the tendons {', '.join(ties)} of {links}."
+        )
+
+    def number(owner: ElementTree.Element, path: str, key: str) -> float:
+        found = owner.find(path)
+        if found is None or not (text := found.get(key)):
+            raise ParameterError(
+                f"model {model}: {owner.get('name', 'the motor')} in its MJCF has no {key}."
+            )
+        return float(text.split()[-1])  # of an inertia, that about the axis z
+
+    found = {"k_T": number(root, "actuator/motor", "gear")}
+    for kind, owners, path, key in (
+        ("J", bodies, "inertial", "diaginertia"),
+        ("k", tendons, ".", "stiffness"),
+        ("d", tendons, ".", "damping"),
+        ("f", bodies, "joint", "damping"),
+    ):
+        for owner, name in zip(owners, chain if owners is bodies else ties, strict=True):
+            alone = owners is tendons and len(tendons) == 1
+            found[kind if alone else f"{kind}_{name[0]}"] = number(owner, path, key)
+    r = number(tendons[0], "joint", "coef")
+    return MappingProxyType(found if r == 1 else found | {"r": r})
+
+
+def _named(elements: Iterable[ElementTree.Element]) -> list[str]:
+    return [each.get("name") or "?" for each in elements]
+
+
+def parameter_names(model: str = DEFAULT) -> tuple[str, ...]:
+    """Return the parameters of a plant in the order that every array of them has."""
+    return tuple(nominal_numbers(model))
+
+
+def model_with(names: Iterable[str]) -> str | None:
+    """Return the first model with just these parameters, in any order, or None."""
+    wanted = set(names)
+    return next((model for model in MODEL_NAMES if set(parameter_names(model)) == wanted), None)
+
+
+PARAMETER_NAMES = parameter_names()
+"""Those of the paper's axis."""
 
 PARAMETER_UNITS = {
-    "k_T": "1",
-    "J_m": "kg m^2",
-    "J_g": "kg m^2",
-    "J_a": "kg m^2",
-    "k_g": "N m/rad",
-    "k_a": "N m/rad",
-    "d_g": "N m s/rad",
-    "d_a": "N m s/rad",
-    "f_m": "N m s/rad",
-    "f_g": "N m s/rad",
-    "f_a": "N m s/rad",
-    "r": "1",
+    name: _UNITS.get(name, _UNITS[name[0]])
+    for model in MODEL_NAMES
+    for name in parameter_names(model)
 }
-"""Unit of each parameter, in the order that every array of parameters has."""
-
-PARAMETER_NAMES = tuple(PARAMETER_UNITS)
-"""The parameters in the order that every array of them has."""
+"""Unit of each parameter that a model has, those of the paper's axis first."""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
 """What is estimated unless a scenario says otherwise: the paper's three."""
@@ -43,7 +106,7 @@ DATA_SHEET = {"poles": "1", "torque_limit": "N m", "noise": "unit of the output"
 """What else can be told of an axis, with its unit: periods of cogging in a turn of the motor, the
 largest command that acts, and the standard deviation of the measurement noise."""
 
-MAY_BE_ZERO = frozenset({"d_g", "d_a", "f_m", "f_g", "f_a"})
+MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")
 """Dampings and frictions; every other parameter must be positive."""
 
 
@@ -68,58 +131,55 @@ def parameter_problem(name: str, value: object) -> str | None:
     return None
 
 
-@dataclass(frozen=True, kw_only=True)
-class AxisParameters:
-    """Physical parameters of the three-mass axis, in SI units.
+class AxisParameters(Frozen):
+    """Physical parameters of an axis by name, in SI units; each is an attribute as well.
 
-    Motor quantities are on the motor side, gear and arm quantities on the arm side.
+    Motor quantities are on the motor side, those of the other masses on the arm side.
 
-    Attributes
+    Parameters
     ----------
-    k_T : float
-        Torque constant: motor torque per unit of command [N m per N m].
-    J_m, J_g, J_a : float
-        Moments of inertia of motor, gear and arm [kg m^2].
-    k_g, k_a : float
-        Spring constants between motor and gear, and between gear and arm [N m/rad].
-    d_g, d_a : float
-        Damping coefficients of the same two couplings [N m s/rad].
-    f_m, f_g, f_a : float
-        Viscous friction of motor, gear and arm [N m s/rad].
-    r : float
-        Gear ratio: gear angle over motor angle, below one.
+    values : mapping of str to float
+    **more : float
+        All parameters of one of the models, in any order: torque constant k_T, moments of inertia
+        J, spring constants k and damping coefficients d of the couplings, viscous frictions f, and
+        the gear ratio r, gear angle over motor angle; see `nominal_numbers`.
 
     Raises
     ------
     ParameterError
-        If a value is not finite, or not positive where it must be.
+        If a name lacks or is none of the model's, or a value is not finite, or not positive where
+        it must be.
     """
 
-    k_T: float
-    J_m: float
-    J_g: float
-    J_a: float
-    k_g: float
-    k_a: float
-    d_g: float
-    d_a: float
-    f_m: float
-    f_g: float
-    f_a: float
-    r: float
+    __slots__ = ()
 
-    def __post_init__(self) -> None:
-        for name, value in self.as_dict().items():
+    def __init__(self, values: Mapping[str, float] = Frozen(), /, **more: float) -> None:
+        given = {**values, **more}
+        if (model := model_with(given)) is None:
+            raise ParameterError(
+                f"no model has just the parameters {', '.join(given)}; {DEFAULT} has "
+                f"{', '.join(PARAMETER_NAMES)}."
+            )
+        super().__init__({name: given[name] for name in parameter_names(model)})
+        for name, value in self.items():
             if problem := parameter_problem(name, value):
                 raise ParameterError(f"{name} {problem}.")
 
+    def __getattr__(self, name: str) -> float:
+        if name in self:
+            return self[name]
+        raise AttributeError(name)
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(tuple(self.items()))
+
     def as_dict(self) -> dict[str, float]:
         """Return the values by name."""
-        return {name: getattr(self, name) for name in PARAMETER_NAMES}
+        return dict(self)
 
     def as_array(self) -> NDArray[np.float64]:
-        """Return the values (12,) in the order of `PARAMETER_NAMES`."""
-        return np.array([getattr(self, name) for name in PARAMETER_NAMES], dtype=float)
+        """Return the values (P,) in the order of `parameter_names`."""
+        return np.array([*self.values()], dtype=float)
 
     def replace(self, **changes: float) -> AxisParameters:
         """Return a copy with some values changed.
@@ -130,89 +190,36 @@ class AxisParameters:
             If a name is unknown or a value is not physical.
         """
         for name in changes:
-            if name not in PARAMETER_UNITS:
-                raise ParameterError(unknown("parameter", name, PARAMETER_NAMES))
-        return dataclasses.replace(self, **changes)
-
-
-# E. Wernholt and S. Gunnarsson, "Nonlinear identification of a physically parameterized robot
-# model", SYSID 2006: all inertia of the axis, and the parts of it that motor and gear have.
-_WG_J, _WG_MOTOR, _WG_GEAR = 0.03291699877416, 0.17910964111956, 0.61206166914114
-
-_OWN: dict[str, AxisParameters] = {
-    # Constructed for this project, because Östring & Gunnarsson print no numbers: an axis of
-    # the size of an industrial robot's first one, its two modes (100 and 151 rad/s) put where
-    # their Figure 3 has its peaks, and such that every claim of their paper holds on it.
-    "n1": AxisParameters(
-        k_T=1.0,
-        J_m=1.2e-3,
-        J_g=7.0,
-        J_a=0.8,
-        k_g=1.06e5,
-        k_a=8.4e3,
-        d_g=26.0,
-        d_a=1.6,
-        f_m=0.05,
-        f_g=0.5,
-        f_a=0.1,
-        r=1 / 118,
-    ),
-    # Constructed as a stress case: so lightly damped that the estimates adapt faster than the
-    # plant forgets, where the theory of slow adaptation no longer holds.
-    "n2": AxisParameters(
-        k_T=1.0,
-        J_m=2.1e-3,
-        J_g=15.0,
-        J_a=1.7,
-        k_g=1.7e5,
-        k_a=4.8e4,
-        d_g=33.0,
-        d_a=7.6,
-        f_m=0.0085,
-        f_g=3.0,
-        f_a=1.1,
-        r=1 / 118,
-    ),
-    # Published: axis one of a large industrial robot, all on the motor side. Its friction is most
-    # of it dry, a law of its own: see models_mjcf/three_mass/wg.md.
-    "wg": AxisParameters(
-        k_T=1.0,
-        J_m=_WG_MOTOR * _WG_J,
-        J_g=_WG_GEAR * _WG_J,
-        J_a=(1 - _WG_MOTOR - _WG_GEAR) * _WG_J,
-        k_g=20.59269827430799,
-        k_a=20.23072060978318,
-        d_g=0.06241814047290,
-        d_a=0.00987527995798,
-        f_m=0.00986346744839,
-        f_g=0.0,
-        f_a=0.0,
-        r=1.0,
-    ),
-}
+            if name not in self:
+                raise ParameterError(unknown("parameter", name, self))
+        return AxisParameters(self, **changes)
 
 
 @cache
-def presets() -> Mapping[str, AxisParameters]:
-    """Return the named parameter sets: those above, and the drives of models_mjcf/drives.toml."""
-    text = files("flexaxis.models_mjcf").joinpath("drives.toml").read_text(encoding="utf-8")
-    drives = {name: AxisParameters(**values) for name, values in tomllib.loads(text).items()}
-    return MappingProxyType(_OWN | drives)
+def presets(model: str = DEFAULT) -> Mapping[str, Mapping[str, float]]:
+    """Return the named parameter sets of a model, as they are written.
+
+    "n1" is what stands in its MJCF; others are tables of TOML files beside that.
+    """
+    texts = [text for name, text in model_files(model)[1].items() if name.endswith(".toml")]
+    tables = [tomllib.loads(text.decode()) for text in texts]
+    named = {name: values for table in tables for name, values in table.items()}
+    return MappingProxyType({"n1": nominal_numbers(model)} | named)
 
 
-def preset(name: str) -> AxisParameters:
-    """Return a named parameter set.
+def preset(name: str, model: str = DEFAULT) -> AxisParameters:
+    """Return a named parameter set of a model.
 
     Raises
     ------
     ParameterError
-        If there is no such set.
+        If there is no such set, or it is none of this model.
 
     Examples
     --------
     >>> preset("n1").J_g
     7.0
     """
-    if name not in presets():
-        raise ParameterError(unknown("preset", name, presets()))
-    return presets()[name]
+    if name not in presets(model):
+        raise ParameterError(unknown("preset", name, presets(model)))
+    return AxisParameters(presets(model)[name])

@@ -42,12 +42,13 @@ class Record:
     angle, speed, increment : ndarray (N,), optional
         Motor angle [rad], motor speed [rad/s] and difference of motor angles over the period
         [rad/s], as measured.
-    true_speed, true_angle_m, true_angle_g, true_angle_a : ndarray (N,), optional
-        True motor speed [rad/s], and true motor, gear and arm angle [rad].
+    true_speed, true_angle_m, true_angle_g, true_angle_a, true_angle_l : ndarray (N,), optional
+        True motor speed [rad/s], and true angle of motor, gear, arm and load [rad], of those that
+        the plant has.
     true_parameters : ndarray (N, P), optional
         True parameters that act on [t_k, t_{k+1}), a column each of `parameter_names`.
     parameter_names : tuple of str
-        The twelve of the axis, in the order of `PARAMETER_NAMES`, and then those of its laws.
+        Those of the plant, in the order of `parameter_names`, and then those of its laws.
     valid : ndarray (N,) of bool, optional
         False where a sample is missing; without it all are there.
     scenario : dict
@@ -79,6 +80,7 @@ class Record:
     true_angle_m: Array | None = None
     true_angle_g: Array | None = None
     true_angle_a: Array | None = None
+    true_angle_l: Array | None = None
     true_parameters: Array | None = None
     parameter_names: tuple[str, ...] = PARAMETER_NAMES
     valid: NDArray[np.bool_] | None = None

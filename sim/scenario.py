@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
+from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.law_parameters import law_values
 from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
@@ -47,18 +48,16 @@ class Scenario(Config):
         Frozen with the content: change the content, and it is another name.
     duration : float
         Length of the run [s].
-    card : str
-        What the scenario tests, in words.
-    group : str, optional
-        Where it stands in the catalogue.
+    card, group : str, optional
+        What the scenario tests, in words, and where it stands in the catalogue.
     difficulty : {"easy", "medium", "hard"}, optional
         What to expect of a good estimator.
     period : float
         Sampling period T [s] of controller and signals; its inverse is a whole number.
     substeps : int, optional
         Steps of the simulation in 5 ms, where more are wanted than the laws of the axis ask for.
-    preset : str
-        Named parameter set.
+    model, preset : str
+        The plant, of `flexaxis.models_mjcf.MODEL_NAMES`, and a named parameter set of it.
     parameters : dict of str to float
         Values that replace those of the preset (SI).
     identify : tuple of str
@@ -93,6 +92,7 @@ class Scenario(Config):
     difficulty: Literal["easy", "medium", "hard"] | None = None
     period: Positive = PERIOD
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
+    model: str = DEFAULT
     preset: str = "n1"
     parameters: Values = Field(default_factory=Frozen)
     identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
@@ -153,7 +153,7 @@ class Scenario(Config):
     @cached_property
     def nominal(self) -> AxisParameters:
         """Parameters before any fault."""
-        return preset(self.preset).replace(**self.parameters)
+        return preset(self.preset, self.model).replace(**self.parameters)
 
     @property
     def tables(self) -> dict[str, Part]:
@@ -195,7 +195,7 @@ class Scenario(Config):
 
     @cached_property
     def initial(self) -> dict[str, float]:
-        """The P parameters before any fault: the twelve, and those of the plant's laws."""
+        """The P parameters before any fault: the plant's, and those of its laws."""
         return Frozen(self.nominal.as_dict() | self.laws)
 
     @property
@@ -245,10 +245,9 @@ class Scenario(Config):
         return identity.record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
-        """Return the definition with all defaults and all twelve parameters written out.
+        """Return the definition with all defaults and all parameters written out.
 
-        What is off is left out (None), so that a feature added later does not change the
-        identity of a scenario that does not use it.
+        What is off (None) is left out: a feature added later changes no identity without it.
         """
         content = self.model_dump(mode="json", exclude_none=True)
         return content | {"parameters": self.nominal.as_dict()}

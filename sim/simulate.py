@@ -6,10 +6,12 @@ import platform
 from collections.abc import Sequence
 from functools import cache, partial
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.models_mjcf import model_digest
 from flexaxis.sim.errors import ScenarioError, SimulationError
 from flexaxis.sim.plant.loop import Progress, Truth, closed_loop
 from flexaxis.sim.record import Record
@@ -168,23 +170,31 @@ def _records(  # noqa: PLR0917
             speed=speed[:, run].copy(),
             increment=increment[:, run].copy(),
             true_speed=truth.speed[:, run].copy(),
-            true_angle_m=truth.angles[:, run, 0].copy(),
-            true_angle_g=truth.angles[:, run, 1].copy(),
-            true_angle_a=truth.angles[:, run, 2].copy(),
+            **_angles(scenario, truth.angles[:, run]),
             true_parameters=parameters[runs[run].hash],
             parameter_names=scenario.parameter_names,
             scenario=runs[run].resolved(),
             hash=scenario.hash,
             seed=seed,
             burn_in=scenario.burn_in,
-            versions=dict(versions()),
+            versions=made_with(scenario),
         )
         for run, seed in enumerate(seeds)
     ]
 
 
+def _angles(scenario: Scenario, angles: Array) -> dict[str, Any]:
+    masses = [name[2:] for name in scenario.nominal if name[0] == "J"]
+    return {f"true_angle_{name}": angles[:, i].copy() for i, name in enumerate(masses)}
+
+
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions that decide about the bits of a record, by name."""
+    """Return the versions of what makes records, by name."""
     packages = ("flexaxis", "mujoco", "numpy")
     return {"python": platform.python_version()} | {name: version(name) for name in packages}
+
+
+def made_with(scenario: Scenario) -> dict[str, str]:
+    """Return what decides about the bits of a record: versions, and a digest of the MJCF."""
+    return versions() | {"mjcf": model_digest(scenario.model)}

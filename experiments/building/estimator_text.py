@@ -139,7 +139,7 @@ def build_of(
         If its constructor raises anything.
     """
     given = offered_to(spec, offer, torques, onsets=onsets)
-    return made(spec, dict(offer.nominal), offer.period, given)
+    return made(spec, offer.axis(spec.text), offer.period, given)
 
 
 def check_fits(text: str, names: Sequence[str], output: str, scenario: Scenario) -> None:

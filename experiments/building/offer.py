@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.guest import is_guest
+from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import LAW_NAMES
-from flexaxis.sim.parameters import PARAMETER_NAMES
 
 if TYPE_CHECKING:
     from flexaxis.experiments.building.estimator_text import Spec
@@ -37,6 +39,8 @@ class Offer:
     ----------
     name : str
         Of the scenario, for messages.
+    model : str
+        Of the plant, and of `flexaxis.estimators.models.axes.MODELS`.
     nominal : mapping of str to float
         Parameters as they are told, those to be identified off by `start`, and the data sheet.
     period : float
@@ -49,6 +53,7 @@ class Offer:
     """
 
     name: str
+    model: str
     nominal: Mapping[str, float]
     period: float
     identify: tuple[str, ...]
@@ -63,16 +68,27 @@ class Offer:
     @property
     def has_prior(self) -> bool:
         """Whether P(0) is among the data stored with the estimators."""
-        from flexaxis.estimators.models.axes import three_mass
         from flexaxis.estimators.offline.priors import stored_P
 
-        model = three_mass({name: self.nominal[name] for name in PARAMETER_NAMES})
-        return stored_P(model, self.identify, self.period, forgetting=None) is not None
+        return stored_P(self._made, self.identify, self.period, forgetting=None) is not None
+
+    @property
+    def _made(self) -> Model:
+        return MODELS[self.model].factory(self.nominal)
+
+    def axis(self, text: str) -> dict[str, float] | Model:
+        """Return what an estimator is made of: nominal values, or a shipped one's model.
+
+        Of values alone, shipped ones make the paper's axis.
+        """
+        values = self.model == DEFAULT or is_guest(text)
+        return dict(self.nominal) if values else self._made
 
     def as_data(self) -> dict[str, Any]:
         """Return it as JSON has it."""
         return {
             "name": self.name,
+            "model": self.model,
             "nominal": dict(self.nominal),
             "period": self.period,
             "identify": list(self.identify),
@@ -82,11 +98,13 @@ class Offer:
 
 
 def offer_of(scenario: Scenario) -> Offer:
-    """Return what a scenario tells an estimator."""
-    from flexaxis.experiments.scoring.parameter_names import started_nominal
+    """Return what a scenario tells an estimator; ScenarioError where that has no model of it."""
+    from flexaxis.experiments.scoring.parameter_names import check_model, started_nominal
 
+    check_model(scenario)
     return Offer(
         name=scenario.name,
+        model=scenario.model,
         nominal=started_nominal(scenario),
         period=scenario.period,
         identify=scenario.identify,

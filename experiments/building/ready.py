@@ -54,6 +54,7 @@ def ready(spec: Spec, scenario: Scenario) -> Estimator:
         id(spec.make),
         [(name, _content(value)) for name, value in sorted(spec.options.items())],
         [(name, _content(value)) for name, value in sorted(offered.items())],
+        offer.model,
         sorted(offer.nominal.items()),
         offer.period,
     ]
@@ -61,7 +62,7 @@ def ready(spec: Spec, scenario: Scenario) -> Estimator:
     wanted, (estimator, lacks) = GATHERED.get(), known.pop(key, (None, set()))
     if estimator is None or (lacks and wanted is None):
         with nullcontext(set()) if wanted is None else gathers() as lacks:
-            estimator = made(spec, dict(offer.nominal), offer.period, offered)
+            estimator = made(spec, offer.axis(spec.text), offer.period, offered)
     else:
         estimator.reset()
     if wanted is not None:

@@ -70,7 +70,8 @@ def _parts(scenario: Scenario) -> list[str]:
 
 
 def _axis(scenario: Scenario) -> str:
-    return scenario.preset + (f", start {scenario.start:g}" if scenario.start != 1 else "")
+    axis = scenario.preset if scenario.model == _USUAL.model else scenario.model
+    return axis + (f", start {scenario.start:g}" if scenario.start != 1 else "")
 
 
 def _sampled(scenario: Scenario) -> str:

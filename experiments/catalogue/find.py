@@ -148,7 +148,9 @@ def _members(table: dict[str, Any]) -> list[str]:
     """Return the scenarios of a suite: all, those of some groups, or those named."""
     if "groups" in table:
         return [name for name, group in _groups().items() if group in table["groups"]]
-    return list(_groups()) if table["scenarios"] == "all" else table["scenarios"]
+    if table["scenarios"] != "all":
+        return list(table["scenarios"])
+    return [name for name, group in _groups().items() if group not in table["apart"]]
 
 
 @cache

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.storage.files import OutputError, new_file
-from flexaxis.models_mjcf import model_files
+from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 
@@ -24,7 +24,7 @@ FRAMES = 50  # a second
 
 
 def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
-    """Return motor, gear and arm angle (N, 3) [rad] to be drawn, their twist exaggerated.
+    """Return the angles (N, n) [rad] of the n masses to be drawn, their twist exaggerated.
 
     The gear is drawn where the motor would have it, and gear and arm are turned out of that by
     `exaggerate` times their true deviation.
@@ -34,17 +34,18 @@ def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
     OutputError
         If the record does not know the true angles.
     """
-    if record.true_angle_m is None or record.true_angle_g is None or record.true_angle_a is None:
+    values = record.scenario.get("parameters", {})
+    angles = [getattr(record, f"true_angle_{name[2:]}") for name in values if name[0] == "J"]
+    if not angles or any(each is None for each in angles):
         raise OutputError("the record has no true angles to show; `flexaxis simulate` makes one")
-    angles = [record.true_angle_m, record.true_angle_g, record.true_angle_a]
-    ratio = record.scenario["parameters"]["r"]
+    ratio = values.get("r", 1.0)
     return exaggerated(np.column_stack(angles), ratio=ratio, exaggerate=exaggerate)
 
 
 def exaggerated(
     angles: NDArray[np.float64], *, ratio: float, exaggerate: float
 ) -> NDArray[np.float64]:
-    """Return motor, gear and arm angle (…, 3) [rad] to be drawn, from the true ones."""
+    """Return the angles (…, n) [rad] to be drawn, from the true ones."""
     drawn = np.array(angles)
     rigid = ratio * drawn[..., :1]
     drawn[..., 1:] = rigid + exaggerate * (drawn[..., 1:] - rigid)
@@ -55,7 +56,7 @@ def picture(record: Record, path: Path, *, at: float, exaggerate: float) -> None
     """Write one picture (PNG) of the axis at a time of the record [s]."""
     import matplotlib.image
 
-    with camera(width=1280, height=720) as shoot:
+    with camera(model_of(record), width=1280, height=720) as shoot:
         pixels = shoot(poses(record, exaggerate=exaggerate)[_sample(record, at)])
     with new_file(path) as part:
         matplotlib.image.imsave(part, pixels, format="png")
@@ -63,16 +64,16 @@ def picture(record: Record, path: Path, *, at: float, exaggerate: float) -> None
 
 @contextmanager
 def camera(
-    *, width: int, height: int
+    name: str = DEFAULT, *, width: int, height: int
 ) -> Iterator[Callable[[NDArray[np.float64]], NDArray[np.uint8]]]:
-    """Give a function from angles (3,) [rad] to a picture (height, width, 3), without a display.
+    """Give a function from angles (n,) [rad] to a picture (height, width, 3), without a display.
 
     Raises
     ------
     OutputError
         If nothing can be drawn on this machine.
     """
-    mujoco, model, data = scene()
+    mujoco, model, data = scene(name)
     try:
         renderer = mujoco.Renderer(model, height=height, width=width)
     except Exception as error:  # each platform fails in its own way
@@ -93,7 +94,7 @@ def camera(
 
 def window(record: Record, *, start: float, exaggerate: float) -> None:
     """Replay a record in a window, in real time, until it ends or the window is closed."""
-    mujoco, model, data = scene()
+    mujoco, model, data = scene(model_of(record))
     angles = poses(record, exaggerate=exaggerate)
     try:
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
@@ -113,11 +114,16 @@ def window(record: Record, *, start: float, exaggerate: float) -> None:
             time.sleep(stride * period)
 
 
-def scene() -> tuple[Any, Any, Any]:
-    """Return the engine's module, and model and data of the axis with floor, light and camera."""
+def model_of(record: Record) -> str:
+    """Return the name of the plant's model."""
+    return str(record.scenario.get("model", DEFAULT))
+
+
+def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
+    """Return the engine's module, and model and data of a plant with floor, light and camera."""
     from flexaxis.sim.plant.engine import mujoco
 
-    _, assets = model_files("three_mass")
+    _, assets = model_files(name)
     model = mujoco.MjModel.from_xml_string(assets["scene.xml"].decode(), assets)
     return mujoco, model, mujoco.MjData(model)
 

@@ -84,6 +84,7 @@ class Axis:
             period=scenario.period,
             substeps=substeps(nonlinear, scenario.period, least=scenario.substeps or 1),
             nonlinear=nonlinear,
+            model=scenario.model,
         )
         self._changes, self._k = Changes([scenario]), 0
         sensors = list(scenario.sensors.values())

@@ -26,7 +26,7 @@ from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate
 from flexaxis.sim.streams import stream
-from flexaxis.sim.tables.faults import CHANGEABLE
+from flexaxis.sim.tables.faults import changeable
 
 Array = NDArray[np.float64]
 
@@ -69,11 +69,12 @@ class Days:
     scatter: float = 0.01
 
     def __post_init__(self) -> None:
+        known = changeable(_LINEAR)
         for option in ("wear", "warm"):
             for name, part in getattr(self, option).items():
-                if name not in CHANGEABLE:
+                if name not in known:
                     raise LogError(
-                        f"--{option} {name}: no such parameter.{did_you_mean(name, CHANGEABLE)}"
+                        f"--{option} {name}: no such parameter.{did_you_mean(name, known)}"
                     )
                 if not -1 < part < 10:
                     raise LogError(f"--{option} {name}: {100 * part:g} % is no change of friction")

@@ -19,7 +19,7 @@ from flexaxis.experiments.scoring import summary
 from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.experiments.storage.schema import CASE
-from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.parameters import PARAMETER_UNITS
 
 if TYPE_CHECKING:
     from flexaxis.experiments.results.results import Results
@@ -180,8 +180,8 @@ def place_of(name: str, value: Any, order: Sequence[Any]) -> tuple[int, float, s
         return -1, 0.0, ""
     if value in order:
         return 0, order.index(value), ""
-    if name == "parameter" and physical(value)[0] in PARAMETER_NAMES:
-        return 1, PARAMETER_NAMES.index(physical(value)[0]), value
+    if name == "parameter" and physical(value)[0] in PARAMETER_UNITS:
+        return 1, [*PARAMETER_UNITS].index(physical(value)[0]), value
     number = isinstance(value, int | float)
     return 2, value if number else 0.0, str(value)
 

@@ -1,9 +1,10 @@
 """Simulated records kept for the next run, addressed by their content.
 
 A record is known by what plant and sensors see of its scenario (`Scenario.record_hash`), its seed,
-the version of the engine and a digest of our simulation code, so that a change of any of them
-simulates anew, and a change of what estimators are told or asked does not. Entries are written at
-once or not at all, carry checksums, and the least recently used ones go when the folder is full.
+the version of the engine and digests of the MJCF and of our simulation code, so that a change of
+any of them simulates anew, and a change of what estimators are told or asked does not. Entries are
+written at once or not at all, carry checksums, and the least recently used ones go when the folder
+is full.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from flexaxis.experiments.storage.files import digest_of
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.simulate import simulate, versions
+from flexaxis.sim.simulate import made_with, simulate
 from flexaxis.sim.storage.files import atomic
 from flexaxis.sim.storage.record_file import SIGNALS
 
@@ -46,14 +47,14 @@ class RecordCache:
         try:
             with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
                 record = Record(
-                    **{name: stored[name] for name in SIGNALS},
+                    **{name: stored[name] for name in SIGNALS if name in stored},
                     true_parameters=run.true_parameters(),
                     parameter_names=scenario.parameter_names,
                     scenario=run.resolved(),
                     hash=scenario.hash,
                     seed=seed,
                     burn_in=scenario.burn_in,
-                    versions=dict(versions()),
+                    versions=made_with(scenario),
                 )
             os.utime(path)  # used just now
         except OSError:  # not there, or not readable
@@ -69,7 +70,8 @@ class RecordCache:
         with suppress(OSError):
             self.folder.mkdir(parents=True, exist_ok=True)
             with atomic(path) as new:
-                np.savez(new, **{name: getattr(record, name) for name in SIGNALS})
+                known = {name: getattr(record, name) for name in SIGNALS}
+                np.savez(new, **{name: x for name, x in known.items() if x is not None})
             if self.folder in _put:
                 _put[self.folder] += _size(path)
 
@@ -116,7 +118,7 @@ class RecordCache:
     def _path(self, scenario: Scenario, seed: int, repeat: int = 0) -> Path:
         run = f"{seed}.{repeat}" if repeat else f"{seed}"
         code = digest_of("models_mjcf", "sim")
-        key = f"{scenario.record_hash} {run} {sorted(versions().items())} {code}"
+        key = f"{scenario.record_hash} {run} {sorted(made_with(scenario).items())} {code}"
         return self.folder / f"{sha256(key.encode()).hexdigest()}.npz"
 
 

@@ -27,6 +27,7 @@ from flexaxis.experiments.running.study import (
     is_option,
     varied,
 )
+from flexaxis.experiments.scoring.parameter_names import check_model
 from flexaxis.experiments.storage.files import StudyError
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
@@ -161,6 +162,8 @@ def make_plan(
         If the code of an estimator raises something when it is made.
     """
     _check_size(study)
+    for base in study.scenarios:
+        check_model(base)
     groups: dict[str, dict[str, Variant]] = {}
     problems, uncompiled = _Problems(study), Uncompiled()
     entries = _entries(study, problems, run_code)
@@ -170,6 +173,7 @@ def make_plan(
             axes = json.loads(key)
             try:
                 scenario = varied(base, axes, common=common)
+                check_model(scenario)
             except ScenarioError as error:
                 for problem in error.problems:
                     problems.add(problem.removeprefix(f"{base.name}: "), in_words(axes))

@@ -35,10 +35,9 @@ def information(scenario: Scenario) -> Array | None:
     linear = [name for name in scenario.identify if name not in LAW_NAMES]
     if not variance > 0 or not linear:
         return None
-    nominal = scenario.nominal.as_array()
-    model = linear_model(scenario, nominal).parametrize(linear)
+    model = linear_model(scenario, scenario.nominal).parametrize(linear)
     _, psi = predict(model, model.theta, nominal_torque(scenario), period=scenario.period)
-    per_cent = abs(true_theta(linear, nominal)) / 100
+    per_cent = abs(nominal_theta(scenario, linear)) / 100
     psi = psi[-round(STEADY / scenario.period) :] * per_cent
     M = psi.T @ psi / len(psi) / variance
     return M if linear == list(scenario.identify) else _among(M, linear, scenario.identify)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.experiments.scoring.windows import remembered
-from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate
 from flexaxis.sim.tables.excitation import Standstill
@@ -69,11 +68,13 @@ def design_torque(scenario: Scenario) -> Array:
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}
     linear |= {"fault": [], "nuisance": None, "onset_spread": None, "told": None, "substeps": None}
-    linear |= {"identify": list(DEFAULT_IDENTIFY), "output": "speed", "burn_in": 5.0}
+    inertias = [name for name in scenario.nominal if name[0] == "J"]
+    usual = ["k_T", f"1/{inertias[-1]}", "f_m"]  # by which its random numbers are keyed, too
+    linear |= {"identify": usual, "output": "speed", "burn_in": 5.0}
     if isinstance(scenario.excitation, Standstill):
         linear |= {"excitation": {"kind": "multisine"}}
     return nominal_torque(
-        scenario.override(linear | {f"parameters.{name}": told[name] for name in PARAMETER_NAMES})
+        scenario.override(linear | {f"parameters.{name}": told[name] for name in scenario.nominal})
     )
 
 

@@ -1,12 +1,15 @@
-"""What θ means: between the names that are estimated and the physical parameters."""
+"""What θ means: between the names that are estimated, the physical parameters and the models."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.models.model import Model
+from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
 
@@ -23,7 +26,7 @@ def true_theta(
 ) -> NDArray[np.float64]:
     """Return the true values (…, p) of estimated parameters from the physical ones (…, P).
 
-    `columns` are the names of these: the twelve of the axis, unless there are more.
+    `columns` are the names of these: those of the paper's axis, unless said.
     """
     wanted = [physical(name) for name in names]
     return np.stack([parameters[..., columns.index(p)] ** float(e) for p, e in wanted], axis=-1)
@@ -56,7 +59,7 @@ def started_nominal(scenario: Scenario) -> dict[str, float]:
         values[parameter] = factor * values.get(parameter, scenario.laws.get(parameter, np.nan))
     for name in scenario.identify:
         parameter, exponent = physical(name)
-        if parameter in PARAMETER_NAMES:
+        if parameter in scenario.nominal:
             values[parameter] *= scenario.start ** float(exponent)
     return values | scenario.data_sheet
 
@@ -69,3 +72,28 @@ def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float6
     told = scenario.laws | started_nominal(scenario)
     columns = scenario.parameter_names
     return true_theta(names, np.array([told[name] for name in columns]), columns)
+
+
+def has_model(scenario: Scenario) -> bool:
+    """Return whether estimators have a model of the plant: of its name, and of its parameters."""
+    shipped = MODELS.get(scenario.model)
+    return shipped is not None and set(shipped.factory(shipped.rough).parameters) == set(
+        scenario.nominal
+    )
+
+
+def check_model(scenario: Scenario) -> None:
+    """Refuse a plant of which estimators have no model; ScenarioError."""
+    if not has_model(scenario):
+        raise ScenarioError(
+            f"{scenario.name}: estimators have no model {scenario.model} with the parameters "
+            f"{', '.join(scenario.nominal)}, so that nothing could be estimated and no bound be "
+            "taken: give estimators/models/axes.py one (docs/extending.md); `flexaxis simulate` "
+            "needs none"
+        )
+
+
+def axis_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
+    """Return the estimators' linear model of a plant with some values; errors of `check_model`."""
+    check_model(scenario)
+    return MODELS[scenario.model].factory(values)

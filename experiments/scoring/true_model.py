@@ -18,7 +18,6 @@ from flexaxis.estimators.models.axes import (
     LIMIT,
     SHAPE,
     STATIC,
-    three_mass,
     with_angle,
 )
 from flexaxis.estimators.models.compiler import compiled
@@ -28,16 +27,12 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.sampled import copy, prepare, travel
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.scoring.parameter_names import physical, true_theta
-from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.experiments.scoring.parameter_names import axis_model, has_model, physical, true_theta
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
 STIFF = 1e5  # N m/rad: stiff enough for Coulomb friction; ten times less moves a bound by 1–2 %
-STRUCTURE = ("J_m", "k_g", "k_a", "d_g", "d_a")
-"""Parameters of the linear axis that an estimator may learn once; inertia and friction of the gear
-and friction of the arm, which hardly act, and the gear ratio it takes as told."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +125,7 @@ def describes(scenario: Scenario) -> bool:
     """Return whether a model describes the records, for whoever is told the truth."""
     tables = scenario.tables
     told = {key for key, part in DESCRIBED.items() if not part.found}
-    known = all(table.exact or key in told for key, table in tables.items())
+    known = has_model(scenario) and all(t.exact or key in told for key, t in tables.items())
     return known and sum(key in tables for key in DRY) <= 1
 
 
@@ -147,9 +142,9 @@ def known_structure(scenario: Scenario) -> bool:
     return describes(scenario) and poles and limit and not scenario.nuisance
 
 
-def linear_model(scenario: Scenario, parameters: Array) -> Model:
-    """Return the linear model of an axis with some parameters (12,), of what estimators read."""
-    return _read(scenario, three_mass(dict(zip(PARAMETER_NAMES, parameters.tolist(), strict=True))))
+def linear_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
+    """Return the linear model of an axis with some parameters, of what estimators read."""
+    return _read(scenario, axis_model(scenario, values))
 
 
 def true_model(scenario: Scenario, parameters: Array) -> Model:
@@ -157,7 +152,7 @@ def true_model(scenario: Scenario, parameters: Array) -> Model:
     laws: list[Law] = []
     for part in _described(scenario).values():
         laws += [law for law in (part.law, *part.beside) if law not in laws]
-    model = three_mass(_values(scenario, parameters))
+    model = axis_model(scenario, _values(scenario, parameters))
     if COGGING in laws:
         model = with_angle(model)
     return _read(scenario, replace(model, laws=tuple(laws)) if laws else model)
@@ -187,10 +182,15 @@ def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_structure(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return these parameters, and those that an estimator may have to learn besides."""
+    """Return these parameters, and those that an estimator may have to learn besides.
+
+    Of the linear axis that is the inertia of the motor, springs and dampers; other inertias and
+    frictions, which hardly act, and the gear ratio it takes as told.
+    """
+    structure = [n for n in scenario.nominal if n == "J_m" or (n[0] in "kd" and n != "k_T")]
     learnt = [name for part in _described(scenario).values() for name in part.learnt]
     mine = {physical(name)[0] for name in names}
-    return (*names, *(name for name in (*STRUCTURE, *learnt) if name not in mine))
+    return (*names, *(name for name in (*structure, *learnt) if name not in mine))
 
 
 def found_of(scenario: Scenario) -> tuple[str, ...]:

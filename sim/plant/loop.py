@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.plant.plant import QUIET, Plant
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.controller import Controller
@@ -26,7 +25,7 @@ _REPORT_EVERY = 200  # samples between two calls of progress
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened: torque (N, R) as logged, speed (N, R) and the angles (N, R, 3).
+    """What really happened: torque (N, R) as logged, speed (N, R), angles (N, R, n) of n masses.
 
     And in how many samples (R,) limits acted on what was learnt and fed forward.
     """
@@ -91,7 +90,7 @@ def _run(  # noqa: PLR0917
         measured = [reading(scenario.sensors.values(), signal, white, period=scenario.period)
                     for signal in ("angle", "speed")]  # fmt: skip
     torque, speed = np.empty((2, samples, runs))
-    angles = np.empty((samples, runs, 3))
+    angles = np.empty((samples, *drive.plant.angles.shape))
     for k in range(samples):
         changes.make(drive.plant, k)
         speed[k], angles[k] = drive.plant.speed_m, drive.plant.angles
@@ -124,7 +123,7 @@ class Changes:
 
     def __init__(self, scenarios: Sequence[Scenario]) -> None:
         known = {s.hash: s.true_parameters() for s in scenarios}
-        linear, self._whose = len(PARAMETER_NAMES), [[*known].index(s.hash) for s in scenarios]
+        linear, self._whose = len(scenarios[0].nominal), [[*known].index(s.hash) for s in scenarios]
         truth = np.stack([*known.values()], axis=1)  # (N, scenarios, P)
         self._parameters, self._laws = truth[..., :linear], truth[..., linear:]
         self._moves, self._turns = _changing(self._parameters), _changing(self._laws)
@@ -176,6 +175,7 @@ class _Drive:
             substeps=substeps(nonlinear, period, least=scenario.substeps or 1),
             threads=threads,
             nonlinear=nonlinear,
+            model=scenario.model,
         )
 
     def advance(self, wanted: Array, wanted_next: Array, angle: Array) -> Array:

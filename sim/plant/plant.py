@@ -9,9 +9,9 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.models_mjcf import model_files
+from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import ParameterError, SimulationError, unknown
-from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
+from flexaxis.sim.parameters import AxisParameters, parameter_names, parameter_problem
 from flexaxis.sim.plant import passive
 from flexaxis.sim.plant.engine import Batch, mujoco
 from flexaxis.sim.tables.friction import COMPILED_LAWS
@@ -19,9 +19,6 @@ from flexaxis.sim.tables.nonlinear import FrictionConfig, Law, Nonlinearity
 from flexaxis.sim.tables.places import CubicSprings, KeptLaw, parameter_places
 
 Array = NDArray[np.float64]
-
-# The engine derives constants from these; after a change it has to derive them again.
-_DERIVED_FROM = frozenset({"J_m", "J_g", "J_a", "r"})
 
 
 class Plant:
@@ -32,8 +29,10 @@ class Plant:
 
     Parameters
     ----------
-    parameters : sequence of AxisParameters, or ndarray (R, 12)
+    parameters : sequence of AxisParameters, or ndarray (R, P)
         Parameters of each run.
+    model : str
+        Of `flexaxis.models_mjcf.MODEL_NAMES`.
     period : float
         Time between two calls of `step` [s].
     substeps : int
@@ -57,20 +56,20 @@ class Plant:
         substeps: int,
         threads: int = 1,
         nonlinear: Sequence[Nonlinearity] = (),
+        model: str = DEFAULT,
     ) -> None:
-        values = _as_rows(parameters)
+        self._names = parameter_names(model)
+        values = self._as_rows(parameters)
         self._called = any(isinstance(each, COMPILED_LAWS) for each in nonlinear)
         if self._called:
             passive.install()
-        model = _compile(period / substeps, nonlinear)
-        self._batch = Batch(model, len(values), threads)
+        made = _compile(model, period / substeps, nonlinear)
+        self._batch = Batch(made, len(values), threads)
         self._substeps = substeps
-        self._places = parameter_places(self._batch, model)
-        self._springs = (
-            CubicSprings(self._batch, model) if model.tendon_stiffnesspoly.any() else None
-        )
+        self._places = [*parameter_places(self._batch, self._names)]
+        self._springs = CubicSprings(self._batch, made) if made.tendon_stiffnesspoly.any() else None
         laws = [each for each in nonlinear if isinstance(each, Law)]
-        self._laws = [KeptLaw(self._batch, model, law.law, law.kept) for law in laws]
+        self._laws = [KeptLaw(self._batch, made, law.law, law.kept) for law in laws]
         self._values = np.full_like(values, np.nan)
         self._angle: Array = self._batch.bind("qpos")
         self._speed: Array = self._batch.bind("qvel")
@@ -86,7 +85,7 @@ class Plant:
 
         Parameters
         ----------
-        parameters : sequence of AxisParameters, or ndarray (R, 12)
+        parameters : sequence of AxisParameters, or ndarray (R, P)
             New parameters of each run. Only what differs is touched.
 
         Raises
@@ -94,19 +93,19 @@ class Plant:
         ParameterError
             If a parameter is not physical; then nothing has changed.
         """
-        values = _as_rows(parameters)
+        values = self._as_rows(parameters)
         if values.shape != self._values.shape:
             raise ParameterError(
                 f"expected parameters of shape {self._values.shape}, got {values.shape}."
             )
         changed = np.flatnonzero((values != self._values).any(axis=0))
-        _check_columns(values, changed)
+        self._check_columns(values, changed)
         for column in changed:  # transposed, for an inertia has three entries in each run
             self._places[column].T[...] = values[:, column]
         if self._springs:
             self._springs.scale()
-        if any(PARAMETER_NAMES[column] in _DERIVED_FROM for column in changed):
-            self._batch.set_const()
+        if any(self._names[column][0] in "Jr" for column in changed):
+            self._batch.set_const()  # which the engine derives from these
         self._values = values
 
     def set_law(self, name: str, values: float | Array) -> None:
@@ -165,18 +164,35 @@ class Plant:
 
     @property
     def speeds(self) -> Array:
-        """Motor, gear and arm speed (R, 3) [rad/s], now; a live view."""
+        """Speed (R, n) of the n masses [rad/s], now; a live view."""
         return self._speed
 
     @property
     def angles(self) -> Array:
-        """Motor, gear and arm angle (R, 3) [rad], now; a live view."""
+        """Angle (R, n) of the n masses [rad], now; a live view."""
         return self._angle
 
     @property
     def angle_m(self) -> Array:
         """Motor angle (R,) [rad], now; a live view."""
         return self._angle[:, 0]
+
+    def _as_rows(self, parameters: Sequence[AxisParameters] | Array) -> Array:
+        """Return parameters as a new array (R, P)."""
+        rows = [p.as_array() if isinstance(p, AxisParameters) else p for p in parameters]
+        values, P = np.array(rows, dtype=float), len(self._names)
+        if values.ndim != 2 or values.shape[1] != P or not len(values):
+            raise ParameterError(
+                f"parameters must have shape (runs, {P}) with at least one run, not {values.shape}."
+            )
+        return values
+
+    def _check_columns(self, values: Array, columns: NDArray[np.int64]) -> None:
+        for column in columns:
+            name = self._names[column]
+            for run, value in enumerate(values[:, column].tolist()):
+                if problem := parameter_problem(name, value):
+                    raise ParameterError(f"{name} of run {run} {problem}.")
 
     def _fail(self) -> None:
         """Raise the error of the first run that has gone wrong."""
@@ -219,8 +235,8 @@ QUIET = _Quiet()
 """To be entered around many steps: once inside, a step need not set and reset anything."""
 
 
-def _compile(timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjModel:
-    xml, _ = model_files("three_mass")
+def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjModel:
+    xml, _ = model_files(model)
     spec = mujoco.MjSpec.from_string(xml)
     spec.option.timestep = timestep
     spec.compiler.discardvisual = True  # shapes only cost time here
@@ -230,23 +246,3 @@ def _compile(timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjMod
         # No other feature is a constraint; to look for them takes a twelfth of a step.
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return spec.compile()
-
-
-def _as_rows(parameters: Sequence[AxisParameters] | Array) -> Array:
-    """Return parameters as a new array (R, 12)."""
-    rows = [p.as_array() if isinstance(p, AxisParameters) else p for p in parameters]
-    values = np.array(rows, dtype=float)
-    if values.ndim != 2 or values.shape[1] != len(PARAMETER_NAMES) or not len(values):
-        raise ParameterError(
-            f"parameters must have shape (runs, {len(PARAMETER_NAMES)}) with at least one run, "
-            f"not {values.shape}."
-        )
-    return values
-
-
-def _check_columns(values: Array, columns: NDArray[np.int64]) -> None:
-    for column in columns:
-        name = PARAMETER_NAMES[column]
-        for run, value in enumerate(values[:, column].tolist()):
-            if problem := parameter_problem(name, value):
-                raise ParameterError(f"{name} of run {run} {problem}.")

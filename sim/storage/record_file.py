@@ -13,9 +13,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.law_parameters import LAW_NAMES
-from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.parameters import PARAMETER_NAMES, PARAMETER_UNITS, model_with, parameter_names
 from flexaxis.sim.storage.hdf5_inside import only_inside
 from flexaxis.sim.storage.netcdf import new_netcdf
 from flexaxis.sim.storage.reading import json_value
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 ALL = slice(None)
 
 LARGEST = 8_000_000_000
-"""Bytes that are read at once: 45 million samples with all signals and twelve parameters."""
+"""Bytes that are read at once: 45 million samples with all signals and a dozen parameters."""
 
 SIGNALS = {
     "time": ("s", "time of the sample"),
@@ -37,6 +38,7 @@ SIGNALS = {
     "true_angle_m": ("rad", "motor angle"),
     "true_angle_g": ("rad", "gear angle, arm side"),
     "true_angle_a": ("rad", "arm angle"),
+    "true_angle_l": ("rad", "load angle"),
 }
 """Unit and meaning of each signal (N,), by name."""
 
@@ -128,7 +130,7 @@ def _check_form(file: h5py.File) -> None:
             raise RecordError(f"{name} holds no numbers.")
     if samples is None or "true_parameters" not in file:
         return
-    most = len(PARAMETER_NAMES) + len(LAW_NAMES)
+    most = len(PARAMETER_UNITS) + len(LAW_NAMES)
     shape = file["true_parameters"].shape
     if len(shape) != 2 or shape[0] != samples or shape[1] > most:
         raise RecordError(
@@ -196,7 +198,8 @@ def _read_parameters(file: Any, span: slice) -> dict[str, Any]:
     if "parameter" not in file.variables:
         raise RecordError("variable 'parameter', the names of the columns, is missing.")
     names = [n.decode() if isinstance(n, bytes) else str(n) for n in file.variables["parameter"]]
-    order = [*PARAMETER_NAMES, *(name for name in LAW_NAMES if name in names)]
+    model = model_with(name for name in names if name not in LAW_NAMES)
+    order = [*parameter_names(model or DEFAULT), *(name for name in LAW_NAMES if name in names)]
     if sorted(names) != sorted(order):
         raise RecordError(
             f"parameter must name {', '.join(PARAMETER_NAMES)}, and may name "

@@ -16,6 +16,8 @@ class Config(BaseModel):
 class Frozen(dict[str, float]):
     """A table of numbers that cannot change: what has it as a part has a hash that is kept."""
 
+    __slots__ = ()
+
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
         raise TypeError("a scenario cannot change; make another one with its `override`")
 
@@ -23,7 +25,7 @@ class Frozen(dict[str, float]):
     clear = pop = popitem = setdefault = update = _refuse  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Frozen, (dict(self),)
+        return type(self), (dict(self),)
 
 
 class Part(Protocol):

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.law_parameters import meant
-from flexaxis.sim.tables.faults import CHANGEABLE, Fault
+from flexaxis.sim.parameters import PARAMETER_UNITS
+from flexaxis.sim.tables.faults import Fault, changeable
 from flexaxis.sim.timing import Grid
 
 Array = NDArray[np.float64]
@@ -80,7 +81,8 @@ def find_events(
         before, after = value({}, period=grid.period), value(ends, period=grid.period)
         if before != after:
             found.append(Event(name, first, before, after))
-    return tuple(sorted(found, key=lambda e: (e.index, CHANGEABLE.index(e.parameter))))
+    order = changeable(PARAMETER_UNITS)
+    return tuple(sorted(found, key=lambda e: (e.index, order.index(e.parameter))))
 
 
 def _product(

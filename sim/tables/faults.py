@@ -2,35 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import Field, field_validator
 
-from flexaxis.sim.errors import unknown
-from flexaxis.sim.law_parameters import COULOMB, LAW_NAMES
-from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.tables.config import Config, Positive
 from flexaxis.sim.timing import Grid
 
 Array = NDArray[np.float64]
 
 
-CHANGEABLE = (*(name for name in PARAMETER_NAMES if name != "r"), *LAW_NAMES)
-"""What can change in a run, where the plant has it."""
+def changeable(names: Iterable[str]) -> tuple[str, ...]:
+    """Return what can change in a run of an axis with these parameters, if it has such laws."""
+    return (*(name for name in names if name != "r"), *LAW_NAMES)
 
 
-def _can_fail(parameter: str) -> str:
-    if parameter == "r":
-        raise ValueError("the gear ratio r is a count of teeth and cannot change in a run")
-    if parameter not in (*CHANGEABLE, COULOMB):
-        raise ValueError(unknown("parameter", parameter, CHANGEABLE))
-    return parameter
+Parameter = str
+"""One of those that are `changeable`, which the scenario sees to."""
 
-
-Parameter = Annotated[str, AfterValidator(_can_fail)]
 # Above that a percentage was meant, or a value instead of a factor.
 Factor = Annotated[float, Field(ge=0, le=100)]
 Point = Annotated[
@@ -56,7 +50,7 @@ class Step(Config):
     Attributes
     ----------
     parameter : str
-        One of `CHANGEABLE`.
+        One that is `changeable`.
     at : float
         Time of the onset [s], rounded to a sample; that sample has the new value.
     factor : float
@@ -87,7 +81,7 @@ class Ramp(Config):
     Attributes
     ----------
     parameter : str
-        One of `CHANGEABLE`.
+        One that is `changeable`.
     at : float
         Time of the onset [s], rounded to a sample; that sample has the first changed value.
     over : float
@@ -124,7 +118,7 @@ class Thermal(Config):
     Attributes
     ----------
     parameter : str
-        One of `CHANGEABLE`.
+        One that is `changeable`.
     at : float
         Time of the onset [s], rounded to a sample; that sample has the first changed value.
     time_constant : float
@@ -162,7 +156,7 @@ class Intermittent(Config):
     Attributes
     ----------
     parameter : str
-        One of `CHANGEABLE`.
+        One that is `changeable`.
     at : float
         Time of the first onset [s], rounded to a sample.
     on, off : float
@@ -207,7 +201,7 @@ class Profile(Config):
     Attributes
     ----------
     parameter : str
-        One of `CHANGEABLE`.
+        One that is `changeable`.
     at : float
         Time of the onset [s], rounded to a sample, which still has the value before.
     points : tuple of (float, float)

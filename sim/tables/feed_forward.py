@@ -13,8 +13,8 @@ from flexaxis.sim.tables.config import Config, Positive
 
 Array = NDArray[np.float64]
 
-USED = ("k_T", "J_m", "J_g", "J_a", "f_m", "f_c", "r")
-"""Parameters that the controller makes use of."""
+USED = ("k_T", "f_m", "f_c", "r")
+"""Parameters that the controller makes use of, besides the inertias."""
 
 
 class Follower(Protocol):
@@ -69,7 +69,7 @@ class AdaptConfig(Config):
         .. math::
 
             u = (k_{T0} u_{fb} + J a + f_m v + f_c \tanh(v/v_0)) / k_T, \quad
-            J = J_m + r^2 (J_g + J_a)
+            J = J_m + r^2 (J_g + J_a + \dots)
 
         Parameters
         ----------
@@ -78,12 +78,13 @@ class AdaptConfig(Config):
         motion : (ndarray (R,), ndarray (R,))
             Wanted speed v [rad/s] and acceleration a [rad/s²].
         of : mapping of str to float or ndarray (R,)
-            The parameters `USED`, and ``"k_T0"``.
+            The parameters `USED`, the inertias in their order, and ``"k_T0"``.
         """
         speed, acceleration = motion
         torque = of["k_T0"] * feedback
         if self.inertia:
-            torque = torque + (of["J_m"] + of["r"] ** 2 * (of["J_g"] + of["J_a"])) * acceleration
+            motor, *others = (value for name, value in of.items() if name[0] == "J")
+            torque = torque + (motor + of["r"] ** 2 * sum(others)) * acceleration
         if self.friction:
             torque = torque + of["f_m"] * speed + of["f_c"] * np.tanh(speed / self.smooth)
         return np.asarray(torque / of["k_T" if self.torque else "k_T0"])
@@ -120,7 +121,8 @@ class FeedForward:
     ) -> None:
         self._config, self._followers, self._period = config, followers, period
         runs = reference.shape[1]
-        known = {name: nominal.get(name, 0.0) for name in USED}
+        inertias = [name for name in nominal if name[0] == "J"]
+        known = {name: nominal.get(name, float(name == "r")) for name in (*USED, *inertias)}
         self._known = {name for name, value in known.items() if value}  # no limits about nothing
         self._values = {name: np.full(runs, value) for name, value in known.items()}
         most = {name: config.gain if name == "k_T" else config.limit for name in known}

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
+from flexaxis.models_mjcf import DEFAULT, SHIPPED, model_digest
 from flexaxis.sim.timing import PERIOD
 
 PLANT, CONTENT = "plant", "content"
@@ -35,11 +36,11 @@ Streams = Annotated[str, AfterValidator(_a_key)]
 def content_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 (64 hex digits) of a resolved scenario without the words on it.
 
-    ``streams = "content"`` is left out, and the period of 5 ms: the scenarios that have them are
-    older than the keys.
+    ``streams = "content"`` is left out, the period of 5 ms and the paper's axis: the scenarios that
+    have them are older than the keys. The MJCF is in it where it is not as published.
     """
     without = _WORDS | ({"streams"} if resolved["streams"] == CONTENT else set())
-    return _digest({k: v for k, v in _without_old_period(resolved).items() if k not in without})
+    return _digest({k: v for k, v in _told_apart(resolved).items() if k not in without})
 
 
 def stream_key(resolved: Mapping[str, Any]) -> str:
@@ -64,15 +65,15 @@ def record_hash(resolved: Mapping[str, Any]) -> str:
 
 def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
     """Return what plant and sensors see of a scenario."""
-    return {
-        key: value for key, value in _without_old_period(resolved).items() if key not in _NOT_SEEN
-    }
+    return {key: value for key, value in _told_apart(resolved).items() if key not in _NOT_SEEN}
 
 
-def _without_old_period(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a resolved scenario without a period that every scenario once had."""
-    old = resolved.get("period", PERIOD) == PERIOD
-    return {key: value for key, value in resolved.items() if key != "period" or not old}
+def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a resolved scenario without what every scenario once had, and with a new MJCF."""
+    once, model = {"period": PERIOD, "model": DEFAULT}, resolved.get("model", DEFAULT)
+    found = {key: value for key, value in resolved.items() if once.get(key) != value}
+    digest = model_digest(model)
+    return found if SHIPPED.get(model) == digest else found | {"mjcf": digest}
 
 
 def _digest(content: Mapping[str, Any]) -> str:

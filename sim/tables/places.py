@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from flexaxis.sim.parameters import PARAMETER_NAMES
 
 Array = NDArray[np.float64]
 
@@ -26,34 +25,32 @@ Kept = Callable[[Mapping[str, Any]], dict[Place, Any]]
 
 # Of the six transmission ratios of an actuator only the first acts on a hinge; of the inertias all
 # three stay equal, so that they belong to a possible body.
-_PLACES = {
-    "k_T": Place("actuator_gear", "motor", 0),
-    "J_m": Place("body_inertia", "motor"),
-    "J_g": Place("body_inertia", "gear"),
-    "J_a": Place("body_inertia", "arm"),
-    "k_g": Place("tendon_stiffness", "gear"),
-    "k_a": Place("tendon_stiffness", "arm"),
-    "d_g": Place("tendon_damping", "gear"),
-    "d_a": Place("tendon_damping", "arm"),
-    "f_m": Place("dof_damping", "motor"),
-    "f_g": Place("dof_damping", "gear"),
-    "f_a": Place("dof_damping", "arm"),
-    "r": Place("wrap_prm", "gear"),
-}
+_FIELDS = {
+    "J": "body_inertia", "k": "tendon_stiffness", "d": "tendon_damping", "f": "dof_damping",
+}  # fmt: skip
 _KINDS = {"body": "body", "tendon": "tendon", "dof": "joint", "actuator": "actuator"}
 
 
-def parameter_places(batch: Any, model: Any) -> list[Array]:
-    """Return, for each parameter, the live array (R, ...) of the engine that holds it."""
-    return [_place(batch, model, _PLACES[name]) for name in PARAMETER_NAMES]
+def parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
+    """Yield, for each parameter, the live array (R, ...) of the engine that holds it.
+
+    Those of a kind have the order of bodies and tendons.
+    """
+    seen = Counter({"J": 1})  # the first body is the world
+    for name in names:
+        if name == "k_T":
+            yield batch.expand("actuator_gear")[:, 0, 0]
+        elif name == "r":  # the coefficient of the motor in the first tendon
+            yield batch.expand("wrap_prm")[:, 0]
+        else:
+            yield batch.expand(_FIELDS[name[0]])[:, seen[name[0]]]
+            seen[name[0]] += 1
 
 
 def _place(batch: Any, model: Any, place: Place) -> Array:
     """Return the live array (R, ...) of the engine that holds what is kept in a place."""
     values: Array = batch.expand(place.field)
     match place.field:
-        case "wrap_prm":  # the coefficient of the motor in the tendon
-            return values[:, model.tendon_adr[model.tendon(place.owner).id]]
         case "numeric_data":  # all custom numbers, one after the other
             return values[:, model.numeric_adr[model.numeric(place.owner).id] + place.column]
     kind = _KINDS[place.field.split("_", maxsplit=1)[0]]

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from flexaxis.sim.errors import did_you_mean, unknown
+from flexaxis.sim.errors import unknown
 from flexaxis.sim.law_parameters import (
     FIXED,
     LAW_MAY_BE_ZERO,
@@ -17,18 +17,17 @@ from flexaxis.sim.law_parameters import (
     law_owners,
     meant,
 )
-from flexaxis.sim.parameters import (
-    DATA_SHEET,
-    DEFAULT_IDENTIFY,
-    MAY_BE_ZERO,
-    PARAMETER_NAMES,
-    parameter_problem,
-    presets,
+from flexaxis.sim.parameter_problems import (
+    name_problems,
+    names_of,
+    parameter_problems,
+    zero_problems,
 )
+from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, MAY_BE_ZERO, PARAMETER_UNITS
 from flexaxis.sim.storage.reading import shown
 from flexaxis.sim.tables.config import kinds
 from flexaxis.sim.tables.excitation import Excitation
-from flexaxis.sim.tables.faults import Fault
+from flexaxis.sim.tables.faults import Fault, changeable
 from flexaxis.sim.tables.rate_problems import (
     Problem,
     as_list,
@@ -67,14 +66,14 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
     """
     duration, period = as_number(content.get("duration")), checked_period(content)
     yield from rate_problems(content)
-    yield from _parameter_problems(content)
+    yield from parameter_problems(content)
     identify = as_list(content.get("identify", DEFAULT_IDENTIFY))
     yield from estimated_problems(identify, content)
     yield from _law_problems(identify, content)
     yield from _told_problems(content, identify)
     yield from _loop_problems(content)
     for place, change in _changes(content):
-        for key, text in _change_problems(change, duration, period, law_owners(content)):
+        for key, text in _change_problems(change, duration, period, content):
             yield f"{place}.{key}", text
     excitation = content.get("excitation")
     if isinstance(excitation, Mapping):
@@ -133,13 +132,14 @@ def estimated_problems(
         What they may be besides the parameters of the axis and their inverses.
     """
     texts = [(f"{key}[{i}]", name) for i, name in enumerate(names) if isinstance(name, str)]
-    yield from _name_problems([(k, name) for k, name in texts if name not in besides])
-    yield from _zero_problems(texts, content.get("parameters"))
+    known = names_of(content)
+    yield from name_problems([(k, name) for k, name in texts if name not in besides], known)
+    yield from zero_problems(texts, content.get("parameters"))
     inverses = {name for _, name in texts if name.startswith("1/")}
     for place, change in _changes(content):
         parameter, factor = change.get("parameter"), as_number(change.get("factor"))
         inverse = f"1/{parameter}"
-        if factor == 0 and inverse in inverses and _may_be_zero(parameter):
+        if factor == 0 and inverse in inverses and parameter in MAY_BE_ZERO:
             yield (
                 f"{place}.factor",
                 f"must be above 0 where {inverse} is estimated, which would become infinite; "
@@ -187,46 +187,6 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
     return table.model_fields if isinstance(table, type) and issubclass(table, BaseModel) else ()
 
 
-def _parameter_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
-    name, parameters = content.get("preset"), content.get("parameters")
-    if isinstance(name, str) and name not in presets():
-        yield "preset", unknown("preset", name, presets())
-    for key, value in parameters.items() if isinstance(parameters, Mapping) else ():
-        if key not in PARAMETER_NAMES:
-            yield f"parameters.{key}", unknown("parameter", key, PARAMETER_NAMES)
-        elif as_number(value) is not None and (problem := parameter_problem(key, value)):
-            yield f"parameters.{key}", problem
-
-
-def _name_problems(names: list[tuple[str, str]]) -> Iterator[Problem]:
-    seen: dict[str, str] = {}
-    for key, name in names:
-        parameter = name.removeprefix("1/")
-        if parameter not in PARAMETER_NAMES:
-            known = [*PARAMETER_NAMES, *(f"1/{parameter}" for parameter in PARAMETER_NAMES)]
-            yield (
-                key,
-                f"unknown parameter {name!r}; known are {', '.join(PARAMETER_NAMES)} and the "
-                f"inverse of each, such as '1/J_a'; and of laws {', '.join(LAW_NAMES)}."
-                f"{did_you_mean(name, [*known, *LAW_NAMES])}",
-            )
-        elif parameter in seen:
-            yield key, f"{name!r} after {seen[parameter]!r}: name each once"
-        seen.setdefault(parameter, name)
-
-
-def _zero_problems(names: list[tuple[str, str]], parameters: Any) -> Iterator[Problem]:
-    given = parameters if isinstance(parameters, Mapping) else {}
-    for key, name in names:
-        parameter = name.removeprefix("1/")
-        if _may_be_zero(parameter) and as_number(given.get(parameter)) == 0:
-            yield (
-                key,
-                f"{name!r} cannot be estimated where parameters.{parameter} is 0, for errors are "
-                "in % of the nominal value: give it one above 0, or do not estimate it",
-            )
-
-
 def _law_problems(identify: list[Any], content: Mapping[str, Any]) -> Iterator[Problem]:
     """Yield why parameters of laws cannot be identified on this plant, or changed."""
     owners = law_owners(content)
@@ -256,13 +216,13 @@ def _no_such_law(parameter: str) -> str:
 
 
 def _told_problems(content: Mapping[str, Any], identify: list[Any]) -> Iterator[Problem]:
-    told, laws = as_table(content.get("told")), law_owners(content)
+    told, laws, names = as_table(content.get("told")), law_owners(content), names_of(content)
     estimated = {str(name).removeprefix("1/") for name in identify}
     for name, value in told.items():
         key = f"told.{name}"
-        if name not in (*PARAMETER_NAMES, *LAW_NAMES, *DATA_SHEET):
-            yield key, unknown("parameter", name, (*PARAMETER_NAMES, *LAW_NAMES, *DATA_SHEET))
-        elif name in PARAMETER_NAMES and name in estimated:
+        if name not in (*names, *LAW_NAMES, *DATA_SHEET):
+            yield key, unknown("parameter", name, (*names, *LAW_NAMES, *DATA_SHEET))
+        elif name in names and name in estimated:
             yield key, f"{name} is estimated: where that starts is `start`"
         elif name in LAW_NAMES and name not in laws:
             yield key, _no_such_law(name)
@@ -282,9 +242,10 @@ def _change_problems(
     fault: Mapping[str, Any],
     duration: float | None,
     period: float,
-    laws: Mapping[str, str],
+    content: Mapping[str, Any],
 ) -> Iterator[Problem]:
     yield from span_problems(fault, period)
+    laws, known = law_owners(content), changeable(names_of(content))
     at, until, factor = (as_number(fault.get(key)) for key in ("at", "until", "factor"))
     index = partial(sample_index, period=period)
     later = fault.get("kind") == "profile"  # whose line begins with the value before
@@ -298,6 +259,10 @@ def _change_problems(
             yield "parameter", _no_such_law(law)
         elif laws[law] in FIXED:
             yield "parameter", f"{law} of {laws[law]} cannot change in the course of a run"
+    elif parameter == "r":
+        yield "parameter", "the gear ratio r is a count of teeth and cannot change in a run"
+    elif isinstance(parameter, str) and parameter not in known:
+        yield "parameter", unknown("parameter", parameter, known)
     if factor == 0 and _must_stay_positive(parameter):
         yield "factor", f"must be above 0, for {parameter} must stay positive"
 
@@ -321,9 +286,5 @@ def _changes(content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any
 
 
 def _must_stay_positive(parameter: Any) -> bool:
-    known = parameter in (*PARAMETER_NAMES, *LAW_NAMES)
+    known = parameter in (*PARAMETER_UNITS, *LAW_NAMES)
     return known and parameter not in MAY_BE_ZERO | LAW_MAY_BE_ZERO
-
-
-def _may_be_zero(parameter: Any) -> bool:
-    return isinstance(parameter, str) and parameter in MAY_BE_ZERO

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from flexaxis.sim.errors import ParameterError
+from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.tables.config import kinds
 from flexaxis.sim.tables.controller import ControllerConfig
@@ -85,10 +85,11 @@ def _stability_problems(content: Mapping[str, Any], period: float) -> Iterator[P
         return
     try:
         changes = as_table(content.get("parameters"))
-        parameters = preset(content.get("preset", "n1")).replace(**changes)
+        named = content.get("preset", "n1"), content.get("model", DEFAULT)
+        parameters = preset(*named).replace(**changes)
         config = _made(ControllerConfig, content.get("controller"))
         delay = _made(DelayConfig, content.get("delay"))
-    except (ValidationError, ParameterError, TypeError):
+    except (ValueError, TypeError):
         return
     late = delay.measurement if content.get("feedback") == "measured" else 0
     ticks = delay.torque_ticks

@@ -1,6 +1,6 @@
 """Whether the loop is stable on the nominal linear axis, before anything is simulated.
 
-From the equations of motion, M q̈ + D q̇ + K q = k_T u for the angles q of motor, gear and arm, with
+From the equations of motion, M q̈ + D q̇ + K q = k_T u for the angles q of the masses, with
 controller, period and delays of a scenario.
 """
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 GROWTH = 1e-6  # of a mode in a sample: less than e-fold in a million samples is rounding
 HALVINGS = 20  # of Kv, in search of one with which the loop is stable
-_ANGLE, _MOTOR, _ERROR, _SPEED, _INTEGRAL, _HELD, _CHAINS = 0, 3, 6, 7, 8, 9, 10
+_ERROR, _SPEED, _INTEGRAL, _HELD, _ANGLE = range(5)  # what follows are the other angles, and speeds
 
 
 def loop_problem(
@@ -87,31 +87,30 @@ def _radius(
     if config.rate:
         period = TICK
     ticks = round(period / TICK) if torque else 1
-    size = _CHAINS + torque + late
-    sample = _command(config, period, size, torque, late)
-    tick = _tick(parameters, period / ticks, size, torque)
+    F, g = _sampled(parameters, period / ticks)
+    size = _ANGLE + len(g) + torque + late
+    sample = _command(config, period, size, late)
+    tick = _tick(F, g, size, torque)
     loop = np.linalg.matrix_power(tick, ticks) @ sample
     return float(np.abs(np.linalg.eigvals(loop)).max())
 
 
-def _tick(parameters: AxisParameters, period: float, size: int, torque: int) -> Array:
+def _tick(F: Array, g: Array, size: int, torque: int) -> Array:
     """Return what a tick does to plant and torques on the way, as (size, size)."""
-    F, g = _sampled(parameters, period)
-    step = np.eye(size)
-    step[:6, :6] = F
-    acting = _CHAINS if torque else _HELD  # the oldest torque on the way
-    step[:6, acting] = g
-    for place in range(_CHAINS, _CHAINS + torque):
+    step, chain = np.eye(size), _ANGLE + len(g)
+    step[_ANGLE:chain, _ANGLE:chain] = F
+    step[_ANGLE:chain, chain if torque else _HELD] = g  # the oldest torque on the way
+    for place in range(chain, chain + torque):
         step[place] = 0.0
-        step[place, place + 1 if place + 1 < _CHAINS + torque else _HELD] = 1.0
+        step[place, place + 1 if place + 1 < chain + torque else _HELD] = 1.0
     return step
 
 
-def _command(config: ControllerConfig, period: float, size: int, torque: int, late: int) -> Array:
+def _command(config: ControllerConfig, period: float, size: int, late: int) -> Array:
     """Return what the controller does at a sample, as (size, size); see `Controller`."""
     pole = np.exp(-period / config.tau) if config.tau > 0 else 0.0
     eye = np.eye(size)
-    first = _CHAINS + torque
+    first = size - late
     error = -eye[first if late else _ANGLE]
     speed = pole * eye[_SPEED] + (1 - pole) / period * (error - eye[_ERROR])
     wanted = config.Kp * error + speed
@@ -125,7 +124,7 @@ def _command(config: ControllerConfig, period: float, size: int, torque: int, la
 
 
 def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
-    """Return F (6, 6) and g (6,) of angles and speeds from sample to sample, torque held.
+    """Return F (2n, 2n) and g (2n,) of angles and speeds from sample to sample, torque held.
 
     By the Runge-Kutta steps of the engine, which on a linear axis are series of fourth order.
     """
@@ -136,17 +135,21 @@ def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
         term = term @ A / order
         total = total + term
     sampled = np.linalg.matrix_power(total, steps)
-    return sampled[:6, :6], sampled[:6, 6]
+    return sampled[:-1, :-1], sampled[:-1, -1]
 
 
 def _continuous(parameters: AxisParameters) -> Array:
-    """Return the derivative (7, 7) of angles, speeds and a held torque."""
-    p = parameters
-    gear, arm = np.array([p.r, -1.0, 0.0]), np.array([0.0, 1.0, -1.0])  # twists over angles
-    K = p.k_g * np.outer(gear, gear) + p.k_a * np.outer(arm, arm)
-    D = p.d_g * np.outer(gear, gear) + p.d_a * np.outer(arm, arm) + np.diag([p.f_m, p.f_g, p.f_a])
-    A = np.zeros((7, 7))
-    A[:3, 3:6] = np.eye(3)
-    A[3:6, :6] = -np.hstack([K, D]) / np.array([[p.J_m], [p.J_g], [p.J_a]])
-    A[_MOTOR, 6] = p.k_T / p.J_m
+    """Return the derivative (2n + 1, 2n + 1) of angles, speeds and a held torque."""
+    J, k, d, f = (
+        np.array([value for name, value in parameters.items() if name[0] == kind and name != "k_T"])
+        for kind in "Jkdf"
+    )
+    n = len(J)
+    twists = np.eye(n)[:-1] - np.eye(n)[1:]  # over angles
+    twists[0, 0] = parameters.get("r", 1.0)
+    K, D = twists.T * k @ twists, twists.T * d @ twists + np.diag(f)
+    A = np.zeros((2 * n + 1, 2 * n + 1))
+    A[:n, n:-1] = np.eye(n)
+    A[n:-1, :-1] = -np.hstack([K, D]) / J[:, None]
+    A[n, -1] = parameters.k_T / J[0]
     return A

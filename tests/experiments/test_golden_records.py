@@ -56,7 +56,7 @@ def test_the_file_holds_no_other_scenario():
 
 @pytest.fixture(scope="module")
 def record():
-    return contents.record_of("fm_step-v1")
+    return contents.record_of("four_mass_fm_step-v1")  # which has every signal
 
 
 @pytest.mark.parametrize("signal", contents.SIGNALS)

@@ -16,7 +16,7 @@ import numpy as np
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate, versions
 
@@ -54,6 +54,7 @@ SIGNALS = (
     "true_angle_m",
     "true_angle_g",
     "true_angle_a",
+    "true_angle_l",
     "true_parameters",
 )
 PROJECTIONS = 3
@@ -135,10 +136,11 @@ def _change(old: Any, new: Any, *, rtol: float, atol: float = 0.0) -> float:
 def digest(record: Record) -> dict[str, list[Any]]:
     """Return the SHA-256 of the bytes of each signal, and its projections.
 
-    The twelve parameters of the axis are one signal, and those of its laws another.
+    The parameters of the axis are one signal, and those of its laws another.
     """
-    signals = {signal: getattr(record, signal) for signal in SIGNALS}
-    axis, laws = np.split(record.true_parameters, [len(PARAMETER_NAMES)], axis=1)
+    signals = {name: x for name in SIGNALS if (x := getattr(record, name)) is not None}
+    linear = sum(name not in LAW_NAMES for name in record.parameter_names)
+    axis, laws = np.split(record.true_parameters, [linear], axis=1)
     signals |= {"true_parameters": axis} | ({"laws": laws} if laws.size else {})
     return {
         signal: [sha256(values.tobytes()).hexdigest(), *projections(values, signal)]

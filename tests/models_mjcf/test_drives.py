@@ -2,16 +2,16 @@
 
 import re
 import tomllib
-from importlib.resources import files
 
 import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
+from flexaxis.models_mjcf import model_files
 from flexaxis.sim.parameters import PARAMETER_NAMES, preset, presets
 from flexaxis.sim.tables.stability import loop_problem
 
-TEXT = files("flexaxis.models_mjcf").joinpath("drives.toml").read_text(encoding="utf-8")
+TEXT = model_files("three_mass")[1]["drives.toml"].decode()
 DRIVES = tomllib.loads(TEXT)
 SUITE = find_suite("drives").scenarios
 BAM = [name for name in DRIVES if name != "bench"]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flexaxis.models_mjcf import MODEL_NAMES, model_files
-from flexaxis.sim.parameters import PARAMETER_NAMES, PARAMETER_UNITS, preset
+from flexaxis.sim.parameters import PARAMETER_NAMES, PARAMETER_UNITS, parameter_names, preset
 
 
 @pytest.mark.parametrize("name", MODEL_NAMES)
@@ -13,10 +13,10 @@ def test_model_and_its_scene_compile(name):
     xml, assets = model_files(name)
     plant = mujoco.MjModel.from_xml_string(xml, assets)
     scene = mujoco.MjModel.from_xml_string(assets["scene.xml"].decode(), assets)
-    assert plant.nv == scene.nv == 3
+    bodies = {plant.body(i).name for i in range(1, plant.nbody)}
+    assert plant.nv == scene.nv == len(bodies)
     assert scene.ncam >= 1 and scene.nlight >= 1
-    shown = {scene.body(scene.geom_bodyid[i]).name for i in range(scene.ngeom)}
-    assert {"motor", "gear", "arm"} <= shown
+    assert bodies <= {scene.body(scene.geom_bodyid[i]).name for i in range(scene.ngeom)}
 
 
 def test_unknown_model_names_the_nearest():
@@ -45,24 +45,26 @@ def test_numbers_in_the_file_are_the_set_n1():
     assert [values[name] for name in PARAMETER_NAMES] == preset("n1").as_array().tolist()
 
 
-def test_engine_settings_that_the_plant_relies_on():
-    m = mujoco.MjModel.from_xml_string(model_files("three_mass")[0])
+@pytest.mark.parametrize("name", MODEL_NAMES)
+def test_engine_settings_that_the_plant_relies_on(name):
+    m = mujoco.MjModel.from_xml_string(model_files(name)[0])
     assert m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     assert m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_AUTORESET
     assert not m.opt.gravity.any()
     assert not m.tendon_lengthspring.any()  # rest at length zero, not wherever it was compiled
 
 
-@pytest.mark.parametrize("name", PARAMETER_NAMES)
-def test_every_number_has_symbol_and_unit_beside_it_and_provenance(name):
-    xml, assets = model_files("three_mass")
+@pytest.mark.parametrize(
+    ("model", "name"), [(model, name) for model in MODEL_NAMES for name in parameter_names(model)]
+)
+def test_every_number_has_symbol_and_unit_beside_it_and_provenance(model, name):
+    xml, assets = model_files(model)
     unit = PARAMETER_UNITS[name].replace("1", "no unit") if name == "r" else PARAMETER_UNITS[name]
-    value = "1/118" if name == "r" else f"{preset('n1').as_dict()[name]:g}"
     lines = [line for line in xml.splitlines() if "<!--" in line and f"{name} " in line]
     assert any(unit in line for line in lines), f"{name}: no comment with its unit {unit}"
     readme = assets["README.md"].decode()
     rows = [line.split("|") for line in readme.splitlines() if line.startswith(f"| {name} |")]
     assert len(rows) == 1
     stated = rows[0][2].strip()
-    expected = 1 / 118 if name == "r" else float(value)
-    assert np.isclose(1 / 118 if stated == "1/118" else float(stated), expected, rtol=1e-15)
+    number = 1 / 118 if stated == "1/118" else float(stated)
+    assert np.isclose(number, preset("n1", model)[name], rtol=1e-15)

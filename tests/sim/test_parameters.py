@@ -1,6 +1,4 @@
-"""The twelve parameters: validated, ordered, named."""
-
-import dataclasses
+"""The parameters of an axis: read off its MJCF, validated, ordered, named."""
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ ORDER = ["k_T", "J_m", "J_g", "J_a", "k_g", "k_a", "d_g", "d_a", "f_m", "f_g", "
 
 def test_order_is_the_contract_and_survives_the_array():
     assert list(PARAMETER_NAMES) == ORDER
-    assert [field.name for field in dataclasses.fields(AxisParameters)] == ORDER
     n1 = preset("n1")
     assert AxisParameters(**dict(zip(ORDER, n1.as_array(), strict=True))) == n1
     assert list(n1.as_dict()) == ORDER and list(n1.as_dict().values()) == n1.as_array().tolist()
@@ -23,7 +20,7 @@ def test_order_is_the_contract_and_survives_the_array():
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "1", True, None])
 def test_impossible_values_name_field_and_value(name, value):
     with pytest.raises(ParameterError, match=f"^{name} must be .*not {value!r}"):
-        dataclasses.replace(preset("n1"), **{name: value})
+        preset("n1").replace(**{name: value})
 
 
 @pytest.mark.parametrize("name", ORDER)
@@ -48,8 +45,10 @@ def test_unknown_names_get_the_nearest_word():
 
 
 def test_parameters_are_frozen():
-    with pytest.raises(dataclasses.FrozenInstanceError):
+    with pytest.raises(AttributeError):
         preset("n1").k_T = 2.0
+    with pytest.raises(TypeError):
+        preset("n1")["k_T"] = 2.0
 
 
 @pytest.mark.parametrize(("name", "modes"), [("n1", (100.2, 150.8)), ("n2", None)])

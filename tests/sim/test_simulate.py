@@ -165,7 +165,7 @@ def test_a_record_knows_where_it_is_from(make):
     (record,) = simulate(scenario, [12])
     assert record.scenario == scenario.resolved() and record.hash == scenario.hash
     assert (record.seed, record.burn_in, record.period) == (12, 0.5, 0.005)
-    assert set(record.versions) == {"python", "flexaxis", "mujoco", "numpy"}
+    assert set(record.versions) == {"python", "flexaxis", "mujoco", "numpy", "mjcf"}
     assert np.array_equal(record.true_parameters, scenario.true_parameters())
 
 

@@ -1,0 +1,178 @@
+"""Axes of two and four masses from scenario to score; and one of which there is no model."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from flexaxis.estimators.models.axes import MODELS
+from flexaxis.experiments.catalogue.card import reference_card
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.demo.view import model_of, poses, scene
+from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.cache import SIGNALS, RecordCache, records
+from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.scoring.bounds import limits
+from flexaxis.models_mjcf import MODEL_NAMES
+from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.parameters import preset
+from flexaxis.sim.plant.plant import Plant
+from flexaxis.sim.simulate import simulate
+
+CHAINS = ("two_mass", "four_mass")
+T = 0.005
+
+
+def chain(name):
+    return find_scenario(f"{name}_fm_step-v1")
+
+
+def linearised(q, name):
+    """A and B of twists and speeds, from the accelerations of the plant in unit states."""
+    model = Plant([q], period=T, substeps=5, model=name).model(0)
+    data, n = mujoco.MjData(model), model.nv
+    mujoco.mj_forward(model, data)
+    lengths = np.zeros((model.ntendon, n))
+    mujoco.mju_sparse2dense(
+        lengths, data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
+    )
+    angles = np.linalg.pinv(lengths)
+
+    def rate(x, u):
+        data.qpos[:], data.qvel[:], data.ctrl[:] = angles @ x[:-n], x[-n:], u
+        mujoco.mj_forward(model, data)
+        return np.array([*data.ten_velocity, *data.qacc])
+
+    unit = np.eye(2 * n - 1)
+    A = np.column_stack([rate(e, 0.0) for e in unit])
+    return A, rate(0.0 * unit[0], 1.0)
+
+
+@pytest.mark.parametrize("name", MODEL_NAMES)
+def test_the_estimators_model_is_the_plant(name):
+    """Of every folder beside these, too: a plant comes with its model, or it is refused."""
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        q = preset("n1", name)
+        q = q.replace(**{key: value * rng.uniform(0.5, 1.0) for key, value in q.items()})
+        A, B, C = MODELS[name].factory(q).parametrize(["k_T"]).matrices([q.k_T])
+        wanted, push = linearised(q, name)
+        scale = np.abs(wanted).max(axis=1, keepdims=True)
+        assert np.max(np.abs(A - wanted) / scale) < 1e-12
+        assert np.max(np.abs(B[:, 0] - push)) < 1e-12 * np.abs(push).max()
+        assert np.array_equal(C.ravel(), np.eye(len(A))[len(A) // 2])  # the motor's speed
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_estimators_follow_a_fault_of_a_chain(name):
+    """The lag of rpem is that of its memory of 1 s, and nobody is faster than the bound."""
+    scenario = chain(name)
+    with Bench([scenario]) as bench:
+        runs = bench.runs([scenario], ["rpem-forgetting", "ekf", "frozen"], [1000])
+    rows = {key[1]: {row["parameter"]: row for row in case} for key, (case,) in runs.items()}
+    for found in rows.values():
+        assert found.keys() == set(scenario.identify)
+        assert not any(row["diverged"] for row in found.values())
+    lag = {estimator: found["f_m"]["lag"] for estimator, found in rows.items()}
+    assert lag["frozen"] == pytest.approx(5.0)
+    assert 0.8 < lag["rpem-forgetting"] < 1.6 and lag["ekf"] < 3.0
+    assert rows["rpem-forgetting"]["f_m"]["std"] < 1.0  # % of nominal
+    for estimator in ("rpem-forgetting", "ekf"):
+        assert abs(rows[estimator]["f_m"]["bias"]) < 1.0
+        assert 0 < rows[estimator]["f_m"]["score"] < 100
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_the_bound_is_of_the_model_of_the_plant(name):
+    """By finite differences of the exact linear model, from the true state at the fault on."""
+    scenario = chain(name)
+    (record,) = simulate(scenario, [1000])
+    u, names, k, stop = record.torque, scenario.identify, 2000, 3000
+    before = dict(zip(record.parameter_names, record.true_parameters[0].tolist(), strict=True))
+    after = before | {"f_m": 1.5 * before["f_m"]}
+    physical = [each.removeprefix("1/") for each in names]
+    sign = [-1.0 if each.startswith("1/") else 1.0 for each in names]
+    theta = np.array([after[each] for each in physical]) ** sign
+
+    def speeds(q, u, x):
+        A, B = linearised(preset("n1", name).replace(**q), name)
+        from acceptance.axes import held
+
+        step, found, motor = held(A, B, T), [], len(A) // 2
+        for value in u:
+            found.append(x[motor])
+            x = step @ np.append(x, value)
+        return np.array(found), x
+
+    x = speeds(before, u[:k], np.zeros(2 * sum(each[0] == "J" for each in before) - 1))[1]
+    psi = []
+    for i, each in enumerate(physical):
+        ends = []
+        for by in (1e-4, -1e-4):
+            moved = theta[i] * (1 + by)
+            ends.append(speeds(after | {each: moved ** sign[i]}, u[k:stop], x)[0])
+        psi.append((ends[0] - ends[1]) / (2e-4 * theta[i]))
+    psi = np.column_stack(psi)
+    prior = np.diag(0.1**2 / (0.5 * theta) ** 2)
+    C = 0.1**2 * np.linalg.inv(prior + np.cumsum(psi[:, :, None] * psi[:, None, :], axis=0))
+    jump = 0.5 * before["f_m"]
+    lag = T * np.minimum(1.0, np.sqrt(2 / np.pi) * np.sqrt(C[:, 2, 2]) / jump).sum()
+    found = limits(scenario, names, u)
+    assert [each.lag_bound is None for each in found] == [True, True, False]
+    # the record is of MuJoCo, whose torque differs from that of the exact axis by 1e-4
+    assert found[2].lag_bound == pytest.approx(lag, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_a_kept_record_is_the_record(name, tmp_path):
+    scenario = chain(name).override({"duration": 2.0, "fault[0].at": 1.0})
+    store = RecordCache(tmp_path / "records")
+    (made,), first = records(scenario, [0], store)
+    (kept,), again = records(scenario, [0], store)
+    assert (first, again) == (1, 0)
+    for signal in SIGNALS:
+        ours, theirs = getattr(made, signal), getattr(kept, signal)
+        assert (ours is None) == (theirs is None)
+        assert ours is None or ours.tobytes() == theirs.tobytes()
+    assert made.versions == kept.versions and made.scenario == kept.scenario
+    _, model, data = scene(model_of(kept))
+    assert poses(kept, exaggerate=1.0).shape == (len(kept.time), model.nv) == (400, len(data.qpos))
+
+
+@pytest.fixture(params=["no model of its name", "a model of other parameters"])
+def unknown(request, monkeypatch):
+    """A plant that estimators have no model of."""
+    monkeypatch.delitem(MODELS, "two_mass")
+    if request.param != "no model of its name":
+        monkeypatch.setitem(MODELS, "two_mass", MODELS["one_mass"])
+
+    def never(*_, **__):
+        raise AssertionError("it was simulated")
+
+    for place in ("experiments.running.cache", "experiments.scoring.nominal"):
+        monkeypatch.setattr(f"flexaxis.{place}.simulate", never)
+    return chain("two_mass")
+
+
+TOLD = "two_mass_fm_step-v1: estimators have no model two_mass with the parameters k_T, J_m, J_l,"
+
+
+@pytest.mark.parametrize("estimator", ["rpem-forgetting", "frozen", "pipe:true"])
+def test_without_a_model_nothing_is_run(unknown, estimator, tmp_path, capsys):
+    words = ["run", unknown.name, "--estimator", estimator, "--seeds", "1"]
+    assert main([*words, "-o", str(tmp_path / "run")]) == 2
+    assert TOLD in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_without_a_model_nothing_is_estimated_and_no_bound_is_taken(unknown, tmp_path, capsys):
+    path = tmp_path / "run.nc"
+    (record,) = simulate(unknown.override({"duration": 2.0, "fault[0].at": 1.0}), [0])
+    record.save(path)
+    assert main(["estimate", str(path), "--estimator", "rpem-forgetting"]) == 2
+    assert "estimators have no model two_mass" in capsys.readouterr().err
+    assert limits(unknown, unknown.identify, record.torque)[2].lag_bound is None
+    assert reference_card(unknown)["bound"].startswith("none")
+    with pytest.raises(ScenarioError, match="estimators have no model two_mass"):
+        make_plan(Study("s", (unknown,), ("frozen",), (0,)))

@@ -1,0 +1,223 @@
+"""Plants of two and of four masses: their equations by hand, their MJCF, what tells them apart."""
+
+import numpy as np
+import pytest
+from acceptance.axes import held
+
+from flexaxis.models_mjcf import MODEL_NAMES, SHIPPED, model_digest, model_files
+from flexaxis.sim import parameters
+from flexaxis.sim.errors import ParameterError, ScenarioError
+from flexaxis.sim.parameters import AxisParameters, nominal_numbers, parameter_names, preset
+from flexaxis.sim.plant.plant import Plant
+from flexaxis.sim.record import load_record
+from flexaxis.sim.scenario import load_scenario, parse_scenario
+from flexaxis.sim.simulate import simulate
+from flexaxis.sim.tables import identity
+from flexaxis.sim.tables.controller import ControllerConfig
+from flexaxis.sim.tables.stability import loop_problem
+
+T = 0.005
+
+
+def two(q, x, u):
+    """d/dt of (φ_m, φ_l, v_m, v_l)."""
+    m, l, vm, vl = x  # noqa: E741
+    shaft = q["k"] * (m - l) + q["d"] * (vm - vl)
+    return [vm, vl, (q["k_T"] * u - q["f_m"] * vm - shaft) / q["J_m"],
+            (shaft - q["f_l"] * vl) / q["J_l"]]  # fmt: skip
+
+
+def four(q, x, u):
+    """d/dt of (φ_m, φ_g, φ_a, φ_l, v_m, v_g, v_a, v_l)."""
+    m, g, a, l, vm, vg, va, vl = x  # noqa: E741
+    gear = q["k_g"] * (q["r"] * m - g) + q["d_g"] * (q["r"] * vm - vg)
+    arm = q["k_a"] * (g - a) + q["d_a"] * (vg - va)
+    load = q["k_l"] * (a - l) + q["d_l"] * (va - vl)
+    return [vm, vg, va, vl, (q["k_T"] * u - q["f_m"] * vm - q["r"] * gear) / q["J_m"],
+            (gear - arm - q["f_g"] * vg) / q["J_g"], (arm - load - q["f_a"] * va) / q["J_a"],
+            (load - q["f_l"] * vl) / q["J_l"]]  # fmt: skip
+
+
+CHAINS = {"two_mass": (two, "ml"), "four_mass": (four, "mgal")}
+
+
+def moved(name, torque, truth):
+    """Angles and speeds (N, 2n) for a torque held from sample to sample, by matrix exponentials."""
+    rate, masses = CHAINS[name]
+    size, names, found = 2 * len(masses), parameter_names(name), []
+    x, known = np.zeros(size), {}
+    for u, theta in zip(torque, truth, strict=True):
+        found.append(x)
+        if theta.tobytes() not in known:
+            q = dict(zip(names, theta, strict=True))
+            A = np.column_stack([rate(q, e, 0.0) for e in np.eye(size)])
+            known[theta.tobytes()] = held(A, np.array(rate(q, np.zeros(size), 1.0)), T)
+        x = known[theta.tobytes()] @ np.append(x, u)
+    return np.array(found)
+
+
+def apart(ours, exact):
+    return np.linalg.norm(ours - exact) / np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_a_plant_is_its_equations_to_the_order_of_the_integrator(name):
+    """With every parameter changed on the way; a method of fourth order divides by 16."""
+    rng = np.random.default_rng(0)
+    before = preset("n1", name).as_array()
+    after = before * np.exp(rng.normal(0, 0.2, len(before)))
+    truth, torque = np.repeat([before, after], 100, axis=0), rng.normal(0, 1, 200)
+    exact, errors = moved(name, torque, truth), []
+    for substeps in (5, 10, 20):
+        plant = Plant([preset("n1", name)], period=T, substeps=substeps, model=name)
+        angles = []
+        for k, u in enumerate(torque):
+            if k == 100:
+                plant.set_parameters([after])
+            angles.append(plant.angles[0].copy())
+            plant.step(np.array([u]))
+        errors.append(apart(np.array(angles), exact[:, : len(CHAINS[name][1])]))
+    assert errors[0] < 3e-4
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert np.all((ratios > 12) & (ratios < 20)), (errors, ratios)
+
+
+@pytest.fixture(scope="module")
+def catalogue():
+    from flexaxis.experiments.catalogue.find import HOME
+
+    return {name: load_scenario(HOME / "scenarios" / f"{name}_fm_step-v1.toml") for name in CHAINS}
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_a_record_has_the_angle_of_each_mass_and_comes_back_from_its_file(
+    name, catalogue, tmp_path
+):
+    scenario = catalogue[name].override({"duration": 3.0, "fault[0].at": 1.5, "noise.speed": 0.0})
+    record = simulate(scenario, [0])[0]
+    exact = moved(name, record.torque, record.true_parameters)
+    masses = CHAINS[name][1]
+    for i, mass in enumerate(masses):
+        assert apart(getattr(record, f"true_angle_{mass}"), exact[:, i]) < 1e-3
+    assert apart(record.speed, exact[:, len(masses)]) < 1e-3
+    assert record.versions["mjcf"] == model_digest(name)
+    back = load_record(record.save(tmp_path / "run.nc"))
+    assert back.parameter_names == record.parameter_names == parameter_names(name)
+    assert back.scenario["model"] == name
+    for mass in "mgal":
+        ours, theirs = (getattr(each, f"true_angle_{mass}") for each in (record, back))
+        assert (ours is None) == (theirs is None) == (mass not in masses)
+        assert ours is None or np.array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize("Kv", [0.1, 0.22, 1.0, 3.0])
+def test_the_loop_is_told_unstable_where_it_is(name, Kv, catalogue):
+    """The largest eigenvalue of the loop, put together here from the exact sampled axis."""
+    q, rate, n = preset("n1", name), *CHAINS[name][:1], len(CHAINS[name][1])
+    A = np.column_stack([rate(q, e, 0.0) for e in np.eye(2 * n)])
+    step = held(A, np.array(rate(q, np.zeros(2 * n), 1.0)), T)
+    a = np.exp(-T / 0.0005)
+    unit = np.eye(2 * n + 3)
+    error, last, low, integral = -unit[0], *unit[2 * n :]
+    low = a * low + (1 - a) / T * (error - last)
+    wanted = 4.0 * error + low
+    integral = integral + 2.0 * T * wanted
+    plant = np.pad(step[:, :-1], ((0, 0), (0, 3))) + np.outer(step[:, -1], Kv * (wanted + integral))
+    growth = np.abs(np.linalg.eigvals(np.vstack([plant, error, low, integral]))).max()
+    told = loop_problem(q, ControllerConfig(Kv=Kv), T)
+    assert (told is not None) == (growth > 1), (growth, told)
+
+
+def test_the_axis_of_the_paper_has_the_numbers_of_its_file():
+    assert preset("n1") == nominal_numbers("three_mass")
+    assert preset("n1").r == 1 / 118 and "r" not in preset("n1", "two_mass")
+    assert parameter_names("two_mass") == ("k_T", "J_m", "J_l", "k", "d", "f_m", "f_l")
+    assert parameter_names("four_mass") == (
+        "k_T", "J_m", "J_g", "J_a", "J_l", "k_g", "k_a", "k_l", "d_g", "d_a", "d_l",
+        "f_m", "f_g", "f_a", "f_l", "r",
+    )  # fmt: skip
+
+
+def test_parameters_are_those_of_one_model():
+    with pytest.raises(ParameterError, match="no model has just the parameters k_T, J_m; three_m"):
+        AxisParameters(k_T=1.0, J_m=1.0)
+    with pytest.raises(ParameterError, match=r"unknown parameter 'k_g'; known are k_T, J_m, J_l"):
+        preset("n1", "two_mass").replace(k_g=1.0)
+
+
+INNER = (
+    '<body name="load"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    '<joint name="load" damping="1"/></body>'
+)
+NESTED = ("</body>\n  </worldbody>", f"{INNER}</body>\n  </worldbody>")
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (NESTED, "must be a chain of bodies called motor, gear, arm, load, with a fixed tendon"),
+        (('name="arm" pos', 'name="wrist" pos'), "it has motor, gear, wrist"),
+        (('joint="gear" coef="1"', 'joint="motor" coef="1"'), r"\['motor', 'arm'\]"),
+        (('<fixed name="arm"', '<fixed name="grip"'), "the tendons gear, grip of"),
+        ((' stiffness="8.4e3"', ""), "arm in its MJCF has no stiffness"),
+        ((' diaginertia="7 7 7"', ""), "gear in its MJCF has no diaginertia"),
+    ],
+)
+def test_a_file_that_is_no_chain_is_refused(change, told, monkeypatch):
+    xml, assets = model_files("three_mass")
+    assert xml.count(change[0]) == 1
+    monkeypatch.setattr(parameters, "model_files", lambda _: (xml.replace(*change), assets))
+    with pytest.raises(ParameterError, match=rf"model three_mass: .*{told}"):
+        nominal_numbers.__wrapped__("three_mass")
+
+
+SHORT = 'name = "s"\nduration = 2.0\n'
+FAULT = '[[fault]]\nkind = "step"\nparameter = "{}"\nat = 1.0\nfactor = 2.0'
+
+
+@pytest.mark.parametrize("name", MODEL_NAMES)
+def test_a_model_is_frozen_with_its_name(name):
+    """Another MJCF is another model: a folder of its own, and a line of its own in `SHIPPED`."""
+    assert SHIPPED.get(name) == model_digest(name)
+
+
+def test_a_changed_mjcf_is_another_scenario_and_the_published_one_is_not(monkeypatch):
+    text = SHORT + 'identify = ["k_T"]\n'
+    plain = parse_scenario(text)
+    before = {plain.hash, plain.key, plain.record_hash}
+    of = {name: parse_scenario(f'{text}model = "{name}"') for name in MODEL_NAMES}
+    assert of["three_mass"].hash == plain.hash and of["three_mass"].key == plain.key
+    for every in ("hash", "key", "record_hash"):
+        assert len({getattr(scenario, every) for scenario in of.values()}) == len(MODEL_NAMES)
+    monkeypatch.setattr(identity, "model_digest", lambda _: "a fourth mass")
+    other = parse_scenario(text)
+    assert not before & {other.hash, other.key, other.record_hash}
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('model = "two_masses"', "model: unknown model 'two_masses'; known are three_mass, four"),
+        (
+            'model = "two_mass"',
+            "unknown parameter '1/J_a'; known are k_T, J_m, J_l, k, d, f_m, f_l",
+        ),
+        ('model = "two_mass"\npreset = "wg"', "preset: unknown preset 'wg'; known are n1"),
+        ('model = "two_mass"\nparameters.k_g = 1.0', "parameters.k_g: unknown parameter 'k_g'"),
+        ('model = "two_mass"\ntold.k_g = 1.0', "told.k_g: unknown parameter 'k_g'"),
+        ('model = "two_mass"\nbacklash.gear = 0.1', "backlash: is of the spring of a gear, which"),
+        (
+            'model = "two_mass"\n' + FAULT.format("k_g"),
+            "fault[0].parameter: unknown parameter 'k_g'; known are k_T, J_m, J_l, k, d, f_m, f_l,",
+        ),
+        (
+            FAULT.format("J_l"),
+            "fault[0].parameter: unknown parameter 'J_l'",
+        ),
+    ],
+)
+def test_what_a_model_has_not_is_told(text, told):
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(SHORT + text)
+    assert told in str(caught.value), caught.value
