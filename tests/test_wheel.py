@@ -102,6 +102,7 @@ def test_the_front_door_is_in_the_wheel(wheel, tmp_path, zipped):
     assert "rpem-forgetting" in ran.stdout and "f_m" in ran.stdout
 
 
+@pytest.mark.slow
 def test_runs_beside_a_users_own_experiments_folder(wheel, tmp_path):
     (tmp_path / "experiments").mkdir()
     (tmp_path / "experiments" / "__init__.py").write_text("raise RuntimeError('the wrong one')\n")

@@ -38,7 +38,7 @@ def encoder(loop, *, counts=65536):
 
 
 @pytest.mark.parametrize("number", [1, 3])
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", [*JOINT, pytest.param(ALL[-1], marks=pytest.mark.slow)])
 def test_a_minute_after_outliers_all_is_well(nominal, simulated, name, number):
     loop = simulated(90.0, seed=6)
     y = loop.y.copy()

@@ -60,6 +60,7 @@ def test_every_pattern_is_the_paper(nominal, loop):
         )
 
 
+@pytest.mark.slow
 def test_two_mass_is_the_paper(loop):
     model = two_mass(
         {"k_T": 1.0, "J_m": 4.8e-3, "J_l": 4.8e-3, "k": 547.0, "d": 0.01, "f_m": 0.06, "f_l": 0.07}

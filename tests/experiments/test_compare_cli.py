@@ -146,6 +146,7 @@ def own(tmp_path, level):
     return f"{tmp_path}/raises.py:"
 
 
+@pytest.mark.slow
 def test_a_candidate_that_raises_loses_these_runs(capsys, short_toml, tmp_path):
     of = own(tmp_path, 0.0)
     words = ("--base", f"{of}Same", "--json")
@@ -161,6 +162,7 @@ def test_who_raises_in_all_runs_has_no_verdict(capsys, short_toml, tmp_path):
     assert status == 70 and "ArithmeticError: not sure" in err
 
 
+@pytest.mark.slow
 def test_a_scenario_that_the_candidate_cannot_read_is_in_the_verdict(
     capsys, short, short_toml, tmp_path
 ):

@@ -40,7 +40,7 @@ class Mine:
 """
 
 
-@pytest.fixture(params=["file", "module", "pipe"])
+@pytest.fixture(params=["file", pytest.param("module", marks=pytest.mark.slow), "pipe"])
 def code(request, tmp_path, monkeypatch):
     """An estimator's text that names code, and the file that is there once the code has run."""
     mark = tmp_path / "mark"

@@ -188,7 +188,8 @@ def test_an_option_that_a_shipped_one_refuses_is_wrong_use(capsys, option):
     assert status == WRONG_USE and len(err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("command", ["run", pytest.param("compare", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["run", "compare"])
 def test_a_worker_that_dies(capsys, command):
     status, err = told(capsys, *COMMANDS[command], "own.py:Dies", "--jobs", "2")
     assert status == CRASH and "Traceback" not in err

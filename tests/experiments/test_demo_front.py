@@ -62,7 +62,9 @@ def reachable(address, port):
     return True
 
 
-@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "kind", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM]
+)
 def test_signals_end_it_with_status_0(started, free_port, kind):
     process, (line,) = started()
     assert f"http://127.0.0.1:{free_port}" in line

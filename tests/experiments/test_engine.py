@@ -86,6 +86,7 @@ def test_two_scenarios_that_differ_only_in_their_names_are_refused(short):
         Study("s", (short, short.override({"name": "other"})), ("frozen",), (0,))
 
 
+@pytest.mark.slow
 def test_a_run_of_failures_alone_is_said(short_toml, tmp_path, capsys):
     (tmp_path / "own.py").write_text(
         OWN.replace("GAIN", "1.0").replace("[self.f_m]", "[1 / (u - u)]")

@@ -140,7 +140,8 @@ def ran(capsys, name, *words, jobs=1):
 
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    ("name", "what"), [("Raises", "KeyError: 'oh'"), ("Exits", "SystemExit: 3")]
+    ("name", "what"),
+    [("Raises", "KeyError: 'oh'"), pytest.param("Exits", "SystemExit: 3", marks=pytest.mark.slow)],
 )
 def test_what_it_raises_is_told_once_with_place_and_sample(capsys, name, what, jobs):
     status, _, err = ran(capsys, name, jobs=jobs)
@@ -151,7 +152,10 @@ def test_what_it_raises_is_told_once_with_place_and_sample(capsys, name, what, j
     assert "short, seed 100" in told[0]
 
 
-@pytest.mark.parametrize(("name", "what"), [("Two", "2 numbers"), ("Forgetful", "nothing")])
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("Two", "2 numbers"), pytest.param("Forgetful", "nothing", marks=pytest.mark.slow)],
+)
 def test_a_step_of_another_number_of_values_is_told_with_its_place(capsys, name, what):
     status, _, err = ran(capsys, name)
     assert status == FINDING and "crashed" not in err
@@ -232,6 +236,7 @@ def test_neighbours_are_found_and_take_no_librarys_place(tmp_path, short):
         parse("wants.py:Base")
 
 
+@pytest.mark.slow
 def test_scenarios_that_it_cannot_read_are_left_out(capsys, short, tmp_path):
     other = short.override({"name": "encoder", "output": "increment"})
     (tmp_path / "encoder.toml").write_text(other.to_toml())
@@ -249,6 +254,7 @@ def test_scenarios_that_it_cannot_read_are_left_out(capsys, short, tmp_path):
     assert main(words) == 2 and "leave the scenario out" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_any_class_with_a_knob_is_tuned(capsys, monkeypatch, tmp_path):
     """The template, to the noise of the reference in the parameter that it estimates."""
     main(["new", "mine.py"])
@@ -289,7 +295,10 @@ def test_estimate_is_a_host_too(capsys, short):
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("name", "what"),
-    [("Generator", "GeneratorExit: early"), ("Raises_odd", "Odd")],
+    [
+        pytest.param("Generator", "GeneratorExit: early", marks=pytest.mark.slow),
+        ("Raises_odd", "Odd"),
+    ],
 )
 def test_whatever_it_raises_the_others_go_on(capsys, name, what, jobs):
     status, out, err = ran(capsys, name, "--estimator", "frozen", jobs=jobs)
@@ -303,7 +312,13 @@ def test_an_interrupt_of_its_own_in_a_worker_ends_nobody_else(capsys):
     assert status == CRASH and "crashed on short" in err and "frozen" in out
 
 
-@pytest.mark.parametrize("words", ["check", "run short.toml --jobs 1 -o out --estimator"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param("check", marks=pytest.mark.slow),
+        "run short.toml --jobs 1 -o out --estimator",
+    ],
+)
 def test_who_ends_the_process_is_seen(words):
     """In a process of its own, for it would end that of the tests as well."""
     line = [sys.executable, "-m", "flexaxis", *words.split(), "guests.py:Ends"]
@@ -362,7 +377,8 @@ def test_a_process_that_it_begins_may_end_as_it_likes():
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
 
 
-@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [1, 2])
 def test_a_thread_that_never_ends_holds_nobody_up(jobs):
     words = ["run", "short.toml", "--estimator", "guests.py:Threads", "--seeds", "2", "-o", "out"]
     line = [sys.executable, "-m", "flexaxis", *words, "--jobs", str(jobs)]

@@ -46,6 +46,7 @@ def verdict(capsys, *words):
     return status, json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_the_template_keeps_the_rules_and_gets_a_verdict(mine, capsys, short_toml):
     """It is told k_T and J_a, so it is quicker than the method that has to find them as well."""
     assert main(["check", f"{mine}:Mine"]) == 0

@@ -269,6 +269,7 @@ def kill_and_resume(folder, kills, *, seeds, seed):
     return killed
 
 
+@pytest.mark.slow
 def test_kills_lose_double_and_tear_nothing(tmp_path):
     assert kill_and_resume(tmp_path, 2, seeds=1000, seed=1) == 2
     assert complete(tmp_path, 4000)
