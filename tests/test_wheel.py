@@ -93,7 +93,8 @@ def test_catalogue_is_in_the_wheel(wheel, tmp_path):
     assert "fm_step-v1" in shown.stdout and "smoke" in shown.stdout
 
 
-@pytest.mark.parametrize("zipped", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("zipped", [False, True])
 def test_the_front_door_is_in_the_wheel(wheel, tmp_path, zipped):
     assert (wheel / "flexaxis/py.typed").is_file()
     path = next(wheel.parent.glob("*.whl")) if zipped else wheel  # a wheel is a zip archive

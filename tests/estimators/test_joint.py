@@ -143,7 +143,10 @@ def test_an_encoder_at_rest_does_not_hide_its_noise(nominal, simulated, name):
 
 @pytest.mark.parametrize(
     ("name", "sigma"),
-    [*((name, sigma) for name in JOINT for sigma in (0.01, 0.1, 0.5)), ("moving-horizon", 0.1)],
+    [
+        *((name, sigma) for name in JOINT for sigma in (0.01, 0.1, 0.5)),
+        pytest.param("moving-horizon", 0.1, marks=pytest.mark.slow),
+    ],
 )
 def test_the_noise_is_found(nominal, simulated, name, sigma):
     filter_ = make(name, nominal, start=1.2)

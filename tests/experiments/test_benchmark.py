@@ -41,6 +41,7 @@ def test_scores_do_not_depend_on_the_number_of_processes(short, tmp_path):
     assert len({(r["case"], r["parameter"]) for r in rows}) == len(rows)
 
 
+@pytest.mark.slow
 def test_an_estimator_that_fails_on_some_seeds_is_lost_on_these(short, tmp_path):
     (tmp_path / "own.py").write_text(
         "class Odd:\n"

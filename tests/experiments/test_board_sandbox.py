@@ -233,6 +233,7 @@ def test_the_memory_of_all_processes_together_is_limited(greedy, monkeypatch):
         estimator.step(0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_a_case_has_a_time_in_all(greedy, monkeypatch):
     monkeypatch.setattr(sandbox, "IN_ALL", 0.75)
     with (

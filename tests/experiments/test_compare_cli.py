@@ -38,6 +38,7 @@ def test_what_is_in_the_json(capsys, short_toml, tmp_path):
     assert lag["interval"][0] > 0.02 and lag["candidate"] / lag["base"] > 1.5
 
 
+@pytest.mark.slow
 def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
     wild = tmp_path / "wild.py"
     wild.write_text(
@@ -156,6 +157,7 @@ def test_a_candidate_that_raises_loses_these_runs(capsys, short_toml, tmp_path):
     assert 0 < told["failed"]["candidate"] == told["newly_lost"] < 8
 
 
+@pytest.mark.slow
 def test_who_raises_in_all_runs_has_no_verdict(capsys, short_toml, tmp_path):
     of = own(tmp_path, -1e9)
     status, _, err = compare(capsys, short_toml, tmp_path, f"{of}Raises", "--base", f"{of}Same")

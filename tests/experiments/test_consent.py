@@ -153,6 +153,7 @@ def test_a_lesson_that_names_code_is_refused_until_told(code, tmp_path, capsys):
     assert mark.exists() and status == 2 and "the demo races k_T, 1/J_a, f_m" in err
 
 
+@pytest.mark.slow
 def test_what_is_registered_or_typed_needs_no_consent(capsys, short_toml, tmp_path, code):
     text, mark = code
     require(False, ["ekf", "rpem-forgetting[forgetting=0.99]"], source="here")

@@ -189,6 +189,7 @@ def test_the_limit_is_of_one_run_and_put_back(short):
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
 
 
+@pytest.mark.slow
 def test_results_alone_go_to_stdout(capfd):
     status, out, err = ran(capfd, "Prints", "--json")
     assert status == 0 and json.loads(out)["rows"]
@@ -327,6 +328,7 @@ def test_who_ends_the_process_is_seen(words):
     assert "os._exit(0)" in found.stdout + found.stderr
 
 
+@pytest.mark.slow
 def test_what_it_changes_is_put_back(capsys, tmp_path):
     """Else the results would lie elsewhere, and our own sums would stop at an underflow."""
     before = sys.getrecursionlimit(), np.geterr()

@@ -16,6 +16,7 @@ def mine(tmp_path, monkeypatch):
     return tmp_path / "my_estimator.py"
 
 
+@pytest.mark.slow
 def test_the_template_is_the_shipped_method(mine, short):
     """For f_m alone, from the same P(0); both outputs."""
     import numpy as np

@@ -114,9 +114,9 @@ KILLED = "os.kill(os.getpid(), signal.SIGKILL)"  # as the system does where memo
 def test_one_killer_among_many_loses_one(short, tmp_path, jobs):
     """Also in one process, and whatever runs beside it."""
     killer = code(tmp_path, f"if abs(u - {torque(short, 1007)!r}) < 1e-12: {KILLED}")
-    study = Study("s", (short,), (killer, "frozen"), tuple(range(1000, 1020)))
+    study = Study("s", (short,), (killer, "frozen"), tuple(range(1000, 1008)))
     finished = run_study(study, tmp_path / "out", Means(jobs=jobs, apart=True), run_code=True)
-    assert (finished.cases, finished.failed) == (40, 1)
+    assert (finished.cases, finished.failed) == (16, 1)
     failed = {(r["seed"], r["estimator"]): r["error"] for r in lines_of(tmp_path / "out")
               if r["error"]}  # fmt: skip
     assert [*failed] == [(1007, killer)]

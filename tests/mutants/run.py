@@ -29,6 +29,7 @@ import tomllib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -73,11 +74,14 @@ def is_slow(killer: str) -> bool:
 def marks_of(killer: str) -> list[str] | None:
     """The decorators of a test, whatever its parameters; None where there is none of that name."""
     path, _, name = killer.partition("::")
-    file, name = ROOT / path, name.partition("[")[0].rpartition("::")[2]
-    for each in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        if isinstance(each, ast.FunctionDef) and each.name == name:
-            return [ast.unparse(mark) for mark in each.decorator_list]
-    return None
+    return _marks(path).get(name.partition("[")[0].rpartition("::")[2])
+
+
+@cache
+def _marks(path: str) -> dict[str, list[str]]:
+    tree = ast.walk(ast.parse((ROOT / path).read_text(encoding="utf-8")))
+    found = (each for each in tree if isinstance(each, ast.FunctionDef))
+    return {each.name: [ast.unparse(mark) for mark in each.decorator_list] for each in found}
 
 
 def mutants() -> list[Mutant]:
