@@ -180,6 +180,7 @@ def test_a_simulation_that_fails_is_a_row_and_the_others_go_on(short, tmp_path):
     assert failed["error"].startswith("SimulationError: late, seed 5: ")
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_where_it_was_stopped(short, tmp_path):
     """Also where estimators and seeds were added since; nothing is run twice."""
     whole = plan(short, estimators=["frozen", "ekf"], seeds=range(6))

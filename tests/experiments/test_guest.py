@@ -172,6 +172,7 @@ def test_what_never_ends_is_stopped(capsys):
     assert status == CRASH and "no end within 0.5 s" in err and "--time-limit" in err
 
 
+@pytest.mark.slow
 def test_check_ends_too(capsys):
     assert main(["check", "guests.py:Loops", "--time-limit", "0.2"]) == FINDING
     assert "no end within 0.2 s" in " ".join(capsys.readouterr().out.split())
