@@ -210,7 +210,9 @@ def test_noise_that_grows_is_followed(nominal, simulated, name):
     assert 0.45 < deviation(filter_) < 0.57  # √(.1² + .5²) = .51
 
 
-@pytest.mark.parametrize("name", JOINT)
+@pytest.mark.parametrize(
+    "name", ["ekf", *(pytest.param(n, marks=pytest.mark.slow) for n in ("ukf", "imm"))]
+)
 def test_with_its_noise_found_a_filter_is_as_fast_as_with_it_given(nominal, simulated, name):
     """Through an encoder of 16 bits; 0.1 in place of 0.0078 takes the EKF six times as long."""
     loop = simulated(15.0, seed=10, sigma=0.0, faults={10.0: nominal | {"f_m": 0.075}})

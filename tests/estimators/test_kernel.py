@@ -48,6 +48,7 @@ def test_run_is_the_paper_word_for_word(nominal, loop, options, missing):
     np.testing.assert_allclose(fast.psi, literal.psi, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_every_pattern_is_the_paper(nominal, loop):
     model = three_mass(nominal)
     for identify in SUBSETS:
