@@ -14,8 +14,9 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 export MKL_NUM_THREADS = 1
 
-# A process a core; the tests of one file stay in one process, for they share what is costly.
-PARALLEL := -n auto --maxprocesses=8 --dist=loadfile
+# A process a core; the tests of one file stay in one process, for they share what is costly. In the
+# order of the folders: else files of few tests, the longest among them, would come last.
+PARALLEL := -n auto --maxprocesses=8 --dist=loadfile --no-loadscope-reorder
 
 .PHONY: help bench test test-slow test-browser release check format fuzz kill mutants docs-tables docs-speed notebooks site dist clean
 

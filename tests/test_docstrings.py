@@ -18,7 +18,12 @@ def modules():
                 yield info.name
 
 
-@pytest.mark.parametrize("name", sorted(modules()))
+LONG = "flexaxis.experiments.front._running"  # its example is a benchmark
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n == LONG)) for n in sorted(modules())]
+)
 def test_examples(name):
     result = doctest.testmod(importlib.import_module(name))
     assert result.failed == 0

@@ -26,6 +26,7 @@ def no_window(monkeypatch):
     pyplot.close("all")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lab", LABELLED)
 def test_lab_checks_itself(lab, capsys):
     runpy.run_path(str(next(path for path in LABS if path.stem == lab)))

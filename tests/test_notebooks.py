@@ -16,7 +16,6 @@ FOLDER = Path(__file__).parents[1] / "docs" / "notebooks"
 NAMES = ["developer", "engineer", "researcher", "teacher"]
 LARGEST = 200_000  # bytes of a notebook
 PATHS = re.compile(r"(?<![\w.])(/tmp|/home|/root|/usr|/work|/Users|~/|[A-Z]:\\)")
-CHEAP = "teacher"  # the one that runs in the default suite
 
 
 @pytest.fixture(scope="module")
@@ -98,9 +97,8 @@ def test_its_commands_and_links_are_there(name):
         assert link.startswith("http") or (FOLDER / link).exists(), link
 
 
-@pytest.mark.parametrize(
-    "name", [n if n == CHEAP else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
 def test_it_runs(build, name, tmp_path):
     """From top to bottom, in an empty folder, with as many pictures as it is kept with."""
     with warnings.catch_warnings():  # of what runs the kernel

@@ -53,6 +53,7 @@ def test_the_command_is_answered_in_one_line(capsys):
     assert "python docs/speed.py" in said and said.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_one_round():
     given = problem()
     (found,) = measure([*rivals(given), *shipped(given, ["ekf"])], 1)
@@ -68,6 +69,7 @@ def test_one_round():
         assert abs(row["times"] - row["us_per_sample"] / unit) < 1e-9
 
 
+@pytest.mark.slow
 def test_steps_are_told_from_the_median_to_the_longest():
     timer, *rows = steps(400, ["rpem-forgetting"])
     assert [row["faults"] for row in rows] == [False, True]
@@ -156,6 +158,7 @@ def test_what_keeps_every_sample_is_not_flat(stream, tmp_path):
     assert list(kept) == list(row)
 
 
+@pytest.mark.slow
 def test_what_is_held_for_a_while_is_seen_whatever_the_phase(stream, tmp_path):
     (tmp_path / "judge.py").write_text(JUDGE)
     row = streamed(f"{tmp_path / 'judge.py'}:Judge", stream, 0.05)

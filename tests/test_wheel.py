@@ -93,7 +93,8 @@ def test_catalogue_is_in_the_wheel(wheel, tmp_path):
     assert "fm_step-v1" in shown.stdout and "smoke" in shown.stdout
 
 
-@pytest.mark.parametrize("zipped", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("zipped", [False, True])
 def test_the_front_door_is_in_the_wheel(wheel, tmp_path, zipped):
     assert (wheel / "flexaxis/py.typed").is_file()
     path = next(wheel.parent.glob("*.whl")) if zipped else wheel  # a wheel is a zip archive
@@ -102,6 +103,7 @@ def test_the_front_door_is_in_the_wheel(wheel, tmp_path, zipped):
     assert "rpem-forgetting" in ran.stdout and "f_m" in ran.stdout
 
 
+@pytest.mark.slow
 def test_runs_beside_a_users_own_experiments_folder(wheel, tmp_path):
     (tmp_path / "experiments").mkdir()
     (tmp_path / "experiments" / "__init__.py").write_text("raise RuntimeError('the wrong one')\n")

@@ -135,19 +135,21 @@ def serving(place, names):
 
 @pytest.fixture(scope="session")
 def together(tmp_path_factory):
-    """All changes in one copy."""
-    with serving(tmp_path_factory.mktemp("together"), CHANGES) as flexaxis:
+    """All changes in one copy but a law, with which every loop with friction compiles anew."""
+    names = [name for name in CHANGES if name != "law"]
+    with serving(tmp_path_factory.mktemp("together"), names) as flexaxis:
         yield flexaxis
 
 
 @pytest.fixture(params=["together", pytest.param("alone", marks=pytest.mark.slow)])
 def flexaxis(request, tmp_path):
     """The command line with all changes, and (slow) with that of the test's name alone."""
-    if request.param == "together":
+    name = request.node.originalname.removeprefix("test_")
+    if request.param == "together" and name != "law":
         yield request.getfixturevalue("together")
     else:
-        with serving(tmp_path, [request.node.originalname.removeprefix("test_")]) as alone:
-            yield alone
+        with serving(tmp_path, CHANGES if request.param == "together" else [name]) as own:
+            yield own
 
 
 @pytest.fixture(scope="module")

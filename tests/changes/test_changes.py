@@ -79,6 +79,7 @@ def test_sensor(flexaxis):
     assert error.mean() == pytest.approx(5.0, abs=4 * 0.1 / np.sqrt(error.size))  # 4 σ
 
 
+@pytest.mark.slow
 def test_signal(flexaxis):
     """Who reads the angle finds the fault."""
     table = f'output = "angle"\nencoder.counts = 65536\n{STEP}'
@@ -130,6 +131,7 @@ def test_estimator(flexaxis):
     flexaxis("check", "constant-trace")
 
 
+@pytest.mark.slow
 def test_linear_model(flexaxis):
     """A log of such an axis, made here by its exact response, gives back what it was made with."""
     J_m, f_m, k, T = 2e-3, 0.02, 0.3, 0.005
@@ -148,6 +150,7 @@ def test_linear_model(flexaxis):
         assert found[name]["sd"] < 0.01 * value
 
 
+@pytest.mark.slow
 def test_law(flexaxis):
     """The level of Dahl's friction is tracked, on a log that is integrated here in small steps."""
     J_m, f_m, f_c, stiffness, T, parts = 2e-3, 0.02, 0.1, 20.0, 0.005, 50

@@ -58,6 +58,7 @@ def of_drive(name, seed=0):
     return build(parse("glr[gear=true]"), scenario), simulate(scenario, [seed])[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mx64_fc_step-v1", "xl330_fm_step-v1"])
 def test_a_drive_is_known_by_the_friction_of_its_gear(name):
     """Without it the torque constant is off by 30 and 5 %, the inertia of the arm by 11 and 9 %."""
@@ -70,6 +71,7 @@ def test_a_drive_is_known_by_the_friction_of_its_gear(name):
     assert not made.findings
 
 
+@pytest.mark.slow
 def test_what_is_tracked_besides_has_its_own_scale():
     """The Stribeck speed of a gear has another size than that of bristles."""
     scenario = find_scenario("mx64_fc_step-v1")
@@ -80,6 +82,7 @@ def test_what_is_tracked_besides_has_its_own_scale():
     np.testing.assert_allclose(theta[-1], made.theta, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_samples_one_by_one_are_those_of_a_run_and_a_reset_begins_again():
     made, record = of_drive("mx64_fc_step-v1")
     u, y = record.torque[:900], record.increment[:900]

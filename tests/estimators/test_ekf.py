@@ -103,6 +103,7 @@ def test_the_covariance_stays_positive_definite(nominal, loop):
     assert (ekf.covariance.diagonal() > 0).all()
 
 
+@pytest.mark.slow
 def test_other_parameters(nominal, loop):
     names = ("J_m", "1/k_a")
     truth = np.array([nominal["J_m"], 1 / nominal["k_a"]])

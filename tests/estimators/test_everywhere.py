@@ -33,8 +33,10 @@ MOVING = [name for name in REGISTRY if name != "frozen"]
 SHIPPED = [name for name in MOVING if name != "literal-rpem"]
 # It takes a matrix exponential a sample; the compiled one, its equal, is tried at length.
 SLOW = {"literal-rpem"}
-# They compile for half a minute for each model that they are made for.
-LARGE = {"glr", "rpem-friction", "rpem-friction-drift"}
+# A quarter of a millisecond a sample, or a bank of hypotheses: their long runs are for the night.
+LONG = {"moving-horizon", "glr"}
+# Whose loop over increments is compiled here at once; that of each other takes as long again.
+QUICK = ("frozen", "rpem-forgetting", "ekf")
 # With the Δ of the paper the noise alone is beyond a per cent.
 NOISY = {"rpem-drift", "rpem-drift-mu"}
 # Without state correction x remembers what the old estimates did to it, and the claim does not.
@@ -97,7 +99,7 @@ def arrives(name, axis, period, start=1.2, seconds=40.0):
 
 @pytest.mark.parametrize("period", [slow(0.001), slow(0.002), slow(0.005), 0.01])
 @pytest.mark.parametrize("axis", AXES)
-@pytest.mark.parametrize("name", [slow(n) if n in SLOW else n for n in MOVING])
+@pytest.mark.parametrize("name", [slow(n) if n in SLOW | LONG else n for n in MOVING])
 def test_any_rate_will_do(name, axis, period):
     found = arrives(name, axis, period)
     assert found.finite and not found.findings
@@ -105,14 +107,17 @@ def test_any_rate_will_do(name, axis, period):
 
 
 @pytest.mark.parametrize("start", [0.8, slow(0.9), slow(1.1), slow(1.2), slow(1.3), 1.5])
-@pytest.mark.parametrize("name", [slow(n) if n in SLOW else n for n in MOVING if n not in NOISY])
+@pytest.mark.parametrize(
+    "name", [slow(n) if n in SLOW | LONG else n for n in MOVING if n not in NOISY]
+)
 def test_a_wrong_start_is_left_without_an_alarm(name, start):
     found = arrives(name, "n1", 0.005, start)
     assert found.error < 0.01 and not found.findings
 
 
 @pytest.mark.parametrize(
-    "name", [name for name in MOVING if "forgetting" in REGISTRY[name].options]
+    "name",
+    [slow(n) if n in SLOW | LONG else n for n in MOVING if "forgetting" in REGISTRY[n].options],
 )
 def test_what_is_forgotten_in_a_second_hangs_on_no_rate(name):
     """
@@ -132,9 +137,6 @@ def test_what_is_forgotten_in_a_second_hangs_on_no_rate(name):
 
 
 # Disturbances
-
-
-LONG = {"moving-horizon"}  # takes a quarter of a millisecond a sample
 
 
 @pytest.mark.parametrize(
@@ -283,7 +285,7 @@ def test_reset_begins_anew_and_a_copy_goes_its_own_way(name):
     np.testing.assert_array_equal(other.covariance, end)
 
 
-@pytest.mark.parametrize("name", [name for name in MOVING if name not in SLOW])
+@pytest.mark.parametrize("name", [slow(n) if n in LONG else n for n in MOVING if n not in SLOW])
 def test_innovations_are_as_large_as_they_claim(name):
     """Normalised innovations squared: their mean is 1 ± √(2/6000) where all is well."""
     run = undisturbed("n1", 0.005).run
@@ -366,7 +368,7 @@ def test_a_period_is_needed(name):
             factory(model, period, torque=np.ones(10))
 
 
-@pytest.mark.parametrize("name", [slow(n) if n in LARGE else n for n in REGISTRY])
+@pytest.mark.parametrize("name", [n if n in QUICK else slow(n) for n in REGISTRY])
 def test_a_factory_takes_what_all_take(name):
     common = {"identify": NAMES, "output": "increment", "P0": [1e-4] * 3, "torque": None}
     made = REGISTRY[name].factory(AXES["n1"], 0.005, **common)

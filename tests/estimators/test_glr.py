@@ -194,6 +194,7 @@ def test_what_the_first_seconds_tell_of_the_structure_is_no_more_than_is_known(s
     assert made.learnt["sigma_0"][1] > made.learnt["sigma_0"][0] / 2  # to be learnt
 
 
+@pytest.mark.slow
 def test_what_a_pass_hardly_narrowed_is_no_end_of_the_estimates():
     """Where the variance is that with which the pass began, their difference was below zero."""
     _, theta, _ = tracked("coulomb_moves_fm_step-v1", 1001, until=1100)
@@ -207,8 +208,8 @@ def test_what_a_pass_hardly_narrowed_is_no_end_of_the_estimates():
     ("scenario", "words"),
     [
         ("cogging_fm_step-v1", "cogging"),
-        ("directional_fm_step-v1", "one way"),
-        ("load_friction_fm_step-v1", "the load"),
+        pytest.param("directional_fm_step-v1", "one way", marks=pytest.mark.slow),
+        pytest.param("load_friction_fm_step-v1", "the load", marks=pytest.mark.slow),
     ],
 )
 def test_friction_that_no_law_has_is_found_and_learnt(scenario, words):

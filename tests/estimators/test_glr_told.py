@@ -15,6 +15,7 @@ def signals(name):
     return record.torque, record.speed
 
 
+@pytest.mark.slow
 def test_friction_is_told_from_viscous_friction():
     u, y = signals("coulomb_fm_step-v1")
     estimator = made("coulomb_fm_step-v1")

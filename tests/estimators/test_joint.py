@@ -38,7 +38,7 @@ def encoder(loop, *, counts=65536):
 
 
 @pytest.mark.parametrize("number", [1, 3])
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", [*JOINT, pytest.param(ALL[-1], marks=pytest.mark.slow)])
 def test_a_minute_after_outliers_all_is_well(nominal, simulated, name, number):
     loop = simulated(90.0, seed=6)
     y = loop.y.copy()
@@ -143,7 +143,10 @@ def test_an_encoder_at_rest_does_not_hide_its_noise(nominal, simulated, name):
 
 @pytest.mark.parametrize(
     ("name", "sigma"),
-    [*((name, sigma) for name in JOINT for sigma in (0.01, 0.1, 0.5)), ("moving-horizon", 0.1)],
+    [
+        *((name, sigma) for name in JOINT for sigma in (0.01, 0.1, 0.5)),
+        pytest.param("moving-horizon", 0.1, marks=pytest.mark.slow),
+    ],
 )
 def test_the_noise_is_found(nominal, simulated, name, sigma):
     filter_ = make(name, nominal, start=1.2)
@@ -207,7 +210,9 @@ def test_noise_that_grows_is_followed(nominal, simulated, name):
     assert 0.45 < deviation(filter_) < 0.57  # √(.1² + .5²) = .51
 
 
-@pytest.mark.parametrize("name", JOINT)
+@pytest.mark.parametrize(
+    "name", ["ekf", *(pytest.param(n, marks=pytest.mark.slow) for n in ("ukf", "imm"))]
+)
 def test_with_its_noise_found_a_filter_is_as_fast_as_with_it_given(nominal, simulated, name):
     """Through an encoder of 16 bits; 0.1 in place of 0.0078 takes the EKF six times as long."""
     loop = simulated(15.0, seed=10, sigma=0.0, faults={10.0: nominal | {"f_m": 0.075}})

@@ -48,6 +48,7 @@ def test_run_is_the_paper_word_for_word(nominal, loop, options, missing):
     np.testing.assert_allclose(fast.psi, literal.psi, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_every_pattern_is_the_paper(nominal, loop):
     model = three_mass(nominal)
     for identify in SUBSETS:
@@ -60,6 +61,7 @@ def test_every_pattern_is_the_paper(nominal, loop):
         )
 
 
+@pytest.mark.slow
 def test_two_mass_is_the_paper(loop):
     model = two_mass(
         {"k_T": 1.0, "J_m": 4.8e-3, "J_l": 4.8e-3, "k": 547.0, "d": 0.01, "f_m": 0.06, "f_l": 0.07}

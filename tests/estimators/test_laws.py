@@ -254,7 +254,8 @@ def laid_out(model):
     return Compiled(run), tuning[0], state[0], (pattern.n + 1, pattern.lanes)
 
 
-@pytest.mark.parametrize("output", [pytest.param("speed", marks=pytest.mark.slow), "increment"])
+@pytest.mark.slow
+@pytest.mark.parametrize("output", ["speed", "increment"])
 def test_a_filter_moves_as_a_model_at_fixed_parameters(output, monkeypatch):
     # their series end at a part in 1e9 where there are laws; that of the other is not cut
     monkeypatch.setattr(discretisation, "LAW_TOLERANCE", discretisation.TOLERANCE)
@@ -355,6 +356,7 @@ def test_a_filter_against_a_textbook_loop():
         x, z = ahead, by_x @ z + by_theta
 
 
+@pytest.mark.slow
 def test_what_is_learnt_once_is_not_forgotten():
     model = replace(three_mass(VALUES), laws=(BRISTLES,))
     names, learn = ("k_T", "f_m"), ("f_c", "sigma_0")

@@ -78,6 +78,7 @@ def test_the_claim_is_the_covariance_of_the_recursion(nominal, loop):
     np.testing.assert_allclose(trace.covariance, expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("identify", [("f_m", "1/J_a"), ("J_a", "k_g", "1/k_a", "d_a")])
 def test_other_subsets_converge(nominal, loop, identify):
     model = three_mass(nominal)

@@ -2,7 +2,6 @@
 
 import os
 import time
-from pathlib import Path
 
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.work import Outcome
@@ -46,15 +45,6 @@ def quick(unit):
 
 def slowly(unit):
     time.sleep(0.002)
-    return quick(unit)
-
-
-def dies_once(folder, unit):
-    """End the process as the system does when memory runs out, for the first unit."""
-    marks = Path(folder)
-    if not list(marks.iterdir()):
-        (marks / f"{os.getpid()}-{unit.seeds[0]}").touch()
-        os._exit(9)
     return quick(unit)
 
 

@@ -31,6 +31,7 @@ def without_cost(folder: Path):
     return sorted(scores_of(folder).values(), key=lambda row: (row["case"], str(row["parameter"])))
 
 
+@pytest.mark.slow
 def test_scores_do_not_depend_on_the_number_of_processes(short, tmp_path):
     for jobs in (1, 2):
         benchmark(plan(short), tmp_path / str(jobs), Means(jobs=jobs))
@@ -40,6 +41,7 @@ def test_scores_do_not_depend_on_the_number_of_processes(short, tmp_path):
     assert len({(r["case"], r["parameter"]) for r in rows}) == len(rows)
 
 
+@pytest.mark.slow
 def test_an_estimator_that_fails_on_some_seeds_is_lost_on_these(short, tmp_path):
     (tmp_path / "own.py").write_text(
         "class Odd:\n"
@@ -178,6 +180,7 @@ def test_a_simulation_that_fails_is_a_row_and_the_others_go_on(short, tmp_path):
     assert failed["error"].startswith("SimulationError: late, seed 5: ")
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_where_it_was_stopped(short, tmp_path):
     """Also where estimators and seeds were added since; nothing is run twice."""
     whole = plan(short, estimators=["frozen", "ekf"], seeds=range(6))
@@ -226,6 +229,7 @@ def test_specs(short):
         build(parse(own("Wild")), short.override({"output": "increment"}))
 
 
+@pytest.mark.slow
 def test_other_parameters_get_their_P0_from_a_nominal_run(short):
     scenario = short.override({"identify": ["k_T", "f_m", "1/J_m"]})
     estimator = build(parse("rpem-forgetting"), scenario)
@@ -270,9 +274,15 @@ STEP = {"kind": "step", "parameter": "f_m", "at": 6.0, "factor": 1.5}
     [
         {"noise.speed": 0.0},
         {"fault[0].factor": 0.0},
-        {"excitation.pause": [[4.0, 7.0]],
-         "fault": [STEP | {"at": 5.0}, STEP | {"parameter": "J_a"}]},
-        {"fault": [STEP | {"kind": "ramp", "at": 3.0, "over": 4.0, "factor": 2.0}, STEP]},
+        pytest.param(
+            {"excitation.pause": [[4.0, 7.0]],
+             "fault": [STEP | {"at": 5.0}, STEP | {"parameter": "J_a"}]},
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            {"fault": [STEP | {"kind": "ramp", "at": 3.0, "over": 4.0, "factor": 2.0}, STEP]},
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["no noise", "to zero", "overtaken in a pause", "overlapping"],
 )  # fmt: skip

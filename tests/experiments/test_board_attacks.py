@@ -112,6 +112,7 @@ def test_rows_of_the_reference_have_no_place_in_an_entry(entry, tmp_path):
     assert wrong(found) == {"rows of this suite"} and not found.holds
 
 
+@pytest.mark.slow
 @confined
 def test_a_secret_of_the_keeper_is_in_no_verdict(entry):
     path = Path(sys.prefix) / "pip.conf"

@@ -113,6 +113,7 @@ def test_attempts_get_through_where_nothing_holds_them(folder):
     assert found["variables of the user"] == 0  # all the same
 
 
+@pytest.mark.slow
 @confined
 def test_a_case_leaves_nothing_for_the_next(folder):
     """Nor would it be of use there: seed and time of the fault are other ones."""
@@ -129,6 +130,7 @@ def test_a_case_leaves_nothing_for_the_next(folder):
     assert {what for what, there in left.items() if there} <= MESSAGES
 
 
+@pytest.mark.slow
 @confined
 def test_more_may_be_compiled_than_a_case_has_room_for(folder, tmp_path, monkeypatch):
     monkeypatch.setenv("FLEXAXIS_COMPILED", str(tmp_path))
@@ -202,9 +204,12 @@ def greedy(tmp_path):
 
 
 @confined
-@pytest.mark.parametrize("name", LIMITS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] * (n not in {"Endless", "Huge"})) for n in LIMITS],
+)
 def test_code_that_takes_too_much_is_ended(greedy, name):
-    with Sandbox(greedy, patience=20.0 if name in {"Many", "Grown"} else 2.0) as place:
+    with Sandbox(greedy, patience=2.0 if name == "Endless" else 20.0) as place:
         with (
             pytest.raises((EstimatorError, EntryError), match=LIMITS[name]) as caught,
             case(place, f"greedy.py:{name}") as estimator,
@@ -216,6 +221,7 @@ def test_code_that_takes_too_much_is_ended(greedy, name):
             assert estimator.step(0.0, 0.0)[0] < 10
 
 
+@pytest.mark.slow
 @confined
 def test_the_memory_of_all_processes_together_is_limited(greedy, monkeypatch):
     monkeypatch.setattr(sandbox, "MEMORY", 1 << 30)
@@ -227,6 +233,7 @@ def test_the_memory_of_all_processes_together_is_limited(greedy, monkeypatch):
         estimator.step(0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_a_case_has_a_time_in_all(greedy, monkeypatch):
     monkeypatch.setattr(sandbox, "IN_ALL", 0.75)
     with (
@@ -289,6 +296,7 @@ def test_where_the_system_refuses_bubblewrap_nothing_is_run(greedy, monkeypatch)
     sandbox._no_more_namespaces.cache_clear()
 
 
+@pytest.mark.slow
 @confined
 @pytest.mark.parametrize("option", ["--unshare-all", "--cap-drop"])
 def test_where_anything_is_lacking_nothing_is_run(greedy, monkeypatch, option):
@@ -314,6 +322,7 @@ def test_an_estimator_is_offered_nothing_of_the_truth():
     assert told["nominal"]["J_m"] == pytest.approx(0.95 * 0.0012)  # as told, not as it is
 
 
+@pytest.mark.slow
 @confined
 def test_a_verifier_that_is_killed_leaves_nothing(greedy):
     text = f"""
@@ -335,6 +344,7 @@ with Sandbox(Path({str(greedy)!r})) as place:
     assert usage(pid)[1] == 0
 
 
+@pytest.mark.slow
 @confined
 def test_a_case_has_the_rows_of_a_run(tmp_path):
     """The code is told neither fault nor seed, sample by sample, and yet: the same numbers."""

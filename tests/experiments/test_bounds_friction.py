@@ -219,6 +219,7 @@ def test_friction_of_a_shape_that_is_found_has_a_bound(name):
     assert (sds[1][:, : len(names)] >= sds[0] * (1 - 1e-9)).all() and np.isfinite(sds[1]).all()
 
 
+@pytest.mark.slow
 def test_the_phase_of_cogging_is_unknown_with_its_size():
     scenario, record = drawn("real_coulomb_fm_step-v1")
     names = true_model.with_structure(scenario, true_model.tracked(scenario, scenario.identify))

@@ -118,6 +118,7 @@ def test_a_log_that_begins_in_motion_starts_from_the_measured_speed():
     assert setup.solve(rounds=2).z[3] == pytest.approx(speed, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_hanging_arm_has_gravity_and_friction():
     found = identify(arm(0, seconds=10.0), find_axis("one_mass"))
     values = dict(zip(found.names, found.theta, strict=True))

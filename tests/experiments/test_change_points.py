@@ -107,7 +107,8 @@ def test_noise_smaller_than_claimed_shows_nothing():
     assert explain(series(value, deviation=0.0003)).changes
 
 
-@pytest.mark.parametrize("memory", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
+@pytest.mark.slow
+@pytest.mark.parametrize("memory", [0.0, 0.3])
 def test_false_alarms_are_as_rare_as_said(memory):
     """200 sequences at 5 %: 10, and 19 with a chance of 1 in 300 (binomial)."""
     rng = np.random.default_rng(6)

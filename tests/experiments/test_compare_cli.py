@@ -38,6 +38,7 @@ def test_what_is_in_the_json(capsys, short_toml, tmp_path):
     assert lag["interval"][0] > 0.02 and lag["candidate"] / lag["base"] > 1.5
 
 
+@pytest.mark.slow
 def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
     wild = tmp_path / "wild.py"
     wild.write_text(
@@ -146,6 +147,7 @@ def own(tmp_path, level):
     return f"{tmp_path}/raises.py:"
 
 
+@pytest.mark.slow
 def test_a_candidate_that_raises_loses_these_runs(capsys, short_toml, tmp_path):
     of = own(tmp_path, 0.0)
     words = ("--base", f"{of}Same", "--json")
@@ -155,12 +157,14 @@ def test_a_candidate_that_raises_loses_these_runs(capsys, short_toml, tmp_path):
     assert 0 < told["failed"]["candidate"] == told["newly_lost"] < 8
 
 
+@pytest.mark.slow
 def test_who_raises_in_all_runs_has_no_verdict(capsys, short_toml, tmp_path):
     of = own(tmp_path, -1e9)
     status, _, err = compare(capsys, short_toml, tmp_path, f"{of}Raises", "--base", f"{of}Same")
     assert status == 70 and "ArithmeticError: not sure" in err
 
 
+@pytest.mark.slow
 def test_a_scenario_that_the_candidate_cannot_read_is_in_the_verdict(
     capsys, short, short_toml, tmp_path
 ):

@@ -255,6 +255,7 @@ def test_a_planted_comparison_of_rows_breaks_a_promise(monkeypatch, name, value,
     assert any(broken in what for what, right in certain.stored(ROWS, MARGINS) if not right)
 
 
+@pytest.mark.slow
 def test_equal_noise_is_promised(short, monkeypatch):
     """One gate that reads nothing off at equal noise, and one that never says worse."""
     from flexaxis.experiments.gate.equal_noise import EqualNoise

@@ -26,20 +26,18 @@ def broken(text, store):
     return {finding.rule for finding in check(parse(text), store=store) if finding.holds is False}
 
 
-NAMES = [name for name in REGISTRY if name != "literal-rpem"]
+# Seconds and more each.
+LONG = ("literal-rpem", "moving-horizon", "rpem-friction", "rpem-friction-drift")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in LONG)) for n in REGISTRY]
+)
 def test_registered_estimators_keep_the_rules(name, store):
     findings = {finding.rule: finding for finding in check(parse(name), store=store)}
     assert {rule for rule, finding in findings.items() if finding.holds is False} == set()
     moves = findings["a shift of u hurts"].holds
     assert moves is (None if name == "frozen" else True)
-
-
-@pytest.mark.slow
-def test_the_literal_one_keeps_the_rules(store):
-    assert broken("literal-rpem", store) == set()
 
 
 def test_the_cheater_is_caught(store):

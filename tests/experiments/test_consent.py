@@ -40,7 +40,7 @@ class Mine:
 """
 
 
-@pytest.fixture(params=["file", "module", "pipe"])
+@pytest.fixture(params=["file", pytest.param("module", marks=pytest.mark.slow), "pipe"])
 def code(request, tmp_path, monkeypatch):
     """An estimator's text that names code, and the file that is there once the code has run."""
     mark = tmp_path / "mark"
@@ -153,6 +153,7 @@ def test_a_lesson_that_names_code_is_refused_until_told(code, tmp_path, capsys):
     assert mark.exists() and status == 2 and "the demo races k_T, 1/J_a, f_m" in err
 
 
+@pytest.mark.slow
 def test_what_is_registered_or_typed_needs_no_consent(capsys, short_toml, tmp_path, code):
     text, mark = code
     require(False, ["ekf", "rpem-forgetting[forgetting=0.99]"], source="here")

@@ -28,6 +28,7 @@ from flexaxis.experiments.demo.server import DemoServer, listen
 from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.sim.errors import FlexaxisError
 
+PAPER = ("rpem-forgetting", "rpem-drift")  # every knob, and little to compile
 UPGRADE = {
     "Connection": "Upgrade",
     "Upgrade": "websocket",
@@ -45,7 +46,7 @@ def free_port():
 @pytest.fixture(scope="module")
 def demo():
     """The demo as it is served, but with a clock that stands."""
-    server, session = DemoServer(free_port()), DemoSession()
+    server, session = DemoServer(free_port()), DemoSession(estimators=PAPER)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # viser's, of an older name
         page = Page(server, session, exaggerate=100.0, speed=1.0)
@@ -440,6 +441,7 @@ def test_ctrl_c_does_not_wait_for_what_runs_outside_of_python():
             process.kill()
 
 
+@pytest.mark.slow
 def test_ctrl_c_does_not_wait_for_viewers_who_do_not_read():
     """Nor for one who has not said yet what he wants."""
     command = [sys.executable, "-u", "-m", "flexaxis.experiments.cli", "demo", "--no-browser"]

@@ -62,7 +62,9 @@ def reachable(address, port):
     return True
 
 
-@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "kind", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM]
+)
 def test_signals_end_it_with_status_0(started, free_port, kind):
     process, (line,) = started()
     assert f"http://127.0.0.1:{free_port}" in line
@@ -71,6 +73,7 @@ def test_signals_end_it_with_status_0(started, free_port, kind):
     assert (process.returncode, out, err) == (0, "", "")
 
 
+@pytest.mark.slow
 def test_it_is_seen_on_this_computer_only(started, free_port):
     """127.0.0.2 is this computer by another name: only a server for everybody answers there."""
     if sys.platform != "linux":

@@ -146,6 +146,7 @@ def test_an_act_turns_the_knobs_of_one_racer():
     assert session.racers[1].tuning.drift == {"k_T": 5e-8, "1/J_a": 5e-7, "f_m": 1e-7}
 
 
+@pytest.mark.slow
 def test_a_recording_has_the_pictures_of_the_lesson(recorded):
     from PIL import Image
 

@@ -43,6 +43,7 @@ def test_registered_estimators_live_through_everything(name, store):
     assert {r: f.seen for r, f in long(name, store).items() if f.holds is not True} == {}
 
 
+@pytest.mark.slow
 def test_the_textbook_is_caught(store):
     found = long(f"{WRONG}:Unguarded", store)
     fallen = {name for name, finding in found.items() if not finding.holds}
@@ -120,6 +121,7 @@ def test_each_disturbance_is_one(axis):
     assert changed.tolist() == [axis.samples(endurance.BEFORE)]
 
 
+@pytest.mark.slow
 def test_long_is_an_option_of_check(capsys):
     assert main(["check", f"{WRONG}:Unguarded", "--long", "--json"]) == 1
     said = json.loads(capsys.readouterr().out)["rules"]

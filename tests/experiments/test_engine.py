@@ -89,6 +89,7 @@ def test_two_scenarios_that_differ_only_in_their_names_are_refused(short):
         Study("s", (short, short.override({"name": "other"})), ("frozen",), (0,))
 
 
+@pytest.mark.slow
 def test_a_run_of_failures_alone_is_said(short_toml, tmp_path, capsys):
     (tmp_path / "own.py").write_text(
         OWN.replace("GAIN", "1.0").replace("[self.f_m]", "[1 / (u - u)]")
@@ -283,7 +284,7 @@ def test_ctrl_c_waits_for_what_is_at_work_and_twice_ends_at_once(short_toml, tmp
     """To the whole group, as a terminal sends it. What is allowed is ten times what it takes."""
     words = ["run", short_toml, "--estimator", "rpem-drift", "--seeds", "4000", "--no-cache",
              "--jobs", jobs, "-o", tmp_path / "out"]  # fmt: skip
-    path, said = tmp_path / "out" / "scores.sqlite", tmp_path / "said"
+    path, said, done = tmp_path / "out" / "scores.sqlite", tmp_path / "said", []
     for times in (1, 2):
         there = path.stat().st_size if path.exists() else 60_000
         child = start([*words, "--resume"], said)
@@ -295,7 +296,9 @@ def test_ctrl_c_waits_for_what_is_at_work_and_twice_ends_at_once(short_toml, tmp
         assert child.wait(timeout=120 if times == 1 else 30) == 130
         told = said.read_text()
         assert "Traceback" not in told, told
-        assert re.search(r"interrupted; \d+ cases? done just now; go on with: flexaxis run", told)
+        line = r"interrupted; (\d+) cases? done just now; go on with: flexaxis run .*--resume"
+        done.append(int(re.search(line, told)[1]))
+        assert sum(done) == cases_of(path.parent) < 4000
     assert len(scores_of(path.parent)) == 3 * cases_of(path.parent)
 
 

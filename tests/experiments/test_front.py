@@ -274,6 +274,7 @@ def test_what_is_not_installed_is_said(short, monkeypatch):
         fx.simulate(short).to_xarray()
 
 
+@pytest.mark.slow
 def test_the_examples_of_the_documentation_run():
     import re
 

@@ -41,6 +41,7 @@ def repeated(scenario, record, **changed):
     return np.mean(z**2), np.corrcoef(z[1:], z[:-1])[0, 1]
 
 
+@pytest.mark.slow
 def test_innovations_are_white_at_the_truth_and_at_no_other_shares(drive):
     scenario, record = drive
     square, again = repeated(scenario, record)

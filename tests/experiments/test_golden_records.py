@@ -22,6 +22,15 @@ LIKE_OTHERS = {
     "real_coulomb_fm_step-v1", "coarse_encoder_coulomb_fm_step-v1", "wg_kg_step-v1",
     "wg_kt_step-v1",
 }  # fmt: skip
+# A second and more for a simulation of what others simulate for less.
+LIKE_OTHERS |= {
+    "appearing_fc_step-v1", "control_fc_moves-v1", "erob80_100_warming-v1", "bench_fm_step-v1",
+    "control_wg_fc_moves-v1", "coulomb_fm_step-v1", "temperature_fm_step-v1", "gone_fc_step-v1",
+    "erob80_100_fm_step-v1", "real_lugre_fm_step-v1", "rest_coulomb_fm_step-v1", "wg_wear-v1",
+    "erob80_50_fm_step-v1", "sticking_fm_step-v1", "sts3215_kt_step-v1", "xl320_fm_step-v1",
+    "mx64_fc_step-v1", "mx106_ja_step-v1", "control_kt_moves-v1", "control_fm_multisine-v1",
+    "xl330_appearing_fc_step-v1", "warming_fm_step-v1", "pause_fm_step-v2",
+}  # fmt: skip
 # With a drive, or a motion under control, that others have as well.
 LIKE_OTHERS |= {
     "bench_kg_step-v1", "control_erob80_100_kt_moves-v1", "control_erob80_50_fm_moves-v1",

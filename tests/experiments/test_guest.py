@@ -162,7 +162,8 @@ def ran(capsys, name, *words, jobs=1):
 
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    ("name", "what"), [("Raises", "KeyError: 'oh'"), ("Exits", "SystemExit: 3")]
+    ("name", "what"),
+    [("Raises", "KeyError: 'oh'"), pytest.param("Exits", "SystemExit: 3", marks=pytest.mark.slow)],
 )
 def test_what_it_raises_is_told_once_with_place_and_sample(capsys, name, what, jobs):
     status, _, err = ran(capsys, name, jobs=jobs)
@@ -173,7 +174,10 @@ def test_what_it_raises_is_told_once_with_place_and_sample(capsys, name, what, j
     assert "short, seed 100" in told[0]
 
 
-@pytest.mark.parametrize(("name", "what"), [("Two", "2 numbers"), ("Forgetful", "nothing")])
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("Two", "2 numbers"), pytest.param("Forgetful", "nothing", marks=pytest.mark.slow)],
+)
 def test_a_step_of_another_number_of_values_is_told_with_its_place(capsys, name, what):
     status, _, err = ran(capsys, name)
     assert status == FINDING and "crashed" not in err
@@ -190,6 +194,7 @@ def test_what_never_ends_is_stopped(capsys):
     assert status == CRASH and "no end within 0.5 s" in err and "--time-limit" in err
 
 
+@pytest.mark.slow
 def test_check_ends_too(capsys):
     assert main(["check", "guests.py:Loops", "--time-limit", "0.2"]) == FINDING
     assert "no end within 0.2 s" in " ".join(capsys.readouterr().out.split())
@@ -208,6 +213,7 @@ def test_the_limit_is_of_one_run_and_put_back():
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
 
 
+@pytest.mark.slow
 def test_results_alone_go_to_stdout(capfd):
     status, out, err = ran(capfd, "Prints", "--json")
     assert status == 0 and json.loads(out)["rows"]
@@ -255,6 +261,7 @@ def test_neighbours_are_found_and_take_no_librarys_place(tmp_path, short):
         parse("wants.py:Base")
 
 
+@pytest.mark.slow
 def test_scenarios_that_it_cannot_read_are_left_out(capsys, short, tmp_path):
     other = short.override({"name": "encoder", "output": "increment"})
     (tmp_path / "encoder.toml").write_text(other.to_toml())
@@ -272,6 +279,7 @@ def test_scenarios_that_it_cannot_read_are_left_out(capsys, short, tmp_path):
     assert main(words) == 2 and "leave the scenario out" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_any_class_with_a_knob_is_tuned(capsys, monkeypatch, tmp_path):
     """The template, to the noise of the reference in the parameter that it estimates."""
     main(["new", "mine.py"])
@@ -312,7 +320,10 @@ def test_estimate_is_a_host_too(capsys, short):
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("name", "what"),
-    [("Generator", "GeneratorExit: early"), ("Raises_odd", "Odd")],
+    [
+        pytest.param("Generator", "GeneratorExit: early", marks=pytest.mark.slow),
+        ("Raises_odd", "Odd"),
+    ],
 )
 def test_whatever_it_raises_the_others_go_on(capsys, name, what, jobs):
     status, out, err = ran(capsys, name, "--estimator", "frozen", jobs=jobs)
@@ -373,7 +384,8 @@ def test_a_script_without_a_guard_may_use_workers_that_use_it():
     assert done.stdout.split() == ["2"]
 
 
-@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [1, 2])
 def test_a_thread_that_never_ends_holds_nobody_up(jobs):
     words = ["run", "short.toml", "--estimator", "guests.py:Threads", "--seeds", "2", "-o", "out"]
     line = [sys.executable, "-m", "flexaxis", *words, "--jobs", str(jobs)]

@@ -43,6 +43,7 @@ def test_dry_friction_is_found_and_told_from_viscous(found):
     )  # of a few millionths: nothing is stepped over
 
 
+@pytest.mark.slow
 def test_without_a_law_the_answer_says_what_is_missing(record):
     found = identify(record, find_axis("one_mass"), friction="none")
     values = dict(zip(found.names, found.theta, strict=True))
@@ -57,6 +58,7 @@ def test_a_linear_axis_gets_no_law():
     assert "not taken" in " ".join(each.text for each in found.findings)
 
 
+@pytest.mark.slow
 def test_a_validation_on_another_log_fits_with_the_law_alone(found, record):
     other = log(1, 10, "multisine", seed=1, seconds=20.0)
     good = validate(other, found.axis)

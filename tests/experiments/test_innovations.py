@@ -165,6 +165,7 @@ def test_something_else_of_that_name_is_left_alone(short):
     assert row["nis"] is None and row["whiteness"] is None
 
 
+@pytest.mark.slow
 def test_they_are_pooled_and_shown(short_toml, tmp_path, capsys):
     folder = tmp_path / "run"
     told = f"{Path(__file__)}:Told"

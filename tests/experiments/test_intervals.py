@@ -52,7 +52,7 @@ def test_the_interval_of_a_lag_covers_the_geometric_mean(kind, n):
     assert ALLOWED[0] <= coverage(log_interval, draws, wanted) <= ALLOWED[1]
 
 
-@pytest.mark.parametrize("n", [8, 16])
+@pytest.mark.parametrize("n", [8, pytest.param(16, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("slow", "quick", "scale"),
     [(1.0, 0.01, 0.0), (1.0, 1.0, 0.0), (0.5, 1.0, 0.0), (0.0, 1.0, 0.2), (0.0, 1.0, 0.5)],
@@ -140,6 +140,7 @@ SWEPT = {"lag": pooling.geometric, "bias": pooling.mean, "cross_talk": pooling.r
          "std": pooling.deviation("bias", "lost")}  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [8, 16])
 @pytest.mark.parametrize(("alike", "apart"), [(1.0, 0.0), (1.0, 2.0), (0.9, 2.0), (0.6, 1.0)])
 def test_intervals_over_a_swept_axis_cover_what_they_are_for(n, alike, apart):

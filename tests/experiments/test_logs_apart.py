@@ -162,6 +162,7 @@ def test_every_kind_of_number_and_place(tmp_path):
         np.testing.assert_array_equal(values, expected[name])
 
 
+@pytest.mark.slow
 def test_a_thousand_names_are_no_command_line(tmp_path):
     """One word of it may have 128 kB, and all of them 2 MB."""
     path = tmp_path / "log.h5"

@@ -63,6 +63,7 @@ def run(capsys, *words):
     return status, out, err
 
 
+@pytest.mark.slow
 def test_identify_then_track_finds_the_truth(columns, tmp_path, capsys):
     log = write_csv(tmp_path / "log.csv", columns, ";")
     rec, axis = tmp_path / "rec.nc", tmp_path / "axis.toml"
@@ -101,9 +102,8 @@ def test_a_change_of_the_torque_constant_is_named(tmp_path, capsys):
     assert change["relative"] == pytest.approx(-0.1, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    "fraction", [0.3, *(pytest.param(f, marks=pytest.mark.slow) for f in (0.0, 0.8))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("fraction", [0.3, 0.0, 0.8])
 def test_a_delayed_torque_is_recovered(tmp_path, capsys, fraction):
     """The fraction of a sample by which the torque was late, and the parameters with it."""
     u, phi, _ = bench(delay=fraction)

@@ -16,6 +16,7 @@ def mine(tmp_path, monkeypatch):
     return tmp_path / "my_estimator.py"
 
 
+@pytest.mark.slow
 def test_the_template_is_the_shipped_method(mine, short):
     """For f_m alone, from the same P(0); both outputs."""
     import numpy as np
@@ -46,6 +47,7 @@ def verdict(capsys, *words):
     return status, json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_the_template_keeps_the_rules_and_gets_a_verdict(mine, capsys, short_toml):
     """It is told k_T and J_a, so it is quicker than the method that has to find them as well."""
     assert main(["check", f"{mine}:Mine"]) == 0

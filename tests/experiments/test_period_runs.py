@@ -22,6 +22,7 @@ period = [0.001, 0.002, 0.005, 0.01]
 """.replace("\ncontroller.Kv", '\n"controller.Kv"')
 
 
+@pytest.mark.slow
 def test_a_study_sweeps_the_period(short_toml, tmp_path, capsys):
     (tmp_path / "sweep.toml").write_text(STUDY, encoding="utf-8")
     words = ["study", tmp_path / "sweep.toml", "-o", tmp_path / "out", "--jobs", 1]

@@ -100,6 +100,7 @@ def compiled(tmp_path_factory):
     return shlex.quote(where[0])
 
 
+@pytest.mark.slow
 def test_the_template_in_c_is_the_shipped_method(short, record, shipped, compiled):
     """Two implementations that share no line; the kernel's Taylor series is good to 1e-13."""
     estimator = build(parse(f"pipe:{compiled}"), short)

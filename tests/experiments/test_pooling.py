@@ -90,14 +90,9 @@ def test_the_pooled_std_is_that_of_an_estimate_at_any_time(time_constant):
     assert found == pytest.approx(2.0, rel=3 / np.sqrt(2 * RUNS * max(1.0, 5 / time_constant)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "text",
-    [
-        "rpem-forgetting[forgetting=0.9995]",
-        pytest.param("rpem-forgetting", marks=pytest.mark.slow),
-        pytest.param("rpem-drift", marks=pytest.mark.slow),
-        "glr",
-    ],
+    "text", ["rpem-forgetting[forgetting=0.9995]", "rpem-forgetting", "rpem-drift", "glr"]
 )
 def test_the_pooled_std_is_the_deviation_over_seeds(text):
     scenario = find_scenario("fm_step-v1").override({"duration": 12.0})

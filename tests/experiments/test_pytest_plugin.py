@@ -50,6 +50,7 @@ def test_skipped_unless_asked_for(suite):
     assert "1 passed, 4 skipped" in out and "needs --flexaxis" in out
 
 
+@pytest.mark.slow
 def test_the_gate_and_the_rules_as_tests(suite):
     out = suite("--flexaxis")
     assert "2 failed, 3 passed" in out

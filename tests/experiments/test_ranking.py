@@ -81,7 +81,7 @@ def test_a_seed_that_one_has_not_is_left_out_of_its_pairs_and_no_others():
     assert difference([None, 1.0], [1.0, None]).p == 1.0
 
 
-@pytest.mark.parametrize("number", [2, 5, 17])
+@pytest.mark.parametrize("number", [2, 5, pytest.param(17, marks=pytest.mark.slow)])
 def test_the_best_is_wrongly_told_from_its_equals_in_one_of_twenty_at_most(number):
     """Estimators that are all alike: the best of them is the best by luck."""
     rng, wrong, draws = np.random.default_rng(number), 0, 1000

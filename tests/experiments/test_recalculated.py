@@ -84,6 +84,7 @@ def again(rows):
     return found
 
 
+@pytest.mark.slow
 def test_a_hundred_pooled_numbers_are_what_the_rows_say(short, tmp_path):
     (tmp_path / "own.py").write_text(RAISES)
     late = short.override({"name": "late", "fault[0].factor": 0.6, "start": 1.1})

@@ -110,13 +110,13 @@ def test_one_stage_ends_what_goes_on(usual):
 KILLED = "os.kill(os.getpid(), signal.SIGKILL)"  # as the system does where memory runs out
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_one_killer_among_many_loses_one(short, tmp_path, jobs):
     """Also in one process, and whatever runs beside it."""
     killer = code(tmp_path, f"if abs(u - {torque(short, 1007)!r}) < 1e-12: {KILLED}")
-    study = Study("s", (short,), (killer, "frozen"), tuple(range(1000, 1020)))
+    study = Study("s", (short,), (killer, "frozen"), tuple(range(1000, 1008)))
     finished = run_study(study, tmp_path / "out", Means(jobs=jobs), run_code=True)
-    assert (finished.cases, finished.failed) == (40, 1)
+    assert (finished.cases, finished.failed) == (16, 1)
     failed = {(r["seed"], r["estimator"]): r["error"] for r in lines_of(tmp_path / "out")
               if r["error"]}  # fmt: skip
     assert [*failed] == [(1007, killer)]
@@ -134,6 +134,7 @@ def torque(scenario, seed):
     return float(simulate(scenario, [seed])[0].torque[699])
 
 
+@pytest.mark.slow
 def test_a_death_that_does_not_come_again_is_no_failure(short, tmp_path):
     mark = str(tmp_path / "mark")
     once = f"if not os.path.exists({mark!r}): open({mark!r}, 'w').close(); {KILLED}"
@@ -149,7 +150,9 @@ REASONS = {
 }
 
 
-@pytest.mark.parametrize("why", REASONS)
+@pytest.mark.parametrize(
+    "why", ["memory", *(pytest.param(why, marks=pytest.mark.slow) for why in ("disk", "package"))]
+)
 def test_what_is_no_fault_of_the_estimator_has_no_row(short_toml, tmp_path, capsys, why):
     what, said = REASONS[why]
     mark = tmp_path / "repaired"

@@ -60,6 +60,7 @@ def test_a_full_stdout_keeps_the_status_of_a_finding():
         assert (_told(out, FINDING), _told(out, FINE)) == (FINDING, WRONG_USE)
 
 
+@pytest.mark.slow
 @full
 def test_a_full_stderr_stops_nothing():
     found = shell(f"flexaxis {' '.join(RUN)} 2>/dev/full")

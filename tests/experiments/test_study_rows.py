@@ -11,7 +11,6 @@ import threading
 import time
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -75,6 +74,7 @@ def test_what_is_missing_in_the_middle_is_run_and_nothing_else(stubs, tmp_path):
     assert complete(tmp_path, 80)
 
 
+@pytest.mark.slow
 def test_two_processes_may_work_in_one_folder(stubs, tmp_path):
     """Each does what it found missing; every row is there once."""
     code = PROGRAM.format(here=str(HERE), study=STUDY, seeds=200, folder=str(tmp_path))
@@ -159,21 +159,6 @@ def test_a_pool_that_breaks_is_replaced_and_nothing_is_lost(stubs, tmp_path, mon
     assert len(killed) == deaths * 2 and {1, 2} == set(pools)
 
 
-@pytest.mark.slow
-def test_a_process_that_is_killed_is_replaced(stubs, tmp_path):
-    (tmp_path / "marks").mkdir()
-    work = partial(stubs.dies_once, str(tmp_path / "marks"))
-    run_study(study(40), tmp_path / "out", means=Means(jobs=2, work=work))
-    assert complete(tmp_path / "out", 160)
-    assert list((tmp_path / "marks").iterdir())
-
-
-@pytest.mark.slow
-def test_a_unit_that_always_kills_its_process_is_named(stubs, tmp_path):
-    with pytest.raises(NotRun, match=r"seeds 1005.*its process died"):
-        run_study(study(10), tmp_path, means=Means(jobs=2, work=partial(stubs.dies_on, 1005)))
-
-
 def test_a_unit_that_fails_elsewhere_is_named(stubs, tmp_path):
     from concurrent.futures import ThreadPoolExecutor
 
@@ -251,29 +236,6 @@ run_study(study_from({study!r} | {{"seeds": {seeds}}}), Path({folder!r}),
 """
 
 
-def kill_and_resume(folder, kills, *, seeds, seed):
-    """Kill a study at random moments until it is done; return how often it was killed at work."""
-    chance = random.Random(seed)
-    code = PROGRAM.format(here=str(HERE), study=STUDY, seeds=seeds, folder=str(folder))
-    killed, before = 0, 60_000
-    for _ in range(kills):
-        child = subprocess.Popen([sys.executable, "-c", code])
-        path = folder / "scores.sqlite"
-        while child.poll() is None and not (path.exists() and path.stat().st_size > before):
-            time.sleep(0.002)
-        time.sleep(chance.uniform(0.0, 0.3))
-        child.send_signal(signal.SIGKILL)
-        killed += child.wait() == -signal.SIGKILL
-        before = path.stat().st_size
-    subprocess.run([sys.executable, "-c", code], check=True)
-    return killed
-
-
-def test_kills_lose_double_and_tear_nothing(tmp_path):
-    assert kill_and_resume(tmp_path, 2, seeds=1000, seed=1) == 2
-    assert complete(tmp_path, 4000)
-
-
 @pytest.mark.slow
 def test_twenty_kills_of_the_command_with_its_processes(short_toml, tmp_path):
     """The real thing: simulations in two processes, killed twenty times at random moments."""
@@ -313,32 +275,6 @@ def gone(session, patience=10.0):
             return True
         time.sleep(0.1)
     return False
-
-
-@pytest.mark.slow
-def test_ctrl_c_says_how_to_go_on(short_toml, tmp_path):
-    (tmp_path / "s.toml").write_text(
-        f"scenario = '{short_toml}'\nestimators = ['frozen']\nseeds = 300\n"
-    )
-    # A shell turns Ctrl-C off for what it runs in the background, as these tests may be.
-    code = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    code += "from flexaxis.experiments.cli import main; sys.exit(main(sys.argv[1:]))"
-    words = [sys.executable, "-c", code, "study", str(tmp_path / "s.toml")]
-    words += ["-o", str(tmp_path / "out"), "--jobs", "2"]
-    child = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    path = tmp_path / "out" / "scores.sqlite"
-    while not (path.exists() and path.stat().st_size > 60_000):
-        time.sleep(0.05)
-        assert child.poll() is None
-    child.send_signal(signal.SIGINT)
-    _, err = child.communicate(timeout=60)
-    assert child.returncode == 130
-    last = err.strip().splitlines()[-1]
-    assert "cases done just now; go on with: flexaxis study" in last and last.endswith("--resume")
-    there = cases_of(path.parent)
-    assert f"interrupted; {there} cases" in last and 0 < there < 300
-    subprocess.run([*words, "--resume"], check=True, capture_output=True)
-    assert complete(tmp_path / "out", 300)
 
 
 MEMORY = (

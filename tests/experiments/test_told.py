@@ -113,6 +113,7 @@ def test_only_who_has_laws_is_asked_for_them():
         build(parse("rpem-forgetting"), made(DRY + 'identify = ["f_c"]\n'))
 
 
+@pytest.mark.slow
 def test_rows_are_of_what_is_estimated_and_has_a_truth():
     scenario = made(ASKED, FAULT)
     (record,) = simulate(scenario, [0])

@@ -88,6 +88,7 @@ def test_limits_are_those_that_an_estimator_tells(bounds):
     assert np.isfinite(limits[:, :told]).all() and np.isnan(limits[:, told:]).all()
 
 
+@pytest.mark.slow
 def test_an_axis_with_dry_friction_is_tracked(tmp_path, capsys):
     words = ("--estimator", "rpem-friction")
     status, _ = tracked(tmp_path, capsys, AXIS + LAW, *words, torque_times=1)

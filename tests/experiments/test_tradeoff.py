@@ -213,6 +213,7 @@ def test_without_a_fault_there_is_nothing_to_compare(capsys):
     assert "standstill-v1: no fault in an estimated parameter" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_false_alarms_are_a_rate(short):
     found = sweep([short], ["glr"], [0, 1], Bench([short]), factors=(1.0,))
     (row,) = found.matched
@@ -238,6 +239,7 @@ def test_a_panel_on_which_nothing_can_be_shown():
     assert drawn.axes[0].get_legend_handles_labels()[1][0].startswith("bound")
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path, capsys):
     words = ["tradeoff", "kt_step-v1", "--estimator", "rpem-forgetting", "--seeds", "2",
              "--jobs", "1", "-o", str(tmp_path)]  # fmt: skip

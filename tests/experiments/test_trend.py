@@ -108,6 +108,7 @@ def trended(days, done, tmp_path, capsys):
     return run
 
 
+@pytest.mark.slow
 def test_wear_is_found_beside_the_temperature(trended, tmp_path):
     status, out, _ = trended("--covariate", "temp", "--json")
     assert status == 1
@@ -210,6 +211,7 @@ def test_too_few_logs(trended, days, logs, said):
     assert status == 2 and said in err
 
 
+@pytest.mark.slow
 def test_what_was_made_of_a_log_is_no_further_log(days, tmp_path, capsys):
     for day in (1, 2):
         name = f"2026-05-0{day}.csv"

@@ -252,6 +252,7 @@ def test_a_tuned_knob_is_applied_on_its_axis_in_any_units(model):
     assert forgetting_of(made) == pytest.approx(0.999, rel=1e-12), "what is said goes before"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "period", "identify"),
     [

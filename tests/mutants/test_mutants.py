@@ -1,4 +1,4 @@
-"""The planted errors fit the code, and (slow) the tests see every one."""
+"""The planted errors fit the code; that the tests see every one is what `make mutants` shows."""
 
 import importlib.util
 from pathlib import Path
@@ -22,7 +22,5 @@ def test_no_two_have_one_name():
     assert len({mutant.name for mutant in MUTANTS}) == len(MUTANTS)
 
 
-@pytest.mark.slow
-def test_every_one_is_seen(capsys):
-    status = run.main([])
-    assert status == 0, capsys.readouterr().out
+def test_nine_of_ten_are_seen_by_the_fast_tests():
+    assert 10 * sum(run.is_slow(mutant.killer) for mutant in MUTANTS) <= len(MUTANTS)

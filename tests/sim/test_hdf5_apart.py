@@ -86,6 +86,7 @@ def test_a_piece_that_unpacks_to_far_more_than_it_says_is_not_unpacked_here(
         read(tmp_path / "bomb.nc")
 
 
+@pytest.mark.slow
 def test_a_large_piece_that_is_what_it_says_is_fine(tmp_path, reader):
     """Four times and some megabytes are spared: a filter has its own copies."""
     _record(tmp_path / "large.nc", notes=_large)
@@ -101,6 +102,7 @@ def test_whoever_reads_has_so_much_memory_and_no_more(good, reader):
     assert told == 2 * [str(hdf5_apart.MEMORY)]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="Linux forgets a peak")
 def test_what_a_file_took_before_hides_no_other(tmp_path, reader):
     def zeros(file, name):
