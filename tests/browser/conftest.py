@@ -29,14 +29,11 @@ FLAGS = (
 
 
 # Where no graphics card draws, a picture of the axis takes a third of a second of a core, and the
-# page stands until it is there: it is drawn where a test looks at it (`window.drawn = true`).
-BLANK = """
-for (const name of ["drawArrays", "drawElements", "drawArraysInstanced", "drawElementsInstanced"]) {
-  const draw = WebGL2RenderingContext.prototype[name];
-  WebGL2RenderingContext.prototype[name] = function () {
-    if (window.drawn) draw.apply(this, arguments);
-  };
-}
+# page stands until it is there: only a page of this name draws it.
+DRAWN = "drawn"
+BLANK = f"""
+for (const name of ["drawArrays", "drawElements", "drawArraysInstanced", "drawElementsInstanced"])
+  if (window.name != "{DRAWN}") WebGL2RenderingContext.prototype[name] = () => {{}};
 """
 
 KEYS = {"Tab": 9, "Enter": 13, "Escape": 27, " ": 32, "ArrowLeft": 37, "ArrowUp": 38}
@@ -235,6 +232,12 @@ class Browser:
             assert time.monotonic() < end, f"no file {pattern} was saved"
             time.sleep(0.05)
         return found[0]
+
+    def draw(self, address: str) -> None:
+        """Open a page that draws the axis."""
+        self.run(f"window.name = {DRAWN!r}")  # which stays with the tab
+        self.open(address)
+        self.run("window.name = ''")
 
     def screenshot(self, path: Path) -> None:
         answer = self._call("Page.captureScreenshot", format="png")
