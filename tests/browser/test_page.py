@@ -147,7 +147,9 @@ def coloured(browser, picture):
     browser.run("document.querySelectorAll('.mantine-Notification-root').forEach(e => e.remove())")
     browser.screenshot(picture)
     script = "(({left, top, right, bottom}) => [left, top, right, bottom])"
-    box = browser.run(f"{script}(document.querySelector('canvas[data-engine]').getBoundingClientRect())")
+    box = browser.run(
+        f"{script}(document.querySelector('canvas[data-engine]').getBoundingClientRect())"
+    )
     with Image.open(picture) as shot:
         there = np.asarray(shot.convert("RGB").crop([int(x) for x in box])).astype(int)
     return (np.ptp(there, axis=2) > 40).sum()

@@ -46,8 +46,7 @@ def pages(tmp_path_factory):
         "--units", "deg,A", "-o", days)  # fmt: skip
     first, second = days / "2026-01-01.csv", days / "2026-01-02.csv"
     run("import", first, "-o", home / "import.nc")
-    run("identify", home / "import.nc", "--model", axis, "--friction", "coulomb", "--gravity", "none",
-        "--validate", second, "-o",
+    run("identify", home / "import.nc", "--model", axis, "--validate", second, "-o",
         home / "identify.toml")  # fmt: skip
     run("track", days / "2026-01-09.csv", "--model", home / "identify.toml", "--identify", "f_m",
         "-o", home / "track.nc")  # fmt: skip

@@ -163,7 +163,7 @@ def test_knobs_turn_while_it_runs(knob):
 
 @pytest.mark.parametrize("knob", [{"forgetting": 0.99}, {"regularization": 0.3}])
 def test_knobs_turn_however_far_the_estimate_is(knob):
-    """After dry friction, say, f_m may be five times nominal; that is where a fresh filter begins."""
+    """With dry friction f_m may be five times nominal; that is where a fresh filter begins."""
     session = DemoSession(estimators=PAPER)
     session.advance(8 * RATE)
     racer = session.racers[0]
