@@ -229,7 +229,10 @@ class Racer:
         spec = replace(self.spec, options=dict(self.spec.options) | turned)
         if "drift" in self.knobs:  # the registry knows only one factor on all of Δ
             spec = replace(spec, make=_with_drift, options=turned)
-        return made(spec, values, PERIOD)
+        offered = {}
+        if "forgetting" in turned:  # known of the nominal axis, however far the estimate is by now
+            offered["P0"] = known_P(NAMES, forgetting=turned["forgetting"])
+        return made(spec, values, PERIOD, offered)
 
 
 def in_words(finding: Finding) -> str:

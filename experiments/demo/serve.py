@@ -65,6 +65,7 @@ def serve(
     def run() -> None:
         """Go on until told to stop: in a thread, for a compiler takes seconds for a loop."""
         try:
+            session.prepare()
             if play is None:
                 page.advance(sample_index(WARM, PERIOD))
             else:

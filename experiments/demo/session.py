@@ -15,7 +15,7 @@ from flexaxis.experiments.building.estimator_text import Spec
 from flexaxis.experiments.demo.history import KEPT, History, HistoryLine, dragged
 from flexaxis.experiments.demo.live_axis import NO_SAMPLES, Friction, LiveAxis, Samples
 from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, SHOWN, KnobSettings, Racer
-from flexaxis.experiments.demo.tracking import LEAST, Jump, Point, Tracking
+from flexaxis.experiments.demo.tracking import LEAST, Jump, Point, Tracking, allowed
 from flexaxis.experiments.scoring.scores import rms
 from flexaxis.experiments.scoring.windows import QUIET
 from flexaxis.sim.errors import FlexaxisError
@@ -117,6 +117,11 @@ class DemoSession:
             if self.axis.samples % MARK == 0:
                 self._mark()
             samples -= n
+
+    def prepare(self) -> None:
+        """Compile what the first fault needs, before anybody waits for it."""
+        axis = self.axis
+        allowed(Jump(axis.scenario, axis.values, NAMES[0], 1.0, axis.state, 1.0), np.zeros(2))
 
     def inject(self, parameter: str, factor: float) -> None:
         """Set a parameter to a factor times nominal, and score how the racers follow."""

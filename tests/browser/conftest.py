@@ -28,11 +28,16 @@ FLAGS = (
 )
 
 
-# Ten pictures a second are enough: a machine without a graphics card would draw all the time.
-SLOWLY = "window.requestAnimationFrame = f => setTimeout(() => f(performance.now()), 100)"
+# Where no graphics card draws, a picture of the axis takes a third of a second of a core, and the
+# page stands until it is there: only a page of this name draws it.
+DRAWN = "drawn"
+BLANK = f"""
+for (const name of ["drawArrays", "drawElements", "drawArraysInstanced", "drawElementsInstanced"])
+  if (window.name != "{DRAWN}") WebGL2RenderingContext.prototype[name] = () => {{}};
+"""
 
 KEYS = {"Tab": 9, "Enter": 13, "Escape": 27, " ": 32, "ArrowLeft": 37, "ArrowUp": 38}
-KEYS |= {"ArrowRight": 39, "ArrowDown": 40}
+KEYS |= {"ArrowRight": 39, "ArrowDown": 40, "End": 35}
 
 FIND = """
 (() => {{
@@ -112,7 +117,7 @@ class Browser:
         self._socket = connect(pages[0]["webSocketDebuggerUrl"], max_size=2**27, proxy=None)
         for domain in ("Network", "Page", "Runtime"):
             self._call(f"{domain}.enable")
-        self._call("Page.addScriptToEvaluateOnNewDocument", source=SLOWLY)
+        self._call("Page.addScriptToEvaluateOnNewDocument", source=BLANK)
 
     def __enter__(self):
         return self
@@ -167,17 +172,14 @@ class Browser:
         return self.wait(script, seconds=20, what=f"{kind} with {text!r}")
 
     def click(self, text: str, kind: str = "*") -> None:
-        """Click in the middle of the innermost element that has a text, with the mouse."""
-        at = self.place(text, kind)
+        """Click in the middle of the innermost element that has a text, once it is at rest."""
+        before = None
+        while (at := self.place(text, kind)) != before:
+            before = at
+            time.sleep(0.1)
         where = {"x": (at["left"] + at["right"]) / 2, "y": (at["top"] + at["bottom"]) / 2}
         for event in ("mouseMoved", "mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=event, button="left", clickCount=1, **where)
-
-    def press(self, *keys: str) -> None:
-        """Press keys, such as ``"End"``."""
-        for key in keys:
-            for kind in ("keyDown", "keyUp"):
-                self._call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
 
     def key(self, key: str) -> None:
         """Press a key with what it does in a page: moving the focus, pressing a button."""
@@ -186,7 +188,12 @@ class Browser:
         for kind in ("keyDown", "keyUp"):
             words = {"text": text} if text and kind == "keyDown" else {}
             self._call(
-                "Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **words
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                code=key,
+                windowsVirtualKeyCode=code,
+                **words,
             )
 
     def write(self, text: str) -> None:
@@ -215,7 +222,22 @@ class Browser:
 
     def downloads(self, folder: Path) -> None:
         """Let what the page saves come into a folder."""
+        self._folder = folder
         self._call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+
+    def saved(self, pattern: str, *, seconds: float = 3) -> Path:
+        """Return the file that the page saves under such a name, as soon as it is there."""
+        end = time.monotonic() + seconds
+        while not (found := [p for p in self._folder.glob(pattern) if p.stat().st_size]):
+            assert time.monotonic() < end, f"no file {pattern} was saved"
+            time.sleep(0.05)
+        return found[0]
+
+    def draw(self, address: str) -> None:
+        """Open a page that draws the axis."""
+        self.run(f"window.name = {DRAWN!r}")  # which stays with the tab
+        self.open(address)
+        self.run("window.name = ''")
 
     def screenshot(self, path: Path) -> None:
         answer = self._call("Page.captureScreenshot", format="png")

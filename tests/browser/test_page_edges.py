@@ -56,7 +56,7 @@ def test_saved_tables_say_all_that_a_cell_says(opened):
     page.run("document.querySelector('[aria-label=\"Save table marked\"]').click()")
     sheet = "document.querySelector('[aria-label=\"Save table marked\"]').nextSibling"
     page.run(f"{sheet}.querySelectorAll('button')[0].click()")
-    with page.saved("marked*.csv").open(newline="", encoding="utf-8") as file:
+    with page.browser.saved("marked*.csv").open(newline="", encoding="utf-8") as file:
         heads, first, second = csv.reader(file)
     lag = ["step f_m lag [s]", "step f_m lag low [s]", "step f_m lag high [s]", "step f_m lag mark"]
     assert heads == ["row", *lag, "score", "score low", "score high", "change"]

@@ -42,13 +42,13 @@ def pages(tmp_path_factory):
     def run(*words):
         assert main([str(word) for word in words]) in {0, 1, 3}, words
 
-    run("days", "--days", "14", "--duration", "8", "--wear", "f_c=+20%", "--from-day", "7",
+    run("days", "--days", "10", "--duration", "8", "--wear", "f_c=+20%", "--from-day", "5",
         "--units", "deg,A", "-o", days)  # fmt: skip
     first, second = days / "2026-01-01.csv", days / "2026-01-02.csv"
     run("import", first, "-o", home / "import.nc")
     run("identify", home / "import.nc", "--model", axis, "--validate", second, "-o",
         home / "identify.toml")  # fmt: skip
-    run("track", days / "2026-01-12.csv", "--model", home / "identify.toml", "--identify", "f_m",
+    run("track", days / "2026-01-09.csv", "--model", home / "identify.toml", "--identify", "f_m",
         "-o", home / "track.nc")  # fmt: skip
     run("trend", days, "--model", home / "identify.toml", "--covariate", "temp", "--free", "f_c",
         "--free", "f_m", "-o", home / "trend")  # fmt: skip

@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-import time
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -37,11 +36,7 @@ class Page:
         self.until("document.documentElement.dataset.ready", "ready", seconds=6)
 
     def until(self, script: str, what: str, seconds: float = 1.5):
-        end = time.monotonic() + seconds
-        while not (value := self.run(script)):
-            assert time.monotonic() < end, f"not within {seconds} s: {what}"
-            time.sleep(0.03)
-        return value
+        return self.browser.wait(script, seconds=seconds, what=what)
 
     def box(self, selector: str, n: int = 0) -> list[float]:
         found = self.run(CENTRE.format(selector=selector, n=n))
@@ -55,13 +50,6 @@ class Page:
 
     def fragment(self) -> str:
         return self.run("decodeURIComponent(decodeURIComponent(location.hash))")
-
-    def saved(self, pattern: str) -> Path:
-        end = time.monotonic() + 3
-        while not (found := [p for p in self.folder.glob(pattern) if p.stat().st_size]):
-            assert time.monotonic() < end, f"no file {pattern} was saved"
-            time.sleep(0.05)
-        return found[0]
 
 
 def sorts(page):
@@ -207,7 +195,7 @@ def copies_where_the_clipboard_is_refused(page):
 def saves_csv(page):
     page.click(".tools summary")
     page.click(".tools .sheet button", 1)
-    with page.saved("scores*.csv").open(newline="", encoding="utf-8") as file:
+    with page.browser.saved("scores*.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.reader(file))
     assert rows[0] == ["estimator", "group", "lag [s]", "seeds"]
     assert [row[0] for row in rows[1:]] == list(sample.WHO)
@@ -218,7 +206,7 @@ def saves_json_as_shown(page):
     page.open("#hide=ekf&sort.scores=2a")
     page.click(".tools summary")
     page.click(".tools .sheet button", 2)
-    found = json.loads(page.saved("scores*.json").read_text(encoding="utf-8"))
+    found = json.loads(page.browser.saved("scores*.json").read_text(encoding="utf-8"))
     assert [row["estimator"] for row in found] == [sample.WHO[i] for i in (3, 1, 0, 4)]
     assert set(found[0]) == {"estimator", "group", "lag [s]"}
     assert [row["lag [s]"] for row in found] == [0.0625, 0.5, 0.9, None]
@@ -227,7 +215,7 @@ def saves_json_as_shown(page):
 def saves_curves(page):
     page.click("#estimates .menu summary")
     page.click("#estimates .menu button", 0)
-    with page.saved("estimates*.csv").open(newline="", encoding="utf-8") as file:
+    with page.browser.saved("estimates*.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     mine = [row for row in rows if row["estimator"] == "ekf" and row["quantity"] == "f_m / nominal"]
     n = sample.WHO.index("ekf")
@@ -241,7 +229,7 @@ def saves_curves(page):
 def saves_pictures(page):
     page.click("#speed-against-variance .menu summary")
     page.click("#speed-against-variance .menu button", 1)
-    text = page.saved("speed*.svg").read_text(encoding="utf-8")
+    text = page.browser.saved("speed*.svg").read_text(encoding="utf-8")
     found = ElementTree.fromstring(text)  # by itself it is whole
     strokes = [part.get("stroke") for part in found.iter()]
     assert "rgb(19, 108, 209)" in strokes and "var(" not in text

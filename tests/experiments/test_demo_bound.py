@@ -1,5 +1,8 @@
 """What theory allows on the live axis, and how a change is followed: against closed forms."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -146,3 +149,27 @@ def test_an_axis_without_friction_is_as_it_was():
     plain, other = LiveAxis(seed=8), LiveAxis(seed=8)
     other.set_friction(Friction("none", f_c=0.3))
     np.testing.assert_array_equal(plain.advance(300).speed, other.advance(300).speed)
+
+
+FIRST = """
+import gc
+from flexaxis.estimators.models.compiler import Compiled
+from flexaxis.experiments.demo.session import DemoSession
+
+def made():
+    kernels = [each for each in gc.get_objects() if isinstance(each, Compiled) and each._called]
+    return {(kernel.label, *kernel.dispatcher.signatures) for kernel in kernels}
+
+session = DemoSession(estimators=("frozen", "frozen"))
+session.prepare()
+session.advance(20)
+before = made()
+session.inject("f_m", 2.0)
+session.advance(20)
+assert session.history.last.tracking.allowed is not None
+assert before and made() == before, made() - before
+"""
+
+
+def test_nothing_is_compiled_while_somebody_waits_for_the_first_fault():
+    subprocess.run([sys.executable, "-c", FIRST], check=True, timeout=300)

@@ -161,6 +161,20 @@ def test_knobs_turn_while_it_runs(knob):
     np.testing.assert_allclose(racer.theta, [1.0, 1.25, 0.05], rtol=0.03)
 
 
+@pytest.mark.parametrize("knob", [{"forgetting": 0.99}, {"regularization": 0.3}])
+def test_knobs_turn_however_far_the_estimate_is(knob):
+    """With dry friction f_m may be five times nominal; that is where a fresh filter begins."""
+    session = DemoSession(estimators=PAPER)
+    session.advance(8 * RATE)
+    racer = session.racers[0]
+    P, racer.theta = racer.P, racer.theta * [1.0, 1.0, 5.0]
+    far = racer.theta.copy()
+    session.tune(0, replace(racer.tuning, **knob))
+    assert f"{next(iter(knob.values())):g}" in session.said
+    np.testing.assert_allclose(racer.P, P, rtol=1e-15)
+    np.testing.assert_allclose(racer._estimator.theta, far, rtol=1e-12)
+
+
 def test_knobs_do_what_theory_says():
     """P = (1−λ) Q⁻¹, eq. (29); with one Δ_ii alone a hundred times as large P_ii is ten times."""
     session = DemoSession(estimators=PAPER, seed=4)
