@@ -11,7 +11,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack
 from functools import cache, partial
 from hashlib import sha256
 from typing import Any
@@ -61,7 +61,8 @@ def ready(spec: Spec, scenario: Scenario) -> Estimator:
     key = sha256(repr(content).encode()).hexdigest()
     wanted, (estimator, lacks) = GATHERED.get(), known.pop(key, (None, set()))
     if estimator is None or (lacks and wanted is None):
-        with nullcontext(set()) if wanted is None else gathers() as lacks:
+        with ExitStack() as stack:
+            lacks = set() if wanted is None else stack.enter_context(gathers())
             estimator = made(spec, offer.axis(spec.text), offer.period, offered)
     else:
         estimator.reset()
