@@ -1,4 +1,4 @@
-"""Pooled rows of a suite that docs/drives.py and docs/control.py make their tables of."""
+"""Pooled rows of a suite that docs/drives.py and docs/control_suite.py make their tables of."""
 
 import json
 import re

@@ -13,7 +13,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.record import load_record
 from flexaxis.sim.simulate import simulate
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
+sys.path.append(str(Path(__file__).parents[1] / "docs"))
 import dataset
 
 

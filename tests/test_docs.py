@@ -16,7 +16,7 @@ from flexaxis.experiments.catalogue.find import find_suite, scenario_names
 from flexaxis.experiments.cli import parser
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "docs"))  # where its scripts find each other
+sys.path.append(str(ROOT / "docs"))  # where its scripts find each other
 
 
 def loaded(name):

@@ -11,7 +11,7 @@ import pytest
 from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.cli import main
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
+sys.path.append(str(Path(__file__).parents[1] / "docs"))
 import speed_peers as peers_module
 import speed_steps as steps_module
 from speed_memory import _resident, streamed
