@@ -208,8 +208,8 @@ def test_what_a_pass_hardly_narrowed_is_no_end_of_the_estimates():
     ("scenario", "words"),
     [
         ("cogging_fm_step-v1", "cogging"),
-        pytest.param("directional_fm_step-v1", "one way", marks=pytest.mark.slow),
-        pytest.param("load_friction_fm_step-v1", "the load", marks=pytest.mark.slow),
+        ("directional_fm_step-v1", "one way"),
+        ("load_friction_fm_step-v1", "the load"),
     ],
 )
 def test_friction_that_no_law_has_is_found_and_learnt(scenario, words):
