@@ -136,6 +136,8 @@ def axis_is_drawn(browser, address, picture):
     """Above the controls of a phone."""
     assert coloured(browser, picture) < 400
     browser.draw(address)
+    canvas = "document.querySelector('canvas[data-engine]') !== null"
+    browser.wait(canvas, seconds=60, what="the page, drawn")
     end = time.monotonic() + 60
     while coloured(browser, picture) < 400:
         assert time.monotonic() < end, "no gear and no arm"
