@@ -1,4 +1,4 @@
-"""Write the tables of docs/control.md: `python docs/control_suite.py`, or the names of some of them.
+"""Write the tables of docs/control.md: `python docs/control_suite.py`, or names of some of them.
 
 `worth` is of results/control, which is run if it is not there, an hour; `order` runs the estimators
 at some settings of their knobs besides, on the records of the same seeds, a quarter of an hour.
