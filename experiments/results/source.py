@@ -30,7 +30,7 @@ from flexaxis.experiments.storage.schema import (
 from flexaxis.experiments.storage.store import Store
 
 Array = NDArray[Any]
-ROOM = 1 << 28  # bytes of columns that are read together; twice as many are held
+ROOM = 1 << 29  # bytes of columns that are read together; twice as many are held
 PART = 1 << 14  # rows that are read at a time where all their columns are wanted
 
 
