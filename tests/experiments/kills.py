@@ -300,20 +300,26 @@ def said(folder: Path) -> dict[str, Any]:
 
 def torment(name: str, task: Task, kills: int, chance: random.Random) -> Tally:
     """Kill a command so often at work, and return what was seen."""
-    task.folder.mkdir(parents=True, exist_ok=True)
+    _emptied(task.folder)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         good = here(task.words)  # all that it imports and compiles is there now
-    shutil.rmtree(task.folder)
+    _emptied(task.folder)
     began = time.monotonic()
     assert run(task.words) == good < 2, name  # a verdict may be a finding
     lasts = time.monotonic() - began
     tally, expected = Tally(name), Expected.of(task, good)
     while tally.kills < kills:
-        shutil.rmtree(task.folder)
+        _emptied(task.folder)
         status = _round(task, tally, kills, lambda: chance.uniform(0.0, lasts))
         tally.note("differs at the end", expected.differences(Expected.of(task, status)))
     tally.seen["leftovers"] = len(leftovers(task.folder.parent))
     return tally
+
+
+def _emptied(folder: Path) -> None:
+    """Leave a folder with nothing in it, which an export writes into and does not make."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
 
 
 def _round(task: Task, tally: Tally, kills: int, moment: Callable[[], float]) -> int:

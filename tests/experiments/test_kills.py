@@ -35,10 +35,11 @@ def study(seeds):
 
 @posix
 @pytest.mark.slow
-def test_a_few_kills():
+@pytest.mark.parametrize("name", ["run", "compare", "tune", "study", "merge", "export"])
+def test_a_few_kills(name):
     """`make kill` goes on for as long as one likes."""
     pytest.importorskip("pyarrow", reason="the extra `parquet`")
-    words = [sys.executable, str(HERE / "kills.py"), "--kills", "2"]
+    words = [sys.executable, str(HERE / "kills.py"), name, "--kills", "2"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
