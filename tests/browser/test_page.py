@@ -197,13 +197,12 @@ def test_an_act_that_fails_is_said_and_the_lesson_goes_on(browser, tmp_path):
         "from flexaxis.experiments.cli import main; sys.exit(main())"
     )
     lesson = tmp_path / "mine.toml"
-    acts = '[[act]]\nat = 1.0\nfault = "f_m"\nfactor = 2.0\n[[act]]\nat = 4.0\nnoise = 0.2\n'
-    lesson.write_text(acts, encoding="utf-8")
+    lesson.write_text('[[act]]\nat = 1.0\nfault = "f_m"\nfactor = 2.0\n', encoding="utf-8")
     with demo(lesson, code=stubborn) as address:
         browser.open(address)
         said = says("act[0] at 1 s cannot be done: it does not")
         browser.wait(said, seconds=60, what="what was wrong")
-        browser.wait(says("at 4.0 s: noise 0.2"), seconds=60, what="the lesson goes on")
+        browser.wait(f"{CLOCK} > 3", seconds=60, what="the lesson goes on")
     browser.wait(says("The demo has ended"), seconds=10, what="the end")
     gone = "[...document.querySelectorAll('button')].every(e => e.innerText != 'Run')"
     browser.wait(gone, seconds=5, what="no buttons")
