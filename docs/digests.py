@@ -79,4 +79,5 @@ def _meant(name: str, content: bytes) -> bytes:
         first = body[0] if isinstance(body, list) and body else None
         if isinstance(first, ast.Expr) and isinstance(getattr(first.value, "value", None), str):
             del body[0]
-    return ast.dump(tree).encode()
+    whole = {"show_empty": True} if sys.version_info >= (3, 13) else {}  # as it was before
+    return ast.dump(tree, **whole).encode()

@@ -19,7 +19,7 @@ LAW_UNITS = MappingProxyType(
         "gap": "rad",
     }
 )
-"""Unit of each parameter of a law, in the order of their columns after the twelve of the axis.
+"""Unit of each parameter of a law, in the order of their columns after those of the axis.
 
 They are the level of Coulomb friction and what it takes more to break away, the Stribeck speed,
 stiffness and damping of the bristles, the two rates of a static curve, the cubic over the linear

@@ -58,7 +58,7 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
             raise ParameterError(
                 f"model {model}: {owner.get('name', 'the motor')} in its MJCF has no {key}."
             )
-        return float(text.split()[-1])  # of an inertia, that about the axis z
+        return float(text.split()[2 * (key == "diaginertia")])  # the third is about the axis z
 
     found = {"k_T": number(root, "actuator/motor", "gear")}
     for kind, owners, path, key in (

@@ -17,7 +17,7 @@ import traceback
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -72,16 +72,21 @@ class Away:
 
     def __init__(self, module: str, text: str, what: What) -> None:
         self._module, self.text, self._what, self.spent = module, text, what, 0.0
-        key = module, os.getcwd(), os.getpid()
+        self._own = self._shared() if isinstance(what, int) else None  # where it is kept
+
+    def _shared(self) -> Workers:
+        """Return the process of the module, a new one where there is none."""
+        folder = ""
+        with suppress(OSError):  # it was removed
+            folder = os.getcwd()
+        key = self._module, folder, os.getpid()
         if key not in _running:
-            remember(text)
-            workers = Workers(1)
-            workers.submit(_begin, 0).result()
-            _running[key] = workers
+            remember(self.text)
+            _running[key] = Workers(1, _begin)
             if len(_running) > MOST:
                 _running.popitem(last=False)
-        self._workers = _running[key]
         _running.move_to_end(key)
+        return _running[key]
 
     def there(self, function: Call, *args: Any, doing: str = "when it was asked") -> Any:
         """Return what a function of ours gives of it, where it is.
@@ -95,11 +100,12 @@ class Away:
         """
         told, left = guest.asked(self.text, doing)
         asked = told, guest.time_limit(), self._what, function, args
+        workers = self._own or self._shared()
         try:
-            answer = self._workers.submit(_answer, asked).result(left + GRACE)
+            answer = workers.submit(_answer, asked).result(left + GRACE)
         except BaseException as error:
-            self._workers.end(killed=True)
-            for key in [key for key, each in _running.items() if each is self._workers]:
+            workers.end(killed=True)
+            for key in [key for key, each in _running.items() if each is workers]:
                 del _running[key]
             if not isinstance(error, TimeoutError | BrokenExecutor):
                 raise
@@ -164,7 +170,7 @@ _KNOWN = sys.stdlib_module_names | {"flexaxis", "numpy"}
 _kept = OrderedDict[int, Any]()
 
 
-def _begin(_: int) -> None:
+def _begin() -> None:
     """Make this process that of a user's code; what is imported here is no part of its time."""
     from flexaxis.experiments.building import estimator_text  # noqa: F401
 
@@ -192,6 +198,10 @@ def _answer(asked: tuple[guest.Told, float, What, Call, Any]) -> bytes:
 def _found(what: What) -> Any:
     if not isinstance(what, int):
         return class_of(*what)
+    if what not in _kept:
+        raise EstimatorError(
+            "the process in which it was made has ended, or has made many since: make it anew"
+        )
     _kept.move_to_end(what)
     return _kept[what]
 
@@ -226,10 +236,10 @@ def _keep(found: Call, number: int, maker: Call, text: str, options: Any, *args:
     """Keep under a number what is made of a class and its options."""
     from flexaxis.experiments.building.estimator_text import Spec
 
+    threadpool_limits(1)  # wherever it is run, to the last bit the same
     _kept[number] = maker(Spec(text, found, options), *args)
     if len(_kept) > KEPT:
         _kept.popitem(last=False)
-    threadpool_limits(1)  # wherever it is run, to the last bit the same
 
 
 def _step(estimator: Any, u: float, y: float | None) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import ctypes
 import multiprocessing
 import os
 import signal
@@ -36,6 +38,7 @@ from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.storage.current_folder import forget_safe_path, safe_path, without_its_style
 
 MOST = max(64, 4 * (os.cpu_count() or 1))  # processes: each is a Python of its own in memory
+_PR_SET_PDEATHSIG = 1  # of Linux: which signal a process gets when its parent ends
 PATIENCE = 0.5  # s for which a wait may last before it looks whether anything was asked
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -64,23 +67,28 @@ class Workers:
     ----------
     jobs : int
         Processes.
+    begin : callable, optional
+        Called in each of them before anything else.
     """
 
-    def __init__(self, jobs: int) -> None:
-        self._jobs, self._stop = jobs, threading.Event()
+    def __init__(self, jobs: int, begin: Callable[[], object] | None = None) -> None:
+        self._jobs, self._begin, self._stop = jobs, begin, threading.Event()
         self._pool: Executor | None = None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: object, *rest: object) -> None:
-        self.end(killed=kind is not None)
+        busy = getattr(self._pool, "_pending_work_items", True)  # else they end by themselves
+        self.end(killed=kind is not None and bool(busy))
 
     def submit(self, work: Callable[[Task], Result], task: Task) -> Future[Result]:
         """Have a task done."""
-        with held_back(), safe_path(), _without_main():  # its locks have a process of their own
+        begun = len(getattr(self._pool, "_processes", None) or ())
+        alone = _without_main() if begun < self._jobs else nullcontext()
+        with held_back(), safe_path(), alone:  # its locks have a process of their own
             if self._pool is None:
-                self._pool, self._stop = _started(self._jobs)
+                self._pool, self._stop = _started(self._jobs, self._begin)
                 _open.add(self)
             future: Future[Result] = self._pool.submit(work, task)
             return future
@@ -96,7 +104,7 @@ class Workers:
             return
         for process in list((getattr(pool, "_processes", None) or {}).values()) if killed else ():
             if hasattr(os, "killpg") and process.pid is not None:
-                with suppress(ProcessLookupError):  # it has ended, or has only just begun
+                with suppress(OSError):  # it has ended, or has only just begun
                     os.killpg(process.pid, signal.SIGKILL)
             process.kill()
         pool.shutdown(wait=True, cancel_futures=True)
@@ -106,31 +114,44 @@ _open = WeakSet[Workers]()
 
 
 def _end_own() -> None:
-    """End what a worker has started itself; it would be waited for, and waits for work."""
+    """End what this process has started; it would be waited for, and waits for work."""
     for workers in [*_open]:
         workers.end(killed=True)
 
 
-def _started(jobs: int) -> tuple[Executor, Any]:
+def _started(jobs: int, begin: Callable[[], object] | None) -> tuple[Executor, Any]:
     """Return new processes, and what asks them to end."""
+    atexit.unregister(_end_own)
+    atexit.register(_end_own)  # before multiprocessing waits for them
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
-    pool = ProcessPoolExecutor(jobs, context, initializer=_start_worker, initargs=(stop,))
-    return pool, stop
+    how = (stop, begin, threading.current_thread() is threading.main_thread())
+    return ProcessPoolExecutor(jobs, context, initializer=_start_worker, initargs=how), stop
+
+
+_mains: list[ModuleType] = []  # found by each `_without_main` that is open
+_one_at_a_time = threading.Lock()
 
 
 @contextmanager
 def _without_main() -> Iterator[None]:
     """Have no process that is started meanwhile run the script that we are a part of."""
-    main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+    with _one_at_a_time:
+        _mains.append(sys.modules["__main__"])
+        sys.modules["__main__"] = ModuleType("__main__")
     try:
         yield
     finally:
-        sys.modules["__main__"] = main
+        with _one_at_a_time:
+            found = _mains.pop()
+            if not _mains:  # the last one to leave has what the first one found
+                sys.modules["__main__"] = found
 
 
-def _start_worker(stop: Any) -> None:
+def _start_worker(stop: Any, begin: Callable[[], object] | None, tied: bool) -> None:
     """Leave Ctrl-C to the parent, and end when it ends: a killed parent leaves no process."""
+    if tied and sys.platform == "linux":  # even in code that lets no other thread run
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     forget_safe_path()
     without_its_style()
     for kind in (signal.SIGINT, signal.SIGTERM):  # a queue of jobs sends that to all
@@ -143,6 +164,8 @@ def _start_worker(stop: Any) -> None:
     threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
     Finalize(None, _end_own, exitpriority=0)
     Finalize(None, _wait_for_no_thread, exitpriority=-1)  # after what others do at their end
+    if begin:
+        begin()
 
 
 def _wait_for_no_thread() -> None:
@@ -154,6 +177,8 @@ def _wait_for_no_thread() -> None:
 
 def _end_with(sentinel: int) -> None:
     wait_for([sentinel])
+    if hasattr(os, "killpg"):
+        os.killpg(0, signal.SIGKILL)  # with what its code has started
     os._exit(1)
 
 

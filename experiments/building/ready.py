@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from functools import cache, partial
 from hashlib import sha256
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -76,6 +76,17 @@ def ready(spec: Spec, scenario: Scenario) -> Estimator:
     return estimator
 
 
+class Task(NamedTuple):
+    """What is to be compiled: all that an estimator needs on a scenario."""
+
+    text: str
+    scenario: Scenario
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        return f"compiling {self.text} for {self.scenario.name}"
+
+
 class Uncompiled:
     """Which of the estimators that are tried compile something when they are made for good.
 
@@ -83,7 +94,7 @@ class Uncompiled:
     """
 
     def __init__(self) -> None:
-        self.found: list[tuple[str, Scenario]] = []
+        self.found: list[Task] = []
         self._names: set[str] = set()
 
     def try_out(self, text: str, scenario: Scenario) -> None:
@@ -91,13 +102,13 @@ class Uncompiled:
         with gathers() as names:
             ready(parse(text), scenario)
         if names - self._names:
-            self.found.append((text, scenario))
+            self.found.append(Task(text, scenario))
             self._names |= names
 
 
-def compile_for(task: tuple[str, Scenario]) -> None:
+def compile_for(task: Task) -> None:
     """Compile what an estimator needs on a scenario."""
-    build(parse(task[0]), task[1])
+    build(parse(task.text), task.scenario)
 
 
 def _content(value: Any) -> Any:

@@ -184,7 +184,8 @@ def _moved(pool: Pool, score: int | None, sign: int) -> Draw:
         found = draw(pool, size, count, random, swap=True)
         _, _, sd = statistics.summary(pool.ratios)
         number = len(pool.family.metrics)
-        half = statistics.half_width(sd, size, SHARES["scores"] * ALPHA / LOOKS / number)
+        share = np.where(pool.family.guards, SHARES["guards"], SHARES["scores"])
+        half = statistics.half_width(sd, size, share * ALPHA / LOOKS / number)
         ways = len(np.unique(pool.family.scenarios))  # to choose one of them
         unseen = statistics.unseen_shift(size, ALPHA / LOOKS / ways, UNSEEN)
         shift = sign * (2 * (pool.family.margins + half + unseen) + 4 * sd)

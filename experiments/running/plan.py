@@ -14,7 +14,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import estimator_text as specs
 from flexaxis.experiments.building.code import digest, names_code
 from flexaxis.experiments.building.crashes import EstimatorCrash
-from flexaxis.experiments.building.ready import Uncompiled
+from flexaxis.experiments.building.ready import Task, Uncompiled
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.study import (
     EstimatorSetting,
@@ -60,7 +60,7 @@ class Plan:
         Number of this share, from 1, and of all shares.
     repeat : int
         As in `Unit`.
-    uncompiled : sequence of (text, Scenario)
+    uncompiled : sequence of Task
         Estimators that have something to compile first.
     """
 
@@ -68,7 +68,7 @@ class Plan:
     groups: tuple[tuple[Variant, ...], ...]
     shard: tuple[int, int] = (1, 1)
     repeat: int = 0
-    uncompiled: Sequence[tuple[str, Scenario]] = ()
+    uncompiled: Sequence[Task] = ()
 
     @property
     def variants(self) -> tuple[Variant, ...]:

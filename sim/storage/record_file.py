@@ -202,8 +202,8 @@ def _read_parameters(file: Any, span: slice) -> dict[str, Any]:
     order = [*parameter_names(model or DEFAULT), *(name for name in LAW_NAMES if name in names)]
     if sorted(names) != sorted(order):
         raise RecordError(
-            f"parameter must name {', '.join(PARAMETER_NAMES)}, and may name "
-            f"{', '.join(LAW_NAMES)}; it has {names}."
+            f"parameter must name all of a model ({', '.join(PARAMETER_NAMES)}, say), and may "
+            f"name {', '.join(LAW_NAMES)}; it has {names}."
         )
     return {
         "true_parameters": values[:, [names.index(name) for name in order]],

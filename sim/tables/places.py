@@ -28,7 +28,7 @@ Kept = Callable[[Mapping[str, Any]], dict[Place, Any]]
 _FIELDS = {
     "J": "body_inertia", "k": "tendon_stiffness", "d": "tendon_damping", "f": "dof_damping",
 }  # fmt: skip
-_KINDS = {"body": "body", "tendon": "tendon", "dof": "joint", "actuator": "actuator"}
+_KINDS = {"dof": "joint", "actuator": "actuator"}
 
 
 def parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:

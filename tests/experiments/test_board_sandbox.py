@@ -317,7 +317,8 @@ def test_where_anything_is_lacking_nothing_is_run(greedy, monkeypatch, option):
 
 def test_an_estimator_is_offered_nothing_of_the_truth():
     told = offer_of(find_scenario("real_lugre_fm_step-v1")).as_data() | {"name": "the scenario"}
-    assert told.keys() == {"name", "nominal", "period", "identify", "output", "noise"}
+    known = {"name", "model", "nominal", "period", "identify", "output", "noise"}
+    assert told.keys() == known
     assert not any(word in json.dumps(told) for word in ("lugre", "fm_step", "stiff", "streams"))
     assert told["nominal"]["J_m"] == pytest.approx(0.95 * 0.0012)  # as told, not as it is
 

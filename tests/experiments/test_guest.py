@@ -353,6 +353,21 @@ def test_what_the_system_kills_is_run_again(capsys):
     assert status == 0 and Path("killed").exists(), err
 
 
+def test_what_was_made_in_a_process_that_ended_is_told_so(short):
+    mine, other = (build(parse("guests.py:Base"), short) for _ in range(2))
+    with pytest.raises(away.Died):
+        mine.there(_end)
+    with pytest.raises(EstimatorError, match="make it anew"):
+        other.step(0.0, 0.0)
+    assert build(parse("guests.py:Base"), short).step(0.0, 0.0)
+
+
+def _end(_):
+    import os
+
+    os._exit(3)
+
+
 def test_what_hears_no_signal_is_stopped_too(capsys, monkeypatch):
     monkeypatch.setattr(away, "GRACE", 10.0)
     status, _, err = ran(capsys, "Sleeps", "--time-limit", "0.5")

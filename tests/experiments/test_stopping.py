@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from dataclasses import replace
@@ -103,6 +104,15 @@ def test_one_stage_ends_what_goes_on(usual):
     with pytest.raises(KeyboardInterrupt), one_stage():
         signal.raise_signal(signal.SIGINT)
         pytest.fail("it goes on")
+
+
+def test_a_command_that_is_stopped_waits_for_no_process_of_a_users_code(short_toml, tmp_path):
+    own = code(tmp_path, "if Mine.runs == 2: os.kill(os.getppid(), signal.SIGTERM)")
+    line = [sys.executable, "-m", "flexaxis", "run", str(short_toml), "--estimator", own]
+    line += ["--seeds", "5", "--jobs", "1", "-o", str(tmp_path / "out")]
+    done = subprocess.run(line, check=False, timeout=100, capture_output=True, text=True)
+    assert done.returncode == 130 and "2 cases done" in done.stderr
+    assert "leaked" not in done.stderr
 
 
 # ------------------------------------------------------------------ processes that die

@@ -1,6 +1,7 @@
 """Processes that are lent again and again: the same ones, until one of them is lost."""
 
 import os
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -23,7 +24,7 @@ def alive(pid):
 def test_calls_share_a_pool_until_one_is_left(monkeypatch):
     pools = []
 
-    def started(jobs):
+    def started(jobs, begin):
         pools.append(ThreadPoolExecutor(jobs))
         return pools[-1], threading.Event()
 
@@ -69,3 +70,22 @@ def test_means_are_kept_once():
     for none in (Means(), Means(jobs=2, executor=object())):
         with none.kept() as means:
             assert means is none
+
+
+def test_the_script_is_there_again_where_threads_overlap():
+    script = sys.modules["__main__"]
+    inside, left = threading.Event(), threading.Event()
+
+    def other():
+        with processes._without_main():
+            inside.set()
+            left.wait(60)
+            assert sys.modules["__main__"] is not script
+
+    with ThreadPoolExecutor(1) as threads:
+        with processes._without_main():
+            its = threads.submit(other)
+            assert inside.wait(60)
+        left.set()
+        its.result(60)
+    assert sys.modules["__main__"] is script
