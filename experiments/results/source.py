@@ -30,7 +30,7 @@ from flexaxis.experiments.storage.schema import (
 from flexaxis.experiments.storage.store import Store
 
 Array = NDArray[Any]
-ROOM = 1 << 29  # bytes of columns that are read together; twice as many are held
+ROOM = 1 << 29  # bytes of columns that are read together
 PART = 1 << 14  # rows that are read at a time where all their columns are wanted
 
 
@@ -152,15 +152,12 @@ class Source:
     def column(self, name: str) -> Array:
         """Return a column of all rows; some others are read with it, likely to come next.
 
-        They are held, for to go through the rows costs more than to take some columns of them.
+        They are held, 8 bytes a row each: to go through the rows again costs far more.
         """
         if name not in self._held:
             room = max(1, ROOM // (8 * max(1, len(self))))
             names = [n for n in STORED[STORED.index(name) :] if n not in self._held][:room]
-            while self._held and len(self._held) + len(names) > 2 * room:
-                del self._held[next(iter(self._held))]
             self._held.update(self.arrays(names))
-        self._held[name] = self._held.pop(name)  # the last that goes
         return self._held[name]
 
     def arrays(self, names: Sequence[str]) -> dict[str, Array]:
