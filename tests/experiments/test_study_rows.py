@@ -149,7 +149,7 @@ def test_a_pool_that_breaks_is_replaced_and_nothing_is_lost(stubs, tmp_path, mon
         killed.extend([unit.seeds[0]] * due)
         return due
 
-    def started(jobs):
+    def started(jobs, begin):
         pools.append(jobs)
         return Pool(dies), threading.Event()
 
