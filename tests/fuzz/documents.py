@@ -72,7 +72,7 @@ with open(path, "rb") as file:
         os.read(0, 1 << 16)
         os.write(1, file.read(56))
         # what is silent is waited for, and that is tried elsewhere: this one gives up soon
-        while select.select([0], [], [], 0.05)[0] and (asked := os.read(0, 1 << 16)):
+        while select.select([0], [], [], 0.5)[0] and (asked := os.read(0, 1 << 16)):
             os.write(1, file.read(8 * ((len(asked) - 8) // 16)))
 """
 
