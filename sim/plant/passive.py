@@ -15,7 +15,7 @@ from threading import Lock
 from typing import Any, NamedTuple
 
 from flexaxis.sim.errors import SimulationError
-from flexaxis.sim.plant.engine import mujoco
+from flexaxis.sim.plant.import_mujoco import mujoco
 from flexaxis.sim.tables.friction import COMPILED_LAWS, MARK, WIDTH
 
 _LOCK = Lock()

@@ -13,7 +13,7 @@ from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.parameters import AxisParameters, parameter_names, parameter_problem
 from flexaxis.sim.plant import passive
-from flexaxis.sim.plant.engine import Batch, mujoco
+from flexaxis.sim.plant.import_mujoco import Batch, mujoco
 from flexaxis.sim.tables.friction import COMPILED_LAWS
 from flexaxis.sim.tables.nonlinear import FrictionConfig, Law, Nonlinearity
 from flexaxis.sim.tables.places import CubicSprings, KeptLaw, parameter_places

@@ -112,7 +112,8 @@ class Meddles(Base):
 class Sleeps(Base):
     def go(self):
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})
-        time.sleep(1e6)
+        time.sleep(45)
+        pathlib.Path("slept").touch()
 
 
 class Killed(Base):
@@ -372,6 +373,7 @@ def test_what_hears_no_signal_is_stopped_too(capsys, monkeypatch):
     monkeypatch.setattr(away, "GRACE", 10.0)
     status, _, err = ran(capsys, "Sleeps", "--time-limit", "0.5")
     assert status == CRASH and "no end within 0.5 s" in err
+    assert not Path("slept").exists(), "it was waited for"
 
 
 def test_an_object_of_its_own_comes_as_its_values(short):
@@ -394,7 +396,7 @@ def test_a_script_without_a_guard_may_use_workers_that_use_it():
              'found = fx.benchmark(own, scenarios="short.toml", seeds=2, jobs=2)',
              "print(len(found.rows))"]  # fmt: skip
     Path("script.py").write_text("\n".join(lines))
-    done = subprocess.run([sys.executable, "script.py"], check=True, timeout=200,
+    done = subprocess.run([sys.executable, "script.py"], check=True, timeout=100,
                           capture_output=True, text=True)  # fmt: skip
     assert done.stdout.split() == ["2"]
 

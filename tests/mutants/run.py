@@ -91,7 +91,15 @@ def mutants() -> list[Mutant]:
 
 
 def dies(killers: Sequence[str], compiled: Path, mutant: Mutant | None = None) -> str | None:
-    """Run tests on a copy, with or without an error in it; return what failed first.
+    """Run tests of one tier on a copy, with or without an error in it; return what failed first."""
+    failed = failures(killers, compiled, mutant)
+    return failed[0] if failed else None
+
+
+def failures(
+    killers: Sequence[str], compiled: Path, mutant: Mutant | None = None, jobs: int = 0
+) -> list[str]:
+    """Run tests of one tier on a copy; return what failed, with an error in it only the first.
 
     An error in what names compiled code compiles for itself; else code from `compiled` does.
     """
@@ -108,23 +116,35 @@ def dies(killers: Sequence[str], compiled: Path, mutant: Mutant | None = None) -
             compiled = place / "numba"
         home = place / "flexaxis"
         shutil.copytree(home / FRONT, home, dirs_exist_ok=True)
-        words = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *killers]
-        words += ["-m", "slow"] * any(map(is_slow, killers))
+        words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *killers]
+        words += ["-m", "slow"] * any(map(is_slow, killers)) + ["-x"] * (mutant is not None)
+        words += ["-n", str(jobs), "--dist=loadfile"]
         try:
             done = subprocess.run(
                 words, cwd=ROOT, env=environment(place, compiled), capture_output=True, text=True,
-                check=False, timeout=LONGEST,
+                check=False, timeout=LONGEST * len(killers),
             )  # fmt: skip
         except subprocess.TimeoutExpired:
-            return f"{NO_END} {killers[0]} in {LONGEST} s"
+            return [f"{NO_END} {killers[0]} in {LONGEST} s"]
         finally:
             shutil.rmtree(f"{compiled}/pycache{place.resolve()}", ignore_errors=True)
-    if done.returncode == 0:
-        return None
     lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    if not lines or lines[0].startswith("ERROR"):
+    if done.returncode and (not lines or lines[0].startswith("ERROR")):
         raise SystemExit(f"{mutant and mutant.name}: no test failed, but\n{done.stdout[-2000:]}")
-    return lines[0].removeprefix("FAILED ").partition(" - ")[0]
+    return [line.removeprefix("FAILED ").partition(" - ")[0] for line in lines]
+
+
+def fails(killers: Sequence[str], compiled: Path, jobs: int) -> set[str]:
+    """Return which tests fail where nothing is planted, beside others and then alone.
+
+    Alone once more, for what ends by the clock may do so on a busy machine.
+    """
+    failed: list[str] = []
+    for slow in (False, True):
+        if tier := [killer for killer in killers if is_slow(killer) == slow]:
+            failed += failures(tier, compiled, jobs=jobs)
+    tried = {k for k in killers if any(f == k or f.startswith((f"{k}[", f"{k}::")) for f in failed)}
+    return {killer for killer in tried if dies([killer], compiled)}
 
 
 def timed(mutant: Mutant, compiled: Path) -> tuple[str | None, float]:
@@ -161,13 +181,10 @@ def main(arguments: Sequence[str]) -> int:
     ):
         compiled = Path(folder)
         killers = list(dict.fromkeys(m.killer for m in chosen))
-        # Once more for one that failed: what ends by the clock may do so on a busy machine.
-        tried = pool.map(lambda k: dies([k], compiled) and dies([k], compiled), killers)
-        broken = set()
-        for number, (killer, failed) in enumerate(zip(killers, tried, strict=True), 1):
-            how = f"FAILS where nothing is planted ({failed})" if failed else "passes as it is"
-            print(f"{number} of {len(killers)} tests: {killer} {how}", flush=True)
-            broken |= {killer} if failed else set()
+        print(f"{len(killers)} tests, on which nothing is planted …", flush=True)
+        broken = fails(killers, compiled, given.jobs)
+        for killer in sorted(broken):
+            print(f"{killer} FAILS where nothing is planted", flush=True)
         chosen = [m for m in chosen if m.killer not in broken]
         ends = pool.map(lambda mutant: timed(mutant, compiled), chosen)
         for mutant, (killer, seconds) in zip(chosen, ends, strict=True):
