@@ -2,7 +2,7 @@
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`, and everything in it comes out of
 a command: what was run, at which commit and on which seeds is said below it. With names of tables
-only these are written; `results/standard` and `results/self-test.json` are made if they are
+only these are written; `results/headline` and `results/self-test.json` are made if they are
 missing, and again with `--fresh`.
 """
 
@@ -26,9 +26,9 @@ from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.score_table import SCORES
 
 PAGES = ("README.md", "docs/scenarios.md", "docs/scores.md", "docs/gate.md")
-STANDARD, SELF_TEST = ROOT / "results" / "standard", ROOT / "results" / "self-test.json"
+HEADLINE, SELF_TEST = ROOT / "results" / "headline", ROOT / "results" / "self-test.json"
 SEEDS = 20
-RUN = f"flexaxis run standard --seeds {SEEDS}"
+RUN = f"flexaxis run headline --seeds {SEEDS}"
 MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 VERSION = "-v2"  # of the scenarios in the suite, and so in the run that the tables are of
@@ -85,7 +85,7 @@ def tuned() -> str:
 
 def equal_noise() -> str:
     """Return the lag of every estimator at equal std of the parameter that changes."""
-    summary = standard()
+    summary = headline()
     matched = {
         (r["scenario"], r["estimator"]): r
         for r in summary["tradeoff"]["matched"]
@@ -106,7 +106,7 @@ def equal_noise() -> str:
 
 def mismatch() -> str:
     """Return bias and deviation of f_m, and the deviation of k_T, where the model is wrong."""
-    cells = {(r["scenario"], r["estimator"], r["parameter"]): r for r in standard()["rows"]}
+    cells = {(r["scenario"], r["estimator"], r["parameter"]): r for r in headline()["rows"]}
     rows = []
     for name in WRONG:
         line = [f"`{name}`"]
@@ -144,13 +144,13 @@ TABLES: Mapping[str, Callable[[], str]] = {
 
 
 @cache
-def standard() -> Any:
+def headline() -> Any:
     """Return the summary of the run that most tables are made of."""
-    if not (STANDARD / "summary.json").exists() or FRESH:
+    if not (HEADLINE / "summary.json").exists() or FRESH:
         at = commit()
-        call(*RUN.split()[1:], "-o", str(STANDARD))
-        (STANDARD / "commit").write_text(at, encoding="utf-8")
-    return json.loads((STANDARD / "summary.json").read_text(encoding="utf-8"))
+        call(*RUN.split()[1:], "-o", str(HEADLINE))
+        (HEADLINE / "commit").write_text(at, encoding="utf-8")
+    return json.loads((HEADLINE / "summary.json").read_text(encoding="utf-8"))
 
 
 def call(*words: str) -> str:
@@ -166,7 +166,7 @@ def call(*words: str) -> str:
 def said(what: str) -> str:
     """Return the line below a table of the run: what it is, and how it was made."""
     words = f"{what[:1].upper()}{what[1:]}. " if what else ""
-    made = (STANDARD / "commit").read_text(encoding="utf-8")
+    made = (HEADLINE / "commit").read_text(encoding="utf-8")
     return f"\n{words}`{RUN}`, commit {made}, seeds 1000 to {999 + SEEDS}.\n"
 
 

@@ -62,7 +62,7 @@ def test_every_estimator_stands_in_the_table_of_lags(tables, written):
     head, _, *lines = written["equal-noise"]
     assert head[1:-1] == [f"{name}: lag [s], × bound" for name in tables.SWEPT]
     names = {line[0].split("`")[1] for line in lines}
-    assert names == set(find_suite("standard").estimators), "run: make docs-tables"
+    assert names == set(find_suite("headline").estimators), "run: make docs-tables"
     assert all(len(line) == len(head) for line in lines)
 
 

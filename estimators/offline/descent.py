@@ -1,6 +1,7 @@
 """What a record leaves open to a model, as a least-squares problem, and the way to its bottom."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ CONVERGED = 0.05  # standard deviations that it is to the bottom, where a fit en
 CAREFUL, BOLD = 1e-3, 1e-8  # damping of the first step: far from the bottom, and near it
 ROUGH = 5.0  # standard deviations that may be left where friction is at a kink and no step gains
 FULFILLED, BROKEN = 0.75, 0.25  # shares of the fall that was promised
+FEWEST = 4  # samples for each state of a stretch, below which they tell nothing
 STIFFEST = 1e3  # damping of steps so short that, where none gains, there is a bottom
 
 
@@ -88,8 +90,15 @@ class Problem:
         plain = colourless(self.highpass, self.course.period)
         if not self.whiten:
             return plain
-        high, ok = plain.high(plain.bridged(residual, self.ok)), plain.settled(self.ok)
+        high, ok = plain.high(plain.bridged(residual, self.ok)), self.good(plain)
         return replace(plain, inverse=noise_model(high, HIGHEST_ORDER, ok))
+
+    def good(self, colour: Colour) -> Flags:
+        """Return which samples (N,) count, in stretches that tell more than their own state."""
+        good = colour.settled(self.ok)
+        for begin, end in pairwise((*self.course.begins, len(good))):
+            good[begin:end] &= good[begin:end].sum() >= FEWEST * len(self.course.free)
+        return good
 
     def at(self, z: Array, colour: Colour, *, coarse: bool = False) -> Point:
         """Return what a step of Gauss and Newton needs at z."""
@@ -104,7 +113,7 @@ class Problem:
 
     def weighed(self, at: Point, colour: Colour) -> Point:
         """Return a point as noise of another colour has it, without simulating it again."""
-        good = colour.settled(self.ok)
+        good = self.good(colour)
         e = colour.white(colour.bridged(at.residual, self.ok))[good]
         J = colour.white(colour.bridged(at.slopes, self.ok))[:, good]
         N = len(e)

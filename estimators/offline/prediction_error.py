@@ -144,7 +144,7 @@ def finished(problem: Problem, point: Point, colour: Colour, converged: bool = T
     """Return what there is to know of a fit that ended at a point."""
     white = colour.white(colour.bridged(point.residual, problem.ok))
     slopes = colour.white(colour.bridged(point.slopes, problem.ok))
-    good = colour.settled(problem.ok)
+    good = problem.good(colour)
     covariance = _covariance(point, problem)
     return Fitted(
         point.z, covariance, colour, point.square, point.residual, white, slopes, good, converged

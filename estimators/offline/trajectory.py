@@ -1,6 +1,6 @@
 """A model along a record, with derivatives by parameters, initial state, offset and delay."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -60,15 +60,20 @@ class Course:
     model : Parametrization
         Of a model `_with_offset`.
     free : tuple of int
-        Which initial states are unknown; all others are zero. The offset is the last of them.
+        Which states are unknown where a stretch begins; all others but the offset are zero.
+    offset : int
+        Place of the offset of the torque among the states.
     u : (N,) array
         Torque as logged.
     period : float
         Sampling period [s].
     smooth : bool
         Whether the torque goes on changing between samples, see `delayed`.
-    begin : int
-        Sample of the initial state; before it the output is zero.
+    begins : tuple of int
+        Samples at which stretches begin, each with a state of its own; the output is zero there,
+        and before the first. What acts in a gap is not known, nor the state that it leads to.
+    resting : bool
+        Whether the first of them begins at rest.
     dry : bool
         Whether the law is Coulomb friction, of which reversals are met exactly.
     beside : (m, N) array
@@ -78,10 +83,12 @@ class Course:
 
     model: Parametrization
     free: tuple[int, ...]
+    offset: int
     u: Array
     period: float
     smooth: bool
-    begin: int = 0
+    begins: tuple[int, ...] = (0,)
+    resting: bool = False
     dry: bool = False
     beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
@@ -98,7 +105,14 @@ class Course:
     @property
     def q(self) -> int:
         """Number of unknowns."""
-        return self.p + self.m + len(self.free) + 1
+        return self.p + self.m + len(self.free) * (len(self.begins) - self.resting) + 2
+
+    @property
+    def states(self) -> list[slice]:
+        """Places in z of the state that each stretch begins with; none of rest."""
+        first, width = self.p + self.m, len(self.free)
+        own = [slice(first, first)] if self.resting else []
+        return own + [slice(k, k + width) for k in range(first, self.q - 2, width or 1)]
 
     @property
     def coarsens(self) -> bool:
@@ -123,7 +137,7 @@ class Course:
             Whether laws may be solved at less places of a sample, in a search that goes on;
             Coulomb friction alone is solved exactly in any case.
         """
-        p, m, theta = self.p, self.m, z[: self.p]
+        p, m = self.p, self.m
         samples = z[-1] / self.period
         torque = delayed(self.u, samples, smooth=self.smooth)
         slopes = np.zeros((m + 1, len(torque)))
@@ -131,22 +145,38 @@ class Course:
         if m:
             slopes[:m] = self.beside
             torque = torque + z[p : p + m] @ self.beside
-        further = m + len(self.free) + 1
-        X = np.zeros((1 + p + further, self.model.n + 1))
-        X[0, list(self.free)] = z[p + m : -1]
-        X[np.arange(1 + p + m, p + further), list(self.free)] = 1.0
-        places = self.free[-1], self.begin, 1 + p
+        width = max(place.stop - place.start for place in self.states)
+        further, offset = m + width + 2, self.offset
+        step = self._stepper(z[:p], further, coarse=coarse)
+        found = np.zeros((1 + self.q, len(torque)))
+        ends = [*self.begins[1:], len(torque) - 1]
+        for begin, end, place in zip(self.begins, ends, self.states, strict=True):
+            X, own = np.zeros((1 + p + further, self.model.n + 1)), place.stop - place.start
+            X[0, list(self.free)[:own]], X[0, offset] = z[place], z[-2]
+            X[1 + p + m + np.arange(own), list(self.free)[:own]] = 1.0
+            X[-2, offset] = 1.0
+            here = slice(begin, end + 1)
+            on = step(X, torque[here], np.ascontiguousarray(slopes[:, here]))[:, 1:]
+            lanes = [*range(1 + p + m + own), len(X) - 2, len(X) - 1]
+            rows = [*range(1 + p + m), *range(1 + place.start, 1 + place.stop), self.q - 1, self.q]
+            found[rows, begin + 1 : end + 1] = on[lanes]
+        return found[0], found[1:]
+
+    def _stepper(
+        self, theta: Array, further: int, *, coarse: bool
+    ) -> Callable[[Array, Array, Array], Array]:
+        """Return what takes a state and derivatives along a torque, and returns what is put out."""
+        places = self.offset, 0, 1 + self.p
         if self.dry:
-            rows = follow(dry(self.model, theta, self.period), X, torque, slopes, *places)
-            return rows[0], rows[1:]
+            rubbed = dry(self.model, theta, self.period)
+            return lambda X, torque, slopes: follow(rubbed, X, torque, slopes, *places)
         here = replace(self.model, theta=theta)
         least = -(-law_steps(here, self.period) // LAW_STEPS)  # more than one if the axis is fast
         ready = reversing = prepare(here, theta, self.period, steps=least, further=further)
         if here.laws is not None:
             often = max(COARSE if coarse else FINE, least)
             reversing = prepare(here, theta, self.period, steps=often, further=further)
-        rows = _along(ready, reversing, X, torque, slopes, *places)
-        return rows[0], rows[1:]
+        return lambda X, torque, slopes: _along(ready, reversing, X, torque, slopes, *places)
 
 
 def course(
@@ -158,7 +188,7 @@ def course(
     output: str = "speed",
     smooth: bool = False,
     resting: bool = True,
-    begin: int = 0,
+    begins: Sequence[int] = (0,),
     beside: Array | None = None,
 ) -> Course:
     """
@@ -179,17 +209,18 @@ def course(
         As for `delayed`.
     resting : bool
         Whether the axis is known to be at rest at the first sample.
-    begin : int
-        Sample of the initial state.
+    begins : sequence of int
+        Samples at which stretches begin, see `Course`.
     beside : (m, N) array, optional
         What acts beside the torque, see `Course`.
     """
     chosen = find_signal(output).predicted(_with_offset(model), period).parametrize(names)
-    moving = [] if resting else [*range(len(model.states)), *_own(chosen)]
-    free = (*moving, len(model.states))
+    moving = not resting or len(begins) > 1
+    free = (*range(len(model.states)), *_own(chosen)) if moving else ()
     torque, alone = np.ascontiguousarray(u, float), is_dry(chosen, period)
     more = np.zeros((0, len(torque))) if beside is None else beside
-    return Course(chosen, free, torque, period, smooth, begin, alone, more)
+    offset = len(model.states)
+    return Course(chosen, free, offset, torque, period, smooth, tuple(begins), resting, alone, more)
 
 
 def _own(model: Parametrization) -> list[int]:

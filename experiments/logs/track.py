@@ -24,7 +24,8 @@ from flexaxis.experiments.building.estimator_text import Spec, made
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identification.setup import log_of
+from flexaxis.experiments.logs.identification.gap_torque import filled
+from flexaxis.experiments.logs.identification.log import log_of
 from flexaxis.experiments.logs.identification.validate import (
     Load,
     at_limits,
@@ -166,12 +167,12 @@ def track(
     """
     axis.check_known()
     axis.check_rate(record.period)
-    log, lawful = log_of(record, axis), bool(axis.model.laws)
+    there = np.ones(len(record.time), bool) if record.valid is None else record.valid
+    log, lawful = filled(log_of(record, axis), axis, there), bool(axis.model.laws)
     output, period, ok = log.output, log.period, log.ok
     axis.model.parametrize(identify)  # refuses unknown names
     lag = axis.delay if log.smooth else max(axis.delay, 0.0)
     torque = delayed(log.u, lag / period, smooth=log.smooth) + axis.offset
-    there = np.ones(len(torque), bool) if record.valid is None else record.valid
     colour = replace(colourless(axis.highpass, period), inverse=np.array(axis.whitening))
     # a law holds for the signals as they are, so that only residuals can be made white
     u, y = (torque, log.y) if lawful else (colour.white(torque), colour.white(log.y))

@@ -52,7 +52,7 @@ def tiny_steps(along, z, often=400):
     motor, f_c = int(np.argmax(along.model.laws.drive[0])), z[along.p - 1]
     u, x = delayed(along.u, z[-1] / along.period), np.zeros(n)
     friction, step[:n, n - 1] = step[:n, n - 1].copy(), 0.0
-    x[list(along.free)] = z[along.p : -1]
+    x[[*along.free, along.offset]] = z[along.p : -1]
     v = np.zeros(len(u))
     for k in range(len(u) - 1):
         for _ in range(often):
@@ -121,9 +121,33 @@ def test_a_course_may_begin_late(rubs):
         names = [name for name in TWO if name not in ("k_T", "f_c")]
         whole = course(model, names, whole.u, period=PERIOD, resting=False)
         z = np.r_[whole.model.theta, 1e-3, 1e-3, 1e-3, 0.01, LATE * PERIOD]
-    late = replace(whole, begin=100)
+    late = replace(whole, begins=(100,))
     y, slopes = late.along(z)
     assert np.all(y[:101] == 0) and np.all(slopes[:, :101] == 0)
     shifted = replace(whole, u=delayed(whole.u, LATE)[100:])
     expected, _ = shifted.along(np.r_[z[:-1], 0.0])
     np.testing.assert_allclose(y[100:], expected, atol=1e-9)
+
+
+def test_a_course_begins_anew_behind_a_gap():
+    """From the states that it has there it goes on as it would have, whatever is in the gap."""
+    whole, z = along_with("two masses")
+    states = []
+    for begin in (100, 220):
+        part = replace(whole, begins=(begin,))
+        states.append(z[part.states[0]] + 0.1 * begin * 1e-3)
+    gapped = replace(whole, begins=(100, 220))
+    p = whole.p + whole.m
+    y, slopes = gapped.along(np.r_[z[:p], *states, z[-2:]])
+    for state, begin, end, place in zip(
+        states, (100, 220), (220, None), gapped.states, strict=True
+    ):
+        alone = replace(whole, begins=(begin,))
+        expected, derivatives = alone.along(np.r_[z[:p], state, z[-2:]])
+        here = slice(begin + 1, end)
+        np.testing.assert_array_equal(y[here], expected[here])
+        np.testing.assert_array_equal(slopes[place, here], derivatives[alone.states[0], here])
+        np.testing.assert_array_equal(slopes[:p, here], derivatives[:p, here])
+        others = np.ones(gapped.q, bool)
+        others[np.r_[:p, place, gapped.q - 2 : gapped.q]] = False
+        assert not slopes[others, here].any()

@@ -174,7 +174,7 @@ def test_a_card_says_whether_there_is_a_bound():
 
 
 def test_suites():
-    names = "board-v1 board-v2 control drives faults gate mismatch nuisance smoke standard"
+    names = "board-v1 board-v2 control drives faults gate headline mismatch nuisance smoke standard"
     assert suite_names() == names.split()
     standard = find_suite("standard")
     drawn = {name for name in FROZEN if name.endswith("-v2")}

@@ -10,7 +10,8 @@ from identify_axes import VALUES, log
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.identification.identify import _free
-from flexaxis.experiments.logs.identification.setup import Setup, log_of
+from flexaxis.experiments.logs.identification.log import log_of
+from flexaxis.experiments.logs.identification.setup import Setup
 from flexaxis.sim.record import load_record
 
 F_C = 10 * VALUES[1]["f_m"]

@@ -27,7 +27,8 @@ from flexaxis.estimators.offline.inverse import (
 )
 from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.logs.identification.setup import Log, Setup, noise_of
+from flexaxis.experiments.logs.identification.log import Log, gaps, noise_of
+from flexaxis.experiments.logs.identification.setup import Setup
 from flexaxis.experiments.logs.identification.validate import correlations
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ Flags = NDArray[np.bool_]
 WHITENED, WHITE, INVERSE = "whitened prediction errors", "white errors", "inverse dynamics"
 HELD_OUT = (2, 5, 8)  # of ten pieces of a record
 PARTS = 10  # of a held-out piece, over which errors are compared
+AGAIN = 0.2  # share of what lies behind a gap, from which it is told how the axis goes on there
 BEYOND_NOISE = 6.0  # times 1/√N, the correlations of white noise
 BEYOND_CHANCE = 2.0  # standard deviations of their difference
 LEAST_GAIN = 0.01  # part by which the error of a simulation is to fall, to be worth a word
@@ -97,9 +99,23 @@ class Candidate:
         return [name for name, side in zip(names, at[: len(names)], strict=True) if side]
 
 
-def held_out(ok: Flags) -> Flags:
-    """Return which samples (N,) are left out of a fit that is to be tried on them."""
-    return np.isin(pieces(ok), HELD_OUT)
+def held_out(log: Log) -> Flags:
+    """Return which samples (N,) are left out of a fit that is to be tried on them.
+
+    None of them lies behind a gap that lies among them: what acted in it is found from what comes
+    behind, so that there the first of them are fitted.
+    """
+    number, held = pieces(log.ok), np.zeros(len(log.ok), bool)
+    for piece in HELD_OUT:
+        there = np.flatnonzero(number == piece)
+        if not len(there):
+            continue
+        first, last = there[[0, -1]]
+        inside = [gap for gap in gaps(log.ok) if first < gap[0] and gap[1] <= last]
+        begins, ends = [first, *(e for _, e in inside)], [*(b for b, _ in inside), last + 1]
+        begin, end = max(zip(begins, ends, strict=True), key=lambda side: side[1] - side[0])
+        held[begin + (0 if begin == first else round(AGAIN * (end - begin))) : end] = True
+    return held
 
 
 def errors_of(setup: Setup, fitted: Fitted, held: Flags, highpass: float | None = None) -> Array:

@@ -13,7 +13,8 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.sizes import motion
 from flexaxis.estimators.offline.structure import guessed, prior
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identification.setup import Setup, columns_beside
+from flexaxis.experiments.logs.identification.log import columns_beside
+from flexaxis.experiments.logs.identification.setup import Setup
 from flexaxis.sim.errors import did_you_mean
 
 Array = NDArray[np.float64]

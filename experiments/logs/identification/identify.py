@@ -24,7 +24,8 @@ from flexaxis.experiments.logs.identification.candidates import (
 )
 from flexaxis.experiments.logs.identification.friction import KINDS, Asked, linear_part
 from flexaxis.experiments.logs.identification.laws import Chosen, Tried, check_given, chosen
-from flexaxis.experiments.logs.identification.setup import Setup, log_of
+from flexaxis.experiments.logs.identification.log import log_of
+from flexaxis.experiments.logs.identification.setup import Setup
 from flexaxis.experiments.logs.identification.starts import Starts
 from flexaxis.experiments.logs.identification.validate import Fit, correlation, fit_of
 from flexaxis.experiments.logs.identification.verdict import judged

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.stats import median_abs_deviation
 
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.colour import colourless
 from flexaxis.estimators.offline.descent import Problem
 from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, finished, fit
-from flexaxis.estimators.offline.trajectory import course
-from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
-from flexaxis.sim.record import Record
+from flexaxis.estimators.offline.trajectory import Course, course
+from flexaxis.experiments.logs.identification.log import CLEAR, FIRST, Log, noise_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -25,86 +22,6 @@ REACH = 1e3  # times and parts of its start that a parameter of the linear model
 LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are looked for
 SETTLING = 4  # steps to the state that a log begins in, where all else is known
 EARLIEST = -2.0  # samples, of a smooth torque
-SIDED = 0.01  # s, over which the speed is a mean whose sign counts
-RESTING = 0.05  # of the deviation of the speed, below which an axis rests
-FIRST, CLEAR = 5, 3.0  # samples by which the first speed is told, and times their noise
-
-
-@dataclass(frozen=True)
-class Log:
-    """What of a record an identification reads.
-
-    Attributes
-    ----------
-    u, y : ndarray (N,)
-        Torque as logged, and the output.
-    ok : ndarray (N,) of bool
-        Usable samples.
-    period : float
-        [s].
-    output : {"speed", "increment"}
-    smooth : bool
-        Whether the torque goes on changing between samples.
-    resting : bool
-        Whether it begins at rest.
-    angle : ndarray (N,)
-        Of the load by the gear ratio, as measured at the motor, or from where it starts.
-    """
-
-    u: Array
-    y: Array
-    ok: Flags
-    period: float
-    output: str
-    smooth: bool
-    resting: bool
-    angle: Array
-
-    def smoothed(self) -> Log:
-        """Return the log with its torque taken as samples of a smooth one: means of a spline."""
-        times = np.arange(len(self.u) + 1.0)
-        integral = CubicSpline(times[:-1], self.u).antiderivative()
-        means = np.append(np.diff(integral(times[:-1])), self.u[-1])
-        return replace(self, u=means, smooth=True)
-
-
-def log_of(record: Record, axis: Axis) -> Log:
-    """Return what of a record is read, with its torque as the axis knows it to be."""
-    output = output_of(record)
-    y = np.asarray(getattr(record, output))
-    angle = np.cumsum(y) * record.period if record.angle is None else record.angle
-    angle = axis.model.nominal.get("r", 1.0) * angle
-    beside = columns_beside(angle, y, record.period) if axis.beside else {}
-    # but for its noise
-    still = abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
-    log = Log(
-        u=record.torque + sum(gain * beside[name] for name, gain in axis.beside.items()),
-        y=y,
-        ok=usable(record),
-        period=record.period,
-        output=output,
-        smooth=is_smooth(record),
-        resting=record.burn_in == 0 and still,
-        angle=angle,
-    )
-    return log.smoothed() if axis.torque_is == "smooth" and not log.smooth else log
-
-
-def columns_beside(angle: Array, speed: Array, period: float) -> dict[str, Array]:
-    """Return what acts beside a torque (N,), by the name of its gain.
-
-    −sin φ and −cos φ of gravity, φ half way to the next sample; −|v| of viscous friction that is
-    greater forwards than backwards.
-    """
-    half = (angle + np.append(angle[1:], angle[-1])) / 2
-    length = max(round(SIDED / period), 1)
-    mean = np.convolve(np.append(speed[1:], speed[-1]), np.ones(length) / length, "same")
-    return {"g_sin": -np.sin(half), "g_cos": -np.cos(half), "f_sided": -abs(mean)}
-
-
-def noise_of(y: Array) -> float:
-    """Return the standard deviation of white noise on a motion, from differences over a sample."""
-    return float(median_abs_deviation(y[2:] - y[:-2], scale="normal")) / np.sqrt(2)
 
 
 @dataclass(frozen=True)
@@ -143,7 +60,7 @@ class Setup:
     def counted(self) -> Flags:
         """Samples (N,) that count: where a log begins an increment has no past."""
         ok = self.log.ok.copy()
-        ok[0 if self.log.resting else int(np.argmax(ok))] = False
+        ok[self._begins] = False
         return ok
 
     @property
@@ -158,10 +75,23 @@ class Setup:
 
     def problem(self, without: Flags | None = None) -> Problem:
         """Return it as a problem, without some samples if these are held out."""
+        log, beside = self.log, np.array([*self.beside.values()]).reshape(-1, len(self.log.u))
+        along = self.course(self._begins, beside)
+        lower, upper = self._box(along)
+        held = np.zeros(along.q, bool)
+        held[-2:] = self.highpass is not None, self.delay is not None  # no offset passes a filter
+        for state in along.states:
+            # how bristles are bent at first is forgotten once they have given, and seen by nothing
+            held[state.start + len(self.model.states) : state.stop] = True
+        ok = self.counted
+        if without is not None:
+            ok &= ~without
+        return Problem(along, log.y, ok, lower, upper, held, self.whiten, self.highpass)
+
+    def course(self, begins: Sequence[int], beside: Array) -> Course:
+        """Return the course of its model along the log, in stretches."""
         log = self.log
-        # a state that is forgotten before the first usable sample could be any
-        begin = 0 if log.resting else int(np.argmax(log.ok))
-        along = course(
+        return course(
             self.model,
             self.names,
             log.u,
@@ -169,47 +99,47 @@ class Setup:
             output=log.output,
             smooth=log.smooth,
             resting=log.resting,
-            begin=begin,
-            beside=np.array([*self.beside.values()]).reshape(-1, len(log.u)),
+            begins=begins,
+            beside=beside,
         )
-        lower, upper = self._box(along.q, 0 if log.resting else begin)
-        held = np.zeros(along.q, bool)
-        held[-2:] = self.highpass is not None, self.delay is not None  # no offset passes a filter
-        # how bristles are bent at first is forgotten once they have given, and seen by nothing
-        held[along.p + along.m + len(self.model.states) : -2] = True
-        ok = self.counted
-        if without is not None:
-            ok &= ~without
-        return Problem(along, log.y, ok, lower, upper, held, self.whiten, self.highpass)
 
-    def _box(self, q: int, begin: int) -> tuple[Array, Array]:
+    @property
+    def _begins(self) -> list[int]:
+        """Behind a high-pass nothing is seen of the states that a line leads to."""
+        return self.log.begins(len(self.model.states) if self.highpass is None else None)
+
+    def _box(self, along: Course) -> tuple[Array, Array]:
         theta = self.model.parametrize(self.names).theta
-        lower, upper = np.full(q, -np.inf), np.full(q, np.inf)
+        lower, upper = np.full(along.q, -np.inf), np.full(along.q, np.inf)
         for i, name in enumerate(self.names):
             least, most = np.sort([theta[i] / REACH, theta[i] * REACH])
             if name in self.model.law_parameters:
                 least, most = 0.0, np.inf
             lower[i], upper[i] = self.lower.get(name, least), self.upper.get(name, most)
         lower[-1], upper[-1] = self.earliest, self.latest
-        for i, speed in enumerate([] if self.log.resting else self._speeds(begin)):
+        for state, speeds in zip(along.states, self._speeds(along), strict=True):
             # on the wrong side of dry friction's sign a fit would stay there
-            place = len(self.names) + len(self.beside) + i
-            lower[place] = 0.0 if speed > 0 else -np.inf
-            upper[place] = 0.0 if speed < 0 else np.inf
+            lower[state], upper[state] = -np.inf, np.inf
+            lower[state][speeds > 0] = 0.0
+            upper[state][speeds < 0] = 0.0
         return lower, upper
 
-    def _speeds(self, begin: int) -> Array:
-        """Return the measured speed (n,) of the state that it is of; 0 where noise hides it."""
-        y = self.log.y[begin : begin + FIRST]
-        noise = noise_of(self.log.y[self.log.ok])
-        # of a straight line: an axis moves on from the first sample to the fifth
-        speed = float(np.polyfit(np.arange(len(y)), y, 1)[1]) if len(y) > 1 else 0.0
-        seen = [float(entry == "1") for entry in self.model.C]
-        return np.array(seen) * (speed if abs(speed) > CLEAR * noise else 0.0)
+    def _speeds(self, along: Course) -> list[Array]:
+        """Return the measured speed where it is of a state, of all stretches; 0 in noise."""
+        noise, found = noise_of(self.log.y[self.log.ok]), []
+        for begin, state in zip(along.begins, along.states, strict=True):
+            y = self.log.y[begin : begin + FIRST]
+            # of a straight line: an axis moves on from the first sample to the fifth
+            speed = float(np.polyfit(np.arange(len(y)), y, 1)[1]) if len(y) > 1 else 0.0
+            speeds = np.zeros(state.stop - state.start)
+            if len(speeds) and abs(speed) > CLEAR * noise:
+                speeds[: len(self.model.C)] = [speed * (entry == "1") for entry in self.model.C]
+            found.append(speeds)
+        return found
 
-    def first(self) -> Array | None:
-        """Return the state (n,) to start from where a log begins in motion: its measured speed."""
-        return None if self.log.resting else self._speeds(int(np.argmax(self.log.ok)))
+    def first(self) -> Array:
+        """Return the states to start from where stretches begin in motion: their measured speed."""
+        return np.concatenate(self._speeds(self.problem().course))
 
     def solve(
         self,
@@ -248,6 +178,13 @@ class Setup:
         point = problem.at(point.z, colour)
         white = problem.colour(point.residual)
         return finished(problem, problem.weighed(point, white), white)
+
+    def begun(self, offset: float, delay: float) -> Fitted:
+        """Return the fit of how a log begins, and goes on behind gaps, where all else is known."""
+        problem = self.problem()
+        z = problem.start(self.model.parametrize(self.names).theta, delay, self.first())
+        z[-2:] = offset, delay
+        return self.at(z, fixed=len(self.names))
 
     def having(self, values: Mapping[str, float]) -> Setup:
         """Return it from other nominal values."""

@@ -13,7 +13,8 @@ from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identification.candidates import LINEAR, explain, inverse_values
-from flexaxis.experiments.logs.identification.setup import Log, Setup
+from flexaxis.experiments.logs.identification.log import Log
+from flexaxis.experiments.logs.identification.setup import Setup
 from flexaxis.experiments.logs.spectra import (
     STRONG,
     Response,

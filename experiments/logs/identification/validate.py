@@ -15,7 +15,8 @@ from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.signals import increment
 from flexaxis.experiments.logs.axis_file import Axis, usable
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identification.setup import Setup, log_of
+from flexaxis.experiments.logs.identification.log import log_of
+from flexaxis.experiments.logs.identification.setup import Setup
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -167,10 +168,7 @@ def validate(record: Record, axis: Axis) -> Validation:
     axis.check_rate(record.period)
     log, names = log_of(record, axis), tuple(axis.model.parameters[:1])
     setup = Setup(log, axis.model, names, delay=axis.delay, highpass=axis.highpass)
-    problem = setup.problem()
-    z = problem.start(axis.model.parametrize(names).theta, axis.delay, setup.first())
-    z[-2:] = axis.offset, axis.delay
-    found = setup.at(z, fixed=len(names))
+    found = setup.begun(axis.offset, axis.delay)
     if not np.isfinite(found.residual).all():
         raise LogError("the axis cannot be simulated over this log: is it the same axis?")
     colour = replace(found.colour, inverse=np.array(axis.whitening))

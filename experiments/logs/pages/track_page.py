@@ -42,7 +42,7 @@ def findings(found: Tracked) -> list[Finding]:
         lines.append(Finding("ok", "no parameter changed"))
     if not found.doubts:
         told = f"fit of a simulation from the torque alone: {found.fit:.1f} %"
-        lines.append(Finding("ok", told))
+        lines.append(Finding("ok" if found.fit > MATCHED else "note", told))
     text = f"residual: correlates with its past by {found.correlation:.3f}, "
     text += "white" if found.white else "so the estimates explain not all there is"
     lines.append(Finding("ok" if found.white else "note", text))

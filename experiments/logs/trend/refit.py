@@ -18,7 +18,8 @@ from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identification.candidates import over_pieces
-from flexaxis.experiments.logs.identification.setup import Setup, log_of
+from flexaxis.experiments.logs.identification.log import log_of
+from flexaxis.experiments.logs.identification.setup import Setup
 from flexaxis.experiments.logs.identification.validate import at_limits, fit_of
 from flexaxis.sim.record import Record
 

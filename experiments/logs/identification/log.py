@@ -1,0 +1,130 @@
+"""What of a record an identification reads: signals, gaps, and what may act beside the torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.stats import median_abs_deviation
+
+from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
+from flexaxis.sim.record import Record
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SIDED = 0.01  # s, over which the speed is a mean whose sign counts
+RESTING = 0.05  # of the deviation of the speed, below which an axis rests
+FIRST, CLEAR = 5, 3.0  # samples by which the first speed is told, and times their noise
+SHORTEST = 20  # samples between gaps, below which they tell little but their own state
+LATER = 2  # samples behind a gap, in which a torque of the gap may still act
+UNKNOWN, ROOM = 120, 2e7  # unknowns of gaps, and numbers in derivatives by them, at most
+
+
+@dataclass(frozen=True)
+class Log:
+    """What of a record an identification reads.
+
+    Attributes
+    ----------
+    u, y : ndarray (N,)
+        Torque as logged, and the output.
+    ok : ndarray (N,) of bool
+        Usable samples.
+    period : float
+        [s].
+    output : {"speed", "increment"}
+    smooth : bool
+        Whether the torque goes on changing between samples.
+    resting : bool
+        Whether it begins at rest.
+    angle : ndarray (N,)
+        Of the load by the gear ratio, as measured at the motor, or from where it starts.
+    """
+
+    u: Array
+    y: Array
+    ok: Flags
+    period: float
+    output: str
+    smooth: bool
+    resting: bool
+    angle: Array
+
+    def begins(self, states: int | None) -> list[int]:
+        """Return where stretches begin: the log, and what comes behind a gap.
+
+        Of a torque that was not logged nobody knows what state it leads to. That is estimated
+        behind the longest gaps, of so many states; behind all others the torque's line leads there,
+        as behind all where no number is given.
+        """
+        # a state that is forgotten before the first usable sample could be any
+        first = 0 if self.resting else int(np.argmax(self.ok))
+        most = 0 if states is None else unknowns(len(self.ok)) // states
+        longest = sorted(gaps(self.ok), key=lambda gap: gap[0] - gap[1])[:most]
+        return [first, *sorted(end for _, end in longest)]
+
+    def smoothed(self) -> Log:
+        """Return the log with its torque taken as samples of a smooth one: means of a spline."""
+        times = np.arange(len(self.u) + 1.0)
+        integral = CubicSpline(times[:-1], self.u).antiderivative()
+        means = np.append(np.diff(integral(times[:-1])), self.u[-1])
+        return replace(self, u=means, smooth=True)
+
+
+def log_of(record: Record, axis: Axis) -> Log:
+    """Return what of a record is read, with its torque as the axis knows it to be."""
+    output = output_of(record)
+    y = np.asarray(getattr(record, output))
+    angle = np.cumsum(y) * record.period if record.angle is None else record.angle
+    angle = axis.model.nominal.get("r", 1.0) * angle
+    beside = columns_beside(angle, y, record.period) if axis.beside else {}
+    ok = usable(record)
+    for _, end in gaps(ok):
+        ok[end : end + LATER] = False
+    for (_, end), (begin, _) in pairwise([(0, 0), *gaps(ok), (len(ok), 0)]):
+        ok[end:begin] &= begin - end >= SHORTEST
+    # but for its noise
+    still = abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
+    log = Log(
+        u=record.torque + sum(gain * beside[name] for name, gain in axis.beside.items()),
+        y=y,
+        ok=ok,
+        period=record.period,
+        output=output,
+        smooth=is_smooth(record),
+        resting=record.burn_in == 0 and still,
+        angle=angle,
+    )
+    return log.smoothed() if axis.torque_is == "smooth" and not log.smooth else log
+
+
+def unknowns(length: int) -> int:
+    """Return how many unknowns the gaps of a log may have: each costs a filter over all of it."""
+    return int(min(UNKNOWN, ROOM // length))
+
+
+def gaps(ok: Flags) -> list[tuple[int, int]]:
+    """Return first sample and end of each gap in the middle."""
+    missing = np.flatnonzero(np.diff(np.r_[True, ok, True])).reshape(-1, 2).tolist()
+    return [(begin, end) for begin, end in missing if begin and end < len(ok)]
+
+
+def columns_beside(angle: Array, speed: Array, period: float) -> dict[str, Array]:
+    """Return what acts beside a torque (N,), by the name of its gain.
+
+    −sin φ and −cos φ of gravity, φ half way to the next sample; −|v| of viscous friction that is
+    greater forwards than backwards.
+    """
+    half = (angle + np.append(angle[1:], angle[-1])) / 2
+    length = max(round(SIDED / period), 1)
+    mean = np.convolve(np.append(speed[1:], speed[-1]), np.ones(length) / length, "same")
+    return {"g_sin": -np.sin(half), "g_cos": -np.cos(half), "f_sided": -abs(mean)}
+
+
+def noise_of(y: Array) -> float:
+    """Return the standard deviation of white noise on a motion, from differences over a sample."""
+    return float(median_abs_deviation(y[2:] - y[:-2], scale="normal")) / np.sqrt(2)

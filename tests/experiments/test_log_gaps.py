@@ -1,0 +1,80 @@
+"""Missing rows: what acted in them is not known, and neither biases an answer nor passes unseen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
+from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.identification.candidates import held_out
+from flexaxis.experiments.logs.identification.identify import identify
+from flexaxis.experiments.logs.identification.log import UNKNOWN, gaps, log_of
+from flexaxis.experiments.logs.importing import import_log
+from flexaxis.experiments.logs.track import track
+from flexaxis.sim.simulate import simulate
+
+NAMES = ("J_m", "J_l", "k", "d", "f_m")
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    found = find_scenario("two_mass_fm_step-v1").override({"fault[0].at": 5.0, "duration": 6.0})
+    return found.override({"fault": []})
+
+
+@pytest.fixture(scope="module")
+def gapped(scenario, tmp_path_factory):
+    """A log of an axis without a fault, in which up to 20 rows are missing, 4 times."""
+    return of_gaps(scenario, 4, tmp_path_factory.mktemp("log") / "log.csv")
+
+
+@pytest.fixture(scope="module")
+def truth(scenario):
+    return scenario.nominal.as_dict()
+
+
+def of_gaps(scenario, number, path):
+    style = LogStyle(gaps=number)
+    record = simulate(scenario, [0])[0]
+    write_log(path, logged(record, style, np.random.default_rng(0)), style)
+    return import_log(path, {"torque_is": "held"}, burn_in=0.0).record
+
+
+def test_parameters_are_those_of_a_log_without(truth, gapped):
+    """The speed is off by 3 rad/s behind a gap where the torque in it is a line."""
+    assert 10 < (~gapped.valid).sum() < 100
+    begun = {n: 0.8 * truth[n] for n in NAMES}
+    axis = find_axis("two_mass").having({"k_T": 1.0, "f_l": 0.001} | begun)
+    found = identify(gapped, axis, fix=("k_T", "f_l"), delay=0.0, friction="none", gravity="none")
+    assert set(found.names) == set(NAMES)
+    np.testing.assert_allclose(found.theta, [truth[n] for n in found.names], rtol=1e-4)
+    assert found.warnings == []
+
+
+def test_an_estimator_sees_no_change_there(truth, gapped):
+    values = {n: truth[n] for n in ("k_T", "f_l", *NAMES)}
+    axis = replace(find_axis("two_mass").having(values), known=True)
+    found = track(gapped, axis, parse("ekf"), identify=("f_m",))
+    assert found.changes == [] and found.doubts == []
+    assert found.fit > 99.9
+    assert found.last == pytest.approx(values["f_m"], rel=1e-3)
+
+
+@pytest.mark.parametrize("number", [1, 30, 100])
+def test_of_many_gaps_the_longest_begin_a_stretch(scenario, number, tmp_path):
+    log = log_of(of_gaps(scenario, number, tmp_path / "log.csv"), find_axis("two_mass"))
+    begins, there = log.begins(3), gaps(log.ok)
+    assert len(begins) == 1 + min(len(there), UNKNOWN // 3)
+    least = min((end - begin for begin, end in there if end in begins), default=0)
+    assert all(end in begins or end - begin <= least for begin, end in there)
+
+
+def test_nothing_that_is_held_out_lies_behind_a_gap_that_is(gapped):
+    log = log_of(gapped, find_axis("two_mass"))
+    held = held_out(log)
+    for begin, end in gaps(log.ok):
+        assert not (held[begin - 1] and held[end])
+    assert held.sum() > 0.15 * len(held)
