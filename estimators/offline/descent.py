@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from flexaxis.estimators.offline.colour import HIGHEST_ORDER, Colour, colourless, noise_model
 from flexaxis.estimators.offline.trajectory import Course
@@ -17,6 +18,7 @@ CONVERGED = 0.05  # standard deviations that it is to the bottom, where a fit en
 CAREFUL, BOLD = 1e-3, 1e-8  # damping of the first step: far from the bottom, and near it
 ROUGH = 5.0  # standard deviations that may be left where friction is at a kink and no step gains
 FULFILLED, BROKEN = 0.75, 0.25  # shares of the fall that was promised
+LEAST = 1e-4  # of what a stretch tells of its state, that is to be left of it
 FEWEST = 4  # samples for each state of a stretch, below which they tell nothing
 STIFFEST = 1e3  # damping of steps so short that, where none gains, there is a bottom
 
@@ -100,6 +102,26 @@ class Problem:
             good[begin:end] &= good[begin:end].sum() >= FEWEST * len(self.course.free)
         return good
 
+    def seen(self, J: Array, slopes: Array, good: Flags) -> Array:
+        """
+        Return derivatives (q, N) by what is seen of the states behind gaps; they stay in all else.
+
+        Where what counts of a stretch lies behind a while in which its state is forgotten, noise
+        would drive it away without end. J is what a filter leaves of ``slopes``, (q, N) too.
+        """
+        edges = pairwise((*self.course.begins[1:], J.shape[1]))
+        for (begin, end), place in zip(edges, self.course.states[1:], strict=True):
+            moves = place.start + np.flatnonzero(~self.held[place])
+            every, counts = slopes[moves, begin:end], J[moves, begin:end] * good[begin:end]
+            size = np.sqrt(np.sum(every**2, axis=1)) + np.finfo(float).tiny
+            every, counts = every / size[:, None], counts / size[:, None]
+            B = every @ every.T + LEAST * np.eye(len(moves))
+            shares, ways = eigh(counts @ counts.T, B)
+            ways = ways[:, shares > LEAST]
+            kept = B @ ways @ ways.T * np.outer(size, 1 / size)
+            J[moves] = kept @ J[moves]
+        return J
+
     def at(self, z: Array, colour: Colour, *, coarse: bool = False) -> Point:
         """Return what a step of Gauss and Newton needs at z."""
         q, N = len(z), len(self.y)
@@ -115,7 +137,7 @@ class Problem:
         """Return a point as noise of another colour has it, without simulating it again."""
         good = self.good(colour)
         e = colour.white(colour.bridged(at.residual, self.ok))[good]
-        J = colour.white(colour.bridged(at.slopes, self.ok))[:, good]
+        J = self.seen(colour.white(colour.bridged(at.slopes, self.ok)), at.slopes, good)[:, good]
         N = len(e)
         return replace(at, square=float(e @ e) / N, H=J @ J.T / N, g=J @ e / N, samples=N)
 

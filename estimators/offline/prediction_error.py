@@ -143,8 +143,9 @@ def _takes_turns(point: Point, places: list[Array]) -> bool:
 def finished(problem: Problem, point: Point, colour: Colour, converged: bool = True) -> Fitted:
     """Return what there is to know of a fit that ended at a point."""
     white = colour.white(colour.bridged(point.residual, problem.ok))
-    slopes = colour.white(colour.bridged(point.slopes, problem.ok))
     good = problem.good(colour)
+    slopes = colour.white(colour.bridged(point.slopes, problem.ok))
+    slopes = problem.seen(slopes, point.slopes, good)
     covariance = _covariance(point, problem)
     return Fitted(
         point.z, covariance, colour, point.square, point.residual, white, slopes, good, converged

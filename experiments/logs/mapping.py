@@ -138,8 +138,10 @@ def explained(error: ValidationError, known: Collection[str]) -> Iterator[str]:
 
 
 def load_mapping(path: Path) -> dict[str, Any]:
-    """Return the tables of a mapping file."""
-    return read_toml(path, LogError)
+    """Return the tables of a mapping file, whose keys are looked at here, for they are its own."""
+    tables = read_toml(path, LogError)
+    mapping_from(tables, source=str(path))
+    return tables
 
 
 def pick(log: Log, mapping: LogMap) -> Raw:

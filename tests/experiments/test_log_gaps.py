@@ -36,19 +36,23 @@ def truth(scenario):
     return scenario.nominal.as_dict()
 
 
-def of_gaps(scenario, number, path):
+def of_gaps(scenario, number, path, seed=0):
     style = LogStyle(gaps=number)
-    record = simulate(scenario, [0])[0]
-    write_log(path, logged(record, style, np.random.default_rng(0)), style)
+    record = simulate(scenario, [seed])[0]
+    write_log(path, logged(record, style, np.random.default_rng(seed)), style)
     return import_log(path, {"torque_is": "held"}, burn_in=0.0).record
+
+
+def identified(record, truth):
+    begun = {n: 0.8 * truth[n] for n in NAMES}
+    axis = find_axis("two_mass").having({"k_T": 1.0, "f_l": 0.001} | begun)
+    return identify(record, axis, fix=("k_T", "f_l"), delay=0.0, friction="none", gravity="none")
 
 
 def test_parameters_are_those_of_a_log_without(truth, gapped):
     """The speed is off by 3 rad/s behind a gap where the torque in it is a line."""
     assert 10 < (~gapped.valid).sum() < 100
-    begun = {n: 0.8 * truth[n] for n in NAMES}
-    axis = find_axis("two_mass").having({"k_T": 1.0, "f_l": 0.001} | begun)
-    found = identify(gapped, axis, fix=("k_T", "f_l"), delay=0.0, friction="none", gravity="none")
+    found = identified(gapped, truth)
     assert set(found.names) == set(NAMES)
     np.testing.assert_allclose(found.theta, [truth[n] for n in found.names], rtol=1e-4)
     assert found.warnings == []
@@ -61,6 +65,16 @@ def test_an_estimator_sees_no_change_there(truth, gapped):
     assert found.changes == [] and found.doubts == []
     assert found.fit > 99.9
     assert found.last == pytest.approx(values["f_m"], rel=1e-3)
+
+
+def test_noise_drives_no_state_away(scenario, truth, tmp_path):
+    """Of seed 2001 a search meets axes whose load is seen by nothing."""
+    noisy = scenario.override({"duration": 10.0, "noise.angle": 1e-3})
+    found = identified(of_gaps(noisy, 4, tmp_path / "log.csv", seed=2001), truth)
+    assert found.warnings == []
+    off = found.theta - [truth[name] for name in found.names]
+    assert np.all(abs(off) < 4 * found.deviations)
+    assert np.all(found.deviations < 0.03 * found.theta)
 
 
 @pytest.mark.parametrize("number", [1, 30, 100])

@@ -5,7 +5,7 @@ import pytest
 
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log
-from flexaxis.experiments.logs.mapping import mapping_from, pick
+from flexaxis.experiments.logs.mapping import load_mapping, mapping_from, pick
 from flexaxis.experiments.logs.reading import csv_file
 from flexaxis.experiments.logs.reading.log import Log, open_log
 from flexaxis.sim.record import load_record
@@ -279,3 +279,10 @@ def test_a_pandas_that_rounds_otherwise_is_told_not_to(version):
 @pytest.mark.parametrize("version", ["3.1.1", "3.1rc0", "4.0.0.dev0+12", "0+unknown", "3"])
 def test_a_pandas_that_warns_of_being_told_is_not(version):
     assert csv_file._to_the_last_digit(version) == {}
+
+
+def test_a_key_that_a_map_cannot_have_is_told_of_the_map(tmp_path):
+    path = tmp_path / "bench.toml"
+    path.write_text('torque = "J{}_I"\naxis = 1\n', encoding="utf-8")
+    with pytest.raises(LogError, match=r"bench\.toml: axis: no such key"):
+        load_mapping(path)

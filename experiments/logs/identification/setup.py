@@ -21,6 +21,7 @@ Flags = NDArray[np.bool_]
 REACH = 1e3  # times and parts of its start that a parameter of the linear model may come to
 LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are looked for
 SETTLING = 4  # steps to the state that a log begins in, where all else is known
+FAR = 100.0  # times what was measured, that a state behind a gap may come to
 EARLIEST = -2.0  # samples, of a smooth torque
 
 
@@ -117,12 +118,23 @@ class Setup:
                 least, most = 0.0, np.inf
             lower[i], upper[i] = self.lower.get(name, least), self.upper.get(name, most)
         lower[-1], upper[-1] = self.earliest, self.latest
-        for state, speeds in zip(along.states, self._speeds(along), strict=True):
+        most = self._most(along)
+        for i, (state, speeds) in enumerate(zip(along.states, self._speeds(along), strict=True)):
             # on the wrong side of dry friction's sign a fit would stay there
-            lower[state], upper[state] = -np.inf, np.inf
             lower[state][speeds > 0] = 0.0
             upper[state][speeds < 0] = 0.0
+            if i:  # a start of a search may be an axis whose load is seen by nothing
+                lower[state] = np.maximum(lower[state], -most)
+                upper[state] = np.minimum(upper[state], most)
         return lower, upper
+
+    def _most(self, along: Course) -> Array:
+        """Return `FAR` times the greatest speed, and the whole way: no state is larger."""
+        log, most = self.log, np.full(len(along.free), np.inf)
+        there = abs(log.y[log.ok]).max() / (log.period if log.output == "increment" else 1.0)
+        for i, name in enumerate(self.model.states[: len(most)]):
+            most[i] = FAR * (there if name.startswith("speed") else float(np.ptp(log.angle)))
+        return most
 
     def _speeds(self, along: Course) -> list[Array]:
         """Return the measured speed where it is of a state, of all stretches; 0 in noise."""
