@@ -19,7 +19,6 @@ CAREFUL, BOLD = 1e-3, 1e-8  # damping of the first step: far from the bottom, an
 ROUGH = 5.0  # standard deviations that may be left where friction is at a kink and no step gains
 FULFILLED, BROKEN = 0.75, 0.25  # shares of the fall that was promised
 LEAST = 1e-4  # of what a stretch tells of its state, that is to be left of it
-FEWEST = 4  # samples for each state of a stretch, below which they tell nothing
 STIFFEST = 1e3  # damping of steps so short that, where none gains, there is a bottom
 
 
@@ -92,15 +91,8 @@ class Problem:
         plain = colourless(self.highpass, self.course.period)
         if not self.whiten:
             return plain
-        high, ok = plain.high(plain.bridged(residual, self.ok)), self.good(plain)
+        high, ok = plain.high(plain.bridged(residual, self.ok)), plain.settled(self.ok)
         return replace(plain, inverse=noise_model(high, HIGHEST_ORDER, ok))
-
-    def good(self, colour: Colour) -> Flags:
-        """Return which samples (N,) count, in stretches that tell more than their own state."""
-        good = colour.settled(self.ok)
-        for begin, end in pairwise((*self.course.begins, len(good))):
-            good[begin:end] &= good[begin:end].sum() >= FEWEST * len(self.course.free)
-        return good
 
     def seen(self, J: Array, slopes: Array, good: Flags) -> Array:
         """
@@ -135,7 +127,7 @@ class Problem:
 
     def weighed(self, at: Point, colour: Colour) -> Point:
         """Return a point as noise of another colour has it, without simulating it again."""
-        good = self.good(colour)
+        good = colour.settled(self.ok)
         e = colour.white(colour.bridged(at.residual, self.ok))[good]
         J = self.seen(colour.white(colour.bridged(at.slopes, self.ok)), at.slopes, good)[:, good]
         N = len(e)

@@ -143,7 +143,7 @@ def _takes_turns(point: Point, places: list[Array]) -> bool:
 def finished(problem: Problem, point: Point, colour: Colour, converged: bool = True) -> Fitted:
     """Return what there is to know of a fit that ended at a point."""
     white = colour.white(colour.bridged(point.residual, problem.ok))
-    good = problem.good(colour)
+    good = colour.settled(problem.ok)
     slopes = colour.white(colour.bridged(point.slopes, problem.ok))
     slopes = problem.seen(slopes, point.slopes, good)
     covariance = _covariance(point, problem)

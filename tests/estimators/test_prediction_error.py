@@ -47,6 +47,20 @@ def test_a_fit_ends_where_the_bottom_is_near(linear):
     assert np.all(abs(fitted.z[:2] - [1e-3, 5e-3]) < 4 * fitted.deviations[:2])
 
 
+def test_a_state_that_is_forgotten_before_it_counts_stays(linear):
+    """Behind a gap, of which 3 s do not count, 15 times what it takes to forget a speed."""
+    whole, _ = linear
+    along = course(
+        one_mass(VALUES), ("J_m", "f_m"), whole.course.u, period=PERIOD, begins=(0, 2000)
+    )
+    ok, held, box = whole.ok.copy(), np.zeros(along.q, bool), np.full(along.q, 1e6)
+    ok[2000:3500], held[-1] = False, True
+    gapped = replace(whole, course=along, ok=ok, held=held, lower=-box, upper=box)
+    found = fit(gapped, np.r_[1.3e-3, 4e-3, 3.0, 0.0, 0.0])
+    assert found.converged and found.z[2] == pytest.approx(3.0)
+    assert np.all(abs(found.z[:2] - [1e-3, 5e-3]) < 4 * found.deviations[:2])
+
+
 def test_what_is_left_is_counted_in_standard_deviations(linear):
     problem, fitted = linear
     off = np.r_[1.0, -2.0, 0.5, 0.0] * fitted.deviations

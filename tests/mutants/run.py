@@ -37,7 +37,7 @@ ROOT = HERE.parents[1]
 FOLDERS = ("models_mjcf", "sim", "estimators", "experiments")
 FRONT = "experiments/front"  # is what `import flexaxis` gives
 NAMING = ("estimators/models/compiler.py", "estimators/models/source.py")  # what is compiled
-NO_END = "NO END OF"  # which may be the machine's: not counted
+NO_VERDICT = "NO VERDICT OF"  # no end, or an error beside the test: not counted
 LONGEST = 600  # s, for one killer with everything to compile
 
 
@@ -125,13 +125,15 @@ def failures(
                 check=False, timeout=LONGEST * len(killers),
             )  # fmt: skip
         except subprocess.TimeoutExpired:
-            return [f"{NO_END} {killers[0]} in {LONGEST} s"]
+            return [f"{NO_VERDICT} {killers[0]} in {LONGEST} s"]
         finally:
             shutil.rmtree(f"{compiled}/pycache{place.resolve()}", ignore_errors=True)
     lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    if done.returncode and (not lines or lines[0].startswith("ERROR")):
+    if done.returncode and not lines:
         raise SystemExit(f"{mutant and mutant.name}: no test failed, but\n{done.stdout[-2000:]}")
-    return [line.removeprefix("FAILED ").partition(" - ")[0] for line in lines]
+    if mutant is not None and lines and lines[0].startswith("ERROR"):
+        return [f"{NO_VERDICT} {killers[0]}, but an error beside it"]
+    return [line.partition(" ")[2].partition(" - ")[0] for line in lines]
 
 
 def fails(killers: Sequence[str], compiled: Path, jobs: int) -> set[str]:
@@ -188,7 +190,7 @@ def main(arguments: Sequence[str]) -> int:
         chosen = [m for m in chosen if m.killer not in broken]
         ends = pool.map(lambda mutant: timed(mutant, compiled), chosen)
         for mutant, (killer, seconds) in zip(chosen, ends, strict=True):
-            dead += killer is not None and not killer.startswith(NO_END)
+            dead += killer is not None and not killer.startswith(NO_VERDICT)
             print(f"{mutant.name:60} {seconds:5.1f} s  {killer or 'SURVIVES'}", flush=True)
     print(f"{dead} of {len(chosen)}")
     return int(dead < len(chosen) or bool(broken))

@@ -106,15 +106,15 @@ def held_out(log: Log) -> Flags:
     behind, so that there the first of them are fitted.
     """
     number, held = pieces(log.ok), np.zeros(len(log.ok), bool)
+    behind = {end: begin for begin, end in gaps(log.ok)}
     for piece in HELD_OUT:
         there = np.flatnonzero(number == piece)
         if not len(there):
             continue
-        first, last = there[[0, -1]]
-        inside = [gap for gap in gaps(log.ok) if first < gap[0] and gap[1] <= last]
-        begins, ends = [first, *(e for _, e in inside)], [*(b for b, _ in inside), last + 1]
+        inside = [end for end in behind if there[0] < end <= there[-1]]
+        begins, ends = [there[0], *inside], [*(behind[end] for end in inside), there[-1] + 1]
         begin, end = max(zip(begins, ends, strict=True), key=lambda side: side[1] - side[0])
-        held[begin + (0 if begin == first else round(AGAIN * (end - begin))) : end] = True
+        held[begin + round(AGAIN * (end - begin)) * (begin in behind) : end] = True
     return held
 
 
