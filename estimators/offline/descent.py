@@ -101,11 +101,14 @@ class Problem:
         Where what counts of a stretch lies behind a while in which its state is forgotten, noise
         would drive it away without end. J is what a filter leaves of ``slopes``, (q, N) too.
         """
-        edges = pairwise((*self.course.begins[1:], J.shape[1]))
-        for (begin, end), place in zip(edges, self.course.states[1:], strict=True):
+        edges = [*self.course.begins, J.shape[1]]
+        for (begin, end), place in zip(pairwise(edges), self.course.states, strict=True):
+            if len(edges) == 2 or place.start == place.stop:
+                continue
             moves = place.start + np.flatnonzero(~self.held[place])
             every, counts = slopes[moves, begin:end], J[moves, begin:end] * good[begin:end]
-            size = np.sqrt(np.sum(every**2, axis=1)) + np.finfo(float).tiny
+            size = np.sqrt(np.sum(every**2, axis=1))
+            size[size == 0] = 1.0
             every, counts = every / size[:, None], counts / size[:, None]
             B = every @ every.T + LEAST * np.eye(len(moves))
             shares, ways = eigh(counts @ counts.T, B)

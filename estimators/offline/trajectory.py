@@ -70,8 +70,9 @@ class Course:
     smooth : bool
         Whether the torque goes on changing between samples, see `delayed`.
     begins : tuple of int
-        Samples at which stretches begin, each with a state of its own; the output is zero there,
-        and before the first. What acts in a gap is not known, nor the state that it leads to.
+        Samples at which stretches begin, each with a state of its own, for what acts in a gap is
+        not known, nor the state that it leads to. The output is zero up to the first; at another
+        it is still of the stretch before.
     resting : bool
         Whether the first of them begins at rest.
     dry : bool

@@ -42,7 +42,7 @@ def candidates():
     """Of a drive on which a whitened fit takes ripple and hump for noise."""
     setup = setup_of(rail(1, 20.0), {"J_m": 90.0, "f_m": 180.0, "f_c": 15.0})
     z = setup.problem().start(np.array([90.0, 180.0, 15.0]), 0.0, setup.first())
-    held = held_out(setup.log)
+    held = held_out(setup)
     return candidates_of(setup, tried(setup, z, held), held)
 
 
@@ -71,7 +71,7 @@ def test_deviations_are_widened_to_what_fits_differ_by(candidates, lacks):
 
 def test_errors_are_those_of_what_was_held_out(candidates):
     best = candidates[0]
-    held = held_out(best.setup.log)
+    held = held_out(best.setup)
     residual = np.where(held, 3.0, 1.0)
     squares = errors_of(best.setup, replace(best.fitted, residual=residual), held)
     np.testing.assert_allclose(squares, 9.0)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from flexaxis.estimators.offline.inverse import (
 )
 from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.logs.identification.log import Log, gaps, noise_of
+from flexaxis.experiments.logs.identification.log import Log, noise_of
 from flexaxis.experiments.logs.identification.setup import Setup
 from flexaxis.experiments.logs.identification.validate import correlations
 
@@ -99,22 +100,23 @@ class Candidate:
         return [name for name, side in zip(names, at[: len(names)], strict=True) if side]
 
 
-def held_out(log: Log) -> Flags:
+def held_out(setup: Setup) -> Flags:
     """Return which samples (N,) are left out of a fit that is to be tried on them.
 
-    None of them lies behind a gap that lies among them: what acted in it is found from what comes
-    behind, so that there the first of them are fitted.
+    The first samples of a stretch are fitted: from them it is told in which state it begins.
     """
-    number, held = pieces(log.ok), np.zeros(len(log.ok), bool)
-    behind = {end: begin for begin, end in gaps(log.ok)}
+    number, held = pieces(setup.log.ok), np.zeros(len(setup.log.ok), bool)
+    edges = [*setup.begins, len(held)]
+    first = [b + round(AGAIN * (e - b)) * (i > 0) for i, (b, e) in enumerate(pairwise(edges))]
     for piece in HELD_OUT:
         there = np.flatnonzero(number == piece)
-        if not len(there):
-            continue
-        inside = [end for end in behind if there[0] < end <= there[-1]]
-        begins, ends = [there[0], *inside], [*(behind[end] for end in inside), there[-1] + 1]
-        begin, end = max(zip(begins, ends, strict=True), key=lambda side: side[1] - side[0])
-        held[begin + round(AGAIN * (end - begin)) * (begin in behind) : end] = True
+        if len(there):
+            runs = [
+                (max(b, there[0]), min(e, there[-1] + 1))
+                for b, e in zip(first, edges[1:], strict=True)
+            ]
+            begin, end = max(runs, key=lambda run: run[1] - run[0])
+            held[begin:end] = True
     return held
 
 
@@ -123,7 +125,7 @@ def errors_of(setup: Setup, fitted: Fitted, held: Flags, highpass: float | None 
 
     Above the corner of the setup, or another one [Hz].
     """
-    ok, corner = setup.log.ok, setup.highpass if highpass is None else highpass
+    ok, corner = setup.ok, setup.highpass if highpass is None else highpass
     colour = colourless(corner, setup.log.period)
     high = colour.high(colour.bridged(fitted.residual, ok))
     there = np.flatnonzero(held & ok)

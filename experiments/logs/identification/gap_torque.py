@@ -24,8 +24,11 @@ def filled(log: Log, axis: Axis, there: Flags) -> Log:
 
     A line may lead elsewhere, and who follows the axis sample by sample would see a change there.
     At the end of a gap it is a sum of cosines: of one more than there are states, for an increment
-    tells of the sample before, any state is reached. Of many gaps they are fewer.
+    tells of the sample before, any state is reached. Of many gaps they are fewer. What was known,
+    or is behind a high-pass, stays.
     """
+    if log.known or axis.highpass is not None:
+        return log
     rows, most, room = list[Array](), len(axis.model.states) + 1, unknowns(len(log.u))
     missing = sorted(gaps(there), key=lambda gap: gap[0] - gap[1])[:room]
     for begin, end in missing:
@@ -39,7 +42,7 @@ def filled(log: Log, axis: Axis, there: Flags) -> Log:
     late = axis.delay / log.period
     acts = np.array([delayed(row, late, smooth=log.smooth) for row in rows])
     setup = Setup(log, axis.model, axis.model.parameters[:1])
-    along = setup.course(log.begins(None), acts)
+    along = setup.course(log.begins(0, 0), acts)
     z = np.zeros(along.q)
     z[:1], z[-2:] = axis.model.parametrize(setup.names).theta, (axis.offset, axis.delay)
     unknown, ok = slice(1, along.q - 2), there.copy()

@@ -199,7 +199,7 @@ class _Bench:
         return self._tried(setup, self.starts.search(setup).z)
 
     def _tried(self, setup: Setup, z: Array) -> Chosen:
-        held = held_out(setup.log)
+        held = held_out(setup)
         return Chosen(setup, tried(setup, z, held), held)
 
     def _rubbing(self, setup: Setup, plain: Chosen | None, kind: str) -> Chosen:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,6 @@ Flags = NDArray[np.bool_]
 SIDED = 0.01  # s, over which the speed is a mean whose sign counts
 RESTING = 0.05  # of the deviation of the speed, below which an axis rests
 FIRST, CLEAR = 5, 3.0  # samples by which the first speed is told, and times their noise
-SHORTEST = 20  # samples between gaps, below which they tell little but their own state
-LATER = 2  # samples behind a gap, in which a torque of the gap may still act
 UNKNOWN, ROOM = 120, 2e7  # unknowns of gaps, and numbers in derivatives by them, at most
 
 
@@ -43,6 +40,8 @@ class Log:
         Whether it begins at rest.
     angle : ndarray (N,)
         Of the load by the gear ratio, as measured at the motor, or from where it starts.
+    known : bool
+        Whether the torque is what acted where the output is missing, too, as in a simulation.
     """
 
     u: Array
@@ -53,19 +52,20 @@ class Log:
     smooth: bool
     resting: bool
     angle: Array
+    known: bool = False
 
-    def begins(self, states: int | None) -> list[int]:
+    def begins(self, states: int, later: int) -> list[int]:
         """Return where stretches begin: the log, and what comes behind a gap.
 
         Of a torque that was not logged nobody knows what state it leads to. That is estimated
-        behind the longest gaps, of so many states; behind all others the torque's line leads there,
-        as behind all where no number is given.
+        behind the longest gaps, of so many states and as many samples later; behind all others the
+        torque's line leads there.
         """
         # a state that is forgotten before the first usable sample could be any
         first = 0 if self.resting else int(np.argmax(self.ok))
-        most = 0 if states is None else unknowns(len(self.ok)) // states
+        most = unknowns(len(self.ok)) // states if states and not self.known else 0
         longest = sorted(gaps(self.ok), key=lambda gap: gap[0] - gap[1])[:most]
-        return [first, *sorted(end for _, end in longest)]
+        return [first, *sorted({end + later for _, end in longest if end + later < len(self.ok)})]
 
     def smoothed(self) -> Log:
         """Return the log with its torque taken as samples of a smooth one: means of a spline."""
@@ -83,10 +83,6 @@ def log_of(record: Record, axis: Axis) -> Log:
     angle = axis.model.nominal.get("r", 1.0) * angle
     beside = columns_beside(angle, y, record.period) if axis.beside else {}
     ok = usable(record)
-    for _, end in gaps(ok):
-        ok[end : end + LATER] = False
-    for (_, end), (begin, _) in pairwise([(0, 0), *gaps(ok), (len(ok), 0)]):
-        ok[end:begin] &= begin - end >= SHORTEST
     # but for its noise
     still = abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
     log = Log(
@@ -96,7 +92,8 @@ def log_of(record: Record, axis: Axis) -> Log:
         period=record.period,
         output=output,
         smooth=is_smooth(record),
-        resting=record.burn_in == 0 and still,
+        resting=record.burn_in == 0 and still and bool(ok[0]),
+        known=record.true_parameters is not None,
         angle=angle,
     )
     return log.smoothed() if axis.torque_is == "smooth" and not log.smooth else log

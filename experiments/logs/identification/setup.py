@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ Flags = NDArray[np.bool_]
 REACH = 1e3  # times and parts of its start that a parameter of the linear model may come to
 LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are looked for
 SETTLING = 4  # steps to the state that a log begins in, where all else is known
-FAR = 100.0  # times what was measured, that a state behind a gap may come to
+FAR = 100.0  # times what was measured, that a state may come to
 EARLIEST = -2.0  # samples, of a smooth torque
 
 
@@ -57,11 +58,38 @@ class Setup:
     upper: Mapping[str, float] = field(default_factory=dict)
     beside: Mapping[str, Array] = field(default_factory=dict)
 
+    @cached_property
+    def begins(self) -> list[int]:
+        """Where stretches begin, each with a state of its own: the log, and what follows gaps.
+
+        Behind a high-pass nothing is seen of the states that a line leads to; and of bristles, and
+        of an angle, nobody knows where they begin.
+        """
+        states, along = len(self.model.states), self.course([0, 1])
+        bends = len(along.free) > states and not along.dry
+        turns = any(name.startswith("angle") for name in self.model.states)
+        none = self.highpass is not None or bends or turns
+        return self.log.begins(0 if none else states, self._later)
+
+    @property
+    def _later(self) -> int:
+        """Samples behind a gap in which its torque may still act."""
+        latest = self.latest if self.delay is None else max(self.delay, 0.0)
+        return int(np.ceil(latest / self.log.period - 1e-9)) + self.log.smooth
+
+    @property
+    def ok(self) -> Flags:
+        """Usable samples (N,) but for those in which the torque of a gap may act."""
+        ok = self.log.ok.copy()
+        for begin in self.begins[1:]:
+            ok[begin - self._later : begin] = False
+        return ok
+
     @property
     def counted(self) -> Flags:
-        """Samples (N,) that count: where a log begins an increment has no past."""
-        ok = self.log.ok.copy()
-        ok[self._begins] = False
+        """Samples (N,) that count: where a stretch begins an increment has no past."""
+        ok = self.ok
+        ok[self.begins] = False
         return ok
 
     @property
@@ -77,7 +105,7 @@ class Setup:
     def problem(self, without: Flags | None = None) -> Problem:
         """Return it as a problem, without some samples if these are held out."""
         log, beside = self.log, np.array([*self.beside.values()]).reshape(-1, len(self.log.u))
-        along = self.course(self._begins, beside)
+        along = self.course(self.begins, beside)
         lower, upper = self._box(along)
         held = np.zeros(along.q, bool)
         held[-2:] = self.highpass is not None, self.delay is not None  # no offset passes a filter
@@ -89,7 +117,7 @@ class Setup:
             ok &= ~without
         return Problem(along, log.y, ok, lower, upper, held, self.whiten, self.highpass)
 
-    def course(self, begins: Sequence[int], beside: Array) -> Course:
+    def course(self, begins: Sequence[int], beside: Array | None = None) -> Course:
         """Return the course of its model along the log, in stretches."""
         log = self.log
         return course(
@@ -104,11 +132,6 @@ class Setup:
             beside=beside,
         )
 
-    @property
-    def _begins(self) -> list[int]:
-        """Behind a high-pass nothing is seen of the states that a line leads to."""
-        return self.log.begins(len(self.model.states) if self.highpass is None else None)
-
     def _box(self, along: Course) -> tuple[Array, Array]:
         theta = self.model.parametrize(self.names).theta
         lower, upper = np.full(along.q, -np.inf), np.full(along.q, np.inf)
@@ -119,21 +142,21 @@ class Setup:
             lower[i], upper[i] = self.lower.get(name, least), self.upper.get(name, most)
         lower[-1], upper[-1] = self.earliest, self.latest
         most = self._most(along)
-        for i, (state, speeds) in enumerate(zip(along.states, self._speeds(along), strict=True)):
+        for state, speeds in zip(along.states, self._speeds(along), strict=True):
+            # a start of a search may be an axis whose load is seen by nothing
+            lower[state], upper[state] = -most[: len(speeds)], most[: len(speeds)]
             # on the wrong side of dry friction's sign a fit would stay there
             lower[state][speeds > 0] = 0.0
             upper[state][speeds < 0] = 0.0
-            if i:  # a start of a search may be an axis whose load is seen by nothing
-                lower[state] = np.maximum(lower[state], -most)
-                upper[state] = np.minimum(upper[state], most)
         return lower, upper
 
     def _most(self, along: Course) -> Array:
-        """Return `FAR` times the greatest speed, and the whole way: no state is larger."""
+        """Return `FAR` times the greatest speed, and the whole way; without gaps no end."""
         log, most = self.log, np.full(len(along.free), np.inf)
-        there = abs(log.y[log.ok]).max() / (log.period if log.output == "increment" else 1.0)
-        for i, name in enumerate(self.model.states[: len(most)]):
-            most[i] = FAR * (there if name.startswith("speed") else float(np.ptp(log.angle)))
+        states = self.model.states if len(along.begins) > 1 else ()
+        for i, name in enumerate(states):
+            speed = name.startswith("speed")
+            most[i] = FAR * float(abs(log.y[log.ok]).max() if speed else np.ptp(log.angle))
         return most
 
     def _speeds(self, along: Course) -> list[Array]:

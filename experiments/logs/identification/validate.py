@@ -172,8 +172,8 @@ def validate(record: Record, axis: Axis) -> Validation:
     if not np.isfinite(found.residual).all():
         raise LogError("the axis cannot be simulated over this log: is it the same axis?")
     colour = replace(found.colour, inverse=np.array(axis.whitening))
-    white = colour.white(colour.bridged(found.residual, log.ok))
-    good = colour.settled(log.ok)
+    white = colour.white(colour.bridged(found.residual, setup.ok))
+    good = colour.settled(setup.ok)
     fit = fit_of(log.y, found.residual, setup.counted, colour)
     return Validation(
         record.time,

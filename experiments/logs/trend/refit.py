@@ -84,8 +84,9 @@ def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
     fitted = setup.solve(known, axis.delay, rounds=STEPS, fine=False)
     if not np.isfinite(fitted.square):
         raise LogError("a simulation of this log runs away with the values of the axis")
-    # a filter that makes what is left white may hide the state that a log begins in
-    shown = fitted if setup.log.resting else setup.at(fitted.z, fixed=p)
+    # a filter that makes what is left white may hide the state that a stretch begins in
+    alone = setup.log.resting and len(setup.begins) == 1
+    shown = fitted if alone else setup.at(fitted.z, fixed=p)
     fit = fit_of(setup.log.y, shown.residual, setup.counted, shown.colour)
     bounds = np.sort(np.outer(RANGE, known), axis=0)
     unlike = at_limits(names, fitted.z[:p], bounds, known)
