@@ -15,20 +15,21 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.law_parameters import law_values
+from flexaxis.sim.overrides import set_keys, suffix
 from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
 from flexaxis.sim.storage.reading import read_text, toml_tables
 from flexaxis.sim.storage.toml_text import toml_text
-from flexaxis.sim.tables import friction as dry
+from flexaxis.sim.tables import dry_friction as dry
 from flexaxis.sim.tables import identity
 from flexaxis.sim.tables import nonlinear as beyond
 from flexaxis.sim.tables import sensors as sensing
+from flexaxis.sim.tables import smooth_friction as smooth
 from flexaxis.sim.tables.config import Config, Frozen, NotNegative, Part, Positive, Values, Word
 from flexaxis.sim.tables.controller import ControllerConfig
 from flexaxis.sim.tables.drawn_onsets import drawn
 from flexaxis.sim.tables.events import Event, changed, find_events
 from flexaxis.sim.tables.excitation import Excitation, Multisine
 from flexaxis.sim.tables.faults import Fault
-from flexaxis.sim.tables.keys import set_keys, suffix
 from flexaxis.sim.tables.problems import conflicts, explain
 from flexaxis.sim.timing import PERIOD, Grid, sample_index
 
@@ -78,7 +79,7 @@ class Scenario(Config):
     delay, noise, encoder, controller, excitation, fault
         Tables of their own.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
-        What the axis has beyond the linear model, a table each, and so `sim.tables.friction`.
+        What the axis has beyond the linear model, a table each: friction, gear, drive.
     onset_spread : float, optional
         By how much faults and pauses come earlier or later at most, drawn by seed [s] (`drawn`).
     nuisance : tuple of Fault, optional
@@ -107,14 +108,14 @@ class Scenario(Config):
     encoder: sensing.EncoderConfig = sensing.EncoderConfig()
     filter: sensing.FilterConfig | None = None
     controller: ControllerConfig = ControllerConfig()
-    friction: beyond.FrictionConfig | None = None
-    lugre: beyond.LuGreConfig | None = None
-    static_friction: dry.StaticFrictionConfig | None = None
-    directional_friction: dry.DirectionalFrictionConfig | None = None
-    position_friction: dry.PositionFrictionConfig | None = None
-    load_friction: dry.LoadFrictionConfig | None = None
-    power_friction: dry.PowerFrictionConfig | None = None
-    gear_friction: dry.GearFrictionConfig | None = None
+    friction: dry.FrictionConfig | None = None
+    lugre: dry.LuGreConfig | None = None
+    static_friction: smooth.StaticFrictionConfig | None = None
+    directional_friction: smooth.DirectionalFrictionConfig | None = None
+    position_friction: smooth.PositionFrictionConfig | None = None
+    load_friction: smooth.LoadFrictionConfig | None = None
+    power_friction: smooth.PowerFrictionConfig | None = None
+    gear_friction: smooth.GearFrictionConfig | None = None
     cogging: beyond.CoggingConfig | None = None
     backlash: beyond.BacklashConfig | None = None
     stiffening: beyond.StiffeningConfig | None = None

@@ -175,7 +175,7 @@ LAWS: Mapping[str, Kind] = {
         nominal=(5.0, 0.85, 176.0),
     ),
 }
-"""All kinds of law; their torques are in `flexaxis.estimators.models.forces`."""
+"""All kinds of law; their torques are in `flexaxis.estimators.models.law_torques`."""
 KINDS = tuple(LAWS)
 MOST_ROLES = max(len(kind.roles) for kind in LAWS.values())
 INPUT = "input"

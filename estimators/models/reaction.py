@@ -11,7 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.compiler import compiled, inlined
-from flexaxis.estimators.models.forces import F_S, F_W, ROLE, S_S, S_W, SHAPE, WIDTH, F, S, force
+from flexaxis.estimators.models.law_torques import (
+    F_S,
+    F_W,
+    ROLE,
+    S_S,
+    S_W,
+    SHAPE,
+    WIDTH,
+    F,
+    S,
+    force,
+)
 from flexaxis.estimators.models.laws import MOST_ROLES
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.discretisation import plan
-from flexaxis.estimators.models.forces import BRISTLE
+from flexaxis.estimators.models.law_torques import BRISTLE
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.sampled import sampled
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.compiler import compiled
 from flexaxis.estimators.models.discretisation import LAW_STEPS, law_steps
-from flexaxis.estimators.models.forces import BRISTLE, STATIC
+from flexaxis.estimators.models.law_torques import BRISTLE, STATIC
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.sampled import copy, prepare, travel

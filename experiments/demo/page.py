@@ -14,8 +14,8 @@ from weakref import WeakKeyDictionary
 
 from flexaxis.experiments.demo import curves
 from flexaxis.experiments.demo.curves import estimates_table, history_table
+from flexaxis.experiments.demo.door import DemoServer
 from flexaxis.experiments.demo.knobs import Bench, FrictionKnobs, Knobs, add_axis_knobs
-from flexaxis.experiments.demo.server import DemoServer
 from flexaxis.experiments.demo.session import BUTTONS, MARK, DemoSession
 from flexaxis.experiments.demo.view import exaggerated, scene
 from flexaxis.experiments.reporting import styles

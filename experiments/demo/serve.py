@@ -10,8 +10,8 @@ import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from flexaxis.experiments.demo.door import DemoServer
 from flexaxis.experiments.demo.page import Page
-from flexaxis.experiments.demo.server import DemoServer
 from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.sim.timing import PERIOD, sample_index
 

@@ -25,7 +25,7 @@ from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import made_with, simulate
-from flexaxis.sim.storage.files import atomic
+from flexaxis.sim.storage.atomic_files import atomic
 from flexaxis.sim.storage.record_file import SIGNALS
 
 LIMIT = 2 * 1024**3  # bytes

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.storage.files import atomic
+from flexaxis.sim.storage.atomic_files import atomic
 from flexaxis.sim.storage.reading import Refusal, json_value, read_text
 
 STUDY, TRAJECTORIES = "study.json", "trajectories"

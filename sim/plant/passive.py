@@ -2,8 +2,8 @@
 
 MuJoCo calls one such function for all models of the process, whenever it sums up passive forces.
 Ours looks for rows of friction among the custom numbers of the model (see
-`sim/tables/friction.py`), which a batch holds for each run, and leaves every model without them as
-it is.
+`sim/tables/smooth_friction.py`), which a batch holds for each run, and leaves every model without
+them as it is.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.plant.import_mujoco import mujoco
-from flexaxis.sim.tables.friction import COMPILED_LAWS, MARK, WIDTH
+from flexaxis.sim.tables.smooth_friction import COMPILED_LAWS, MARK, WIDTH
 
 _LOCK = Lock()
 _SEARCHED = 1 << 18  # bytes of a structure of the engine: what we look for lies in these

@@ -14,9 +14,10 @@ from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.parameters import AxisParameters, parameter_names, parameter_problem
 from flexaxis.sim.plant import passive
 from flexaxis.sim.plant.import_mujoco import Batch, mujoco
-from flexaxis.sim.tables.friction import COMPILED_LAWS
-from flexaxis.sim.tables.nonlinear import FrictionConfig, Law, Nonlinearity
+from flexaxis.sim.tables.dry_friction import FrictionConfig
+from flexaxis.sim.tables.nonlinear import Law, Nonlinearity
 from flexaxis.sim.tables.places import CubicSprings, KeptLaw, parameter_places
+from flexaxis.sim.tables.smooth_friction import COMPILED_LAWS
 
 Array = NDArray[np.float64]
 

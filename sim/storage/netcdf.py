@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexaxis.sim.storage.files import atomic
+from flexaxis.sim.storage.atomic_files import atomic
 
 
 @contextmanager

@@ -10,7 +10,8 @@ from flexaxis.estimators import Rpem
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.filters.loop import on_lanes, over_sample
-from flexaxis.estimators.models import discretisation, forces
+from flexaxis.estimators.models import discretisation
+from flexaxis.estimators.models import law_torques as torques
 from flexaxis.estimators.models.axes import (
     BRISTLES,
     COGGING,
@@ -29,13 +30,13 @@ from flexaxis.estimators.models.sampled import prepare, travel
 from flexaxis.estimators.signals import increment
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.plant import Plant
-from flexaxis.sim.tables.friction import GearFrictionConfig
+from flexaxis.sim.tables.dry_friction import LuGreConfig
 from flexaxis.sim.tables.nonlinear import (
     CoggingConfig,
-    LuGreConfig,
     SaturationConfig,
     StiffeningConfig,
 )
+from flexaxis.sim.tables.smooth_friction import GearFrictionConfig
 
 T = 0.005
 VALUES = N1 | {
@@ -222,15 +223,15 @@ def test_the_shape_of_friction_against_differences(which):
     at = np.array([0.3, 0.7, 0.09, -0.05, 24.0])  # speed, state, a, b, n
 
     def shape(v, s, a, b, n):
-        local = np.zeros(forces.WIDTH)
-        forces.force(KINDS.index("shape"), v, s, 0.0, T, np.array([a, b, n, 0.2, which]), local)
+        local = np.zeros(torques.WIDTH)
+        torques.force(KINDS.index("shape"), v, s, 0.0, T, np.array([a, b, n, 0.2, which]), local)
         return local
 
     local, got = shape(*at), []
     for i, x in enumerate(at):
         step = 1e-6 * abs(x) * np.eye(5)[i]
-        got.append((shape(*(at + step))[forces.F] - shape(*(at - step))[forces.F]) / 2 / step[i])
-    told = [local[forces.F_W], local[forces.F_S], *local[forces.ROLE :][:6:2]]
+        got.append((shape(*(at + step))[torques.F] - shape(*(at - step))[torques.F]) / 2 / step[i])
+    told = [local[torques.F_W], local[torques.F_S], *local[torques.ROLE :][:6:2]]
     np.testing.assert_allclose(told, got, rtol=1e-6, atol=1e-9)
 
 

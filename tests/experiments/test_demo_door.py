@@ -21,10 +21,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.demo import door
 from flexaxis.experiments.demo import page as pages
-from flexaxis.experiments.demo import server as servers
+from flexaxis.experiments.demo.door import DemoServer, listen
 from flexaxis.experiments.demo.page import Page
-from flexaxis.experiments.demo.server import DemoServer, listen
 from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.sim.errors import FlexaxisError
 
@@ -129,7 +129,7 @@ def test_a_viser_that_starts_its_server_in_another_way_is_not_served(monkeypatch
     monkeypatch.setattr(_infra, "websockets", own)
     monkeypatch.setattr(viser.ViserServer, "__init__", lambda self, **_: None)
     monkeypatch.setattr(viser.ViserServer, "stop", lambda self: None)
-    monkeypatch.setattr(servers, "_let_threads_draw", lambda _: None)
+    monkeypatch.setattr(door, "_let_threads_draw", lambda _: None)
     with pytest.raises(FlexaxisError, match="that the demo does not know"):
         DemoServer(free_port())
 
@@ -344,7 +344,7 @@ def opened(demo, buffer):
 def test_who_does_not_read_does_not_fill_the_memory(demo):
     """Every ping is answered, and the answers wait: half a gigabyte in twenty seconds."""
     pings = 1000 * (b"\x89" + bytes([0x80 | 125]) + bytes(4) + 125 * b"p")
-    sent, most = 0, 8 * servers.MOST_UNREAD
+    sent, most = 0, 8 * door.MOST_UNREAD
     with opened(demo, 2048) as deaf, pytest.raises(ConnectionError):
         while sent < most:
             deaf.sendall(pings)
@@ -386,7 +386,7 @@ def test_idle_connections_print_nothing_and_leave_room(demo, capfd):
                 pass
             except ConnectionError:
                 cut += 1
-        assert 90 <= cut <= 300 - servers.MOST_VIEWERS + 20
+        assert 90 <= cut <= 300 - door.MOST_VIEWERS + 20
     finally:
         for each in idle:
             each.close()
@@ -406,7 +406,7 @@ def test_a_taken_port_is_said(monkeypatch, capsys):
         port = taken.getsockname()[1]
         assert main(["demo", "--no-browser", "--port", str(port)]) == 2
         assert f"--port {port} cannot be had" in capsys.readouterr().err
-        monkeypatch.setattr(servers, "PORT", port)
+        monkeypatch.setattr(door, "PORT", port)
         said = []
         with listen(None, said.append) as found:
             other = found.getsockname()[1]

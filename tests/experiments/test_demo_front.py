@@ -86,7 +86,7 @@ def test_a_tunnel_to_the_outside_is_never_opened(free_port, monkeypatch):
     """The page of viser can ask for one; ours does not hear it."""
     import viser
 
-    from flexaxis.experiments.demo.server import DemoServer
+    from flexaxis.experiments.demo.door import DemoServer
 
     asked = []
     monkeypatch.setattr(viser.ViserServer, "request_share_url", lambda *_: asked.append(1))

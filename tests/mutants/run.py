@@ -1,8 +1,9 @@
 """
 Plant errors one at a time, each in a copy with cold caches, and see whether a test dies of it.
 
-Compiled code is shared, since it is named after its content, but for errors in what names it so; it
-begins with nothing in each run.
+A copy lies in an environment of its own, since what a sandbox runs sees no PYTHONPATH. Compiled
+code is shared, since it is named after its content, but for errors in what names it so; it begins
+with nothing in each run.
 
 ``python tests/mutants/run.py [NAME …] [--jobs N]`` runs those of all tables beside this file, or
 those whose names contain one of the words; a table is a list of
@@ -23,6 +24,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import time
 import tomllib
@@ -31,6 +33,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from venv import EnvBuilder
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -105,24 +108,21 @@ def failures(
     """
     with tempfile.TemporaryDirectory(prefix="mutant") as folder:
         place = Path(folder)
-        for name in FOLDERS:
-            ignored = shutil.ignore_patterns("__pycache__")
-            shutil.copytree(ROOT / name, place / "flexaxis" / name, ignore=ignored)
+        python, home = installed(place)
         if mutant is not None:
-            path = place / "flexaxis" / mutant.file
+            path = home / mutant.file
             text = path.read_text(encoding="utf-8")
             path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
         if mutant is not None and mutant.file in NAMING:
             compiled = place / "numba"
-        home = place / "flexaxis"
         shutil.copytree(home / FRONT, home, dirs_exist_ok=True)
-        words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *killers]
+        words = [str(python), "-m", "pytest", "-q", "-p", "no:cacheprovider", *killers]
         words += ["-m", "slow"] * any(map(is_slow, killers)) + ["-x"] * (mutant is not None)
         words += ["-n", str(jobs), "--dist=loadfile"]
         try:
             done = subprocess.run(
-                words, cwd=ROOT, env=environment(place, compiled), capture_output=True, text=True,
-                check=False, timeout=LONGEST * len(killers),
+                words, cwd=ROOT, env=environment(place, home, compiled), capture_output=True,
+                text=True, check=False, timeout=LONGEST * len(killers),
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             return [f"{NO_VERDICT} {killers[0]} in {LONGEST} s"]
@@ -155,10 +155,29 @@ def timed(mutant: Mutant, compiled: Path) -> tuple[str | None, float]:
     return dies([mutant.killer], compiled, mutant), time.monotonic() - began
 
 
-def environment(place: Path, compiled: Path) -> dict[str, str]:
+def installed(place: Path) -> tuple[Path, Path]:
+    """Copy the code into an environment in a folder; return its Python, and where `flexaxis` lies.
+
+    It sees all packages of ours, but not the hook that makes `flexaxis` be this repository.
+    """
+    scheme = {name: str(place) for name in ("base", "platbase", "installed_base")}
+    packages = Path(sysconfig.get_path("purelib", "venv", scheme))
+    binaries = Path(sysconfig.get_path("scripts", "venv", scheme))
+    EnvBuilder(symlinks=os.name != "nt").create(place)
+    (packages / "others.pth").write_text(f"{sysconfig.get_path('purelib')}\n", encoding="utf-8")
+    for command in Path(sys.executable).parent.iterdir():  # flexaxis, and what tests call beside it
+        if not (binaries / command.name).exists():
+            shutil.copy2(command, binaries)
+    for name in FOLDERS:
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / name, packages / "flexaxis" / name, ignore=ignored)
+    return binaries / Path(sys.executable).name, packages / "flexaxis"
+
+
+def environment(place: Path, home: Path, compiled: Path) -> dict[str, str]:
     """The environment in which `flexaxis` is the copy; what is compiled is kept in a folder."""
     own = {
-        "PYTHONPATH": str(place),
+        "PYTHONPATH": str(home.parent),
         "PYTHONPYCACHEPREFIX": str(compiled / "pycache"),  # by path: no copy has that of another
         "NUMBA_CACHE_DIR": str(compiled),
         "XDG_CACHE_HOME": str(place / "home"),

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from flexaxis.sim.storage.files import atomic
+from flexaxis.sim.storage.atomic_files import atomic
 
 
 def write(path, text):
@@ -46,7 +46,7 @@ def test_a_name_as_long_as_names_may_be(tmp_path):
 
 HALF = """
 import sys, time
-from flexaxis.sim.storage.files import atomic
+from flexaxis.sim.storage.atomic_files import atomic
 with atomic(sys.argv[1]) as new:
     new.write_text("half")
     print("there", flush=True)
@@ -66,7 +66,7 @@ def test_what_a_killed_writer_left_goes_with_the_next_and_that_of_a_living_one_s
         writers[0].wait()
         assert len(os.listdir(tmp_path)) == 2
         run = (
-            "import sys; from flexaxis.sim.storage.files import atomic\n"
+            "import sys; from flexaxis.sim.storage.atomic_files import atomic\n"
             "with atomic(sys.argv[1]) as new:\n"
         )
         run += "    new.write_text('whole')"
@@ -93,7 +93,7 @@ def test_what_is_not_ours_or_of_another_machine_stays(tmp_path, name):
 
 def test_a_lock_comes_too_late_where_the_folder_was_cleared_before_it(tmp_path, monkeypatch):
     """Between the making of a folder and its lock another process may take it for a dead one."""
-    from flexaxis.sim.storage import files
+    from flexaxis.sim.storage import atomic_files as files
 
     locked, taken = files._locked, []
 
@@ -109,7 +109,7 @@ def test_a_lock_comes_too_late_where_the_folder_was_cleared_before_it(tmp_path, 
 
 
 def test_a_drive_without_locks_is_written_to_all_the_same(tmp_path, monkeypatch):
-    from flexaxis.sim.storage import files
+    from flexaxis.sim.storage import atomic_files as files
 
     def refuse(file, how):
         raise OSError(errno.ENOLCK, "No locks available")

@@ -13,7 +13,9 @@ from flexaxis.sim.plant import passive
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.simulate import simulate
-from flexaxis.sim.tables.friction import (
+from flexaxis.sim.tables.dry_friction import FrictionConfig, LuGreConfig
+from flexaxis.sim.tables.nonlinear import StiffeningConfig
+from flexaxis.sim.tables.smooth_friction import (
     COMPILED_LAWS,
     WIDTH,
     DirectionalFrictionConfig,
@@ -23,7 +25,6 @@ from flexaxis.sim.tables.friction import (
     PowerFrictionConfig,
     StaticFrictionConfig,
 )
-from flexaxis.sim.tables.nonlinear import FrictionConfig, LuGreConfig, StiffeningConfig
 
 from .motion import LUGRE, N1, T, distance, rates, solved, stepped, torque
 
