@@ -8,7 +8,7 @@ derivatives, and the compiled filters, for any choice of identified parameters.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -208,9 +208,27 @@ class Model:
         >>> lag.to_statespace({"f": 4.0}).poles().real
         array([-4.])
         """
-        from flexaxis.estimators.models.tables import to_statespace
-
-        return to_statespace(self, values or {})
+        try:
+            from control import ss
+        except ImportError as error:
+            raise EstimatorError(
+                "a control.StateSpace needs python-control, which is not installed: "
+                "pip install control"
+            ) from error
+        values = values or {}
+        for name in values:
+            if name not in self.parameters:
+                raise EstimatorError(
+                    f"model {self.name!r} has no parameter {name!r}: "
+                    + did_you_mean(name, self.parameters)
+                )
+        other = replace(self, nominal=dict(self.nominal) | dict(values))
+        chosen = other.parametrize(other.parameters[:1])
+        A, B, C = chosen.matrices(chosen.theta)
+        return ss(
+            A, B, C, np.zeros((1, 1)), inputs=["torque"], outputs=["speed"],
+            states=list(self.states), name=self.name.replace(", ", "-"),
+        )  # fmt: skip
 
     def parametrize(self, identify: Sequence[str] | None = None) -> "Parametrization":
         """
