@@ -15,12 +15,12 @@ import sys
 import time
 import traceback
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import BrokenExecutor
 from contextlib import nullcontext, suppress
+from dataclasses import replace
 from functools import partial
 from itertools import count
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -31,8 +31,7 @@ from flexaxis.estimators.protocol import theta_of
 from flexaxis.experiments.building import guest
 from flexaxis.experiments.building.code import remember
 from flexaxis.experiments.building.crashes import EstimatorCrash, described, is_its_own
-from flexaxis.experiments.building.imports import class_of, no_file
-from flexaxis.experiments.building.offer import keywords
+from flexaxis.experiments.building.imports import class_of
 from flexaxis.experiments.building.processes import Workers
 
 GRACE = 60.0  # s after its limit, in which it is told where it is, on a busy machine, too
@@ -119,11 +118,11 @@ class Away:
         self.spent += seconds
         return value
 
-    def __call__(self, maker: Call, text: str, options: Mapping[str, Any], *args: Any) -> Away:
-        """Return what a function of ours makes there of the class, as a `Spec`, and its options."""
-        made = Away(self._module, text, next(_numbers))
-        asked = made._what, maker, text, dict(options), *args
-        Away(self._module, text, self._what).there(_keep, *asked, doing="when it was made")
+    def __call__(self, maker: Call, spec: Any, *args: Any) -> Away:
+        """Return what a function of ours makes there of a `Spec`, whose class this is."""
+        made = Away(self._module, spec.text, next(_numbers))
+        asked = made._what, maker, replace(spec, make=None), *args
+        Away(self._module, spec.text, self._what).there(_keep, *asked, doing="when it was made")
         return made
 
     def step(self, u: float, y: float | None) -> Any:
@@ -140,24 +139,6 @@ class Away:
         return partial(self.there, _call, name) if kind == "method" else found
 
 
-def class_away(name: str) -> Away:
-    """Return the class of ``path/file.py:Class`` or ``package.module:Class``, in its process.
-
-    Raises
-    ------
-    EstimatorError
-        If there is none, or it cannot be made like an estimator.
-    """
-    module, _, attribute = name.rpartition(":")
-    if module.endswith(".py"):
-        if not Path(module).is_file():
-            raise no_file(Path(module))
-        module = str(Path(module).resolve())
-    found = Away(module, name, (module, name, attribute))
-    found.__signature__ = found.there(_signature, name)
-    return found
-
-
 def there(function: Call, estimator: Any, *args: Any) -> Any:
     """Return what a function gives of an estimator, called where the estimator is."""
     away = isinstance(estimator, Away)
@@ -171,9 +152,7 @@ _kept = OrderedDict[int, Any]()
 
 
 def _begin() -> None:
-    """Make this process that of a user's code; what is imported here is no part of its time."""
-    from flexaxis.experiments.building import estimator_text  # noqa: F401
-
+    """Make this process that of a user's code."""
     os.dup2(2, 1)
     guest.stay()
 
@@ -225,19 +204,10 @@ def _packed(content: Any) -> bytes:
     return file.getvalue()
 
 
-def _signature(found: Call, name: str) -> inspect.Signature:
-    """Return how a class is made."""
-    keywords(found, name)
-    known = inspect.signature(found).parameters.values()
-    return inspect.Signature([p.replace(annotation=p.empty) for p in known])
-
-
-def _keep(found: Call, number: int, maker: Call, text: str, options: Any, *args: Any) -> None:
+def _keep(found: Call, number: int, maker: Call, spec: Any, *args: Any) -> None:
     """Keep under a number what is made of a class and its options."""
-    from flexaxis.experiments.building.estimator_text import Spec
-
     threadpool_limits(1)  # wherever it is run, to the last bit the same
-    _kept[number] = maker(Spec(text, found, options), *args)
+    _kept[number] = maker(replace(spec, make=found), *args)
     if len(_kept) > KEPT:
         _kept.popitem(last=False)
 

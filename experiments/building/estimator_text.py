@@ -9,10 +9,12 @@ command line goes through `flexaxis.experiments.building.code` before it comes h
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,11 +22,11 @@ import numpy as np
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY, gone
-from flexaxis.experiments.building.away import Away, class_away
+from flexaxis.experiments.building.away import Away
 from flexaxis.experiments.building.code import PIPE, given, piped
 from flexaxis.experiments.building.crashes import user_code
 from flexaxis.experiments.building.guest import hosted, is_away, is_guest
-from flexaxis.experiments.building.imports import class_of, imported
+from flexaxis.experiments.building.imports import class_of, imported, no_file
 from flexaxis.experiments.building.offer import (
     Misfit,
     Nominal,
@@ -181,7 +183,7 @@ def made(
         If its constructor raises anything else.
     """
     if isinstance(spec.make, Away):
-        return spec.make(made, spec.text, spec.options, nominal, period, offered)
+        return spec.make(made, spec, nominal, period, offered)
     known = keywords(spec.make)
     given = {k: v for k, v in (offered or {}).items() if k in known} | dict(spec.options)
     _check_identify(spec)
@@ -256,7 +258,7 @@ def _find(name: str) -> Callable[..., Estimator]:
     module, colon, attribute = name.rpartition(":")
     if colon:
         _refuse_kind(name)
-        return class_away(name) if is_away(name) else class_of(module, name, attribute)
+        return _class_away(name) if is_away(name) else class_of(module, name, attribute)
     installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name in installed:
         return imported(name, installed[name].load)
@@ -266,6 +268,28 @@ def _find(name: str) -> Callable[..., Estimator]:
         f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis list` "
         "shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
     )
+
+
+def _class_away(name: str) -> Away:
+    """Return the class of ``path/file.py:Class`` or ``package.module:Class``, in its process."""
+    module, _, attribute = name.rpartition(":")
+    if module.endswith(".py"):
+        if not Path(module).is_file():
+            raise no_file(Path(module))
+        module = str(Path(module).resolve())
+    found = Away(module, name, (module, name, attribute))
+    found.__signature__ = found.there(_signature, name)
+    return found
+
+
+def _signature(found: Callable[..., Any], name: str) -> inspect.Signature:
+    """Return how a class is made.
+
+    It is what is asked first: so a new process has this module before it has a user's code.
+    """
+    keywords(found, name)
+    known = inspect.signature(found).parameters.values()
+    return inspect.Signature([p.replace(annotation=p.empty) for p in known])
 
 
 def _refuse_kind(name: str) -> None:

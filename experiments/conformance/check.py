@@ -67,7 +67,7 @@ def _subject(spec: Spec, store: RecordCache | None) -> Subject | Away:
         asked = scenario, records(scenario, [0], store)[0][0], store
         if not isinstance(spec.make, Away):
             return Subject(spec, *asked)
-        return spec.make(Subject, spec.text, spec.options, *asked)
+        return spec.make(Subject, spec, *asked)
     raise problems[0]
 
 
