@@ -18,6 +18,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue import card
 from flexaxis.experiments.catalogue import find as catalogue
 from flexaxis.experiments.catalogue.names import GROUPS as CATALOGUE
+from flexaxis.experiments.catalogue.names import suite_card
 from flexaxis.experiments.cli import GROUPS, commands, group_of, parser
 from flexaxis.experiments.scoring.score_definition import Score
 from flexaxis.experiments.scoring.score_table import SCORES
@@ -103,7 +104,7 @@ def scenario_page() -> str:
         ]
         head = f"## {group.capitalize()}: {CATALOGUE[group]}"
         parts += [head, table(["scenario", "expected", "content"], rows)]
-    suites = [[f"`{name}`", catalogue.suite_card(name)] for name in catalogue.suite_names()]
+    suites = [[f"`{name}`", suite_card(name)] for name in catalogue.suite_names()]
     return "\n\n".join([*parts, "## Suites", table(["suite", "what it is for"], suites)]) + "\n"
 
 

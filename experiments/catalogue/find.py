@@ -14,6 +14,7 @@ from flexaxis.experiments.catalogue.names import (
     DRAWN,
     HASHES,
     HOME,
+    SPREAD,
     hashes,
     is_path,
     scenario_names,
@@ -26,7 +27,6 @@ from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 from flexaxis.sim.scenario import Scenario, load_scenario, parse_scenario
 
 _hashes = cache(hashes)
-SPREAD = 3.0  # s, `onset_spread` of every -v2
 SCORED = 5.0  # s that each of them goes on at least after its last fault, wherever that is drawn
 
 
@@ -114,12 +114,6 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
             "None, which is off and changes no hash)"
         )
     return scenario
-
-
-def suite_card(name: str) -> str:
-    """Return what a suite is, in its own words."""
-    card: str = tomllib.loads(tomls("suites")[name].read_text(encoding="utf-8"))["card"]
-    return card
 
 
 def find_suite(name: str) -> Suite:

@@ -23,6 +23,7 @@ HOME = files("flexaxis.experiments.catalogue")
 HASHES = "hashes.toml"
 DRAWN = "-v2"
 """Ends the name of a scenario that is its -v1 with an onset that is drawn."""
+SPREAD = 3.0  # s, `onset_spread` of every -v2
 
 GROUPS = {
     "nominal": "nothing happens",
@@ -69,6 +70,12 @@ def scenario_names() -> list[str]:
 def suite_names() -> list[str]:
     """Return the names of the suites."""
     return list(tomls("suites"))
+
+
+def suite_card(name: str) -> str:
+    """Return what a suite is, in its own words."""
+    card: str = tomllib.loads(tomls("suites")[name].read_text(encoding="utf-8"))["card"]
+    return card
 
 
 def is_path(name: str) -> bool:
@@ -144,7 +151,6 @@ def _kept() -> dict[str, list[Line]]:
 
 def _made() -> dict[str, list[Line]]:
     from flexaxis.estimators.registry import REGISTRY
-    from flexaxis.experiments.catalogue.find import suite_card
 
     return {
         "scenarios": [_scenario(name) for name in scenario_names()],
@@ -159,13 +165,13 @@ def _made() -> dict[str, list[Line]]:
 @cache
 def _scenario(name: str) -> Line:
     from flexaxis.experiments.catalogue import card
-    from flexaxis.experiments.catalogue.find import SPREAD, find_scenario
+    from flexaxis.sim.scenario import parse_scenario
 
-    if name.endswith(DRAWN) and toml_of("scenarios", name) is None:
+    if (file := toml_of("scenarios", name)) is None:  # it is drawn
         first = _scenario(name.removesuffix(DRAWN) + "-v1")
         content = f"{first['content']}; {card.in_words_of_spread(SPREAD)}"
         return first | {"name": name, "content": content}
-    scenario = find_scenario(name)
+    scenario = parse_scenario(file.read_text(encoding="utf-8"), source=name)
     return {
         "name": name,
         "group": scenario.group or "",
