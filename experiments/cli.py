@@ -22,16 +22,19 @@ from typing import Any
 
 from flexaxis.experiments import commands as home
 from flexaxis.experiments.building.interrupts import leave, one_stage
-from flexaxis.experiments.commands.answers import add_json
+from flexaxis.experiments.commands.answers import (
+    CRASH,
+    FINE,
+    INTERRUPTED,
+    WRONG_USE,
+    add_json,
+    no_answer,
+    say,
+)
 from flexaxis.experiments.commands.words import Parser, check_words, complete
 from flexaxis.experiments.running.progress import told
-from flexaxis.experiments.streams import Stream, forgiving, is_text, visible
+from flexaxis.experiments.streams import Stream, forgiving, is_text
 from flexaxis.sim.storage.current_folder import without_its_style
-
-FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
-"""Exit status. A finding is what a command looks for: worse, a broken rule, a change, a case that
-failed. Wrong use is bad input or options; undecided is for `compare` alone. A crash is code that
-raised what it should not, ours or the user's, or a worker process that died: none of the others."""
 
 GROUPS = {
     "look": "look",
@@ -60,7 +63,6 @@ GONE = {
     "speed": "is now a script beside the docs: python docs/speed.py; docs/speed.md has its tables",
 }
 """Commands that are no more, and what to do."""
-LONGEST = 1000  # characters of a line of error; what somebody gave may be longer
 QUIET, VERBOSE = ("-q", "--quiet"), ("-v", "--verbose")
 
 
@@ -199,8 +201,6 @@ def _guarded(args: argparse.Namespace) -> int:
 
 def _ended(args: argparse.Namespace, status: int, text: str) -> int:
     """Say why a command found nothing, on stderr and to who reads JSON."""
-    from flexaxis.experiments.commands.answers import no_answer
-
     say(text)
     no_answer(args, status, text)
     return status
@@ -220,18 +220,6 @@ def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:
         traceback.print_exception(error)
         return _ended(args, CRASH, text)
     return _ended(args, CRASH, f"{text}; {TRACEBACK} shows more")
-
-
-def say(text: str) -> None:
-    """Print on stderr, each line after our name; what nobody reads of a long one is left out."""
-    for line in text.splitlines():
-        print(f"flexaxis: {_readable(line)}", file=sys.stderr)
-
-
-def _readable(line: str) -> str:
-    line = visible(line)
-    left_out, half = len(line) - LONGEST, LONGEST // 2
-    return f"{line[:half]} … {left_out} more … {line[-half:]}" if left_out > 0 else line
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""Where a command writes to, what numbers it takes, and what `--json` prints: one object on stdout.
+"""Where a command writes to, what numbers it takes, what it says on stderr, and its exit status.
 
-docs/json.md has its keys. It begins with the version of flexaxis, the name of the command, its exit
-status and the line that was typed; what the command found follows. Where a command cannot, `error`
-says why.
+`--json` prints one object on stdout, and docs/json.md has its keys. It begins with the version of
+flexaxis, the name of the command, its exit status and the line that was typed; what the command
+found follows. Where a command cannot, `error` says why.
 """
 
 from __future__ import annotations
@@ -17,6 +17,25 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.running.seeds import END
+from flexaxis.experiments.streams import visible
+
+FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
+"""Exit status. A finding is what a command looks for: worse, a broken rule, a change, a case that
+failed. Wrong use is bad input or options; undecided is for `compare` alone. A crash is code that
+raised what it should not, ours or the user's, or a worker process that died: none of the others."""
+LONGEST = 1000  # characters of a line of error; what somebody gave may be longer
+
+
+def say(text: str) -> None:
+    """Print on stderr, each line after our name; what nobody reads of a long one is left out."""
+    for line in text.splitlines():
+        print(f"flexaxis: {_readable(line)}", file=sys.stderr)
+
+
+def _readable(line: str) -> str:
+    line = visible(line)
+    left_out, half = len(line) - LONGEST, LONGEST // 2
+    return f"{line[:half]} … {left_out} more … {line[-half:]}" if left_out > 0 else line
 
 
 def add_json(parser: Any) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.cli import CRASH, FINDING, say
+from flexaxis.experiments.commands.answers import CRASH, FINDING, say
 from flexaxis.experiments.storage.files import NotRun, needed
 from flexaxis.sim.errors import FlexaxisError
 

@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 from flexaxis.experiments.building.code import code_file, names_code
 from flexaxis.experiments.catalogue.names import GROUPS, scenario_names, suite_names
+from flexaxis.experiments.commands.answers import WRONG_USE, refusal, too_large
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import STUDY, no_study
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
@@ -90,11 +91,9 @@ class Parser(argparse.ArgumentParser):
             message = message[: found.start()] + f"unknown {found[1]!r}.{hint}"
             message += "" if hint else f" It is one of: {', '.join(known)}"
         if "--json" in self._typed:
-            from flexaxis.experiments.commands.answers import refusal
-
             _, _, command = self.prog.partition(" ")
             words = [*([command] if command else []), *self._typed]
-            print(refusal(command or None, words, 2, message))
+            print(refusal(command or None, words, WRONG_USE, message))
         super().error(message)
 
 
@@ -108,7 +107,6 @@ def check_words(parser: argparse.ArgumentParser, args: argparse.Namespace) -> No
     """
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.commands import options
-    from flexaxis.experiments.commands.answers import too_large
 
     problems = [*too_large(parser, args)]
     if "jobs" in args:

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.cli import main, say
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.commands.answers import say
 
 HEAVY = {"mujoco", "matplotlib", "control", "scipy.stats", "scipy.signal", "jinja2"}
 

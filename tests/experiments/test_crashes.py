@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments import cli
 from flexaxis.experiments.building.estimator_text import build, parse
-from flexaxis.experiments.cli import CRASH, FINDING, WRONG_USE, main
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.commands import answers
+from flexaxis.experiments.commands.answers import CRASH, FINDING, WRONG_USE
 from flexaxis.experiments.demo.racer import Racer
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.track import track
@@ -203,7 +204,7 @@ def test_a_fault_of_our_own_is_a_crash_as_well(capsys, monkeypatch):
 
 
 def test_no_crash_looks_like_something_else():
-    statuses = {name: getattr(cli, name) for name in
+    statuses = {name: getattr(answers, name) for name in
                 ("FINE", "FINDING", "WRONG_USE", "UNDECIDED", "CRASH", "INTERRUPTED")}  # fmt: skip
     assert len(set(statuses.values())) == 6 and (CRASH, FINDING) == (70, 1)
     assert statuses["INTERRUPTED"] == 130

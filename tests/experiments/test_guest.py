@@ -12,7 +12,8 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import away
 from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.building.guest import hosted, limited
-from flexaxis.experiments.cli import CRASH, FINDING, main
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.commands.answers import CRASH, FINDING
 
 OWN = """\
 import os, pathlib, signal, sys, threading, time, numpy

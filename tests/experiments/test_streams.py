@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from flexaxis.experiments.cli import FINDING, FINE, WRONG_USE, _told, main, say
+from flexaxis.experiments.cli import _told, main
+from flexaxis.experiments.commands.answers import FINDING, FINE, WRONG_USE, say
 from flexaxis.experiments.streams import Stream, forgiving
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="these are streams of Unix")

@@ -18,8 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.cli import say
-from flexaxis.experiments.commands.answers import add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer, say
 
 HELP = "build a site of entries: who is ahead, on each track"
 

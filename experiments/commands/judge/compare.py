@@ -27,9 +27,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_output, answer, at_most
+from flexaxis.experiments.commands.answers import add_output, answer, at_most, say
 from flexaxis.experiments.running.seeds import MOST, parse_seeds
 from flexaxis.experiments.storage.files import SUMMARY, spare
 from flexaxis.sim.errors import FlexaxisError

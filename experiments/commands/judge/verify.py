@@ -22,9 +22,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.building.code import add_run_code
-from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_output, answer, at_most
+from flexaxis.experiments.commands.answers import UNDECIDED, add_output, answer, at_most, say
 from flexaxis.experiments.storage.files import STUDY, spare, write_json
 from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
     from flexaxis.experiments.board.verification import Check, Verification
 
 HELP = "verify an entry of a board: run its code where it can do no harm, and compare"
-UNDECIDED = 3
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

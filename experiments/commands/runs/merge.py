@@ -11,8 +11,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.cli import FINDING, FINE, say
-from flexaxis.experiments.commands.answers import add_output, answer
+from flexaxis.experiments.commands.answers import FINDING, FINE, add_output, answer, say
 from flexaxis.experiments.storage.files import spare
 
 HELP = "put the shares of a run or a study together"
