@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,8 +13,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.results.results import Results, Rows, frame
 from flexaxis.experiments.running.study import is_option
+from flexaxis.experiments.scoring.score_definition import Kind
 from flexaxis.experiments.storage.files import StudyError, needed, new_file, write_rows, writing
 from flexaxis.experiments.storage.schema import COLUMNS, STORED, as_text, axis_kind, nested, told
 from flexaxis.sim.storage.netcdf import add, new_netcdf
@@ -21,7 +22,9 @@ from flexaxis.sim.storage.netcdf import add, new_netcdf
 if TYPE_CHECKING:
     import xarray
 
+    from flexaxis.experiments.results.results import Results
 
+_TYPES = {"text": object, "truth": "boolean", "integer": "Int64", "number": float}
 MEANING = {
     "scenario": "scenario before the sweep",
     "estimator": "text that builds the estimator, swept options included",
@@ -133,6 +136,16 @@ def _values(column: str, values: Sequence[Any]) -> NDArray[Any]:
     return np.array(values, int if kind == "integer" else float)
 
 
+def frame(part: Mapping[str, list[Any]], kinds: Mapping[str, Kind]) -> pd.DataFrame:
+    """Return columns of Python values as those of pandas."""
+    found = {}
+    for name, kind in kinds.items():
+        values = part.get(name, [])
+        texts = [as_text(value) for value in values] if kind == "text" else values
+        found[name] = pd.array(texts, dtype=_TYPES[kind])  # type: ignore[call-overload]
+    return pd.DataFrame(found)
+
+
 def export_csv(results: Results, target: Path) -> int:
     """Write a CSV file with a header; what is not defined is empty. Return the number of rows.
 
@@ -168,7 +181,7 @@ def export_jsonl(results: Results, target: Path) -> int:
     OutputError
         If it cannot be written.
     """
-    return write_rows(target, map(nested, Rows(results, STORED)))
+    return write_rows(target, map(nested, replace(results.rows, columns=STORED)))
 
 
 def export_parquet(results: Results, target: Path) -> int:

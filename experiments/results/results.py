@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from flexaxis.experiments.results.export import cube_of, frame
 from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped, middle, place_of
 from flexaxis.experiments.results.source import ALL, Condition, Source, asked, having
 from flexaxis.experiments.running.folder import read_study
@@ -19,7 +20,7 @@ from flexaxis.experiments.running.study import find_point, is_option
 from flexaxis.experiments.scoring.score_definition import Kind
 from flexaxis.experiments.scoring.summary import POOLED
 from flexaxis.experiments.storage.files import StudyError
-from flexaxis.experiments.storage.schema import CASE, COLUMNS, as_text, axis_kind
+from flexaxis.experiments.storage.schema import CASE, COLUMNS, axis_kind
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     import xarray
 
 Line = dict[str, Any]
-_TYPES = {"text": object, "truth": "boolean", "integer": "Int64", "number": float}
 
 
 @dataclass(frozen=True)
@@ -285,8 +285,6 @@ class Results:
         StudyError
             If xarray is not installed.
         """
-        from flexaxis.experiments.results.export import cube_of
-
         return cube_of(self).to_xarray()
 
     def parts(self, columns: Sequence[str] = ()) -> Iterator[dict[str, list[Any]]]:
@@ -317,13 +315,3 @@ class Rows:
     def __len__(self) -> int:
         """Return their number."""
         return len(self.results)
-
-
-def frame(part: Mapping[str, list[Any]], kinds: Mapping[str, Kind]) -> pd.DataFrame:
-    """Return columns of Python values as those of pandas."""
-    found = {}
-    for name, kind in kinds.items():
-        values = part.get(name, [])
-        texts = [as_text(value) for value in values] if kind == "text" else values
-        found[name] = pd.array(texts, dtype=_TYPES[kind])  # type: ignore[call-overload]
-    return pd.DataFrame(found)
