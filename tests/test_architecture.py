@@ -2,6 +2,7 @@
 
 import ast
 import re
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -25,9 +26,13 @@ KNOW_MUJOCO = {
 FILES = sorted(f for folder in MAY_IMPORT for f in (ROOT / folder).rglob("*.py"))
 
 
-def imported(path: Path) -> set[str]:
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def imported(path: Path, *, types: bool = True) -> set[str]:
+    """Return what is imported, inside functions too; without types, not what is for these alone."""
+    names, tree = set(), ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING" and not types:
+            node.body = []
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -62,6 +67,37 @@ def test_the_check_sees_a_wrong_arrow(tmp_path):
     wrong = tmp_path / "wrong.py"
     wrong.write_text("from flexaxis.sim.plant.plant import Plant\n")
     assert {n.split(".")[1] for n in imported(wrong)} == {"sim"}
+
+
+def circle(files: list[Path], root: Path) -> None:
+    """Raise a CycleError where modules import each other in a circle, in functions or not."""
+    modules = {
+        ".".join(("flexaxis", *f.relative_to(root).with_suffix("").parts)).removesuffix(
+            ".__init__"
+        ): f
+        for f in files
+    }
+    TopologicalSorter(
+        {
+            name: {n if n in modules else n.rpartition(".")[0] for n in imported(f, types=False)}
+            & modules.keys() - {name}
+            for name, f in modules.items()
+        }
+    ).prepare()
+
+
+def test_no_modules_import_each_other():
+    circle(FILES, ROOT)
+
+
+def test_a_circle_is_seen_inside_functions_but_not_of_types(tmp_path):
+    one, other = tmp_path / "one.py", tmp_path / "other.py"
+    one.write_text("from flexaxis.other import x\n")
+    other.write_text("if TYPE_CHECKING:\n    from flexaxis.one import x\n")
+    circle([one, other], tmp_path)
+    other.write_text("def f():\n    from flexaxis.one import x\n")
+    with pytest.raises(CycleError):
+        circle([one, other], tmp_path)
 
 
 # The way of the data through experiments/: each folder imports from those before it in its line
