@@ -190,7 +190,8 @@ class PipeEstimator:
             self._wait([self._back], [])
             part = os.read(self._back, len(view) - got)
             if not part:
-                raise self._silent(f"{what} (it wrote {got} of {len(view)} bytes)")
+                said = f", {bytes(view[:got])[:32]!r}" if got else ""
+                raise self._silent(f"{what} (it wrote {got} of {len(view)} bytes{said})")
             view[got : got + len(part)] = part
             got += len(part)
 

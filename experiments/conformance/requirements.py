@@ -58,6 +58,7 @@ Seen = tuple[bool | None, str]
 
 GAP = slice(1200, 1300)
 CUTS = (700, 1400, 2100)
+FAR = 0.25  # share of nominal; who is farther off than most faults, shifted or not, has other ills
 MOVES = 1e-9  # share of nominal; an estimator that moves less than this is frozen
 
 
@@ -218,6 +219,8 @@ def _shift_hurts(subject: Subject) -> Seen:
     late = subject.error(subject.run(u=np.r_[0.0, subject.u[:-1]]))
     early = subject.error(subject.run(u=np.r_[subject.u[1:], 0.0]))
     seen = f"error {_percent(right)}, {_percent(late)} with u late, {_percent(early)} early"
+    if min(right, late, early) > FAR:
+        return None, f"{seen}: look at model, units and the order of names first"
     return right < min(late, early) / 1.5, seen
 
 

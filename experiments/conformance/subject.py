@@ -71,7 +71,8 @@ class Subject:
         """Return the largest difference of two runs, as a share of nominal."""
         with np.errstate(invalid="ignore", over="ignore"):
             gap = np.abs(one - other) / self.nominal
-        return float(np.max(np.where(one == other, 0.0, gap), initial=0.0))
+        same = (one == other) | (np.isnan(one) & np.isnan(other))  # `finite` judges what is not
+        return float(np.max(np.where(same, 0.0, gap), initial=0.0))
 
     def error(self, theta: Array) -> float:
         """Return the rms error before the fault, as a share of nominal, over all parameters.

@@ -23,7 +23,7 @@ from flexaxis.experiments.running.case import case_id, followed, track_of
 from flexaxis.experiments.running.estimate import run_on
 from flexaxis.experiments.scoring.parameter_names import known_names
 from flexaxis.experiments.scoring.score_table import SCORES
-from flexaxis.experiments.scoring.summary import scored
+from flexaxis.experiments.scoring.summary import columns_of, pool_columns, scored
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
 from flexaxis.sim.scenario import Scenario
@@ -152,7 +152,7 @@ def score(
     *,
     options: Mapping[str, Any] | None = None,
 ) -> ShownTable:
-    """Return the scores of an estimate, a line a parameter, as `benchmark` has them.
+    """Return the scores of an estimate, a line a parameter, as `benchmark` has them of one seed.
 
     Parameters
     ----------
@@ -243,4 +243,7 @@ _UNITS: Mapping[str, str] = {
 
 
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in row.items() if key != "cost"}
+    """Return a row as a table shows it: a std about the mean, which in a row is about zero."""
+    row = {key: value for key, value in row.items() if key != "cost"}
+    about_mean = pool_columns(columns_of([row]), ["std", "std_after"])
+    return row | {name: about_mean[name] for name in ("std", "std_after")}

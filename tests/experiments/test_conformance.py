@@ -211,6 +211,23 @@ def test_each_rule_catches_its_mistake(name, rule, store):
     assert rule in broken(f"{Path(__file__)}:{name}", store)
 
 
+class Thousandfold(Base):
+    """In another unit, and so wrong by far, with a shift or without."""
+
+    def step(self, u, y):
+        return [1e3 * super().step(u, y)[0]]
+
+
+def test_who_is_wrong_by_far_is_not_said_to_be_shifted(store):
+    found = check(parse(f"{Path(__file__)}:Thousandfold"), store=store)
+    shift = next(finding for finding in found if finding.rule == "a shift of u hurts")
+    assert shift.holds is None and "units" in shift.seen
+
+
+def test_what_is_not_finite_in_each_run_is_not_said_to_be_random(store):
+    assert "deterministic" not in broken(f"{Path(__file__)}:NotFinite", store)
+
+
 @pytest.mark.slow
 def test_a_slow_step_is_caught(store):
     assert "cost" in broken(f"{Path(__file__)}:Slow", store)

@@ -122,11 +122,14 @@ def test_a_run_is_that_of_the_simulation(short):
 def test_scores_are_those_of_a_benchmark(short, estimator):
     record = fx.simulate(short, seed=1000)
     scores = fx.score(fx.estimate(record, estimator))
-    rows = list(fx.benchmark(estimator, scenarios=short, seeds=1).rows)
+    found = fx.benchmark(estimator, scenarios=short, seeds=1)
+    rows, pooled = list(found.rows), list(found.scores())
     assert len(scores) == len(rows) > 0
-    for one, row in zip(scores, rows, strict=True):
-        shared = {"lag", "std", "bias", "cross_talk", "nees", "nis", "excess", "diverged"}
+    for one, row, line in zip(scores, rows, pooled, strict=True):
+        shared = {"lag", "bias", "cross_talk", "nees", "nis", "excess", "diverged"}
         assert {key: one.get(key) for key in shared} == {key: row.get(key) for key in shared}
+        for name in ("std", "std_after"):  # about the mean, as of many runs
+            assert one[name] == line[name] and (row[name] is None or one[name] <= row[name])
 
 
 def test_an_estimate_shows_itself(short):
