@@ -42,10 +42,12 @@ ASKED: Mapping[str, tuple[re.Pattern[str], str]] = {
     "licence": (_LICENCE, "an SPDX name, such as MIT or Apache-2.0, or proprietary"),
     "contact": (_CONTACT, "an address of mail, or one that begins with https://"),
     "description": (re.compile(r"(?s).{10,600}"), "a sentence or two, 10 to 600 characters"),
-    "install": (re.compile(r".{2,300}"), "the line that installs what it needs"),
+    "install": (re.compile(r".{2,300}"), "the line that installs what it needs, if anything"),
     "tuned_on": (_SEEDS, "the seeds that were looked at while tuning, such as 0:100, or none"),
 }
 """What an entry is asked to say of itself, and how it is written."""
+NEEDS_NOTHING = "nothing besides flexaxis"
+"""What `install` says where it is empty or left out."""
 
 
 class EntryError(FlexaxisError):
@@ -95,6 +97,8 @@ def about_from(file: Path | None, given: Mapping[str, Any], usual: Mapping[str, 
 
 def checked(table: Mapping[str, Any], *, also: list[str] | None = None) -> About:
     """Return a table as what an entry says of itself; errors as from `about_from`."""
+    if table.get("install") in (None, ""):
+        table = {**table, "install": NEEDS_NOTHING}
     problems = [*(also or ()), *(text for key in ASKED if (text := _problem(key, table.get(key))))]
     if problems:
         raise EntryError(*problems)
@@ -235,6 +239,14 @@ def read(folder: Path) -> BoardEntry:
     """
     text = read_text(folder / ENTRY, EntryError)
     content = json_value(text, source=str(folder / ENTRY), refuse=EntryError)
+    entry = formed(folder, content)
+    if problems := list(_of_files(folder, content)):
+        raise EntryError(*(f"{folder}: {problem}" for problem in problems))
+    return entry
+
+
+def formed(folder: Path, content: Mapping[str, Any]) -> BoardEntry:
+    """Return what stands in entry.json as an entry; EntryError if it is of the wrong form."""
     try:
         entry = BoardEntry(**content, folder=folder)
     except (TypeError, ValidationError) as error:
@@ -245,8 +257,6 @@ def read(folder: Path) -> BoardEntry:
     turns = {str(turn) for line in entry.turns.values() for turn in line}
     if entry.knob and turns - entry.knob.keys():
         raise EntryError(f"{folder / ENTRY}: knob: lacks turns that were run")
-    if problems := list(_of_files(folder, content)):
-        raise EntryError(*(f"{folder}: {problem}" for problem in problems))
     return entry
 
 

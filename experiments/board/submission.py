@@ -6,13 +6,15 @@ import os
 import platform
 import shlex
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import chdir
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import chdir, suppress
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.compiler import gathers
 from flexaxis.experiments.board.entry import (
     CODE,
     ENTRY,
@@ -20,6 +22,7 @@ from flexaxis.experiments.board.entry import (
     About,
     BoardEntry,
     EntryError,
+    formed,
     read,
     seal,
 )
@@ -31,13 +34,16 @@ from flexaxis.experiments.building.code import (
     imported_neighbours,
     piped,
 )
-from flexaxis.experiments.building.ready import readable
+from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.building.ready import readable, ready
 from flexaxis.experiments.comparison.ranking import CONTROLS
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.scoring.windows import windows
 from flexaxis.experiments.storage.files import dumps, make_folder, write_text, writing
 from flexaxis.experiments.studies.knobs import knob_of
 from flexaxis.experiments.studies.sweep import FACTORS, reference, settings, sweep
+from flexaxis.sim.scenario import Scenario
 
 LARGEST = 2_000_000  # bytes of a file of code: many times what anyone writes by hand
 RUN = "run"
@@ -86,16 +92,14 @@ def submit(
     text = bring(estimator, folder)
     with chdir(folder):
         scenarios, left_out = readable(board.scenarios, [text])
+        left_out |= _blind(text, Board(board.name, tuple(scenarios), board.seeds).faults)
         for name, reason in left_out.items():
             say(f"{name} is left out, and counts as doing nothing: {reason}")
-        mine = Board(board.name, tuple(scenarios), board.seeds)
+        rest = tuple(scenario for scenario in scenarios if scenario.name not in left_out)
+        mine = Board(board.name, rest, board.seeds)
         turns, rows = _run(text, mine, means or Means())
         knob, code = knob_of(text), digest(text)
     every = {turn for line in turns.values() for turn in line}
-    write_text(folder / ROWS, "".join(dumps(row) + "\n" for row in rows))
-    shutil.rmtree(folder / RUN)
-    for path in list(folder.rglob("__pycache__")):
-        shutil.rmtree(path)
     content: dict[str, Any] = {
         "about": asdict(about),
         "estimator": text,
@@ -107,6 +111,11 @@ def submit(
         "environment": environment() | ({"code": code} if code else {}),
         "command": command,
     }
+    formed(folder, content | {"digest": ""})  # while there is something to go on with
+    write_text(folder / ROWS, "".join(dumps(row) + "\n" for row in rows))
+    shutil.rmtree(folder / RUN)
+    for path in list(folder.rglob("__pycache__")):
+        shutil.rmtree(path)
     seal(folder, content)
     return read(folder)
 
@@ -126,6 +135,18 @@ def _check_may(estimator: str, folder: Path, resume: bool) -> None:
             f"{folder} is not empty: add --resume to go on with what was run there, or choose "
             "another folder with -o"
         )
+
+
+def _blind(text: str, faults: Sequence[Scenario]) -> dict[str, str]:
+    """Return why there is no lag to take on some faults, by name: nothing estimated changes."""
+    found = {}
+    for scenario in faults:
+        with gathers(), suppress(EstimatorError):  # told where it is to be run
+            names = ready(parse(text), scenario).names
+            if not any(window.D > 0 for window in windows(scenario, names)):
+                what = f"{text} estimates {', '.join(names)}, of which nothing changes in"
+                found[scenario.name] = f"{what} {scenario.name}"
+    return found
 
 
 def _run(

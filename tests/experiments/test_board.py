@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexaxis.experiments.board import submission
 from flexaxis.experiments.board.entry import (
     ENTRY,
     ROWS,
@@ -37,7 +38,7 @@ from flexaxis.experiments.board.site import (
     newest,
     write_site,
 )
-from flexaxis.experiments.board.submission import bring
+from flexaxis.experiments.board.submission import bring, submit
 from flexaxis.experiments.board.verification import Ask, of_form, verify_entry
 from flexaxis.experiments.building.code import CodeRefused
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -46,7 +47,7 @@ from flexaxis.experiments.comparison.mismatch import TRACKS, track_of
 from flexaxis.experiments.studies.sweep import reference
 
 sys.path.insert(0, str(Path(__file__).parent))
-from boards import ABOUT, HONEST, MEANS, SMALL, entered
+from boards import ABOUT, HONEST, MEANS, SMALL, WIDE, about, entered
 
 HASH = "e513a0234f91abaa"
 NASTY = "<script>alert(1)</script> & <img src=http://x.example/y>"
@@ -89,7 +90,7 @@ def test_all_that_is_missing_is_told_at_once(tmp_path):
         about_from(file, {"version": "1"}, {})
     text = "\n".join(caught.value.problems)
     for part in ("license: unknown. Did you mean 'licence'?", "name: 'no good'", "licence: missing",
-                 "contact: missing", "install: missing", "kept for reporting"):  # fmt: skip
+                 "contact: missing", "description: missing", "kept for reporting"):  # fmt: skip
         assert part in text
     assert "version" not in text
 
@@ -136,6 +137,59 @@ def test_code_of_programs_comes_along_and_nothing_from_elsewhere(tmp_path, monke
 def test_what_is_there_is_not_written_over(entry):
     with pytest.raises(EntryError, match="holds a finished entry"):
         entered(entry.folder, "rpem-forgetting")
+
+
+FRICTION = """
+class Friction:
+    names, output, knob = ("f_m",), "speed", {1: {"gain": 0.01}, 2: {"gain": 0.02}}
+
+    def __init__(self, nominal, period, *, gain=0.01):
+        self.gain, self.found = gain, nominal["f_m"]
+
+    def step(self, u, y):
+        self.found *= 1 + 0.001 * self.gain * (-1) ** (y is None or y > 0)
+        return [self.found]
+"""
+"""An estimator with a knob that does not know k_T."""
+
+
+def test_a_fault_of_which_nothing_is_estimated_is_left_out(tmp_path):
+    (tmp_path / "mine.py").write_text(FRICTION)
+    said = []
+    entry = submit(f"{tmp_path}/mine.py:Friction", tmp_path / "entry", about(), WIDE, MEANS,
+                   say=said.append)  # fmt: skip
+    why = "code/mine.py:Friction estimates f_m, of which nothing changes in kt_step-v1"
+    assert entry.left_out == {"kt_step-v1": why}
+    assert said == [f"kt_step-v1 is left out, and counts as doing nothing: {why}"]
+    assert entry.turns == {"load-v1": [1.0], "fm_step-v1": [1.0, 2.0]}
+    _, verdict = of_form(entry.folder, WIDE)
+    assert verdict.holds
+    own = own_of(entry, WIDE, reference_rows(WIDE, MEANS))
+    (there,) = own.at_excess
+    assert there["scenario"] == "fm_step-v1"
+    both = [there | {"estimator": "both 1", "scenario": s.name} for s in WIDE.faults]
+    places = standings({entry.label: own, "both 1": replace(own, at_excess=both)}, WIDE)
+    value = {place["label"]: place["value"] for place in places["nominal"]["places"]}
+    assert value[entry.label] == pytest.approx(value["both 1"] / 2)
+
+
+def test_what_was_run_stays_until_its_entry_is_right(tmp_path, monkeypatch):
+    """Else the line with `--resume` had nothing to go on with, and met a finished entry."""
+    monkeypatch.setattr(submission, "environment", lambda: {"cores": 2})
+    with pytest.raises(EntryError, match=r"environment\.cores"):
+        entered(tmp_path / "entry", "rpem-forgetting")
+    assert not (tmp_path / "entry" / ENTRY).exists()
+    monkeypatch.undo()
+    heard: list[object] = []
+    means = replace(MEANS, advance=heard.append)
+    entry = submit("rpem-forgetting", tmp_path / "entry", about(), SMALL, means, resume=True)
+    assert of_form(entry.folder, SMALL)[1].holds and not heard
+
+
+@pytest.mark.parametrize("given", [{}, {"install": ""}])
+def test_who_needs_nothing_says_nothing(given):
+    table = {key: text for key, text in ABOUT.items() if key != "install"}
+    assert checked(table | given).install == "nothing besides flexaxis"
 
 
 @pytest.mark.parametrize("control", ["oracle-reset", "frozen"])

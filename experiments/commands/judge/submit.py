@@ -7,13 +7,14 @@ show board-v2` lists them. Knobs are turned as for `flexaxis tradeoff`, for a bo
 equal noise.
 
 What is asked may stand in a file for --about: name, version, licence, contact, description,
-install, tuned_on. Everything that is missing is told at once. --quick takes five seeds, for trying:
-such an entry is marked, and a board ranks it only with --quick. --resume goes on after Ctrl-C.
+install (where it needs something), tuned_on. Everything that is missing is told at once. --quick
+takes five seeds, for trying: such an entry is marked, and a board ranks it only with --quick.
+--resume goes on after Ctrl-C.
 
 example:
   flexaxis submit glr -o entry --quick --name glr --licence Apache-2.0 \
            --contact https://example.org --description 'The one that jumps, as shipped.' \
-           --install 'nothing besides flexaxis' --tuned-on 0:100
+           --tuned-on 0:100
   flexaxis submit my_estimator.py:Mine -o entry --about entry.toml
   flexaxis verify entry --run-code
   flexaxis board entry other-entry -o site
@@ -49,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "licence": "an SPDX name, such as MIT",
         "contact": "an address of mail, or https://…",
         "description": "a sentence or two",
-        "install": "the line that installs what it needs besides flexaxis",
+        "install": "the line that installs what it needs besides flexaxis (default: nothing)",
         "tuned-on": "seeds that were looked at while tuning, such as 0:100, or none",
     }
     for name, text in words.items():
@@ -94,7 +95,6 @@ def _about(args: argparse.Namespace) -> About:
     if args.estimator in REGISTRY:
         usual |= {
             "name": args.estimator,
-            "install": "nothing besides flexaxis",
             "description": REGISTRY[args.estimator].summary,
         }
     return about_from(args.about, given, usual)
