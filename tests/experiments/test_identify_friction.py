@@ -14,6 +14,7 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.identification.validate import Fit, validate
 from flexaxis.experiments.logs.identification.verdict import _bounds, _restless
+from flexaxis.experiments.logs.pages.identify_page import content, units
 from flexaxis.experiments.logs.track import track
 
 F_C = 10 * VALUES[1]["f_m"]
@@ -118,6 +119,48 @@ def test_a_law_at_its_bound_and_a_fit_that_moves_on_are_said(found):
     moving = replace(found.best, fitted=replace(found.best.fitted, converged=False))
     assert any("did not converge" in each.text for each in _restless(moving))
     assert not [*_bounds(found.best), *_restless(found.best)]
+
+
+@pytest.fixture(scope="module")
+def stiff():
+    """Two masses on a spring so stiff that friction of the one is as that of the other."""
+    with pytest.MonkeyPatch.context() as patch:
+        values = {"J_m": 5e-3, "J_l": 25e-3, "k": 375.0, "d": 0.19, "f_m": 0.0125, "f_l": 0.0125}
+        patch.setitem(VALUES, 2, {"k_T": 1.0} | values)
+        return identify(
+            log(2, 0, "moves", seed=0, seconds=20.0), find_axis("two_mass"), friction="none"
+        )
+
+
+@pytest.mark.slow
+def test_where_a_log_tells_a_sum_only_that_is_said_and_what_to_type(stiff):
+    values = dict(zip(stiff.names, stiff.theta, strict=True))
+    assert values["f_m"] + values["f_l"] == pytest.approx(0.025, rel=0.05)
+    (said,) = [each.text for each in stiff.findings if "sum" in each.text]
+    assert "cannot see f_m" in said and said.endswith("give --fix f_m=0, and read f_l as the sum")
+    assert f"f_m + f_l = {values['f_m'] + values['f_l']:.3g}" in said
+    setup, z = stiff.best.setup, stiff.best.fitted.z.copy()
+    places = [stiff.names.index(name) for name in ("J_m", "f_m")]
+    z[places] = setup.problem().lower[places]
+    stuck = replace(stiff.best, fitted=replace(stiff.best.fitted, z=z))
+    of_sum, alone = [each.text for each in _bounds(stuck)]
+    assert of_sum.startswith("f_m: at the bound") and "--fix f_m=0, and read f_l" in of_sum
+    assert alone.startswith("J_m: at the bound") and "--fix J_m=VALUE" in alone
+    # there is no axis without a mass, also where the log tells the sum of two only
+    covariance = stuck.fitted.covariance.copy()
+    J = [stiff.names.index(name) for name in ("J_m", "J_l")]
+    covariance[np.ix_(J, J)] = 1e-12 * np.array([[1, -1], [-1, 1]])
+    heavy = replace(stuck, fitted=replace(stuck.fitted, covariance=covariance))
+    assert not any("J_m + J_l" in each.text for each in _bounds(heavy))
+
+
+def test_the_units_of_values_are_said(found):
+    assert units(found).startswith("SI, if a torque of 1, as read, is 1 N m; give")
+    assert "is 1 N; give" in units(replace(found, linear=True))
+    assert units(replace(found, torque_unit="kNm")) == "SI"  # it was read in N m
+    known = replace(found, torque_unit="A", axis=found.axis.having({"k_T": 0.6}))
+    assert units(known) == "SI, if a torque of 1 A, as read, is 0.6 N m"
+    assert content(found, None)["units"] == units(found)
 
 
 @pytest.mark.slow

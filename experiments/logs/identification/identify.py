@@ -75,6 +75,8 @@ class Identification:
     findings : tuple of Finding
     torque_unit : str
         As the log has it; empty where nobody said it.
+    linear : bool
+        Whether the axis goes straight, and its torque is a force.
     """
 
     axis: Axis
@@ -89,6 +91,7 @@ class Identification:
     tried: tuple[Tried, ...]
     findings: tuple[Finding, ...]
     torque_unit: str = ""
+    linear: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -244,6 +247,7 @@ def _found(
             judged(taken, best, deviations, candidates=candidates, fit=fit, asked=asked)
         ),
         torque_unit=record.versions.get("torque_unit", ""),
+        linear=record.versions.get("motion") == "linear",
     )
 
 

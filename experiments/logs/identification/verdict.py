@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.descent import CONVERGED
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.identification.candidates import WHITENED, Candidate
@@ -18,6 +20,7 @@ Array = NDArray[np.float64]
 
 BLIND = 0.5  # relative standard deviation from which on a parameter counts as not seen
 LEVEL = "f_c"  # of dry friction: what a law is about, where its other parameters are its shape
+APART = 0.99  # negative correlation from which on two count as not told apart
 EARLY = 3.0  # standard deviations beyond the least delay that there can be
 HALF = 0.5  # samples: least delay of a measured torque, the mean over the sample before
 
@@ -75,8 +78,10 @@ def _blind(best: Candidate, deviations: Array) -> Iterator[Finding]:
         for name, value, sd in zip(names, best.fitted.z, deviations, strict=False)
         if sd >= BLIND * abs(value) and name not in shapes
     ]
-    most = 2 * len(unseen) > len(names)
+    most, said = 2 * len(unseen) > len(names), set[str]()
     for name, value, sd in unseen:
+        if name in said:
+            continue
         known = f"known to ±{100 * sd / abs(value):.0f} %" if sd < abs(value) else "it may be 0"
         if name == LEVEL:
             text = (
@@ -84,10 +89,12 @@ def _blind(best: Candidate, deviations: Array) -> Iterator[Finding]:
                 "--friction none, or a longer log with slow and fast motion"
             )
         else:
-            text = (
-                f"the excitation cannot see {name}: {known}; fix it with --fix "
-                f"{name}=VALUE, or excite what it acts on"
-            )
+            other = _summed(best, name)
+            said.add(other)
+            remedy = f"fix it with --fix {name}=VALUE, or excite what it acts on"
+            if other:
+                remedy = _only(best, name, other)
+            text = f"the excitation cannot see {name}: {known}; {remedy}"
         yield Finding("problem" if most or not value else "note", text)
 
 
@@ -101,6 +108,11 @@ def _bounds(best: Candidate) -> Iterator[Finding]:
             "use --friction none, or a longer log with slow and fast motion",
         )
     linear = [name for name in stuck if name not in (*shapes, LEVEL)]
+    sums = {name: other for name in linear if (other := _summed(best, name))}
+    for name, other in sums.items():
+        text = f"{name}: at the bound of the search; {_only(best, name, other)}"
+        yield Finding("problem", text)
+    linear = [name for name in linear if name not in sums]
     if linear:
         yield Finding(
             "problem",
@@ -114,6 +126,39 @@ def _bounds(best: Candidate) -> Iterator[Finding]:
             f"{', '.join(shapes)}: at the limit of the law, which is a simpler law; the value "
             "means no more than that",
         )
+
+
+def _summed(best: Candidate, name: str) -> str:
+    """Return of which other parameter a log tells the sum with one only; empty if of none.
+
+    Where the fit ended the one goes up as the other goes down, by as much, and their sum is sure.
+    """
+    names, covariance = best.setup.names, best.fitted.covariance
+    i, z = names.index(name), best.fitted.z
+    for j, other in enumerate(names):
+        var, both, its = covariance[i, i], covariance[i, j], covariance[j, j]
+        if other in best.stuck or not var > 0 or not both < -APART * np.sqrt(var * its):
+            continue
+        sure = np.sqrt(max(its - both**2 / var, 0.0)) < BLIND * abs(z[i] + z[j])
+        if sure and abs(both / var + 1) < 1 - APART and _may_vanish(best, name):
+            return other
+    return ""
+
+
+def _only(best: Candidate, name: str, other: str) -> str:
+    """Return in words that a log tells the sum of two only, and what to type."""
+    values = best.setup.values(best.fitted)
+    return (
+        f"the log does not tell it from {other}, but their sum, {name} + {other} = "
+        f"{values[name] + values[other]:.3g}: give --fix {name}=0, and read {other} as the sum"
+    )
+
+
+def _may_vanish(best: Candidate, name: str) -> bool:
+    """Return whether there is such a model without a parameter, as there is none without a mass."""
+    with suppress(EstimatorError):
+        return bool(best.setup.having({name: 0.0}))
+    return False
 
 
 def _restless(best: Candidate) -> Iterator[Finding]:

@@ -34,6 +34,7 @@ def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
     every = findings(found, tried)
     told: dict[str, Any] = {
         "estimates": {n: {"value": value, "sd": sd} for n, (value, sd) in found.estimates.items()},
+        "units": units(found),
         "fit": found.fit,
         "friction": found.friction,
         "compared": [vars(each) for each in found.tried],
@@ -69,10 +70,20 @@ def facts(found: Identification, tried: Validation | None) -> list[tuple[str, st
     return [("law of friction", found.friction), ("fit", found.best.name), *told]
 
 
+def units(found: Identification) -> str:
+    """Return in which units the parameters are: a log tells ratios to k_T only."""
+    unit, k_T = found.torque_unit, found.axis.model.nominal.get("k_T")
+    if unit not in {"", "1", "A", "V"} and k_T in {None, 1.0}:  # it was read in N m, or N
+        return "SI"
+    one = f"1 {unit}" if unit in {"A", "V"} else "1"
+    text = f"SI, if a torque of {one}, as read, is {k_T or 1.0:g} {'N' if found.linear else 'N m'}"
+    return f"{text}; give what it is by --fix k_T=VALUE" if k_T == 1 else text
+
+
 def print_identification(found: Identification, tried: Validation | None) -> None:
     """Print it."""
     show(("parameter", "estimate", "± sd", "[%]"), _rows(found))
-    for what, text in facts(found, tried):
+    for what, text in [("units", units(found)), *facts(found, tried)]:
         print(f"{what}: {text}")
     tell(findings(found, tried))
 
