@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -75,9 +75,17 @@ def texts_of(found: Sequence[Finding], *kinds: Kind) -> list[str]:
     return [each.text for each in found if each.kind in kinds]
 
 
+def lightened(checks: Iterable[Finding], met: Collection[str]) -> tuple[Finding, ...]:
+    """Return findings in which problems are notes that, by their names, the next command meets."""
+    return tuple(
+        replace(each, kind="note") if each.kind == "problem" and each.name in met else each
+        for each in checks
+    )
+
+
 def problems_of(checks: Sequence[Finding], *, met: Collection[str] = ()) -> list[str]:
     """Return a sentence for each problem but those, by their names, that the command meets."""
-    problems = (each for each in checks if each.kind == "problem" and each.name not in met)
+    problems = (each for each in lightened(checks, met) if each.kind == "problem")
     return [f"{each.name}: {each.sentence}" for each in problems]
 
 

@@ -149,7 +149,19 @@ def test_dry_friction(coulomb, tmp_path):
     u = shaken(10.0)
     angle = moved(u, coulomb=coulomb) + 1e-6 * np.random.default_rng(2).standard_normal(len(u))
     doubt = seen(imported(tmp_path, log(u, angle)), "dry friction")
-    assert doubt.kind == "problem" and "--friction auto" in doubt.command
+    assert doubt.kind == "problem" and not doubt.command
+    assert "identify looks for it by itself, unless --friction none" in doubt.text
+
+
+def test_dry_friction_spoils_no_import(tmp_path, capsys):
+    """`identify` looks for it: it is to be known, and no reason for a status."""
+    u = shaken(10.0)
+    angle = moved(u, coulomb=0.2) + 1e-6 * np.random.default_rng(2).standard_normal(len(u))
+    imported(tmp_path, log(u, angle))
+    line = ["import", str(tmp_path / "log.h5"), "--strict", "--unit", "angle=rad"]
+    assert main([*line, "--torque-is", "held"]) == 0
+    said = capsys.readouterr().out
+    assert "! dry friction: " in said and "--friction auto" not in said
 
 
 def test_what_is_stated_of_a_torque_is_believed_but_doubted(tmp_path):

@@ -125,10 +125,11 @@ def dry_friction(e: Evidence) -> Finding | None:
             f", and the motor stands still under torque {stands:.0f} % of the time"
             * (stands > OFTEN)
         )
-        + ". A model without dry friction takes it for viscous friction, and f_m comes out too high"
+        + ". A model without dry friction takes it for viscous friction, and f_m comes out too "
+        "high; identify looks for it by itself, unless --friction none is given"
     )
     kind: Kind = "problem" if percent >= MUCH or stands >= OFTEN else "note"
-    return Finding(kind, text, name, percent, unit, "flexaxis identify … --friction auto")
+    return Finding(kind, text, name, percent, unit)
 
 
 def signs_of(
