@@ -188,6 +188,23 @@ def test_wrong_use_is_told(trended, more, said):
     assert "Traceback" not in err
 
 
+def test_a_covariate_that_there_is_not_is_told_before_anything_is_estimated(days, tmp_path, capsys):
+    line = words([days], days / "axis.toml", tmp_path / "new")
+    assert main([*line, "--covariate", "tem"]) == 2
+    said = capsys.readouterr().err
+    assert "--covariate tem: no log has it as a column. Did you mean 'temp'?" in said
+    assert "such as 2026-05-01.csv" in said and not (tmp_path / "new").exists()
+
+
+def test_of_logs_that_cannot_be_read_the_first_is_named(tmp_path, capsys):
+    alike(tmp_path)
+    for path in tmp_path.glob("*.csv"):
+        path.write_text(path.read_text().replace("torque [Nm]", "I"))
+    (tmp_path / "axis.toml").write_text(AXIS)
+    assert main(words([tmp_path], tmp_path / "axis.toml", tmp_path / "t")) == 2
+    assert "2026-05-01.csv: " in capsys.readouterr().err
+
+
 def test_it_does_not_write_among_the_logs(trended, days, tmp_path):
     status, _, err = trended(output=days)
     assert status == 2

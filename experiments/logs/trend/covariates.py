@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.files import labels
+from flexaxis.experiments.logs.reading.log import open_log
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.storage.reading import read_text
 
@@ -120,17 +122,38 @@ def covariates_of(rows: Sequence[Mapping[str, Any]], given: Sequence[str]) -> di
     for name, values in found.items():
         there = values[np.isfinite(values)]
         if not len(there):
-            raise LogError(
-                f"--covariate {name}: no log has it as a column.{did_you_mean(name, known)} There "
-                f"are {', '.join(known)}; or give a CSV, log,temp, with a line for each log and "
-                f"its name in the first column, such as {rows[0]['log']}"
-            )
+            raise _missing(name, known, rows[0]["log"])
         if np.ptp(there) == 0:
             raise LogError(
                 f"--covariate {name}: is {there[0]:g} in all logs and explains nothing; leave it "
                 "out"
             )
     return found
+
+
+def check_columns(logs: Sequence[Path], given: Sequence[str]) -> None:
+    """Raise a LogError, as `covariates_of` would, if no log has a column by its head.
+
+    A log that cannot be read has none.
+    """
+    for name in given:
+        heads = list[tuple[str, ...]]()
+        for path in logs if not name.lower().endswith(".csv") else ():
+            with suppress(LogError):
+                heads.append(open_log(path).names)
+            if heads and name in heads[-1]:
+                break
+        else:
+            if heads:
+                raise _missing(name, sorted(heads[0]), labels(logs)[logs[0]])
+
+
+def _missing(name: str, known: Sequence[str], log: str) -> LogError:
+    return LogError(
+        f"--covariate {name}: no log has it as a column.{did_you_mean(name, known)} There "
+        f"are {', '.join(known)}; or give a CSV, log,temp, with a line for each log and "
+        f"its name in the first column, such as {log}"
+    )
 
 
 def _from_file(path: Path, rows: Sequence[Mapping[str, Any]]) -> dict[str, Array]:

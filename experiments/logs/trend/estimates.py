@@ -107,7 +107,7 @@ def plan_for(logs: Sequence[Path], axis: Axis, source: Source, names: Sequence[s
     ------
     LogError
         If a name is of a parameter that is zero, or none of the first `TRIES` can be used, as of
-        the last of them.
+        the first of them.
     """
     for name in names:
         if not axis.model.nominal[name]:
@@ -116,15 +116,15 @@ def plan_for(logs: Sequence[Path], axis: Axis, source: Source, names: Sequence[s
                 f"value of about its size in the axis, or leave it out"
             )
     candidates = [n for n in axis.model.parameters if n not in GIVEN and axis.model.nominal[n]]
-    problem: FlexaxisError | EstimatorError = LogError("there are no logs")
+    problem: FlexaxisError | EstimatorError | None = None
     for path in logs[:TRIES]:
         try:
             record = source.read(path)
             chosen = tuple(dict.fromkeys(names)) or seen(record, axis, candidates)
             return Plan(axis, chosen, replace(source, torque=record.versions.get("torque", "")))
         except (FlexaxisError, EstimatorError) as error:
-            problem = error
-    raise problem
+            problem = problem or error
+    raise problem or LogError("there are no logs")
 
 
 def estimate_all(

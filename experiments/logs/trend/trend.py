@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import find_logs
-from flexaxis.experiments.logs.trend.covariates import Clock, clock, covariates_of
+from flexaxis.experiments.logs.trend.covariates import Clock, check_columns, clock, covariates_of
 from flexaxis.experiments.logs.trend.estimates import (
     Source,
     check_folder,
@@ -88,7 +88,7 @@ def trend_of(
     Raises
     ------
     LogError
-        If there are no logs, or too few of them.
+        If there are no logs, or too few of them, or none has the column of a covariate.
     """
     axis.check_known()
     axis.having(dict.fromkeys(free, 1.0))  # raises for unknown names
@@ -96,6 +96,7 @@ def trend_of(
     logs, fewest = find_logs(given), fewest_logs(len(covariates))
     if len(logs) < fewest:
         raise LogError(f"{len(logs)} logs; a trend needs {fewest}")
+    check_columns(logs, covariates)
     plan = plan_for(logs, axis, source, free)
     with progress(f"{len(logs)} logs", len(logs)) as advance:
         rows = estimate_all(plan, logs, folder, jobs=jobs, advance=advance)
