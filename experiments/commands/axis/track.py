@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="append",
         required=True,
         metavar="PARAMETER",
-        help="parameter to track, or its inverse, such as 1/J_l; repeat for several",
+        help="parameter to track, or its inverse, such as 1/J_l; several: 1/J_l,k, or repeat it",
     )
     parser.add_argument(
         "--estimator",
