@@ -103,7 +103,7 @@ def tell(found: Iterable[Finding]) -> None:
     for each in found:
         style = "yellow" if each.kind == "problem" else None
         text = f"{MARKS[each.kind]} {visible(each.text)}"
-        console.print(text, style=style, markup=False, soft_wrap=True)
+        console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
 
 
 def show(heads: Sequence[str], rows: Iterable[Any]) -> None:
