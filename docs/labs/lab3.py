@@ -13,7 +13,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
 SEEDS = range(1000, 1006)
-LAMBDAS = (0.98, 0.99, 0.995, 0.998)
+LAMBDAS = (0.98, 0.99, 0.995, 0.999)
 names, T, sigma = ("k_T", "1/J_a", "f_m"), 0.005, 0.1
 scenario = find_scenario("fm_step-v1").override(
     {"name": "lab3", "duration": 40.0, "fault[0].at": 30.0}
@@ -47,6 +47,7 @@ for forgetting in LAMBDAS:
 # %% Side by side
 # Question 1: by which factor does the deviation change when the memory is halved?
 # Question 2: the lag is longer than the memory T/(1 - lambda) says. Which assumption fails?
+# (Not at 0.999: the lag is taken over 5 s after the fault, and doing nothing has a lag of 5 s.)
 print("lambda   std theory   std measured   lag [s]   T/(1-lambda) [s]")
 for forgetting, theory, measured, lag in rows:
     print(
@@ -60,7 +61,8 @@ plt.ylabel("lag after it [s]")
 plt.show()
 
 # %% Check
-ratio = measured[2] / theory[2]
+at = LAMBDAS.index(0.995)
+ratio = measured[at] / theory[at]
 print(f"check: at lambda 0.995 the measured deviation is {ratio:.2f} of theory")
 assert 0.85 < ratio < 1.2
 assert np.all(np.diff(lag) > 0) and np.all(np.diff(measured) < 0), "speed has its price"
