@@ -12,7 +12,7 @@ from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import LOST, ScoreRows, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.storage.files import SUMMARY, OutputError, json_table
+from flexaxis.experiments.storage.files import STUDY, SUMMARY, OutputError, json_table
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
@@ -101,6 +101,11 @@ def _load(folder: Path) -> tuple[dict[str, Any], Results]:
         len(results)  # damaged rows are found here
         return summary, results
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        if (folder / STUDY).is_file() and json_table(folder / STUDY, OutputError).get("axes"):
+            raise OutputError(
+                f"{folder} is a study: runs are compared, or two estimators on a scenario, as in "
+                "`flexaxis compare --base A --candidate B FILE.toml` (docs/studies.md)"
+            ) from error
         raise OutputError(
             f"{folder} holds no complete result (rows and {SUMMARY} are needed): {error}"
         ) from error

@@ -9,7 +9,7 @@ from flexaxis.experiments.gate.report import write
 from flexaxis.experiments.gate.stored import compare_runs
 from flexaxis.experiments.gate.wording import headline, meaning
 from flexaxis.experiments.scoring.score_table import MARGINS
-from flexaxis.experiments.storage.files import SUMMARY
+from flexaxis.experiments.storage.files import STUDY, SUMMARY
 from flexaxis.sim.errors import FlexaxisError
 
 
@@ -175,3 +175,12 @@ def test_who_is_better_where_both_ran_and_lacks_the_rest_is_not_better(kept):
     old, new = kept("old", of_many()), kept("new", quick)
     assert compare_runs(old, new, MARGINS).verdict == "undecided"
     assert compare_runs(new, old, MARGINS).verdict == "worse"
+
+
+def test_a_study_is_told_from_a_run(folders):
+    (folders[1] / SUMMARY).unlink()
+    with pytest.raises(FlexaxisError, match="no complete result"):
+        compare_runs(*folders, MARGINS)
+    (folders[1] / STUDY).write_text(json.dumps({"axes": ["fault[0].factor"]}))
+    with pytest.raises(FlexaxisError, match=r"new is a study: .*flexaxis compare --base"):
+        compare_runs(*folders, MARGINS)
