@@ -158,29 +158,6 @@ def unseen_shift(n: ArrayLike, alpha: ArrayLike, far: float) -> Any:
         return far * np.expm1(-np.log(alpha) / np.asarray(n, float))
 
 
-def seeds_for_ratio(found: LogRatios, level: float, margin: float) -> int | None:
-    """Return how many seeds would decide, if mean and deviation stay what they are now.
-
-    The interval must lie beyond the margin, or within ± the margin, wherever the mean lies. None
-    if more than 4000 or if it cannot be said.
-    """
-    gap = abs(abs(found.mean) - margin)
-    if found.n < 2:
-        return None
-    return first_above(lambda n: half_width(found.sd, n, level) < gap, found.n)
-
-
-def seeds_for_unseen(mean: float, alpha: float, far: float) -> int:
-    """Return the number of runs from which on a mean is more than what was not seen can shift.
-
-    Examples
-    --------
-    >>> seeds_for_unseen(0.05, 0.01, 0.5)
-    49
-    """
-    return math.floor(-math.log(alpha) / math.log1p(abs(mean) / far)) + 1
-
-
 def first_above(decided: Callable[[int], bool], start: int) -> int | None:
     """Return the smallest n above `start` that decides, by doubling and then halving."""
     low, high = start, start + 1

@@ -9,7 +9,7 @@ would praise an estimator for losing the hard ones: so they are counted, over al
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -127,20 +127,37 @@ def decide(ratios: Array, family: Family, *, alpha: float = ALPHA) -> Decision:
     level = np.empty_like(p)
     for share, mine in (("scores", ~family.guards), ("guards", family.guards)):
         level[:, mine] = statistics.holm_levels(p[:, mine], SHARES[share] * alpha)
+    found = judged(n, family, alpha, mean=mean, sd=sd, p=p, level=level)
+    far = _far(ratios, n, found.high < -family.margins, family)
+    words = np.where(far & (found.words == BETTER), UNDECIDED, found.words)
+    return replace(found, far=far, words=words)
+
+
+def judged(
+    n: NDArray[np.int64],
+    family: Family,
+    alpha: float,
+    *,
+    mean: Array,
+    sd: Array,
+    p: Array,
+    level: Array,
+) -> Decision:
+    """Return what is said of so many runs with a mean and deviation, were none of them far."""
     half = statistics.half_width(sd, n, level)
     low, high = mean - half, mean + half
     way = np.where(low > 0, 1, np.where(high < 0, -1, 0))
     support, choices = _support(way, n, family)
     beyond = (low > family.margins) | (high < -family.margins)
     few = beyond & (np.abs(mean) <= statistics.unseen_shift(support, alpha / choices, UNSEEN))
-    far = _far(ratios, n, beyond & (way < 0), family)
-    said = beyond & ~few & ~far
+    said = beyond & ~few
     inside = (low > -family.margins) & (high < family.margins)
     said_words = [WORSE, BETTER, SLIGHT, SAME]
     words = np.select([said & (way > 0), said, inside & (way != 0), inside], said_words, UNDECIDED)
     words = np.where(family.guards & (words != WORSE), SILENT, words)
     p = np.where(np.isnan(p), 1.0, p)
-    return Decision(n, mean, sd, p, level, low, high, support, choices, few, far, words)
+    none = np.zeros_like(few)
+    return Decision(n, mean, sd, p, level, low, high, support, choices, few, none, words)
 
 
 def _support(

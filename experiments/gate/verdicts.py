@@ -215,13 +215,19 @@ def _judge_scores(
     for row, score in zip(ratios[0], scores, strict=True):
         row[: len(score.seeds)] = score.changes
     found = decide.decide(ratios, family, alpha=alpha)
-    return [_score(item, found, i, margins[item.metric], alpha) for i, item in enumerate(scores)]
+    return [
+        _score(item, found, i, family, margins[item.metric], alpha=alpha)
+        for i, item in enumerate(scores)
+    ]
 
 
-def _score(item: Pairs, found: Decision, i: int, margin: float, alpha: float) -> Verdict:
+def _score(
+    item: Pairs, found: Decision, i: int, family: Family, margin: float, *, alpha: float
+) -> Verdict:
     word, few, far = str(found.words[0, i]), found.few[0, i], found.far[0, i]
     n, mean = int(found.n[0, i]), float(found.mean[0, i])
-    needed = _seeds_needed(found, i, margin, alpha) if word == UNDECIDED and not far else None
+    open_ = word == UNDECIDED and not far
+    needed = _seeds_needed(found, i, family, alpha) if open_ else None
     said = _share if item.scale is None else lambda share: float(share * (item.scale or 0.0))
     interval = (said(found.low[0, i]), said(found.high[0, i])) if n > 1 else None
     worst = int(np.argmax(np.where(item.both, item.changes, -np.inf)))
@@ -259,15 +265,22 @@ def _enough(found: Decision, i: int, alpha: float) -> float:
     return math.copysign(shift, found.mean[0, i])
 
 
-def _seeds_needed(found: Decision, i: int, margin: float, alpha: float) -> int | None:
-    n, mean, sd, level = (float(a[0, i]) for a in (found.n, found.mean, found.sd, found.level))
-    if found.few[0, i]:  # the runs that show it grow with the seeds
-        share = alpha / float(found.choices[0, i])
-        wanted = statistics.seeds_for_unseen(mean, share, UNSEEN)
-        return math.ceil(wanted * n / float(found.support[0, i]))
-    return statistics.seeds_for_ratio(
-        statistics.LogRatios(int(n), mean, sd), level, math.log1p(margin)
-    )
+def _seeds_needed(found: Decision, i: int, family: Family, alpha: float) -> int | None:
+    """Return from how many pairs on score i would be decided, at mean, deviation, level of now.
+
+    All scores have so many times more pairs then, and are judged as ever: the interval must be
+    narrow enough, and what was not seen too rare. Other metrics have no say in that.
+    """
+    mine = np.flatnonzero(family.metrics == family.metrics[i])
+    alike = Family(family.scenarios[mine], family.metrics[mine], family.margins[mine])
+    known = {key: getattr(found, key)[:, mine] for key in ("mean", "sd", "p", "level")}
+    now, own, place = found.n[:, mine], int(found.n[0, i]), mine.tolist().index(i)
+
+    def decided(n: int) -> bool:
+        then = decide.judged(now * n // own, alike, alpha, **known)
+        return bool(then.words[0, place] != UNDECIDED)
+
+    return statistics.first_above(decided, own) if own > 1 else None
 
 
 def _share(log_ratio: float) -> float:

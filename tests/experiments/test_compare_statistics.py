@@ -12,8 +12,6 @@ from flexaxis.experiments.comparison.statistics import (
     half_width,
     holm_levels,
     log_ratio,
-    seeds_for_ratio,
-    seeds_for_unseen,
     sign_p,
     summary,
     t_p,
@@ -46,7 +44,6 @@ def test_scores_of_zero_compare():
 def test_one_pair_decides_nothing():
     found = paired(np.ones(1), np.full(1, 2.0))
     assert found.p == 1 and half_width(found.sd, found.n, 0.01) == np.inf
-    assert seeds_for_ratio(found, 0.01, 0.02) is None
 
 
 def textbook_holm(p, alpha):
@@ -129,20 +126,3 @@ def test_what_was_not_seen_shifts_the_mean_to_zero_at_most(n):
     share = 1 - 0.01 ** (1 / n)
     assert (1 - share) ** n == pytest.approx(0.01)
     assert (1 - share) * unseen_shift(n, 0.01, 0.5) == pytest.approx(share * 0.5)
-
-
-@pytest.mark.parametrize("mean", [0.05, 0.3, 1.2])
-def test_the_number_of_runs_is_the_first_that_leaves_no_doubt(mean):
-    n = seeds_for_unseen(mean, 0.01, 0.5)
-    assert unseen_shift(n, 0.01, 0.5) < mean <= unseen_shift(n - 1, 0.01, 0.5)
-
-
-@pytest.mark.parametrize(("mean", "sd"), [(0.05, 0.06), (0.004, 0.03), (-0.05, 0.06)])
-def test_the_number_of_seeds_is_the_first_that_decides(mean, sd):
-    n = seeds_for_ratio(LogRatios(8, mean, sd), 0.001, 0.02)
-    gap = abs(abs(mean) - 0.02)  # beyond the margin, or within it, with the whole interval
-    assert half_width(sd, n, 0.001) < gap <= half_width(sd, n - 1, 0.001)
-
-
-def test_seeds_that_no_one_has():
-    assert seeds_for_ratio(LogRatios(8, 0.02, 0.5), 0.001, 0.02) is None

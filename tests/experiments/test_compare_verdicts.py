@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexaxis.experiments.comparison.statistics import half_width
 from flexaxis.experiments.gate.gate import Comparison, Question, compare
 from flexaxis.experiments.gate.pairs import pair, parse_margins, table
 from flexaxis.experiments.gate.report import markdown, write
@@ -76,6 +77,34 @@ def test_the_number_of_seeds_leaves_no_doubt():
     two = [row | {"scenario": name} for name in "st" for row in base]
     found = verdicts(two, [row | {"lag": 0.95} for row in two])["lag"]
     assert (found.verdict, found.seeds_needed) == ("undecided", 24)  # both say so
+
+
+def test_the_number_of_seeds_reckons_with_what_fails_rarely():
+    """Of 12 % at 3.5 % spread Student's t is soon sure; ln(1/.01)/ln(1 + .12/.5) = 21.4 runs."""
+    base = [row | {"lag": 1.0} for row in rows(spread=0.0, seeds=4)]
+    slower = [row | {"lag": np.exp(0.12 + 0.03 * (-1) ** row["seed"])} for row in base]
+    found = verdicts(base, slower)["lag"]
+    assert (found.verdict, found.reason, found.seeds_needed) == ("undecided", "", 22)
+    two = [[row | {"scenario": name} for name in "st" for row in side] for side in (base, slower)]
+    assert verdicts(*two)["lag"].seeds_needed == 11  # both will say so
+
+
+@pytest.mark.parametrize(("mean", "sd"), [(0.6, 0.5), (0.004, 0.03), (-0.6, 0.5)])
+def test_the_number_of_seeds_is_the_first_whose_interval_decides(mean, sd):
+    base = [row | {"lag": 1.0} for row in rows(spread=0.0)]
+    off = [row | {"lag": np.exp(mean + sd * (-1) ** row["seed"])} for row in base]
+    n = verdicts(base, off)["lag"].seeds_needed
+    gap = abs(abs(mean) - np.log1p(MARGINS["lag"]))  # beyond the margin, or within it, all of it
+    within = [half_width(sd * np.sqrt(8 / 7), k, 0.005) < gap for k in (n - 1, n)]
+    assert within == [False, True]
+
+
+def test_seeds_that_no_one_has():
+    base = [row | {"lag": 1.0} for row in rows(spread=0.0)]
+    for change, sd, seeds in ((0.0198, 0.5, 8), (0.3, 0.0, 1)):
+        off = [row | {"lag": np.exp(change + sd * (-1) ** row["seed"])} for row in base[:seeds]]
+        found = verdicts(base[:seeds], off)["lag"]
+        assert (found.verdict, found.seeds_needed) == ("undecided", None)
 
 
 def test_a_far_run_is_named():
