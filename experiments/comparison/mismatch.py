@@ -11,7 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.comparison.ranking import CONTROLS, REFERENCE, by_fault, leaders
+from flexaxis.experiments.comparison.ranking import (
+    CONTROLS,
+    REFERENCE,
+    by_fault,
+    leaders,
+    too_few,
+)
 from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.parameter_names import known_names, nominal_theta, theta_over_time
 from flexaxis.experiments.scoring.true_model import known_structure
@@ -98,9 +104,10 @@ def mismatch_in_words(
         quiet = [row for row in _quiet(rows_of) if _key(row) not in wrong]
         wins.update(leaders({row["estimator"]: row["values"]["lag"] for row in quiet}))
     told = ", ".join(f"{name} in {number} of {len(faults)}" for name, number in wins.most_common())
+    told = told or too_few(mine) or "nobody"
     text = (
         f"Shortest lag, or not to be told from it on these seeds, with at most {UNEQUAL:g} times "
-        f"the deviation of {REFERENCE} in the parameter that changes: {told or 'nobody'}"
+        f"the deviation of {REFERENCE} in the parameter that changes: {told}"
     )
     passed = dict.fromkeys(row["estimator"] for row in mine if _key(row) in wrong)
     if passed:

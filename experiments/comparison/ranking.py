@@ -43,8 +43,7 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     Any two are compared on the seeds that both have, and the best is who is behind the fewest: no
     mean over seeds of its own makes anybody the best. The best is found on the same seeds, so that
     any pair might be the one that is compared: k estimators share the level as all k(k−1)/2 pairs
-    would (Bonferroni over the choice of the best, Holm over the rest). With fewer than five seeds
-    nobody can be told apart.
+    would (Bonferroni over the choice of the best, Holm over the rest).
 
     Parameters
     ----------
@@ -56,13 +55,13 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     Returns
     -------
     list of str
-        The best first.
+        The best first; empty where nobody has the five seeds that it takes to be told apart.
     """
     sign = -1 if most else 1
     given = {name: sign * np.array(each, float) for name, each in values.items()}
     order = sorted(given, key=lambda name: _place(given, name))
     if not order or np.sum(~np.isnan(given[order[0]])) < LEAST:
-        return order
+        return []
     best, others = order[0], order[1:]
     apart = [difference(given[name], given[best]) for name in others]
     levels = holm_levels([each.p for each in apart], 2 * LEVEL / len(order))
@@ -196,17 +195,23 @@ def answers(rows: Sequence[Row], words: Mapping[str, str]) -> list[str]:
         order = sorted(_compete(mine), key=lambda row: row["lag"])
         if len(order) > 1:
             what = f"{scenario} ({words[scenario]})"
-            if _few(order):
+            if few := too_few(order):
                 each = ", ".join(map(_lag, order))
-                found.append(f"{what}: too few seeds to rank; lags of {parameter}: {each}.")
+                found.append(f"{what}: {few}; lags of {parameter}: {each}.")
                 continue
             found.append(f"{what}: {_answer(order, parameter)}{_one_sided(mine)}")
     return found
 
 
-def _few(rows: Sequence[Row]) -> bool:
-    """Return whether there are fewer seeds than an interval, and so a ranking, takes."""
-    return max(len(row["values"]["lag"]) for row in rows) < LEAST
+def too_few(rows: Iterable[Row]) -> str:
+    """Return in words that there are fewer seeds than an interval, and so a ranking, takes.
+
+    Empty where there are enough, or no rows with a lag.
+    """
+    lags = [np.array(row["values"]["lag"], float) for row in rows if row["values"].get("lag")]
+    seeds = max((int(np.sum(~np.isnan(lag))) for lag in lags), default=LEAST)
+    are = "seed is" if seeds == 1 else "seeds are"
+    return f"{seeds} {are} too few to rank: from {LEAST} on" if seeds < LEAST else ""
 
 
 def _answer(order: list[Row], parameter: str) -> str:
@@ -257,8 +262,8 @@ def in_words(rows: Sequence[Row]) -> list[str]:
     for fault, mine in by_fault(rows).items():
         order = sorted(mine, key=lambda row: row["lag"])
         text = f"{fault[0]}: "
-        if _few(mine):
-            text += f"too few seeds to rank; lags of {fault[1]}: {', '.join(map(_set, order))}"
+        if few := too_few(mine):
+            text += f"{few}; lags of {fault[1]}: {', '.join(map(_set, order))}"
         else:
             text += _as_set(order, fault[1])
         for row in order:

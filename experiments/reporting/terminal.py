@@ -13,7 +13,7 @@ from rich.table import Table
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.comparison.mismatch import misled
-from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST
+from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, too_few
 from flexaxis.experiments.reporting.tables import Table as Page
 from flexaxis.experiments.reporting.tables import number, pair, settled
 from flexaxis.experiments.scoring import pooling
@@ -237,7 +237,9 @@ def equal_noise_table(
     matched, overall : sequence of mapping
         As from a `flexaxis.experiments.studies.sweep.Sweep`, and from `comparison.ranking.overall`.
     """
-    table = Table(box=None, padding=(0, 1, 0, 0), caption=EQUAL, caption_justify="left")
+    few = too_few(matched)
+    caption = EQUAL.format(few or BEST)
+    table = Table(box=None, padding=(0, 1, 0, 0), caption=caption, caption_justify="left")
     table.add_column("estimator", overflow="fold")
     for heading in (r"lag \[s]", "95 %", "×bound", "after %", "false"):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -247,7 +249,7 @@ def equal_noise_table(
         for row in sorted(mine, key=lambda r: r["lag"] or math.inf):
             values = (row["over_bound"], row["std_after"], row["false_alarms_per_1000_s"])
             table.add_row(
-                ("* " if row["leads"] else "  ") + _called(row["estimator"]),
+                ("* " if row["leads"] and not few else "  ") + _called(row["estimator"]),
                 AT_MOST.get(row["how"], "") + number(row["lag"]),
                 pair(row["lag_interval"]),
                 *(number(value, 2) for value in values),
@@ -256,14 +258,16 @@ def equal_noise_table(
         table.add_row("[bold]score at equal excess error[/]")
     for row in overall:
         sign = AT_LEAST.get(row["how"], "")
-        name = ("* " if row["leads"] else "  ") + _called(row["estimator"])
+        name = ("* " if row["leads"] and not few else "  ") + _called(row["estimator"])
         table.add_row(name, f"{sign}{row['score']:.0f}", pair(row["score_interval"]))
     return table
 
 
+BEST = "*: the best, and those that paired seeds cannot tell from it"
+
 EQUAL = """\
 lag where the std of θ before the fault is that of rpem-forgetting at its default
-*: the best, and those that paired seeds cannot tell from it
+{}
 ≤, ≥: quieter, or noisier, than that at every setting of its knob
 after: std in the last 2 s of the window; false: false alarms in 1000 s"""
 

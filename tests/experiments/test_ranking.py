@@ -13,9 +13,11 @@ from flexaxis.experiments.comparison.ranking import (
     leaders,
     mark,
     overall,
+    too_few,
     worse,
 )
 from flexaxis.experiments.reporting.styles import style
+from flexaxis.experiments.scoring.intervals import LEAST
 
 RECORD = np.random.default_rng(0).standard_normal(16)
 """What the record does to every estimator alike."""
@@ -60,8 +62,20 @@ def test_the_whole_set_is_compared_not_only_the_second():
     assert leaders(lags) == ["a", "c"]  # c is behind b, but cannot be told from a
 
 
-def test_with_fewer_than_five_seeds_nobody_is_told_apart():
-    assert leaders({"a": [0.0] * 4, "b": [9.0, 9.1, 9.0, 9.2]}) == ["a", "b"]
+def test_with_fewer_than_five_seeds_nobody_leads_and_it_is_said():
+    a, b = [0.0] * LEAST, [9.0, 9.1, 9.0, 9.2, 9.1]
+    assert leaders({"a": a, "b": b}) == ["a"]
+    gone = [None, *b[1:]]
+    for few in ({"a": a[1:], "b": b[1:]}, {"a": [None, *a[1:]], "b": gone}, {"a": a[1:]}):
+        assert leaders(few) == leaders(few, most=True) == []
+        rows = [match(name, 1.0) | {"values": {"lag": lags}} for name, lags in few.items()]
+        assert too_few(rows) == f"4 seeds are too few to rank: from {LEAST} on"
+        assert not any(row["leads"] for row in mark(rows))
+        scored = [match(name, 1.0, score=1.0) for name in few]
+        scored = [row | {"values": {"score": a[1:]}} for row in scored]
+        assert not any(row["leads"] for row in overall(scored))
+    assert not too_few([{"values": {"lag": a}}, {"values": {"lag": gone}}])
+    assert too_few([{"values": {"lag": [0.0]}}]).startswith("1 seed is too few to rank: ")
 
 
 def test_a_seed_that_one_has_not_is_left_out_of_its_pairs_and_no_others():
@@ -206,13 +220,15 @@ def test_few_seeds_rank_nobody_and_who_was_lost_is_no_tie():
     (text,) = in_words([at("one", 0.2), at("other", 0.22, lost=1)])
     assert "cannot tell" not in text and "other 0.22 s at 0.3 % is slower" in text
     (text,) = in_words([at("one", 0.2, n=3), at("other", 85.0, n=3, lost=1)])
-    assert text.startswith("s: too few seeds to rank; lags of f_m: one 0.2 s at 0.3 %, other 85 s")
+    assert text.startswith(
+        "s: 3 seeds are too few to rank: from 5 on; lags of f_m: one 0.2 s at 0.3 %, other 85 s"
+    )
     assert "cannot tell" not in text and "Of 3 runs of other, 1 lost" in text
     rows = [match("mine", 0.2), match("yours", 0.4)]
     for each in rows:
         each["values"]["lag"] = each["values"]["lag"][:4]
     (text,) = answers(mark(rows), {"s": "f_m +50 %"})
-    assert "too few seeds to rank; lags of f_m: mine 0.2 s" in text and "shortest" not in text
+    assert "too few to rank: from 5 on; lags of f_m: mine 0.2 s" in text and "shortest" not in text
 
 
 def test_who_was_wrong_by_half_the_fault_before_it_is_not_crowned():
@@ -225,6 +241,9 @@ def test_who_was_wrong_by_half_the_fault_before_it_is_not_crowned():
     assert ": right in 1 of 1." in text and text.endswith("wrong already: wrong.")
     nobody = mismatch_in_words([], each[:1], ["m"], wrong)
     assert "that changes: nobody." in nobody
+    right = each[1] | {"values": {key: x[:4] for key, x in each[1]["values"].items()}}
+    few = mismatch_in_words([], [right], ["m"])
+    assert few.endswith("that changes: 4 seeds are too few to rank: from 5 on.")
 
 
 def test_a_cell_is_the_changed_parameter_else_the_worst():

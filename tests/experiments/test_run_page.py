@@ -15,6 +15,7 @@ from flexaxis.experiments.reporting.run import page as run_page
 from flexaxis.experiments.reporting.tables import TERMS
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.scoring.intervals import LEAST
 from flexaxis.experiments.storage.traces import Traces
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 from tests.experiments.kept_rows import change, scores_of
@@ -348,7 +349,7 @@ def test_why_is_said_only_where_it_came_out():
 def test_too_few_seeds_rank_nobody():
     few, enough = swept(seeds=4, **LAGS), swept(seeds=5, **LAGS)
     ((_, answer),) = run_first.answers(few)
-    assert "Too few seeds to rank" in answer
+    assert answer == f"4 seeds are too few to rank: from {LEAST} on."
     for summary, stars in ((few, 0), (enough, 3)):
         equal = run_first.at_equal_noise(summary)
         ranked = [*equal["rows"].values(), *equal["overall"].values()]

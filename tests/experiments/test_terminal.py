@@ -10,6 +10,7 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting import terminal
 from flexaxis.experiments.running import verify as running_verify
 from flexaxis.experiments.running.verify import Repeated
+from flexaxis.experiments.scoring.intervals import LEAST
 from flexaxis.experiments.scoring.score_table import SCORES
 
 NAMES = ["rpem-forgetting", "pipe:/home/somebody/of/us/a_very_long_name_of_a_program --x"]
@@ -67,11 +68,27 @@ def test_a_name_drives_no_terminal(key):
 def test_nor_does_one_at_equal_noise(key):
     names = {"scenario": "fm_step-v1", "parameter": "f_m", "estimator": "ekf"}
     values = {"lag": 1.0, "lag_interval": [0.9, 1.1], "over_bound": 2.0, "std_after": 1.0}
+    values |= {"values": {"lag": [0.0] * LEAST}}
     row = names | values | {"false_alarms_per_1000_s": 0.0, "leads": True, "how": ""}
     out, table = io.StringIO(), terminal.equal_noise_table([row | {key: STRANGE}], [])
     Console(file=out, width=250).print(table)
     assert SHOWN in out.getvalue()
     assert all(c.isprintable() or c == "\n" for c in out.getvalue())
+
+
+@pytest.mark.parametrize("seeds", [LEAST - 1, LEAST])
+def test_who_leads_is_marked_or_that_there_are_too_few_seeds(seeds):
+    """Also in a result of before, whose rows said that somebody leads."""
+    names = {"scenario": "fm_step-v1", "parameter": "f_m", "estimator": "ekf", "how": "matched"}
+    row = names | {"lag": 1.0, "lag_interval": None, "over_bound": 2.0, "std_after": 1.0}
+    row |= {"false_alarms_per_1000_s": 0.0, "leads": True, "values": {"lag": [0.0] * seeds}}
+    total = {"estimator": "ekf", "how": "", "score": 80.0, "score_interval": None, "leads": True}
+    out, table = io.StringIO(), terminal.equal_noise_table([row], [total])
+    Console(file=out, width=250).print(table)
+    assert out.getvalue().count("* ekf") == 2 * (seeds == LEAST)
+    assert ("*: the best" in out.getvalue()) == (seeds == LEAST)
+    few = f"{seeds} seeds are too few to rank: from {LEAST} on"
+    assert (few in out.getvalue()) == (seeds < LEAST)
 
 
 def test_nor_does_what_rerun_prints(monkeypatch, tmp_path, capsys):

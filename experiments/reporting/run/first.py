@@ -8,7 +8,6 @@ from typing import Any
 
 from flexaxis.experiments.comparison import ranking
 from flexaxis.experiments.comparison.matching import MATCHED
-from flexaxis.experiments.scoring.intervals import LEAST
 
 Row = Mapping[str, Any]
 Fault = tuple[str, str]  # scenario and parameter
@@ -17,7 +16,6 @@ Rows = dict[str, dict[Fault, Row]]
 FASTEST = "Who is fastest at equal noise?"
 DISTANCE = "How far from the bound?"
 WHY = "Why?"
-TOO_FEW = "Too few seeds to rank: nothing is said of who is faster with fewer than five."
 BECAUSE = (
     "{slow} forgets at a constant rate, so it averages over a fixed time: what makes it quiet "
     "before a fault makes it slow after it. {quick} waits for evidence of a change, and gives up "
@@ -81,18 +79,12 @@ def _by_lag(names: Sequence[str], rows: Iterable[Row]) -> list[str]:
     )
 
 
-def too_few(rows: Iterable[Row]) -> bool:
-    """Return whether rows with paired ``values`` of lag are of too few seeds to be ranked."""
-    counts = [len(row["values"]["lag"]) for row in rows if row["values"].get("lag")]
-    return bool(counts) and max(counts) < LEAST
-
-
 def at_equal_noise(summary: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the table that the report leads with, estimator × fault at equal noise, or None."""
     swept = summary.get("tradeoff")
     if not swept:
         return None
-    few = too_few(swept["matched"])
+    few = ranking.too_few(swept["matched"])
     rows = _by_fault(swept["matched"], few)
     there = {p["estimator"] for p in swept["points"]} | {key[2] for key in rows}
     overall = {row["estimator"]: _unranked(row, few) for row in swept["overall"]}
@@ -109,11 +101,11 @@ def at_equal_noise(summary: Mapping[str, Any]) -> dict[str, Any] | None:
     }
 
 
-def _by_fault(rows: Iterable[Row], few: bool) -> dict[tuple[str, str, str], Row]:
+def _by_fault(rows: Iterable[Row], few: str) -> dict[tuple[str, str, str], Row]:
     return {(r["scenario"], r["parameter"], r["estimator"]): _unranked(r, few) for r in rows}
 
 
-def _unranked(row: Row, few: bool) -> Row:
+def _unranked(row: Row, few: str) -> Row:
     return {**row, "leads": False} if few else row
 
 
@@ -133,8 +125,9 @@ def answers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the questions that a newcomer has, each with its answer; none without a sweep."""
     swept = summary.get("tradeoff") or {"matched": [], "overall": []}
     rows = [r for r in swept["matched"] if r["lag"]]
-    if not rows or too_few(rows):
-        return [(FASTEST, TOO_FEW)] if rows else []
+    few = ranking.too_few(rows)
+    if few or not rows:
+        return [(FASTEST, f"{few}.")] if rows else []
     mine: Rows = {}
     for row in rows:
         mine.setdefault(row["estimator"], {})[row["scenario"], row["parameter"]] = row
