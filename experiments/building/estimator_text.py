@@ -283,9 +283,9 @@ def _class_away(name: str) -> Away:
 
 
 def _signature(found: Callable[..., Any], name: str) -> inspect.Signature:
-    """Return how a class is made.
+    """Return how a class is made; asked first, so that a process has this module before its code.
 
-    It is what is asked first: so a new process has this module before it has a user's code.
+    Not where a process takes the place of another: to that ours is new after a user's code.
     """
     keywords(found, name)
     known = inspect.signature(found).parameters.values()

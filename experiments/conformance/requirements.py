@@ -117,7 +117,7 @@ def _no_look_ahead(subject: Subject) -> Seen:
     for cut in CUTS:
         for words, u, y in futures(subject.u, subject.y, cut):
             changed = subject.run(u, y)[: cut + 1]
-            apart = np.abs((changed - subject.theta[: cut + 1]) / subject.nominal).max(axis=1)
+            apart = subject.gaps(changed, subject.theta[: cut + 1]).max(axis=1)
             wrong = np.flatnonzero(~(apart < 1e-12))
             if wrong.size:
                 return False, (
@@ -220,7 +220,7 @@ def _shift_hurts(subject: Subject) -> Seen:
     early = subject.error(subject.run(u=np.r_[subject.u[1:], 0.0]))
     seen = f"error {_percent(right)}, {_percent(late)} with u late, {_percent(early)} early"
     if min(right, late, early) > FAR:
-        return None, f"{seen}: look at model, units and the order of names first"
+        return False, f"{seen}: look at model, units and the order of names first"
     return right < min(late, early) / 1.5, seen
 
 

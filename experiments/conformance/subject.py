@@ -67,12 +67,16 @@ class Subject:
         theta = step(estimator, self.u, self.y)
         return theta, (time.perf_counter() - start) / len(self.u)
 
-    def apart(self, one: Array, other: Array) -> float:
-        """Return the largest difference of two runs, as a share of nominal."""
+    def gaps(self, one: Array, other: Array) -> Array:
+        """Return the differences (N, p) of two runs, as shares of nominal."""
         with np.errstate(invalid="ignore", over="ignore"):
             gap = np.abs(one - other) / self.nominal
         same = (one == other) | (np.isnan(one) & np.isnan(other))  # `finite` judges what is not
-        return float(np.max(np.where(same, 0.0, gap), initial=0.0))
+        return np.where(same, 0.0, gap)
+
+    def apart(self, one: Array, other: Array) -> float:
+        """Return the largest difference of two runs, as a share of nominal."""
+        return float(np.max(self.gaps(one, other), initial=0.0))
 
     def error(self, theta: Array) -> float:
         """Return the rms error before the fault, as a share of nominal, over all parameters.

@@ -167,16 +167,13 @@ def _support(
     support, choices = np.zeros_like(n), np.ones(n.shape)
     for metric in np.unique(family.metrics):
         of_metric = family.metrics == metric
-        places = [
-            of_metric & (family.scenarios == name)
-            for name in np.unique(family.scenarios[of_metric])
-        ]
+        names, place = np.unique(family.scenarios[of_metric], return_inverse=True)
         for side in (-1, 1):
-            agreeing = np.where(way == side, n, 0)
-            runs = np.stack([agreeing[:, place].max(axis=1) for place in places])
+            runs = np.zeros((len(names), len(n)), n.dtype)  # the most of a scenario
+            np.maximum.at(runs, place, np.where(way == side, n, 0)[:, of_metric].T)
             here = (way == side) & of_metric
             support = np.where(here, runs.sum(axis=0)[:, None], support)
-            ways = comb(len(places), (runs > 0).sum(axis=0))
+            ways = comb(len(names), (runs > 0).sum(axis=0))
             choices = np.where(here, ways[:, None], choices)
     return support, choices
 

@@ -268,8 +268,8 @@ def _enough(found: Decision, i: int, alpha: float) -> float:
 def _seeds_needed(found: Decision, i: int, family: Family, alpha: float) -> int | None:
     """Return from how many pairs on score i would be decided, at mean, deviation, level of now.
 
-    All scores have so many times more pairs then, and are judged as ever: the interval must be
-    narrow enough, and what was not seen too rare. Other metrics have no say in that.
+    All scores have so many times more pairs then, none of them far: the interval must be narrow
+    enough, and what was not seen too rare. Other metrics have no say in that.
     """
     mine = np.flatnonzero(family.metrics == family.metrics[i])
     alike = Family(family.scenarios[mine], family.metrics[mine], family.margins[mine])

@@ -190,6 +190,8 @@ def test_wrong_use_is_told(trended, more, said):
 
 def test_a_covariate_that_there_is_not_is_told_before_anything_is_estimated(days, tmp_path, capsys):
     line = words([days], days / "axis.toml", tmp_path / "new")
+    assert main([*line, "--covariate", str(tmp_path / "nowhere.csv")]) == 2
+    assert "nowhere.csv: cannot be read" in capsys.readouterr().err
     assert main([*line, "--covariate", "tem"]) == 2
     said = capsys.readouterr().err
     assert "--covariate tem: no log has it as a column. Did you mean 'temp'?" in said

@@ -75,7 +75,7 @@ def units(found: Identification) -> str:
     unit, k_T = found.torque_unit, found.axis.model.nominal.get("k_T")
     if unit not in {"", "1", "A", "V"} and k_T in {None, 1.0}:  # it was read in N m, or N
         return "SI"
-    one = f"1 {unit}" if unit in {"A", "V"} else "1"
+    one = f"1 {unit}" if unit not in {"", "1"} else "1"
     text = f"SI, if a torque of {one}, as read, is {k_T or 1.0:g} {'N' if found.linear else 'N m'}"
     return f"{text}; give what it is by --fix k_T=VALUE" if k_T == 1 else text
 

@@ -137,8 +137,11 @@ def check_columns(logs: Sequence[Path], given: Sequence[str]) -> None:
     A log that cannot be read has none.
     """
     for name in given:
+        if name.lower().endswith(".csv"):
+            covariates_of([{"log": log, "columns": {}} for log in labels(logs).values()], [name])
+            continue
         heads = list[tuple[str, ...]]()
-        for path in logs if not name.lower().endswith(".csv") else ():
+        for path in logs:
             with suppress(LogError):
                 heads.append(open_log(path).names)
             if heads and name in heads[-1]:
