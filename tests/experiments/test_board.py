@@ -298,13 +298,16 @@ def test_what_was_neither_run_nor_left_out_is_found(entry):
     assert check_rows(mine, wide) == "neither run nor left out: kt_step-v1"
 
 
-def test_the_reference_is_run_by_whoever_asks(entry):
+def test_the_reference_is_run_by_whoever_asks(entry, monkeypatch):
     """Whoever enters it has its rows from us: else he would move all that it is compared with."""
     usual = reference_rows(SMALL, MEANS)
     assert {row["estimator"] for row in usual} == {reference()} and len(usual) == 15
     mine = replace(entry, estimator="rpem-forgetting", knob={"1.0": {"forgetting": 0.995}})
     (found,) = own_of(mine, SMALL, usual).at_excess
     assert found["ratio"] == 1.0 and found["how"] == "matched"
+    forged = [row | {"lag": row["lag"] and row["lag"] / 2} for row in usual]
+    monkeypatch.setattr(type(mine), "rows", lambda self: forged)
+    assert own_of(mine, SMALL, usual).at_excess[0]["lag"] == found["lag"]
 
 
 def test_another_suite_is_found(entry):

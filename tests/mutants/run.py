@@ -152,7 +152,10 @@ def fails(killers: Sequence[str], compiled: Path, jobs: int) -> set[str]:
 def timed(mutant: Mutant, compiled: Path) -> tuple[str | None, float]:
     """Plant an error; return what died of it, and how long that took [s]."""
     began = time.monotonic()
-    return dies([mutant.killer], compiled, mutant), time.monotonic() - began
+    killer = dies([mutant.killer], compiled, mutant)
+    if killer and killer.startswith(NO_VERDICT):  # once more: a port may have been taken meanwhile
+        killer = dies([mutant.killer], compiled, mutant)
+    return killer, time.monotonic() - began
 
 
 def installed(place: Path) -> tuple[Path, Path]:
