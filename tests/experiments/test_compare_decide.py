@@ -73,7 +73,7 @@ def test_words_are_those_of_the_textbook():
     found = decide(ratios, family(5))
     margin, alpha = math.log(1.02), rules.SHARES["scores"] * rules.ALPHA
     assert not found.few.any() and not found.far.any()
-    assert found.words.tolist() == [textbook(one, alpha, margin) for one in ratios]
+    assert np.array_equal(found.words, [textbook(one, alpha, margin) for one in ratios])
     assert set(found.words.ravel()) == {"worse", "better", "slight", "same", "undecided"}
 
 
