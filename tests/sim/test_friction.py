@@ -219,7 +219,8 @@ def test_other_models_of_the_process_are_left_alone():
     falling = mujoco.MjModel.from_xml_string(
         "<mujoco><worldbody><body><joint axis='0 1 0'/>"
         "<geom size='.1' pos='.1 0 0'/></body></worldbody>"
-        "<custom><numeric name='own' data='1 2 3 4 5 6 7 8 9'/></custom></mujoco>"
+        f"<custom><numeric name='own' data='{' '.join(map(str, range(1, WIDTH + 2)))}'/></custom>"
+        "</mujoco>"
     )
     bare = mujoco.MjModel.from_xml_string(
         "<mujoco><worldbody><body><joint axis='0 1 0'/><geom size='.1' pos='.1 0 0'/></body>"
