@@ -128,7 +128,8 @@ def failures(
             return [f"{NO_VERDICT} {killers[0]} in {LONGEST} s"]
         finally:
             shutil.rmtree(f"{compiled}/pycache{place.resolve()}", ignore_errors=True)
-    lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    _, _, summary = done.stdout.rpartition("short test summary info")  # a log says ERROR, too
+    lines = [line for line in summary.splitlines() if line.startswith(("FAILED", "ERROR"))]
     if done.returncode and not lines:
         raise SystemExit(f"{mutant and mutant.name}: no test failed, but\n{done.stdout[-2000:]}")
     if mutant is not None and lines and lines[0].startswith("ERROR"):
