@@ -1,5 +1,6 @@
 """A short scenario, so that a whole run takes a second."""
 
+import signal
 import sys
 from pathlib import Path
 
@@ -9,6 +10,10 @@ from flexaxis.experiments.catalogue.find import find_scenario
 
 # what several tests share: logs and tables here, exact axes in `acceptance`
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "estimators")]
+
+# a shell makes what it runs in the background deaf to Ctrl-C, of which some tests are
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHORT = {
     "name": "short",
