@@ -167,7 +167,13 @@ def texts(heading: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number for a table; what is not defined is a dash."""
+    """Return a number for a table; what is not defined is a dash.
+
+    Examples
+    --------
+    >>> number(1234.0), number(-1234.0), number(0.01234), number(None)
+    ('1234', '-1234', '0.0123', '–')
+    """
     if value is None:
         return "–"
     # 120 and not 1.2e+02

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import sosfreqz
 
 from flexaxis.estimators.offline.colour import BRIDGED, colourless
 
@@ -43,3 +44,8 @@ def test_without_a_high_pass_nothing_is_bridged(residual):
     ok[GAP] = False
     assert colour.bridged(residual, ok) is residual
     np.testing.assert_array_equal(colour.settled(ok), ok)
+
+
+def test_the_corner_of_the_high_pass_is_where_half_of_the_power_goes_through():
+    _, gain = sosfreqz(colourless(2.0, PERIOD).highpass, [2.0], fs=1 / PERIOD)
+    assert abs(gain[0]) == pytest.approx(np.sqrt(0.5))

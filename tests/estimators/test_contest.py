@@ -1,9 +1,12 @@
 """Friction of a gear in a filter with a bank: which of two models of friction goes on."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from flexaxis.estimators.glr.contest import LEAD, TOGETHER, Contest
+from flexaxis.estimators.glr.mixture import _between
 from flexaxis.estimators.offline.structure import with_laws
 from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -102,3 +105,14 @@ def test_who_is_told_of_the_gear_begins_with_its_friction():
     model = with_laws(nominal, torque=nominal_torque(scenario), period=scenario.period)
     assert model.laws[0].kind == "gear" and model.nominal["mu_m"] == 0.3
     assert model.nominal["mu_e"] == pytest.approx(0.1) and model.nominal["v_s"] > 0
+
+
+def test_of_one_hypothesis_what_is_uncertain_of_its_size_remains():
+    """What lies between hypotheses is none of one; 1/(J/κ + 1/v) of a jump stays."""
+    bank = {"weight": np.ones(1), "D": np.eye(1), "size": np.array([3.0]), "J": np.array([8.0]),
+            "kappa": 2.0}  # fmt: skip
+    tuning = {"variance": np.array([0.25])}
+    work = SimpleNamespace(
+        bank=[bank], tuning=[tuning], p=1, jumps=SimpleNamespace(which=np.zeros(1))
+    )
+    assert _between(work) == pytest.approx(np.array([[1 / (8 / 2 + 1 / 0.25)]]))

@@ -5,6 +5,7 @@ from acceptance.axes import held
 from flexaxis.estimators import EstimatorError, Model, increment, three_mass, two_mass
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.formula import multiply_out
+from flexaxis.estimators.models.meaning import is_axis
 from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.estimators.signals import SIGNALS
 
@@ -181,3 +182,12 @@ def test_mean_speed_between_two_samples_of_what_is_read(name):
     y = {"speed": speed, "increment": np.r_[0.0, moved]}[name]
     now, before = SIGNALS[name].mean_speed(T)
     np.testing.assert_allclose(now * y[1:] + before * y[:-1], moved, rtol=1e-12)
+
+
+def test_who_has_another_value_is_not_a_named_axis():
+    """Of what is identified it may be other, within a factor; of the rest neither more nor less."""
+    for factor, known in ((1.0, True), (0.5, False), (2.0, False)):
+        values = MODELS["three_mass"].known["n1"]
+        other = three_mass(dict(values) | {"d_g": factor * values["d_g"]})
+        assert is_axis(other, "n1", ["f_m"]) is known
+        assert is_axis(other, "n1", ["d_g"])

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments.board import submission
+from flexaxis.experiments.board import ranking, submission
 from flexaxis.experiments.board.entry import (
     ENTRY,
     ROWS,
@@ -487,3 +487,13 @@ def test_a_changed_entry_is_a_finding(copy, capsys):
     assert main(["verify", str(copy), "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
     assert found["holds"] is False and ROWS in found["problems"][0]
+
+
+def test_the_interval_of_a_lag_begins_at_its_lower_end():
+    """A score is the larger the smaller the lag."""
+    found = {"score_interval": [1.0, 2.0], "score": 1.5, "estimator": "e", "how": "matched",
+             "faults": 1, "leads": True}  # fmt: skip
+    for measure in ("lag", "score"):
+        place = ranking._place(found, [], measure)
+        low, high = place["interval"]
+        assert low < place["value"] < high

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.results import export, source
+from flexaxis.experiments.results import export, groups, source
 from flexaxis.experiments.results.export import cube_of
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.excess import information
@@ -437,3 +437,11 @@ def test_a_seed_is_one_draw_however_many_points_it_is_at(stored, tmp_path):
     assert high - low > 0.9 * 2 * half
     alone = results.pooled(["fault[0].factor"])
     assert {r["runs"] for r in alone} == {r["seeds"] for r in alone} == {8}
+
+
+def test_false_alarms_an_hour_are_of_calm_hours():
+    """Seconds after a fault, in which a move is an answer, are none of them."""
+    columns = {"seconds": np.full(8, 900.0), "detection.calm": np.full(8, 450.0),
+               "detection.false_alarms": np.ones(8), "seed": np.arange(8.0)}  # fmt: skip
+    found = groups._alarms(columns, {"detection": 1.0})
+    assert found["hours"] == 2.0 and found["false_alarms_per_hour"] == 8.0

@@ -301,3 +301,11 @@ def test_who_does_not_estimate_what_changes_is_not_better():
         assert found.verdict == ("undecided" if missing else "better")
         assert ("f_m of s is not estimated" in headline(found)) == bool(missing)
         assert ("does not estimate all that changes (f_m)" in meaning(found)) == bool(missing)
+
+
+def test_seeds_that_lost_runs_need_are_of_all_scenarios():
+    """Twice as many scenarios, on which as large a share is lost, need half as many seeds."""
+    one = rows(), rows(lost=[1, 2, 3])
+    both = [side + [row | {"scenario": "t", "hash": "i"} for row in side] for side in one]
+    needed = [verdicts(*sides)["diverged"].seeds_needed for sides in (one, both)]
+    assert needed[0] and abs(needed[1] - needed[0] / 2) <= 1

@@ -171,3 +171,11 @@ def test_an_onset_stays_within_its_run():
 def test_first_versions_are_as_they_were():
     scenario = find_scenario("fm_step-v1")
     assert scenario.drawn(5) is scenario and "onset_spread" not in scenario.resolved()
+
+
+def test_an_intermittent_fault_ends_as_much_later_as_it_begins(short):
+    loose = {"kind": "intermittent", "parameter": "f_m", "at": 3.0, "until": 4.5, "on": 0.2,
+             "off": 0.1, "factor": 1.5}  # fmt: skip
+    moved = [short.override({"fault": [loose]}).drawn(seed).fault[0] for seed in range(5)]
+    assert len({fault.at for fault in moved}) > 1
+    assert [fault.until - fault.at for fault in moved] == pytest.approx([1.5] * 5)

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.pooling import rmse, settles, spread, spread_at_a_time
 from flexaxis.experiments.scoring.score_table import SCORES, rows, undefined
@@ -343,3 +344,11 @@ def test_missed_is_a_share_of_all_faults(short):
     found = pooled(short, runs)["detection"]
     assert found["missed"] == pytest.approx(0.5) and found["alarms"] == 1.0
     assert pooled(short, [case(short, 0, detection=of(0, 0))])["detection"]["missed"] == 0.0
+
+
+def test_the_interval_of_false_alarms_is_of_a_thousand_seconds():
+    columns = {"detection.calm": np.full(16, 100.0), "seed": np.arange(16.0),
+               "detection.false_alarms": np.array([0.0, 2.0] * 8)}  # fmt: skip
+    found = pooling._false_alarms(columns, "detection")
+    low, high = found["false_alarms_interval"]
+    assert found["calm"] == 1600 and 4 < low < 10 < high < 25  # one in 100 s

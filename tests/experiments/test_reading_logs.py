@@ -7,6 +7,7 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.mapping import load_mapping, mapping_from, pick
 from flexaxis.experiments.logs.reading import csv_file
+from flexaxis.experiments.logs.reading.csv_layout import layout_of
 from flexaxis.experiments.logs.reading.log import Log, open_log
 from flexaxis.sim.record import load_record
 
@@ -286,3 +287,11 @@ def test_a_key_that_a_map_cannot_have_is_told_of_the_map(tmp_path):
     path.write_text('torque = "J{}_I"\naxis = 1\n', encoding="utf-8")
     with pytest.raises(LogError, match=r"bench\.toml: axis: no such key"):
         load_mapping(path)
+
+
+def test_a_line_with_another_number_of_cells_is_named_as_it_is_counted_in_the_file(tmp_path):
+    path = tmp_path / "log.csv"
+    lines = ["time,torque,speed", "0,1,2,3", *(f"{k},1,2" for k in range(1, 9))]
+    path.write_text("\n".join(lines))
+    with pytest.raises(LogError, match="line 2 has 4 cells"):
+        layout_of(path)
