@@ -19,7 +19,7 @@ ROWS = 20  # lines of numbers that are looked at
 COMMENTS = ("#", "%", "//")
 BLANKS = " "
 _SEPARATORS = (";", "\t", ",", "|", BLANKS)
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.I)
+_NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.I)
 _MISSING = {"", "na", "n/a", "null", "none", "-", "--"}
 
 # "pos [deg]", "pos (deg)", "pos / deg", "pos in deg"
