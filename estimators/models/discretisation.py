@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.parametrization import Parametrization
 
 
@@ -83,6 +84,7 @@ LAW_LONGEST = 1.25e-3  # s, as at 200 Hz: a motion reverses as fast, however sel
 LAW_STEP = 0.2  # of the fastest mode's time constant, |pole|⁻¹: 1.3 ms on the paper's axis
 MAX_SIZE = 3.0  # of A·T per substep; larger terms cancel and cost digits, e^3 = 20
 MAX_ORDER = 40
+MAX_STEPS = 10_000  # of a sample: a mode of 30 000 radians a sample is none that it could tell of
 
 
 def plan(
@@ -109,9 +111,14 @@ def plan(
     -------
     order, substeps : int
         The order is at most `MAX_ORDER`.
+
+    Raises
+    ------
+    EstimatorError
+        If a sample would need more than `MAX_STEPS` substeps.
     """
     size = _perron_root(model, lower, upper) * period
-    fewest = max(1, math.ceil(size / MAX_SIZE))
+    fewest = _feasible(max(1.0, size / MAX_SIZE), period)
     least = min(2 * (model.n + 1), MAX_ORDER)
     choices = [(max(least, _order(size / s)), s) for s in range(fewest, 4 * fewest + 1)]
     return min(choices, key=math.prod)
@@ -122,7 +129,18 @@ def law_steps(model: Parametrization, period: float) -> int:
     A, _, _ = model.matrices(model.theta)
     fastest = float(max(abs(np.linalg.eigvals(A))))
     longest = math.ceil(period / LAW_LONGEST - 1e-9)  # not one more for a rounded period
-    return max(LAW_STEPS, longest, math.ceil(fastest * period / LAW_STEP))
+    return max(LAW_STEPS, longest, _feasible(fastest * period / LAW_STEP, period))
+
+
+def _feasible(steps: float, period: float) -> int:
+    """Return the next whole number of steps of a sample; refuse a model that is too fast for it."""
+    if not steps <= MAX_STEPS:
+        raise EstimatorError(
+            f"the model is too fast for a sampling period of {period:g} s: a sample would take "
+            f"{steps:.3g} steps, and {MAX_STEPS} are the most. Correct the entry of A that is so "
+            "large, leave out the state that is so fast, or narrow the bounds"
+        )
+    return math.ceil(steps)
 
 
 def law_plan(
@@ -141,7 +159,7 @@ def law_plan(
     ends = np.sort([model.theta / LAW_RANGE, model.theta * LAW_RANGE], axis=0)
     size = _perron_root(model, np.maximum(lower, ends[0]), np.minimum(upper, ends[1]))
     size *= period / steps
-    substeps = max(1, math.ceil(size / MAX_SIZE))
+    substeps = _feasible(max(1.0, size / MAX_SIZE), period)
     return steps, _order(size / substeps, LAW_TOLERANCE), substeps
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import LiteralRpem, Rpem, three_mass, two_mass
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.filters.loop import on_lanes
 from flexaxis.estimators.models import kernel
@@ -141,6 +142,8 @@ def test_substeps_grow_with_the_fastest_mode(nominal):
     assert order <= 24
     # the gear's frequency grows as √k_g, so a hundredfold: size 1.24 to about 80
     assert 20 < substeps < 40
+    with pytest.raises(EstimatorError, match=r"too fast for a sampling period of 0.005 s"):
+        work(k_g=nominal["k_g"] * 1e16)  # at once, where 300 000 steps of each sample would follow
 
 
 def sampled(way, design, u):
