@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import threading
+import weakref
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -25,6 +26,7 @@ _KINDS: dict[signal.Signals, object] = {
     signal.SIGTERM: signal.SIG_DFL,
 }
 """What asks a command to end, and how each is handled where nobody has said."""
+_FINALIZER = weakref.finalize.__call__.__code__
 _ours: list[Handler] = []
 _flags: list[Any] = [threading.Event()]
 
@@ -107,7 +109,7 @@ def _handling(react: Callable[[], None]) -> Iterator[None]:
     """Handle Ctrl-C inside, unless this is no main thread, or somebody else does already."""
 
     def handle(number: int, frame: FrameType | None) -> None:
-        if _in_numba(frame):
+        if _unheard(frame):
             later = threading.Timer(AGAIN, signal.raise_signal, [number])
             later.daemon = True
             later.start()
@@ -128,14 +130,17 @@ def _handling(react: Callable[[], None]) -> Iterator[None]:
         _ours.remove(handle)
 
 
-def _in_numba(frame: FrameType | None) -> bool:
-    """Whether compiled code has called Python, for a type; it takes no exception from there.
+def _unheard(frame: FrameType | None) -> bool:
+    """Whether an exception would be lost here: in compiled code, or where an object goes.
 
-    Numba (0.68) goes on with what it did not get, which ends the process with a segmentation fault.
+    Compiled code has called Python for a type; Numba (0.68) goes on with what it did not get, which
+    ends the process with a segmentation fault. What a finalizer raises, Python prints and forgets.
     """
-    while frame is not None and frame.f_code.co_name != "_numba_unpickle":
+    while frame is not None:
+        if frame.f_code.co_name == "_numba_unpickle" or frame.f_code is _FINALIZER:
+            return True
         frame = frame.f_back
-    return frame is not None
+    return False
 
 
 def leave(status: int) -> NoReturn:

@@ -215,7 +215,8 @@ def _end(process: subprocess.Popen[bytes], said: IO[bytes]) -> None:
             if stream is not None:
                 stream.close()
     try:
-        process.wait(1)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(1)
     finally:
         process.kill()
         process.wait()

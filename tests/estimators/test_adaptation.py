@@ -98,6 +98,14 @@ def test_error_decays_as_predicted():
     np.testing.assert_allclose(np.mean(runs, axis=0)[[99, 199]], predicted, rtol=0.08)
 
 
+def test_an_error_disturbs_whoever_its_gradient_is_correlated_with():
+    """Of P and Q that do not commute, beside the recursion θ̃ ← θ̃ − P Q θ̃ itself."""
+    P, correlated = np.diag([1e-4, 4e-3]), np.array([[2.0, 1.0], [1.0, 3.0]])
+    left = tracking_error(P, correlated, [0.5], period=0.005)[0]
+    step = np.eye(2) - P @ correlated
+    np.testing.assert_allclose(left, np.linalg.matrix_power(step, 100), atol=0.005)
+
+
 def test_a_time_constant_is_longer_than_a_sample():
     with pytest.raises(EstimatorError, match="longer than a sample"):
         drift_for([1.0, 0.004, 1.0], Q, period=0.005)

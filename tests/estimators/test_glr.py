@@ -7,6 +7,7 @@ from acceptance.banks import made as of
 
 from flexaxis.estimators import EstimatorError
 from flexaxis.estimators.glr.bank import PER_LEVEL
+from flexaxis.estimators.glr.comparison import _sized
 from flexaxis.estimators.glr.records import time_scale
 from flexaxis.estimators.models.axes import N1, one_mass, three_mass
 from flexaxis.estimators.protocol import Finding
@@ -116,6 +117,12 @@ def test_a_fault_is_found_once_and_named(scenario, parameter, ratio):
     (low, high), within = found.interval[0], made.covariance
     assert low < found.ratio[0] < high
     assert np.isfinite(theta).all() and (np.diag(within) > 0).all()
+
+
+def test_size_and_interval_of_a_finding_are_relative_to_the_value_before():
+    found = _sized(2.0, 3.0, 0.1)
+    assert found["ratio"] == (1.5,)
+    assert found["interval"] == (pytest.approx((1.5 - 1.96 * 0.05, 1.5 + 1.96 * 0.05), abs=1e-5),)
 
 
 def test_structure_that_was_told_wrong_is_learnt():

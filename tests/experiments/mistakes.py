@@ -126,7 +126,7 @@ MISTAKES = (
     Mistake("show ekff", 2, "Did you mean 'ekf'?"),
     Mistake("check syntax.py:Mine", 2, "syntax.py", True),
     Mistake("check imports.py:Mine", 2, "nonexistent_library", True),
-    Mistake(f"{RUN} own.py:Shape", 70, "own.py:Shape", True),
+    Mistake(f"{RUN} own.py:Shape", 1, "own.py:Shape", True),
     Mistake(f"{RUN} own.py:Output", 2, "position", True),
     Mistake("simulate fm_step-v1 -o no/where/rec.nc", 2, "no/where", True),
     Mistake("check 'pipe:./nobody'", 2, "cannot be started", True),

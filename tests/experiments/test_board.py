@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments.board import ranking, submission
+from flexaxis.experiments.board import ranking, submission, verification
 from flexaxis.experiments.board.entry import (
     ENTRY,
     ROWS,
@@ -478,6 +478,12 @@ def test_mistakes_are_said_in_a_line(words, said, capsys, tmp_path, monkeypatch)
     assert main(words) == 2
     err = capsys.readouterr().err
     assert said in err and "Traceback" not in err
+
+
+def test_an_entry_of_good_form_is_no_finding(copy, capsys, monkeypatch):
+    monkeypatch.setattr(verification, "of_form", lambda folder: of_form(folder, SMALL))
+    assert main(["verify", str(copy), "--form"]) == 0
+    assert "REJECTED" not in capsys.readouterr().out
 
 
 def test_a_changed_entry_is_a_finding(copy, capsys):

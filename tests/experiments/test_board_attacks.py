@@ -84,12 +84,25 @@ def test_an_honest_entry_is_accepted(entry, token):
 @pytest.mark.parametrize("token", TOKENS)
 @pytest.mark.parametrize(
     ("name", "at_least"),
-    [("memoriser", {UNKNOWN}), ("memoriser behind its knob", {UNKNOWN}), ("peeker", {REPORTED}),
+    [("memoriser", {UNKNOWN}), ("memoriser behind its knob", {UNKNOWN}),
      ("teller", {REPORTED, UNKNOWN}), ("look-ahead", {REPORTED}), ("leak", {REPORTED, UNKNOWN})],
 )  # fmt: skip
 def test_a_cheat_is_rejected(entry, name, at_least, token):
     found = judged(entry(name), token)
     assert not found.accepted and not found.holds and at_least <= wrong(found)
+
+
+@pytest.mark.slow
+def test_who_looks_into_memory_finds_no_record(entry, tmp_path):
+    """Code of an entrant has a process of its own: he is as fast as one that does not look."""
+    text = (CHEATS / "peeker.py").read_text()
+    (tmp_path / "blind.py").write_text(text.replace("gc.get_objects()", "()"))
+    plain = entered(tmp_path / "entry", tmp_path / "blind.py:Peeker")
+    lags = [
+        [json.loads(line)["lag"] for line in (folder / ROWS).read_text().splitlines()]
+        for folder in (entry("peeker"), plain.folder)
+    ]
+    assert lags[0] == lags[1] and any(lags[0])
 
 
 @pytest.mark.slow

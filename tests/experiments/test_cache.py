@@ -2,12 +2,14 @@
 
 import json
 import os
+from importlib.resources import files
 
 import numpy as np
 import pytest
 
 from flexaxis.experiments.running import cache
 from flexaxis.experiments.running.cache import SIGNALS, RecordCache, records
+from flexaxis.experiments.storage.files import sources
 from flexaxis.sim.simulate import simulate
 
 PRESENT = [*({*SIGNALS} - {"true_angle_l"}), "true_parameters"]
@@ -29,6 +31,13 @@ def test_a_second_time_nothing_is_simulated(short, store):
         for name in PRESENT:
             assert getattr(made, name).tobytes() == getattr(kept, name).tobytes()
         assert made.scenario == kept.scenario and made.versions == kept.versions
+
+
+def test_the_digest_is_of_the_models_as_well_as_of_code():
+    names = {
+        file.name for part in ("models_mjcf", "sim") for file in sources(files(f"flexaxis.{part}"))
+    }
+    assert {"three_mass.xml", "simulate.py"} <= names
 
 
 def test_another_content_is_another_entry(short, store, monkeypatch):

@@ -228,6 +228,7 @@ def test_an_axis_that_is_never_moved_can_be_given_to_everybody(name):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.* remembers 1 s:UserWarning")  # as some are told, on one axis
 def test_the_standard_suite_can_be_planned():
     """Every estimator can be made on every scenario: else the whole suite is refused."""
     chosen = select(["standard"])

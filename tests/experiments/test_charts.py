@@ -14,7 +14,7 @@ from flexaxis.experiments.reporting.charts import (
     Pick,
 )
 from flexaxis.experiments.reporting.drawing import drawn
-from flexaxis.experiments.reporting.scales import Scale
+from flexaxis.experiments.reporting.scales import Scale, upward
 from flexaxis.experiments.reporting.shapes import SLACK, UNITS
 from flexaxis.experiments.reporting.styles import css_class
 from tests.experiments.page_data import charts_of, lines, page_data
@@ -56,6 +56,13 @@ def test_a_spike_is_not_lost():
     ((view,),) = charts_of(str(drawn(chart, "t"))).values()
     (line,) = view["panels"][0]["lines"]
     assert max(line["y"]) == pytest.approx(7, abs=0.01) and len(line["x"]) < 2100
+
+
+def test_a_window_of_steps_sees_the_last_before_it_and_none_earlier():
+    x = np.array([0.0, 1.0, 2.0, 8.0])
+    line = Line(x=x, y=np.array([50.0, 9.0, 2.0, 3.0]), kind="steps", role="truth")
+    scale = upward(Panel(y="y", lines=(line,)), Scale(4.0, 10.0))
+    assert scale.low < 2.0 and 3.0 < scale.high < 4.0
 
 
 def test_steps_keep_a_value_until_the_next():

@@ -10,6 +10,7 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import away
+from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.building.guest import hosted, limited
 from flexaxis.experiments.cli import main
@@ -333,6 +334,16 @@ def test_whatever_it_raises_the_others_go_on(capsys, name, what, jobs):
     status, out, err = ran(capsys, name, "--estimator", "frozen", jobs=jobs)
     assert status == CRASH and f"guests.py:{name} crashed on short" in err and what in err
     assert "sample 0" in err and "frozen" in out and "given up" not in err
+
+
+def test_in_a_later_piece_sample_and_time_are_those_of_the_record():
+    error = ValueError("odd")
+    error.at_sample = 2
+    with (
+        pytest.raises(EstimatorCrash, match=r"on short, sample 1002 \(5.01 s\): ValueError: odd"),
+        hosted("own.py:Mine", "on short", first=1000, period=0.005),
+    ):
+        raise error
 
 
 def test_an_interrupt_of_its_own_ends_nobody_else(capsys):

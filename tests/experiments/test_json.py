@@ -46,9 +46,6 @@ SLOW = [
     ("compare short.toml --base frozen --candidate frozen --seeds 4 --jobs 1 -o d", "compare"),
     ("tune ekf --seeds 0:1 --jobs 1 -o tu", "tune"),
     ("tradeoff short.toml --estimator ekf --seeds 2 --jobs 1 -o tr", "tradeoff"),
-    ("speed --rounds 1 --estimator ekf", "speed"),
-    ("speed --steps 20 --estimator ekf", "speed --steps"),
-    ("speed --memory 0.01 --estimator ekf", "speed --memory"),
     ("cache clear", "cache clear"),
 ]
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Event
@@ -191,18 +192,30 @@ def test_a_signal_to_terminate_is_as_ctrl_c(capfd, monkeypatch, usual):
     assert "stopping after the cases that are under way" in capfd.readouterr().err
 
 
+def _type_in_compiled_code(raised):
+    def _numba_unpickle():
+        raised()
+
+    _numba_unpickle()
+
+
+class _Finalized:
+    def __init__(self, raised):
+        weakref.finalize(self, raised)
+
+
 @posix
-def test_ctrl_c_is_not_raised_into_compiled_code():
-    """Which would crash; nested as far as Python is called from there."""
+@pytest.mark.parametrize("unheard", [_type_in_compiled_code, _Finalized])
+def test_ctrl_c_is_not_raised_where_it_is_not_heard(unheard):
+    """In compiled code it would crash, in a finalizer be forgotten; nested however deep."""
     seen = []
 
-    def _numba_unpickle():
+    def raised():
         list(map(signal.raise_signal, [signal.SIGINT]))
         seen.append("went on")
-        return 1
 
     with pytest.raises(KeyboardInterrupt), one_stage():
-        _numba_unpickle()
+        unheard(raised)
         for _ in range(500):
             time.sleep(0.01)
         seen.append("too late")

@@ -264,7 +264,7 @@ def test_twenty_kills_of_the_command_with_its_processes(short_toml, tmp_path):
         assert gone(child.pid), "processes are left after a kill"
         seen.append(path.stat().st_size)
     subprocess.run(words, check=True, capture_output=True)
-    assert complete(tmp_path / "out", 1200)
+    assert complete(tmp_path / "out", 1500)  # with the twins without a fault
     assert killed == 20
 
 
@@ -311,7 +311,7 @@ def test_memory_does_not_grow_with_the_study(tmp_path):
 def test_a_disk_that_is_really_full(short_toml, tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "none", str(disk)],
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=128k", "none", str(disk)],
                              capture_output=True, check=False)  # fmt: skip
     if mounted.returncode:
         pytest.skip("no right to mount a small file system")
@@ -331,7 +331,7 @@ def test_a_disk_that_is_really_full(short_toml, tmp_path):
         assert there > 20 and complete(disk / "out", there)
         subprocess.run(["mount", "-o", "remount,size=8m", str(disk)], check=True)
         subprocess.run([*words, "--resume"], check=True, capture_output=True)
-        assert complete(disk / "out", 200)
+        assert complete(disk / "out", 400)  # with the twins without a fault
     finally:
         subprocess.run(["umount", str(disk)], check=False)
 
