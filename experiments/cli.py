@@ -176,7 +176,7 @@ def _told(out: Stream, status: int) -> int:
 
 def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.building.crashes import EstimatorCrash
+    from flexaxis.experiments.building.crashes import EstimatorCrash, no_room
     from flexaxis.experiments.storage.files import NotRun
     from flexaxis.sim.errors import FlexaxisError
 
@@ -187,7 +187,8 @@ def _guarded(args: argparse.Namespace) -> int:
     except (FlexaxisError, EstimatorError) as error:
         if isinstance(error, EstimatorCrash):
             return _crashed(args, error, str(error))
-        told, status = str(error), CRASH if isinstance(error, NotRun) else WRONG_USE
+        unfinished = isinstance(error, NotRun) or no_room(error)
+        told, status = str(error), CRASH if unfinished else WRONG_USE
     except KeyboardInterrupt as error:
         return _ended(args, INTERRUPTED, "; ".join(["interrupted", *map(str, error.args)]))
     except OSError as error:

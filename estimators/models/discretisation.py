@@ -118,7 +118,7 @@ def plan(
         If a sample would need more than `MAX_STEPS` substeps.
     """
     size = _perron_root(model, lower, upper) * period
-    fewest = _feasible(max(1.0, size / MAX_SIZE), period)
+    fewest = _feasible(size / MAX_SIZE, period)
     least = min(2 * (model.n + 1), MAX_ORDER)
     choices = [(max(least, _order(size / s)), s) for s in range(fewest, 4 * fewest + 1)]
     return min(choices, key=math.prod)
@@ -129,18 +129,18 @@ def law_steps(model: Parametrization, period: float) -> int:
     A, _, _ = model.matrices(model.theta)
     fastest = float(max(abs(np.linalg.eigvals(A))))
     longest = math.ceil(period / LAW_LONGEST - 1e-9)  # not one more for a rounded period
-    return max(LAW_STEPS, longest, _feasible(fastest * period / LAW_STEP, period))
+    return max(LAW_STEPS, longest, math.ceil(fastest * period / LAW_STEP))
 
 
-def _feasible(steps: float, period: float) -> int:
-    """Return the next whole number of steps of a sample; refuse a model that is too fast for it."""
-    if not steps <= MAX_STEPS:
+def _feasible(parts: float, period: float, steps: int = 1) -> int:
+    """Return a whole number of parts of each step; refuse a model that is too fast for a sample."""
+    if not (parts * steps <= MAX_STEPS >= steps):
         raise EstimatorError(
             f"the model is too fast for a sampling period of {period:g} s: a sample would take "
-            f"{steps:.3g} steps, and {MAX_STEPS} are the most. Correct the entry of A that is so "
-            "large, leave out the state that is so fast, or narrow the bounds"
+            f"{max(parts, 1.0) * steps:.3g} steps, and {MAX_STEPS} are the most. Correct the entry "
+            "of A that is so large, leave out the state that is so fast, or narrow the bounds"
         )
-    return math.ceil(steps)
+    return max(1, math.ceil(parts))
 
 
 def law_plan(
@@ -159,7 +159,7 @@ def law_plan(
     ends = np.sort([model.theta / LAW_RANGE, model.theta * LAW_RANGE], axis=0)
     size = _perron_root(model, np.maximum(lower, ends[0]), np.minimum(upper, ends[1]))
     size *= period / steps
-    substeps = _feasible(max(1.0, size / MAX_SIZE), period)
+    substeps = _feasible(size / MAX_SIZE, period, steps)
     return steps, _order(size / substeps, LAW_TOLERANCE), substeps
 
 

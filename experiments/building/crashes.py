@@ -7,6 +7,7 @@ import os
 import re
 import sysconfig
 import traceback
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
@@ -35,19 +36,31 @@ def crash(text: str, doing: str, error: BaseException) -> EstimatorCrash:
     return EstimatorCrash(f"{text} crashed {doing}: {described(error)}")
 
 
-_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EMFILE, errno.ENFILE}
+_NO_ROOM = {
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.ENOMEM, errno.EMFILE, errno.ENFILE
+}  # fmt: skip
+
+
+def no_room(error: BaseException) -> bool:
+    """Whether a disk, memory or the number of open files has come to its end."""
+    return any(
+        isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno in _NO_ROOM)
+        for cause in _causes(error)
+    )
 
 
 def is_its_own(error: BaseException) -> bool:
     """Whether an error is the estimator's, and not of memory, a disk, or a missing package."""
+    missing = (isinstance(cause, ModuleNotFoundError) for cause in _causes(error))
+    outside = (getattr(cause, "outside", False) for cause in _causes(error))
+    return not (no_room(error) or any(missing) or any(outside))
+
+
+def _causes(error: BaseException) -> Iterator[BaseException]:
     cause: BaseException | None = error
     while cause is not None:
-        if isinstance(cause, MemoryError | ModuleNotFoundError) or getattr(cause, "outside", False):
-            return False
-        if isinstance(cause, OSError) and cause.errno in _NO_ROOM:
-            return False
+        yield cause
         cause = cause.__cause__
-    return True
 
 
 def described(error: BaseException) -> str:

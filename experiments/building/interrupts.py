@@ -107,12 +107,15 @@ def _at_once() -> None:
 @contextmanager
 def _handling(react: Callable[[], None]) -> Iterator[None]:
     """Handle Ctrl-C inside, unless this is no main thread, or somebody else does already."""
+    put_off: list[threading.Timer] = []
 
     def handle(number: int, frame: FrameType | None) -> None:
+        put_off.clear()
         if _unheard(frame):
-            later = threading.Timer(AGAIN, signal.raise_signal, [number])
+            later = threading.Timer(AGAIN, _again, [number])
             later.daemon = True
             later.start()
+            put_off.append(later)
         else:
             react()
 
@@ -128,10 +131,22 @@ def _handling(react: Callable[[], None]) -> Iterator[None]:
         for kind in ours:
             signal.signal(kind, before[kind])
         _ours.remove(handle)
+        for later in put_off:  # what comes after this hears it no more
+            later.cancel()
+        if put_off:
+            react()
+
+
+def _again(number: int) -> None:
+    """Send a signal again to the main thread, which wakes it where it waits."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:  # Windows
+        signal.raise_signal(number)
 
 
 def _unheard(frame: FrameType | None) -> bool:
-    """Whether an exception would be lost here: in compiled code, or where an object goes.
+    """Whether an exception would be lost here: in compiled code, or in a `weakref.finalize`.
 
     Compiled code has called Python for a type; Numba (0.68) goes on with what it did not get, which
     ends the process with a segmentation fault. What a finalizer raises, Python prints and forgets.

@@ -186,8 +186,13 @@ def track(
     if not np.isfinite(last).all():
         raise LogError("the estimates diverged: identify first, or choose another estimator")
     look = _Look(model.parametrize(names), torque, log.y, colour, ok, period)
-    error, residual, _ = look.at(last)
+    error, residual, psi = look.at(last)
     good, nominal = colour.settled(ok), axis.model.parametrize(names).theta
+    if not (np.isfinite(residual[good]).all() and np.isfinite(psi[good]).all()):
+        raise LogError(
+            "a simulation with the last estimates runs away, so that nothing can be told of them: "
+            "correct the model, identify first, or choose another estimator"
+        )
     changes = changes_along(
         lambda theta: [s[good] for s in look.at(theta)[1:]], record.time[good], last, names
     )

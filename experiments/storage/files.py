@@ -43,14 +43,6 @@ class OutputError(FlexaxisError):
     """A result cannot be written or read."""
 
 
-class NotRun(FlexaxisError):
-    """Cases are missing, for no fault of theirs: a full disk, no memory; the same line goes on."""
-
-
-class DiskFull(OutputError, NotRun):
-    """There is no room for a result."""
-
-
 def dumps(content: Any) -> str:
     """Return strict JSON on one line; a number that is not finite is a programming error."""
     return json.dumps(content, allow_nan=False, ensure_ascii=False)
@@ -62,11 +54,11 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        full = error.errno in {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-        kind, remedy = (DiskFull, ", or make room") if full else (OutputError, "")
-        raise kind(
-            f"{path}: cannot be written: {error.strerror or error}. "
-            f"Choose another place with -o{remedy}"
+        remedy = "Choose another place with -o"
+        if error.errno in {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}:
+            remedy += ", or make room"
+        raise OutputError(
+            f"{path}: cannot be written: {error.strerror or error}. {remedy}"
         ) from error
 
 
@@ -169,6 +161,10 @@ def same(one: Path, other: Path) -> bool:
 
 class StudyError(FlexaxisError):
     """A study is wrong, or cannot go on; the message has one line for each problem."""
+
+
+class NotRun(FlexaxisError):
+    """Cases are missing, for no fault of theirs: a full disk, no memory; the same line goes on."""
 
 
 def no_study(folder: Path, reason: Exception | None = None) -> StudyError:

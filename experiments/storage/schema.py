@@ -18,7 +18,7 @@ from typing import Any
 
 from flexaxis.experiments.scoring.score_definition import Kind
 from flexaxis.experiments.scoring.score_table import SCORES, columns, units
-from flexaxis.experiments.storage.files import DiskFull, OutputError, StudyError
+from flexaxis.experiments.storage.files import NotRun, OutputError, StudyError
 
 COLUMNS: Mapping[str, Kind] = {
     **dict.fromkeys(("case", "hash", "scenario", "base", "estimator", "method"), "text"),
@@ -226,7 +226,8 @@ def said(path: Path | None) -> Iterator[None]:
 
     Raises
     ------
-    DiskFull
+    NotRun
+        If the disk is full.
     OutputError
         If it cannot be written for another reason, or read.
     StudyError
@@ -242,7 +243,7 @@ def said(path: Path | None) -> Iterator[None]:
             ) from error
         full = "full" in str(error) or "disk I/O" in str(error)
         why = f"No space left on the disk ({error}): make room" if full else f"{error}"
-        kind = DiskFull if full else OutputError
+        kind = NotRun if full else OutputError
         raise kind(f"{path}: cannot be written: {why}, or choose another place with -o") from error
     except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
         raise StudyError(

@@ -32,7 +32,7 @@ def test_point_to_point_moves_leave_the_scale_as_told():
     theta = estimator.run(u[:2000], y[:2000])
     assert "as it was told" in estimator.fixed_because["J_m"]
     value, deviation = estimator.learnt["J_m"]
-    # held by a variance that is not quite zero, so that it can be factored
+    # fixed but for the walk that all structure has after the first seconds (docs/glr.md)
     assert value == pytest.approx(N1["J_m"], rel=1e-6) and deviation < 1e-4 * N1["J_m"]
     assert abs(theta[1900, 0] - 1) < 0.03
 

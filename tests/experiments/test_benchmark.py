@@ -205,7 +205,7 @@ def test_a_folder_that_cannot_be_written_is_found_first(short, tmp_path):
 
 
 def test_a_full_disk_is_said_in_one_line(short):
-    with pytest.raises(files.DiskFull, match="/dev/full: cannot be written: No space left"), \
+    with pytest.raises(files.OutputError, match="/dev/full: cannot be written: No space left"), \
             files.writing(Path("/dev/full")), open("/dev/full", "w") as file:  # fmt: skip
         file.write("x")
 

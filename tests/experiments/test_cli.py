@@ -1,5 +1,6 @@
 """The command line: what it prints, where, with which status; and wrong use in one clear line."""
 
+import errno
 import json
 import os
 import signal
@@ -183,3 +184,15 @@ def test_ctrl_c_leaves_130_and_what_was_computed(short_toml, tmp_path):
     assert process.returncode == 130
     assert "interrupted" in err and "Traceback" not in err
     assert len(before) <= len(_kept(tmp_path / "out")) < 400 * 3
+
+
+@pytest.mark.parametrize(
+    ("number", "status"), [(errno.ENOSPC, 70), (errno.EFBIG, 70), (errno.EACCES, 2)]
+)
+def test_a_full_disk_is_no_wrong_use(short_toml, monkeypatch, capsys, number, status):
+    def write_netcdf(*_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("flexaxis.sim.record.write_netcdf", write_netcdf)
+    assert main(["simulate", str(short_toml), "-o", str(short_toml.with_name("rec.nc"))]) == status
+    assert "rec.nc: cannot be written" in capsys.readouterr().err
