@@ -29,7 +29,7 @@ help:
 	@echo "make fuzz       bad files of every kind, for MINUTES=60; none may lead to a crash or hang"
 	@echo "make kill       commands ended at random moments, KILLS=100; nothing may be torn or lost"
 	@echo "make mutants    errors planted one at a time, JOBS=2 at once; each must be seen by a test (an hour)"
-	@echo "make docs-tables  every table of the documentation from the commands that make it (half an hour)"
+	@echo "make docs-tables  every table and figure of the documentation that is of other code (hours)"
 	@echo "make docs-speed  the tables of docs/speed.md, measured on this machine (an hour)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
 	@echo "make site       the documentation as pages that need no network: results/site/index.html"
@@ -73,11 +73,12 @@ kill: $(VENV)/.test
 mutants: $(VENV)/.test
 	$(BIN)/python tests/mutants/run.py --jobs $(or $(JOBS),1)
 
+# Of code that is in a commit, and only those that are of other code than that.
 docs-tables: $(VENV)/.core
-	$(BIN)/python docs/tables.py --fresh
+	$(BIN)/python docs/proof.py tables demo friction drives control glr
 
 docs-speed: $(VENV)/.core
-	$(BIN)/python docs/speed.py --fresh
+	$(BIN)/python docs/proof.py speed
 
 notebooks: $(VENV)/.test
 	$(BIN)/python docs/notebooks/build.py

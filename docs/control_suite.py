@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 from scipy.stats import spearmanr
-from suite_rows import HOME, SEEDS, WHO, changed, said, table, write
+from suite_rows import HOME, SEEDS, WHO, changed, said
+from tables import table, write
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse
@@ -39,7 +40,8 @@ def worth() -> str:
         cells = [_recovered(changed("control", name, who)) for who in WHO["control"]]
         rows.append([f"`{name}`", cost, _percent(first, "recovered_told"), *cells])
     heads = ["scenario", "error without → with the fault [mrad]", "told the truth"]
-    return table([*heads, *(f"`{who}`" for who in WHO["control"])], rows) + said("control")
+    heads += [f"`{who}`" for who in WHO["control"]]
+    return table(heads, rows) + said("control", "control_suite")
 
 
 def _percent(row: Mapping[str, Any], key: str) -> str:
@@ -123,7 +125,7 @@ def order() -> str:
     rows.append(["mean", "", "", "", *(f"{x:+.2f}" for x in np.nanmean(found, axis=0))])
     heads = ["scenario", "the least lag first [s]", "the same at equal noise",
              "the most recovered first", "rank correlation", "at equal noise"]  # fmt: skip
-    return table(heads, rows).replace("+nan", "–") + said("control")
+    return table(heads, rows).replace("+nan", "–") + said("control", "control_suite")
 
 
 def _correlation(lags: list[float], worths: list[float]) -> float:

@@ -4,12 +4,11 @@ It stands between `<!-- table: lags -->` and `<!-- end -->`, and what made it is
 It takes four minutes.
 """
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from tables import commit
+from tables import commit, table, write
 
 from flexaxis.experiments.demo.session import BUTTONS, DEFAULT_RACERS, DemoSession
 from flexaxis.experiments.reporting.tables import number
@@ -18,7 +17,6 @@ from flexaxis.sim.timing import PERIOD, sample_index
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "demo.md"
-MARK = re.compile(r"<!-- table: lags -->\n(.*?)<!-- end -->", re.DOTALL)
 SEEDS = range(1000, 1020)
 BEFORE = 9.0
 """Seconds of the axis before the fault."""
@@ -38,10 +36,11 @@ def lags(parameter: str, factor: float) -> Sequence[Sequence[float]]:
     return rows
 
 
-def table() -> str:
+def expected() -> str:
     """Return what to expect of each fault that has a button and a lag."""
+    below = made()
     names = ("A, the paper's method", "B, recommended")
-    lines = [("fault", *names, "allowed: told which – not told"), ("---",) * 4]
+    lines = []
     for label, (parameter, factor) in BUTTONS.items():
         if parameter == "k_a":  # nobody estimates it
             continue
@@ -49,7 +48,7 @@ def table() -> str:
         mean, longest = values.mean(axis=0), values.max(axis=0)
         racers = [f"{number(mean[i], 2)} ({number(longest[i], 2)})" for i in range(len(names))]
         lines.append((label, *racers, f"{number(mean[2], 2)} – {number(mean[3], 2)}"))
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    return table(["fault", *names, "allowed: told which – not told"], lines) + below
 
 
 def made() -> str:
@@ -61,13 +60,5 @@ def made() -> str:
     )
 
 
-def main() -> None:
-    """Write the table."""
-    below = made()
-    text = f"<!-- table: lags -->\n{table()}{below}<!-- end -->"
-    page = PAGE.read_text(encoding="utf-8")
-    PAGE.write_text(MARK.sub(lambda _: text, page), encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main()
+    write(PAGE, {"lags": expected})

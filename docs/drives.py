@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from suite_rows import GEARED, HOME, WHO, changed, said, table, write
+from suite_rows import GEARED, HOME, WHO, changed, said
+from tables import commit, table, write
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse
@@ -82,11 +83,10 @@ def axes() -> str:
             f"{u.std():.2g}; {np.abs(u).max():.2g}",
             f"{dry:.2g}; {100 * viscous * rms / dry:.0f} %",
         ])  # fmt: skip
-    return table(
-        ["drive", "J_m; load [kg m²]", "k_g [N m/rad]", "modes (damping)", "margin",
-         "speed: rms; peak [rad/s]", "torque: rms; peak [N m]",
-         "friction at rms speed and torque [N m]; viscous part"], rows
-    )  # fmt: skip
+    heads = ["drive", "J_m; load [kg m²]", "k_g [N m/rad]", "modes (damping)", "margin",
+             "speed: rms; peak [rad/s]", "torque: rms; peak [N m]",
+             "friction at rms speed and torque [N m]; viscous part"]  # fmt: skip
+    return table(heads, rows) + f"\n`python docs/drives.py axes`, commit {commit()}.\n"
 
 
 def figure() -> Figure:
@@ -111,7 +111,7 @@ def found() -> str:
         cells = [_made_of_it(changed("drives", name, who)) for who in WHO["drives"][:-1]]
         rows.append([f"`{name}`", *cells])
     heads = [f"`{who}`" for who in WHO["drives"][:-1]]
-    return table(["scenario", *heads], rows) + said("drives")
+    return table(["scenario", *heads], rows) + said("drives", "drives")
 
 
 def _made_of_it(row: Mapping[str, Any] | None) -> str:
@@ -150,7 +150,8 @@ def goal() -> str:
         rows.append([f"`{name}`", scenario.events()[0].parameter, f"{sd:.2g}", whole,
                      "yes" if counts else "no", *cells])  # fmt: skip
     heads = ["scenario", "fault in", "sd [%]", "of all friction [%]", "counts"]
-    return table([*heads, *(f"`{who}` misses" for who in WHO["drives"][:2])], rows) + said("drives")
+    heads += [f"`{who}` misses" for who in WHO["drives"][:2]]
+    return table(heads, rows) + said("drives", "drives")
 
 
 def _known_in_ten_seconds(scenario: Scenario) -> tuple[float, float, float]:
@@ -207,9 +208,8 @@ def why() -> str:
         rows.append([f"`{name}`", *(_biases(s) for s in (published, without, only))])
     heads = ["as published", "without shares of load", "and without excess at low speed"]
     runs = f"seeds {FEW.start} to {FEW.stop - 1}"
-    return (
-        table(["scenario", *heads], rows) + f"\n`{GEARED}`, {runs}, `python docs/drives.py why`.\n"
-    )
+    below = f"\n`{GEARED}`, {runs}, `python docs/drives.py why`, commit {commit()}.\n"
+    return table(["scenario", *heads], rows) + below
 
 
 FEW = range(1000, 1002)
@@ -232,11 +232,13 @@ def _biases(scenario: Scenario) -> str:
 TABLES: Mapping[str, Callable[[], str]] = {f.__name__: f for f in (axes, found, goal, why)}
 
 
-def main(wanted: Sequence[str]) -> None:
-    """Write the tables that are wanted, all and the figure if none is named."""
-    if not wanted or "figure" in wanted:
+def main(words: Sequence[str]) -> None:
+    """Write the tables and the figure that words name, all if none is named."""
+    names = [word for word in words if not word.startswith("--")]
+    if not names or "figure" in names:
         figure().savefig(PICTURE, dpi=110)
-    write(PAGE, TABLES, wanted)
+    if names != ["figure"]:
+        write(PAGE, TABLES, [name for name in names if name != "figure"])
 
 
 if __name__ == "__main__":

@@ -5,9 +5,6 @@ With names of tables, or `figure`, only these are made: `motions` and `figure` t
 `estimators` takes a quarter of an hour, and `results/friction-page` is used if it is there.
 """
 
-import json
-import re
-import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -17,7 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from tables import commit, table
+from tables import commit, commit_of, summary, table, write
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse
@@ -38,7 +35,6 @@ Array = NDArray[np.float64]
 
 ROOT = Path(__file__).parents[1]
 PAGE, PICTURE = ROOT / "docs" / "friction.md", ROOT / "docs" / "images" / "friction.png"
-MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
 RUNS = range(1000, 1003)
 SECONDS = 10.0
 TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
@@ -66,8 +62,6 @@ UNKNOWN = ("directional_fm_step", "position_fm_step", "load_friction_fm_step", "
            "wrong_poles_fm_step")  # fmt: skip
 SCENARIOS = tuple(f"{name}-v1" for name in (*KNOWN, *UNKNOWN))
 ESTIMATORS = ("rpem-forgetting", "rpem-friction")
-RESULTS = ROOT / "results" / "friction-page"
-RUN = ("run", *SCENARIOS, *(w for e in ESTIMATORS for w in ("--estimator", e)), "--seeds", "10")
 
 
 def accuracy() -> str:
@@ -84,7 +78,8 @@ def accuracy() -> str:
     heads = ["laws", *(f"{s} steps of {5 / s:.3g} ms" for s in steps)]
     return table(heads, rows) + (
         "\nDistance of the motor speed from that of LSODA [% of its rms], on the axes of "
-        "`tests/estimators/test_laws.py`. `python docs/friction.py accuracy`.\n"
+        "`tests/estimators/test_laws.py`. `python docs/friction.py accuracy`, "
+        f"commit {commit()}.\n"
     )
 
 
@@ -177,7 +172,8 @@ def motions() -> str:
         ])  # fmt: skip
     return table(heads, rows) + (
         f"\nLeast standard deviation of f_m; f_c [%] after {SECONDS:g} s, by what is unknown. "
-        f"`python docs/friction.py motions`, seeds {RUNS.start} to {RUNS.stop - 1}.\n"
+        f"`python docs/friction.py motions`, commit {commit()}, "
+        f"seeds {RUNS.start} to {RUNS.stop - 1}.\n"
     )
 
 
@@ -198,7 +194,7 @@ def estimators() -> str:
     return table(["scenario", *(f"`{e}`" for e in ESTIMATORS)], lines) + (
         "\nBias ± std before the fault [%]; lag [s], × bound; found, named rightly at last [%]; "
         "false alarms a run; **lost** runs. `python docs/friction.py estimators`, commit "
-        f"{(RESULTS / 'commit').read_text(encoding='utf-8')}, seeds 1000 to 1009.\n"
+        f"{commit_of('friction-page')}, seeds 1000 to 1009.\n"
     )
 
 
@@ -218,13 +214,8 @@ def _cell(row: Mapping[str, Any] | None) -> str:
 
 
 def _results() -> Any:
-    if not (RESULTS / "summary.json").exists():
-        at, words = commit(), [sys.executable, "-m", "flexaxis.experiments", *RUN]
-        words += ["-o", str(RESULTS)]
-        if subprocess.run(words, stdout=subprocess.DEVNULL, check=False).returncode not in (0, 1):
-            sys.exit("the run failed")
-        (RESULTS / "commit").write_text(at, encoding="utf-8")
-    return json.loads((RESULTS / "summary.json").read_text(encoding="utf-8"))
+    words = [word for name in ESTIMATORS for word in ("--estimator", name)]
+    return summary("friction-page", *SCENARIOS, *words, "--seeds", "10")
 
 
 def figure() -> Figure:
@@ -277,19 +268,12 @@ TABLES: Mapping[str, Callable[[], str]] = {
 }
 
 
-def main(wanted: Sequence[str]) -> None:
-    """Make what is wanted, all if nothing is named."""
-    if wrong := set(wanted) - {*TABLES, "figure"}:
-        sys.exit(f"no {min(wrong)!r}: {', '.join((*TABLES, 'figure'))}")
-
-    def written(match: re.Match[str]) -> str:
-        name = match[1]
-        if wanted and name not in wanted:
-            return match[0]
-        return f"<!-- table: {name} -->\n{TABLES[name]()}<!-- end -->"
-
-    PAGE.write_text(MARK.sub(written, PAGE.read_text(encoding="utf-8")), encoding="utf-8")
-    if not wanted or "figure" in wanted:
+def main(words: Sequence[str]) -> None:
+    """Make the tables and the figure that words name, all if none is named."""
+    names = [word for word in words if not word.startswith("--")]
+    if names != ["figure"]:
+        write(PAGE, TABLES, [name for name in names if name != "figure"])
+    if not names or "figure" in names:
         figure().savefig(PICTURE, dpi=110)
 
 

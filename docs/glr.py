@@ -3,15 +3,14 @@
     python docs/glr.py --table linear --table friction --estimator glr --estimator mine.py:Class
     python docs/glr.py --seeds 0:10 --print        # for tuning: tables on the terminal
 
-Rows of each run are kept in the folder `--store`, by scenario, seed, estimator and the code of all
-estimators, so that nothing is computed twice. Estimators that are no longer there stand in the
-tables all the same: their pooled rows are in docs/data/glr.csv, where `--keep` puts them.
+Rows of each run are kept in the folder `--store`, by scenario, seed, estimator and all code that a
+run may depend on, so that nothing is computed twice. Estimators that are no longer there stand in
+the tables all the same: their pooled rows are in docs/data/glr.csv, where `--keep` puts them.
 """
 
 import argparse
 import json
 import pickle
-import re
 import sys
 import time
 import warnings
@@ -24,16 +23,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from digests import stamp
 from glr_cases import CASES
 from glr_own import OWN, run_own
 from glr_pool import first, keep, number, of_lags, paired, pooled, rate, share, stored
 from glr_runs import AGES, Row, run
 from speed_steps import PERCENTILES, time_steps
 from speed_streams import make_stream
-from tables import commit
+from tables import commit, write
 from tables import table as markdown
 
-import flexaxis.estimators
 from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -43,8 +42,7 @@ from flexaxis.experiments.studies.sweep import sweep
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "glr.md"
-MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
-SEEDS = {"linear": 40, "excess": 40, "quiet": 40, "isolation": 10, "ground": 10}
+SEEDS = {"linear": 40, "excess": 40, "isolation": 10, "ground": 10, "starts": 10}
 """Seeds of a table, from 1000 on; of any other twenty."""
 SIZES = {3: ("linear", ()), 8: ("linear", ("J_m", "k_g", "k_a", "d_g", "d_a")),
          20: ("friction", ("J_m", "k_g", "k_a", "d_g", "d_a"))}  # fmt: skip
@@ -53,13 +51,10 @@ last are those that estimators with laws of friction learn."""
 
 BUDGETS = [f"glr[budget={n}]" for n in (8, 16, 32, 64, 1_000_000)]
 """How many samples are gone through again in one; with the last, all at once."""
-
-
-@cache
-def code() -> str:
-    """Return a digest of the code of all estimators."""
-    files = sorted(Path(flexaxis.estimators.__path__[0]).rglob("*.py"))
-    return sha256(b"".join(f.read_bytes() for f in files)).hexdigest()
+ASKED = {"budget": BUDGETS, "quiet": ["glr"], "isolation": ["glr"],
+         "starts": ["glr", "glr[spread=1]"]}  # fmt: skip
+"""Estimators of a table; of any other `rpem-forgetting` and `glr`."""
+code = cache(stamp)
 
 
 def kept(key: str, make: Callable[[], Row], folder: Path) -> Row:
@@ -292,16 +287,13 @@ def main() -> None:
     given = options()
     asked = given.estimator
     for name in given.table:
-        given.estimator = asked or (BUDGETS if name == "budget" else ["rpem-forgetting", "glr"])
+        given.estimator = asked or ASKED.get(name, ["rpem-forgetting", "glr"])
         words = f"`python docs/glr.py --table {name}`, commit {at(given)}"
         text = f"{made(name, given)}\n{words}, seeds {given.seeds or 'of this page'}.\n"
         if given.print:
             print(f"## {name}\n\n{text}", flush=True)
             continue
-        whole = f"<!-- table: {name} -->\n{text}<!-- end -->"
-        page = PAGE.read_text(encoding="utf-8")
-        page = MARK.sub(lambda m, n=name, w=whole: w if m[1] == n else m[0], page)
-        PAGE.write_text(page, encoding="utf-8")
+        write(PAGE, {name: lambda text=text: text})
 
 
 if __name__ == "__main__":

@@ -121,6 +121,7 @@ def _constant(base: str, seconds: float) -> Case:
     return Case(f"{base}, {seconds:g} s without a fault", base, changes)
 
 
+STARTS = (_step("starts at half", start=0.5), _step("starts at double", start=2.0))
 PAUSED = {"excitation.pause": [[10.0, 730.0]], "duration": 760.0, "fault[0].at": 740.0}
 
 CASES: Mapping[str, tuple[Case, ...]] = {
@@ -158,13 +159,13 @@ CASES: Mapping[str, tuple[Case, ...]] = {
         Case("drift of the sensor", "fm_step", spoilt="drift"),
         _step("10 ms", period=0.01, excitation__high=20.0),
         _step("1 ms", period=0.001),
-        _step("starts at half", start=0.5),
-        _step("starts at double", start=2.0),
+        *STARTS,
         Case("12 min held", "coulomb_fm_step", PAUSED),
         Case("gaps", "fm_step", spoilt="gaps"),
         Case("outliers", "fm_step", spoilt="outliers"),
         Case("stuck sensor", "fm_step", spoilt="stuck"),
     ),
+    "starts": STARTS,
     "budget": _plain("fm_double", "ja_big_step", "dg_double", "appearing_fc_step"),
 }  # fmt: skip
 """Cases by table."""

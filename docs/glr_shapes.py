@@ -4,11 +4,10 @@
 are estimated nor the coefficient of the shape, and all else.
 """
 
-import re
 from pathlib import Path
 
 import numpy as np
-from tables import commit, table
+from tables import commit, table, write
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse
@@ -47,17 +46,12 @@ def measured(name: str) -> list[str]:
             f"{np.exp(ratio.mean()):.3g} ({low:.3g} … {high:.3g})"]  # fmt: skip
 
 
-def main() -> None:
-    """Write the table."""
+def shapes() -> str:
+    """Return the table."""
     heads = ["case", "unknown besides", "lag of `glr` [s]", "bound [s]", "× bound"]
-    at, seeds = commit(), f"seeds {SEEDS.start} to {SEEDS.stop - 1}"
-    text = table(heads, [measured(name) for name in CASES])
-    text += f"\n`python docs/glr_shapes.py`, commit {at}, {seeds}.\n"
-    page = PAGE.read_text(encoding="utf-8")
-    whole = f"<!-- shapes -->\n{text}<!-- end -->"
-    found = re.sub(r"<!-- shapes -->\n.*?<!-- end -->", lambda _: whole, page, flags=re.DOTALL)
-    PAGE.write_text(found, encoding="utf-8")
+    below = f"\n`python docs/glr_shapes.py`, commit {commit()}, seeds {SEEDS[0]} to {SEEDS[-1]}.\n"
+    return table(heads, [measured(name) for name in CASES]) + below
 
 
 if __name__ == "__main__":
-    main()
+    write(PAGE, {"shapes": shapes})

@@ -29,6 +29,7 @@ RUNS = (*NUMBERS, "tests", "docs/proof.py", "docs/digests.py", "pyproject.toml",
 BELOW = re.compile(
     r"\bcommit ([0-9a-f]{7,40})(-dirty)?(?:, digest ([0-9a-f]{10}(?:-[0-9a-f]{6})?))?"
 )
+PROOF, PAGES = re.compile("docs/proof.md"), re.compile(r"README\.md|docs/.*\.(md|png|csv)")
 SAYS = 90  # characters of what a stage said last
 ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
@@ -37,26 +38,43 @@ ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS":
 class Stage:
     """A command that must end with 0, what it shows, and the files that may change that.
 
-    Without files it looks at all of them, text and comments included.
+    Without files it looks at all of them, text and comments included. One that writes pages of the
+    documentation leaves them to be committed, before what looks at all files.
     """
 
     command: str
     shows: str
     runs: tuple[str, ...] = ()
+    writes: bool = False
+
+
+def _makes(command: str, name: str, shows: str) -> Stage:
+    """Return a stage that makes tables and figures of the documentation."""
+    shared = ("docs/tables.py", "docs/suite_rows.py", "docs/digests.py")
+    return Stage(command, shows, (*NUMBERS, *shared, f"docs/{name}*.py"), writes=True)
 
 
 STAGES = {
+    "mutants": Stage("make mutants JOBS=2", "every planted error is seen by a test", RUNS),
+    "fuzz": Stage("make fuzz MINUTES=10", "bad files lead to a message", RUNS),
+    "kills": Stage("make kill KILLS=100", "what is killed goes on, nothing torn or lost", RUNS),
+    "standard": Stage("flexaxis run standard --seeds 20 -o results/release --overwrite",
+                      "every estimator on the standard suite, twenty seeds", RUNS),
+    "tables": _makes("python docs/tables.py --fresh && python docs/fm_step.py", "fm_step",
+                     "tables and figure of README, scenarios, scores, gate"),
+    "demo": _makes("python docs/demo.py", "demo", "the table of demo.md"),
+    "friction": _makes("python docs/friction.py --fresh", "friction", "all of friction.md"),
+    "drives": _makes("python docs/drives.py --fresh", "drives", "all of drives.md"),
+    "control": _makes("python docs/control_suite.py --fresh", "control", "all of control.md"),
+    "glr": _makes("python docs/glr.py --jobs 2 && python docs/glr_shapes.py && "
+                  "python docs/glr_bank.py", "glr", "all of glr.md"),
+    "speed": _makes("python docs/speed.py --fresh", "speed", "all of speed.md"),
     "check": Stage("make check", "style, types, architecture"),
     "test": Stage("make test", "the fast tests, none skipped for bubblewrap"),
     "slow": Stage("python -m pytest -q -n 2 --dist=loadfile -m slow --ignore tests/mutants",
                   "the long tests: labs, notebooks, lessons, all claims of the paper, each cheater "
                   "of a board ten times"),
     "browser": Stage("make test-browser", "pages and demo in Chromium"),
-    "mutants": Stage("make mutants JOBS=2", "every planted error is seen by a test", RUNS),
-    "fuzz": Stage("make fuzz MINUTES=10", "bad files lead to a message", RUNS),
-    "kills": Stage("make kill KILLS=100", "what is killed goes on, nothing torn or lost", RUNS),
-    "standard": Stage("flexaxis run standard --seeds 20 -o results/release --overwrite",
-                      "every estimator on the standard suite, twenty seeds", RUNS),
     "site": Stage("make site", "the documentation, with its links"),
     "wheel": Stage("make dist", "wheel and source archive"),
 }  # fmt: skip
@@ -114,7 +132,7 @@ def run(name: str) -> bool:
     if rows().get(name, [""])[0] == before:
         print(f"{name}: as in docs/proof.md", flush=True)
         return True
-    if changed := _changed():
+    if changed := _changed(stage):
         sys.exit(f"only a commit can be proved: commit this first\n{changed}")
     print(f"{name}: {stage.command}", flush=True)
     at, began = git("rev-parse", "--short=8", "HEAD").decode().strip(), time.monotonic()
@@ -123,16 +141,18 @@ def run(name: str) -> bool:
     if status:
         print(f"{name} ended with status {status}; what was shown before is kept")
         return False
-    if key(stage) != before or _changed():
+    if key(stage) != before or _changed(stage):
         print(f"{name}: files have changed while it ran, so that it shows nothing; once more")
         return False
     write(rows() | {name: [before, at, took, said]})
     return True
 
 
-def _changed() -> str:
+def _changed(stage: Stage) -> str:
+    """Return what is in no commit, but for this page and, where a stage writes them, all pages."""
     lines = git("status", "--porcelain").decode().splitlines()
-    return "\n".join(line for line in lines if not line.endswith(" docs/proof.md"))
+    known = PAGES if stage.writes else PROOF
+    return "\n".join(line for line in lines if not known.fullmatch(line[3:]))
 
 
 def _said(command: str) -> tuple[int, str]:

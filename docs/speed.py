@@ -7,7 +7,6 @@ was measured is kept in `results/speed/`; it is measured where it is missing, an
 """
 
 import json
-import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -22,13 +21,12 @@ from speed_rounds import rivals as by_other_means
 from speed_steps import registered
 from speed_steps import steps as timed_steps
 from speed_streams import axis_of
-from tables import commit, table
+from tables import FRESH, commit, table, write
 
 from flexaxis.estimators import RECOMMENDED
 
 ROOT = Path(__file__).parents[1]
 PAGE, FOLDER = ROOT / "docs" / "speed.md", ROOT / "results" / "speed"
-MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
 STEPS = {"steps": 1_000_000, "steps-friction": 100_000}
 HOURS = {"memory": 10.0, "memory-friction": 1.0}
 """How much is measured; `-friction`: the estimators of an axis with friction, which are slower."""
@@ -39,7 +37,6 @@ RATIOS = ("us_per_sample", "times", "ratio")
 UNIT = "rpem-forgetting"
 RIVALS = ("expm", "literal-rpem", "rpem-run")
 
-FRESH = "--fresh" in sys.argv[1:]
 NAMED = [b for a, b in zip(sys.argv, sys.argv[1:], strict=False) if a == "--estimator"]
 
 Row = Mapping[str, Any]
@@ -229,20 +226,5 @@ def _number(number: int | None) -> str:
     return "–" if number is None else str(number)
 
 
-def main(wanted: Sequence[str]) -> None:
-    """Write what is wanted, all if nothing is named."""
-    wanted = [word for word in wanted if not word.startswith("--") and word not in NAMED]
-    if wrong := set(wanted) - set(TABLES):
-        sys.exit(f"no table {min(wrong)!r}: {', '.join(TABLES)}")
-
-    def written(match: re.Match[str]) -> str:
-        name = match[1]
-        if wanted and name not in wanted:
-            return match[0]
-        return f"<!-- table: {name} -->\n{TABLES[name]()}<!-- end -->"
-
-    PAGE.write_text(MARK.sub(written, PAGE.read_text(encoding="utf-8")), encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    write(PAGE, TABLES, [word for word in sys.argv[1:] if word not in NAMED])

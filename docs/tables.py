@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from digests import ROOT, git, stamp
@@ -26,7 +27,8 @@ from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.score_table import SCORES
 
 PAGES = ("README.md", "docs/scenarios.md", "docs/scores.md", "docs/gate.md")
-HEADLINE, SELF_TEST = ROOT / "results" / "headline", ROOT / "results" / "self-test.json"
+RESULTS = ROOT / "results"
+SELF_TEST = RESULTS / "self-test.json"
 SEEDS = 20
 RUN = f"flexaxis run headline --seeds {SEEDS}"
 MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
@@ -144,13 +146,24 @@ TABLES: Mapping[str, Callable[[], str]] = {
 
 
 @cache
-def headline() -> Any:
-    """Return the summary of the run that most tables are made of."""
-    if not (HEADLINE / "summary.json").exists() or FRESH:
+def summary(folder: str, *words: str) -> Any:
+    """Return the summary of a run in a folder of results, which is made where it is not there."""
+    place = RESULTS / folder
+    if not (place / "summary.json").exists() or FRESH:
         at = commit()
-        call(*RUN.split()[1:], "-o", str(HEADLINE))
-        (HEADLINE / "commit").write_text(at, encoding="utf-8")
-    return json.loads((HEADLINE / "summary.json").read_text(encoding="utf-8"))
+        call("run", *words, "-o", str(place), "--overwrite")
+        (place / "commit").write_text(at, encoding="utf-8")
+    return json.loads((place / "summary.json").read_text(encoding="utf-8"))
+
+
+def commit_of(folder: str) -> str:
+    """Return at which commit a run was made, and the digest."""
+    return (RESULTS / folder / "commit").read_text(encoding="utf-8")
+
+
+def headline() -> Any:
+    """Return the summary of the run that most tables of these pages are made of."""
+    return summary("headline", *RUN.split()[2:])
 
 
 def call(*words: str) -> str:
@@ -166,8 +179,7 @@ def call(*words: str) -> str:
 def said(what: str) -> str:
     """Return the line below a table of the run: what it is, and how it was made."""
     words = f"{what[:1].upper()}{what[1:]}. " if what else ""
-    made = (HEADLINE / "commit").read_text(encoding="utf-8")
-    return f"\n{words}`{RUN}`, commit {made}, seeds 1000 to {999 + SEEDS}.\n"
+    return f"\n{words}`{RUN}`, commit {commit_of('headline')}, seeds 1000 to {999 + SEEDS}.\n"
 
 
 def commit() -> str:
@@ -213,23 +225,19 @@ def _score(row: Row) -> str:
     return value
 
 
-def main(wanted: Sequence[str]) -> None:
-    """Write the tables that are wanted, all if nothing is named."""
-    names = [word for word in wanted if not word.startswith("--")]
-    if wrong := set(names) - set(TABLES):
-        sys.exit(f"no table {min(wrong)!r}: {', '.join(TABLES)}")
-    for page in PAGES:
-        path = ROOT / page
-        text = path.read_text(encoding="utf-8")
-
-        def written(match: re.Match[str]) -> str:
-            name = match[1]
-            if names and name not in names:
-                return match[0]
-            return f"<!-- table: {name} -->\n{TABLES[name]()}<!-- end -->"
-
-        path.write_text(MARK.sub(written, text), encoding="utf-8")
+def write(page: Path, tables: Mapping[str, Callable[[], str]], words: Sequence[str] = ()) -> None:
+    """Write the tables of a page that words of the command line name, all if none does."""
+    wanted = [word for word in words if not word.startswith("--")] or list(tables)
+    if wrong := set(wanted) - set(tables):
+        sys.exit(f"no table {min(wrong)!r}: {', '.join(tables)}")
+    text = page.read_text(encoding="utf-8")
+    for name in set(wanted) & {name for name, _ in MARK.findall(text)}:
+        whole = f"<!-- table: {name} -->\n{tables[name]()}<!-- end -->"
+        text = MARK.sub(lambda m, n=name, w=whole: w if m[1] == n else m[0], text)
+    page.write_text(text, encoding="utf-8")
+    print(f"{page.relative_to(ROOT)}: {', '.join(wanted)}", flush=True)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    for path in PAGES:
+        write(ROOT / path, TABLES, sys.argv[1:])

@@ -55,8 +55,8 @@ first steps:
 `flexaxis COMMAND --help` explains a command, with an example.
 
 exit status:
-  0 fine, 1 a finding, 2 wrong use or bad input, 3 undecided (compare), 70 a crash,
-  130 Ctrl-C or SIGTERM
+  0 fine, 1 a finding, 2 wrong use or bad input, 3 undecided (compare), 70 a crash
+  or a full disk, 130 Ctrl-C or SIGTERM
 """
 TRACEBACK = "--traceback"
 GONE = {

@@ -96,10 +96,10 @@ def test_what_makes_a_measured_table_finds_all_that_it_names(path, monkeypatch):
     runpy.run_path(str(path), run_name="imported")
 
 
-def test_the_tables_of_friction_are_of_what_their_command_makes():
+def test_the_tables_of_friction_are_of_what_their_command_makes(tables):
     friction = loaded("friction")
     text = friction.PAGE.read_text(encoding="utf-8")
-    found = {name: table.splitlines() for name, table in friction.MARK.findall(text)}
+    found = {name: table.splitlines() for name, table in tables.MARK.findall(text)}
     assert set(found) == set(friction.TABLES)
     first = {n: [x.split(" | ")[0].strip("| ") for x in found[n][2:-2]] for n in found}
     assert first["motions"] == list(friction.MOTIONS)
@@ -110,9 +110,9 @@ def test_the_tables_of_friction_are_of_what_their_command_makes():
     assert all(f"`python docs/friction.py {name}`" in found[name][-1] for name in found)
 
 
-def test_the_tables_of_speed_are_of_what_their_command_makes():
+def test_the_tables_of_speed_are_of_what_their_command_makes(tables):
     speed = loaded("speed")
-    found = dict(speed.MARK.findall(speed.PAGE.read_text(encoding="utf-8")))
+    found = dict(tables.MARK.findall(speed.PAGE.read_text(encoding="utf-8")))
     assert set(found) == set(speed.TABLES)
     timed = [f"`{name}`" for name in REGISTRY if name != "literal-rpem"]
     for name in ("estimators", "steps", "memory"):

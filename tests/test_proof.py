@@ -85,6 +85,17 @@ def test_what_changes_while_it_is_looked_at_shows_nothing(place, monkeypatch):
     assert proof.main(["code"]) == 1 and not proof.rows()
 
 
+def test_what_writes_pages_leaves_them_to_be_committed(place, monkeypatch):
+    makes = proof.Stage("echo More. >> README.md; echo made", "tables", ("sim",), writes=True)
+    monkeypatch.setitem(proof.STAGES, "code", makes)
+    with pytest.raises(SystemExit, match=r"commit this first\n M README\.md"):
+        proof.main([])
+    assert proof.rows()["code"][-1] == "made"
+    commit(place)
+    assert proof.main([]) == 0
+    assert (place / "README.md").read_text().count("More.") == 1
+
+
 @pytest.mark.parametrize("file", ["sim/a.py", "README.md", "Makefile"])
 def test_nothing_is_proved_of_what_is_in_no_commit(place, file):
     (place / file).write_text("x = 3\n")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 from scipy.signal import lfilter
 
 from flexaxis.estimators.errors import EstimatorError
@@ -167,6 +167,12 @@ def find_axis(text: str) -> Axis:
         raise LogError(f"{path}: {error}") from error
 
 
+def _filter(coefficients: list[float]) -> list[float]:
+    if not coefficients or coefficients[0] == 0:
+        raise ValueError("the first coefficient of the filter must be there, and not 0")
+    return coefficients
+
+
 class _Keys(BaseModel):
     """What a file has besides its model."""
 
@@ -179,7 +185,7 @@ class _Keys(BaseModel):
     highpass: float | None = None
     rate: float | None = None
     torque_is: Literal["held", "smooth"] | None = None
-    whitening: list[float] = [1.0]
+    whitening: Annotated[list[float], AfterValidator(_filter)] = [1.0]
     deviation: dict[str, float] = {}
     beside: dict[Literal["g_sin", "g_cos", "f_sided"], float] = {}
 

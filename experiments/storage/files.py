@@ -238,7 +238,11 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
             if not line.endswith(b"\n"):
                 return
             row = json_value(line, source=f"{path}, line {number}", refuse=StudyError)
-            if not isinstance(row, dict) or not isinstance(row.get("case"), str):
+            if not (
+                isinstance(row, dict)
+                and isinstance(row.get("case"), str)
+                and isinstance(row.get("rows"), int | None)
+            ):
                 raise StudyError(f"{path}, line {number}: this is no row of a study")
             yield row
 

@@ -33,7 +33,7 @@ def test_a_second_time_nothing_is_simulated(short, store):
         assert made.scenario == kept.scenario and made.versions == kept.versions
 
 
-def test_the_digest_is_of_the_models_as_well_as_of_code():
+def test_models_are_among_the_sources():
     names = {
         file.name for part in ("models_mjcf", "sim") for file in sources(files(f"flexaxis.{part}"))
     }
