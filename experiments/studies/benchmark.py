@@ -26,7 +26,15 @@ from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.scoring.scores import failed_track, relative_error
 from flexaxis.experiments.scoring.summary import POOLED, of_trajectories
-from flexaxis.experiments.storage.files import REPORT, STUDY, SUMMARY, SWEEP, write_json, write_text
+from flexaxis.experiments.storage.files import (
+    REPORT,
+    STUDY,
+    SUMMARY,
+    SWEEP,
+    StudyError,
+    write_json,
+    write_text,
+)
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.traces import Traces
 from flexaxis.experiments.studies import sweep
@@ -157,7 +165,12 @@ def _with_trajectories(
     traces = Traces(folder, study.get("code", {}), study["seeds"])
     found = []
     for (name, estimator), own in groupby(rows, key=lambda row: (row["base"], row["method"])):
-        scenario = scenarios[name]
+        scenario = scenarios.get(name)
+        if scenario is None:
+            raise StudyError(
+                f"{folder}: its rows are of a scenario {name!r}, of which {STUDY} says nothing: "
+                "one of the two was changed"
+            )
         known = list(traces.find(scenario.hash, estimator).values())
         nothing = failed_track(scenario, scenario.true_parameters())
         lost = {name: each.astype(np.float32) for name, each in relative_error(nothing).items()}

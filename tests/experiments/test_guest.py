@@ -384,7 +384,7 @@ def _end(_):
 
 
 def test_what_hears_no_signal_is_stopped_too(capsys, monkeypatch):
-    monkeypatch.setattr(away, "GRACE", 10.0)
+    monkeypatch.setattr(away, "GRACE", 2.0)
     status, _, err = ran(capsys, "Sleeps", "--time-limit", "0.5")
     assert status == CRASH and "no end within 0.5 s" in err
     assert not Path("slept").exists(), "it was waited for"
