@@ -29,8 +29,8 @@ help:
 	@echo "make fuzz       bad files of every kind, for MINUTES=60; none may lead to a crash or hang"
 	@echo "make kill       commands ended at random moments, KILLS=100; nothing may be torn or lost"
 	@echo "make mutants    errors planted one at a time, JOBS=2 at once; each must be seen by a test (an hour)"
-	@echo "make docs-tables  every table and figure of the documentation that is of other code (hours)"
-	@echo "make docs-speed  the tables of docs/speed.md, measured on this machine (an hour)"
+	@echo "make docs-tables  tables and figures of the documentation that are of other code than today's (hours)"
+	@echo "make docs-speed  those of docs/speed.md, measured on this machine (an hour)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
 	@echo "make site       the documentation as pages that need no network: results/site/index.html"
 	@echo "make dist       wheel and source archive of the last commit, the same bytes wherever: dist/"
@@ -49,7 +49,7 @@ test-browser: $(VENV)/.browser
 	$(BIN)/python -m pytest -q $(PARALLEL) -m browser tests/browser
 
 # In stages; what docs/proof.md has of the same code is not run again.
-release: $(VENV)/.check $(VENV)/.browser
+release: $(VENV)/.check $(VENV)/.browser $(VENV)/.peers
 	$(BIN)/python docs/proof.py
 
 check: $(VENV)/.check
@@ -73,11 +73,11 @@ kill: $(VENV)/.test
 mutants: $(VENV)/.test
 	$(BIN)/python tests/mutants/run.py --jobs $(or $(JOBS),1)
 
-# Of code that is in a commit, and only those that are of other code than that.
-docs-tables: $(VENV)/.core
+# Refuses code that is in no commit; makes only what is of other code.
+docs-tables: $(VENV)/.test
 	$(BIN)/python docs/proof.py tables demo friction drives control glr
 
-docs-speed: $(VENV)/.core
+docs-speed: $(VENV)/.peers
 	$(BIN)/python docs/proof.py speed
 
 notebooks: $(VENV)/.test
@@ -95,7 +95,8 @@ $(VENV)/.test: EXTRA := [test]
 $(VENV)/.check: EXTRA := [check]
 $(VENV)/.browser: EXTRA := [test,docs]
 $(VENV)/.docs: EXTRA := [docs]
-$(VENV)/.core $(VENV)/.test $(VENV)/.check $(VENV)/.browser $(VENV)/.docs: pyproject.toml | $(VENV)/pyvenv.cfg
+$(VENV)/.peers: EXTRA := [peers]
+$(VENV)/.core $(VENV)/.test $(VENV)/.check $(VENV)/.browser $(VENV)/.docs $(VENV)/.peers: pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "flexaxis: installing into $(VENV) (a minute or two the first time)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".$(EXTRA)" || \
 	  { echo "flexaxis: installation failed; pip's message is above. A connection to a package index is needed once."; exit 1; }

@@ -11,9 +11,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from making import table, write
 from scipy.stats import spearmanr
 from suite_rows import HOME, SEEDS, WHO, changed, said
-from tables import table, write
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from tables import commit, table, write
+from making import commit, table, write
 
 from flexaxis.experiments.demo.session import BUTTONS, DEFAULT_RACERS, DemoSession
 from flexaxis.experiments.reporting.tables import number

@@ -8,6 +8,7 @@ import sys
 import tarfile
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import distributions, version
 from io import BytesIO
 from pathlib import Path
@@ -69,6 +70,7 @@ def _files(parts: tuple[str, ...], ref: str) -> Iterator[tuple[str, bytes]]:
             yield name, (ROOT / name).read_bytes()
 
 
+@cache
 def _meant(name: str, content: bytes) -> bytes:
     """Return a file without what a run does not see: comments and docstrings of code."""
     if not name.endswith(".py"):

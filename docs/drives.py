@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from making import commit, table, write
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from suite_rows import GEARED, HOME, WHO, changed, said
-from tables import commit, table, write
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse
@@ -232,9 +232,8 @@ def _biases(scenario: Scenario) -> str:
 TABLES: Mapping[str, Callable[[], str]] = {f.__name__: f for f in (axes, found, goal, why)}
 
 
-def main(words: Sequence[str]) -> None:
-    """Write the tables and the figure that words name, all if none is named."""
-    names = [word for word in words if not word.startswith("--")]
+def main(names: Sequence[str]) -> None:
+    """Make the tables and the figure of these names, all if there are none."""
     if not names or "figure" in names:
         figure().savefig(PICTURE, dpi=110)
     if names != ["figure"]:

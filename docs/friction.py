@@ -2,7 +2,7 @@
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`, and what made it is said below it.
 With names of tables, or `figure`, only these are made: `motions` and `figure` take a minute,
-`estimators` takes a quarter of an hour, and `results/friction-page` is used if it is there.
+`estimators` takes a quarter of an hour, and is not run again on the same code.
 """
 
 import sys
@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from making import commit, commit_of, summary, table, write
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from tables import commit, commit_of, summary, table, write
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse
@@ -268,13 +268,12 @@ TABLES: Mapping[str, Callable[[], str]] = {
 }
 
 
-def main(words: Sequence[str]) -> None:
-    """Make the tables and the figure that words name, all if none is named."""
-    names = [word for word in words if not word.startswith("--")]
-    if names != ["figure"]:
-        write(PAGE, TABLES, [name for name in names if name != "figure"])
+def main(names: Sequence[str]) -> None:
+    """Make the tables and the figure of these names, all if there are none."""
     if not names or "figure" in names:
         figure().savefig(PICTURE, dpi=110)
+    if names != ["figure"]:
+        write(PAGE, TABLES, [name for name in names if name != "figure"])
 
 
 if __name__ == "__main__":

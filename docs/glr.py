@@ -23,15 +23,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from digests import stamp
+from digests import NUMBERS, libraries
+from digests import digest as digest_of
 from glr_cases import CASES
 from glr_own import OWN, run_own
 from glr_pool import first, keep, number, of_lags, paired, pooled, rate, share, stored
 from glr_runs import AGES, Row, run
+from making import commit, write
+from making import table as markdown
 from speed_steps import PERCENTILES, time_steps
 from speed_streams import make_stream
-from tables import commit, write
-from tables import table as markdown
 
 from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.estimator_text import build, parse
@@ -54,7 +55,12 @@ BUDGETS = [f"glr[budget={n}]" for n in (8, 16, 32, 64, 1_000_000)]
 ASKED = {"budget": BUDGETS, "quiet": ["glr"], "isolation": ["glr"],
          "starts": ["glr", "glr[spread=1]"]}  # fmt: skip
 """Estimators of a table; of any other `rpem-forgetting` and `glr`."""
-code = cache(stamp)
+
+
+@cache
+def code() -> str:
+    """Return a digest of all that a run may depend on."""
+    return f"{digest_of((*NUMBERS, 'docs/glr_*.py'))}-{libraries()}"
 
 
 def kept(key: str, make: Callable[[], Row], folder: Path) -> Row:
@@ -64,7 +70,9 @@ def kept(key: str, make: Callable[[], Row], folder: Path) -> Row:
     if not path.exists():
         try:
             found = make()
-        except Exception as error:  # whatever it raises counts against it
+        except (OSError, MemoryError):  # which are of the machine
+            raise
+        except Exception as error:  # whatever else it raises counts against it
             found = {"error": f"{type(error).__name__}: {str(error)[:200]}"}
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(f".{time.time_ns()}")
@@ -97,6 +105,11 @@ def at(given: Any) -> str:
     return "none" if given.print else commit()
 
 
+def seeds_of(table: str) -> str:
+    """Return the seeds of a table."""
+    return f"1000:{1000 + SEEDS.get(table, 20)}"
+
+
 def measured(table: str, texts: Sequence[str], seeds: range, given: Any) -> list[Row]:
     """Return the pooled rows of a table, all runs made that are not stored yet."""
     cases = [name for name in names_of(table) if given.only in name]
@@ -109,7 +122,10 @@ def measured(table: str, texts: Sequence[str], seeds: range, given: Any) -> list
         runs = pool.imap(job, tasks, len(texts))  # a record stays in one process
         for k, (task, found) in enumerate(zip(tasks, runs, strict=True)):
             done[task[1], task[2]].append(found)
-            print(f"\r{table}: {k + 1} of {len(tasks)} runs", end="", file=sys.stderr, flush=True)
+            if sys.stderr.isatty() or k + 1 == len(tasks):
+                print(
+                    f"\r{table}: {k + 1} of {len(tasks)} runs", end="", file=sys.stderr, flush=True
+                )
     print(file=sys.stderr)
     named = {key: {"case": key[0], "estimator": key[1]} for key in done}
     return [row for key, runs in done.items() for row in pooled(of | named[key], runs)]
@@ -119,7 +135,7 @@ def at_excess(cases: Sequence[str], texts: Sequence[str], seeds: range, given: A
     """Return the lags where the excess error is that of `rpem-forgetting`."""
     scenarios = [find_scenario(f"{name}-v1") for name in cases]
     scenarios = [s for s in scenarios if {e.parameter for e in s.events()} & {"k_T", "J_a", "f_m"}]
-    folder, means = given.store / f"sweep-{code()[:12]}", Means(jobs=given.jobs)
+    folder, means = given.store / f"sweep-{code()}", Means(jobs=given.jobs)
     with Bench(scenarios, folder, means) as bench:
         found = sweep(scenarios, texts, seeds, bench).at_excess
     return [
@@ -245,8 +261,8 @@ def made(name: str, given: argparse.Namespace) -> str:
         return cost(given.estimator, given.steps)
     rows: list[Row] = []
     for part in SOURCES[name]:
-        ends = (given.seeds or f"1000:{1000 + SEEDS.get(part, 20)}").split(":")
-        rows += measured(part, given.estimator, range(*map(int, ends)), given)
+        ends = map(int, (given.seeds or seeds_of(part)).split(":"))
+        rows += measured(part, given.estimator, range(*ends), given)
     if given.keep:
         keep(rows)
     asked = {(r["table"], r["case"], first(r)) for r in rows}
@@ -255,7 +271,9 @@ def made(name: str, given: argparse.Namespace) -> str:
     order = [case for part in SOURCES[name] for case in names_of(part)]
     rows = sorted(known + rows, key=lambda r: (order.index(r["case"]), r["parameter"]))
     show = {"quiet": quiet, "honesty": honesty}.get(name, followed)
-    return show(rows, known)
+    commits = {f"`{r['estimator']}`": r["commit"] for r in known}
+    old = ", ".join(f"{name} {at}" for name, at in sorted(commits.items()))
+    return show(rows, known) + (f"\nKept rows, and of which code: {old}.\n" if old else "")
 
 
 def options() -> argparse.Namespace:
@@ -268,9 +286,9 @@ def options() -> argparse.Namespace:
     add(
         "--estimator",
         action="append",
-        help="name, or path.py:Class; rpem-forgetting and glr by default",
+        help="name, or path.py:Class; those of the page by default",
     )
-    add("--seeds", metavar="A:B", help="1000 and on by default, as many as docs/glr.md says")
+    add("--seeds", metavar="A:B", help="those of the page by default, 1000 and on")
     add("--only", default="", metavar="WORDS", help="cases with these in the name")
     add("--jobs", type=int, default=1, help="processes")
     add("--store", type=Path, default=ROOT / "results" / "glr", help="folder of rows and records")
@@ -289,7 +307,9 @@ def main() -> None:
     for name in given.table:
         given.estimator = asked or ASKED.get(name, ["rpem-forgetting", "glr"])
         words = f"`python docs/glr.py --table {name}`, commit {at(given)}"
-        text = f"{made(name, given)}\n{words}, seeds {given.seeds or 'of this page'}.\n"
+        if name != "cost":
+            words += f", seeds {given.seeds or ' and '.join(map(seeds_of, SOURCES[name]))}"
+        text = f"{made(name, given)}\n{words}.\n"
         if given.print:
             print(f"## {name}\n\n{text}", flush=True)
             continue

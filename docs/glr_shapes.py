@@ -7,7 +7,7 @@ are estimated nor the coefficient of the shape, and all else.
 from pathlib import Path
 
 import numpy as np
-from tables import commit, table, write
+from making import commit, table, write
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse

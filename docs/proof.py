@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
-from digests import NUMBERS, ROOT, digest, git, installed, stamp
-from tables import table
+from digests import NUMBERS, ROOT, digest, git, installed, libraries, stamp
+from making import table
 
 PAGE = ROOT / "docs" / "proof.md"
 MARK = re.compile(r"(<!-- table: proof -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -29,7 +29,7 @@ RUNS = (*NUMBERS, "tests", "docs/proof.py", "docs/digests.py", "pyproject.toml",
 BELOW = re.compile(
     r"\bcommit ([0-9a-f]{7,40})(-dirty)?(?:, digest ([0-9a-f]{10}(?:-[0-9a-f]{6})?))?"
 )
-PROOF, PAGES = re.compile("docs/proof.md"), re.compile(r"README\.md|docs/.*\.(md|png|csv)")
+PROOF, PAGES = re.compile("docs/proof.md"), re.compile(r"README\.md|docs/.*\.(md|png)")
 SAYS = 90  # characters of what a stage said last
 ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
@@ -48,29 +48,34 @@ class Stage:
     writes: bool = False
 
 
-def _makes(command: str, name: str, shows: str) -> Stage:
+def _makes(command: str, shows: str, *files: str) -> Stage:
     """Return a stage that makes tables and figures of the documentation."""
-    shared = ("docs/tables.py", "docs/suite_rows.py", "docs/digests.py")
-    return Stage(command, shows, (*NUMBERS, *shared, f"docs/{name}*.py"), writes=True)
+    return Stage(command, shows, (*NUMBERS, "docs/making.py", "docs/digests.py", *files), True)
 
 
+SUITE = ("docs/suite_rows.py",)
 STAGES = {
+    "check": Stage("make check", "style, types, architecture"),
+    "test": Stage("make test", "the fast tests, none skipped for bubblewrap"),
     "mutants": Stage("make mutants JOBS=2", "every planted error is seen by a test", RUNS),
     "fuzz": Stage("make fuzz MINUTES=10", "bad files lead to a message", RUNS),
     "kills": Stage("make kill KILLS=100", "what is killed goes on, nothing torn or lost", RUNS),
     "standard": Stage("flexaxis run standard --seeds 20 -o results/release --overwrite",
                       "every estimator on the standard suite, twenty seeds", RUNS),
-    "tables": _makes("python docs/tables.py --fresh && python docs/fm_step.py", "fm_step",
-                     "tables and figure of README, scenarios, scores, gate"),
-    "demo": _makes("python docs/demo.py", "demo", "the table of demo.md"),
-    "friction": _makes("python docs/friction.py --fresh", "friction", "all of friction.md"),
-    "drives": _makes("python docs/drives.py --fresh", "drives", "all of drives.md"),
-    "control": _makes("python docs/control_suite.py --fresh", "control", "all of control.md"),
+    "tables": _makes("python docs/tables.py && python docs/fm_step.py",
+                     "tables of scenarios.md, scores.md and gate.md, the figure of README.md",
+                     "docs/tables.py", "docs/fm_step.py"),
+    "demo": _makes("python docs/demo.py", "the table of demo.md", "docs/demo.py"),
+    "friction": _makes("python docs/friction.py", "tables and figure of friction.md",
+                       "docs/friction.py", "tests/estimators/test_laws.py"),
+    "drives": _makes("python docs/drives.py", "tables and figure of drives.md",
+                     "docs/drives.py", *SUITE),
+    "control": _makes("python docs/control_suite.py", "tables of control.md",
+                      "docs/control_suite.py", *SUITE),
     "glr": _makes("python docs/glr.py --jobs 2 && python docs/glr_shapes.py && "
-                  "python docs/glr_bank.py", "glr", "all of glr.md"),
-    "speed": _makes("python docs/speed.py --fresh", "speed", "all of speed.md"),
-    "check": Stage("make check", "style, types, architecture"),
-    "test": Stage("make test", "the fast tests, none skipped for bubblewrap"),
+                  "python docs/glr_bank.py", "tables and figure of glr.md",
+                  "docs/glr*.py", "docs/speed_st*.py", "docs/data"),
+    "speed": _makes("python docs/speed.py", "tables of speed.md", "docs/speed*.py"),
     "slow": Stage("python -m pytest -q -n 2 --dist=loadfile -m slow --ignore tests/mutants",
                   "the long tests: labs, notebooks, lessons, all claims of the paper, each cheater "
                   "of a board ten times"),
@@ -82,7 +87,7 @@ STAGES = {
 
 def key(stage: Stage, of: Callable[[tuple[str, ...]], str] = digest) -> str:
     """Return the digest of all that a stage depends on."""
-    parts = [stage.command, of(stage.runs), installed()]
+    parts = [stage.command, of(stage.runs), libraries() if stage.writes else installed()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:10]
 
 

@@ -2,18 +2,18 @@
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. With names of tables only these
 are written, and with `--estimator E` (repeat for several) only these estimators are measured. What
-was measured is kept in `results/speed/`; it is measured where it is missing, and again with
-`--fresh`: what a sample takes is minutes, `steps` and `memory` half an hour each on a free core.
+was measured is kept in `results/speed/`, and measured again where it is not of today's code: what
+a sample takes is minutes, `steps` and `memory` half an hour each on a free core. The filters of
+other libraries need `pip install -e '.[peers]'`.
 """
 
-import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from making import commit_of, kept, table, write
 from speed_memory import memory as held
 from speed_peers import peers as others
 from speed_rounds import measure, problem, shipped
@@ -21,12 +21,11 @@ from speed_rounds import rivals as by_other_means
 from speed_steps import registered
 from speed_steps import steps as timed_steps
 from speed_streams import axis_of
-from tables import FRESH, commit, table, write
 
 from flexaxis.estimators import RECOMMENDED
 
 ROOT = Path(__file__).parents[1]
-PAGE, FOLDER = ROOT / "docs" / "speed.md", ROOT / "results" / "speed"
+PAGE = ROOT / "docs" / "speed.md"
 STEPS = {"steps": 1_000_000, "steps-friction": 100_000}
 HOURS = {"memory": 10.0, "memory-friction": 1.0}
 """How much is measured; `-friction`: the estimators of an axis with friction, which are slower."""
@@ -148,17 +147,6 @@ TABLES: Mapping[str, Callable[[], str]] = {
 }
 
 
-@cache
-def stored(what: str, again: str = "") -> Any:
-    """Return what was measured, and at which commit."""
-    path = FOLDER / f"{what}{again}.json"
-    if not path.exists() or FRESH:
-        FOLDER.mkdir(parents=True, exist_ok=True)
-        content = {"commit": commit(), "rows": _measured(what)}
-        path.write_text(json.dumps(content), encoding="utf-8")
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
 def _measured(what: str) -> list[Row]:
     kind, _, axis = what.partition("-")
     names = [n for n in NAMED or registered() if axis_of(n) == (axis or "linear")]
@@ -168,21 +156,25 @@ def _measured(what: str) -> list[Row]:
         return [r for n in names for r in held(HOURS[what] / (10 if n in SLOW else 1), [n])]
     given = problem()
     found, missing = others(given)
-    for name, why in missing.items():
-        print(f"{name} is left out: {why}", file=sys.stderr)
+    if missing and not NAMED:
+        sys.exit("\n".join(f"{name} cannot be measured: {why}" for name, why in missing.items()))
     *_, rows = measure([*by_other_means(given), *found, *shipped(given, NAMED)], ROUNDS)
     return list(rows)
 
 
+def _name(what: str, again: str = "") -> str:
+    return "-".join((f"speed/{what}{again}", *NAMED))
+
+
 def measured(what: str, again: str = "") -> Sequence[Row]:
     """Return the rows of a measurement."""
-    rows: Sequence[Row] = stored(what, again)["rows"]
+    rows: Sequence[Row] = kept(_name(what, again), lambda: _measured(what))
     return rows
 
 
 def said(what: str, more: str = "") -> str:
     """Return the line below a table: what made it."""
-    at = stored(what, "1" if what == "speed" else "")["commit"]
+    at = commit_of(_name(what, "1" if what == "speed" else ""))
     return f"\n`python docs/speed.py`{', ' + more if more else ''}, commit {at}.\n"
 
 
@@ -227,4 +219,4 @@ def _number(number: int | None) -> str:
 
 
 if __name__ == "__main__":
-    write(PAGE, TABLES, [word for word in sys.argv[1:] if word not in NAMED])
+    write(PAGE, TABLES, [word for word in sys.argv[1:] if word not in ("--estimator", *NAMED)])

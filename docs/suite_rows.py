@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tables import commit_of, summary
+from making import commit_of, summary
 
 HOME = Path(__file__).parent
 SEEDS = 20

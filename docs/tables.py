@@ -1,21 +1,15 @@
-"""Write the tables of the documentation anew: `make docs-tables`, or `python docs/tables.py`.
+"""Write the tables of docs/scenarios.md, scores.md and gate.md: `python docs/tables.py [NAME …]`.
 
-A table stands between `<!-- table: NAME -->` and `<!-- end -->`, and everything in it comes out of
-a command: what was run, at which commit and on which seeds is said below it. With names of tables
-only these are written; `results/headline` and `results/self-test.json` are made if they are
-missing, and again with `--fresh`.
+What was run, at which commit and on which seeds is said below each. Results of today's code in
+`results/` are used; `catalogue`, `scores` and `tuned` are of what there is, and take a second.
 """
 
 import json
-import re
-import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from digests import ROOT, git, stamp
+from making import ROOT, call, commit_of, kept, summary, table, write
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
@@ -26,12 +20,11 @@ from flexaxis.experiments.gate import selftest
 from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.score_table import SCORES
 
-PAGES = ("README.md", "docs/scenarios.md", "docs/scores.md", "docs/gate.md")
-RESULTS = ROOT / "results"
-SELF_TEST = RESULTS / "self-test.json"
+PAGES = ("docs/scenarios.md", "docs/scores.md", "docs/gate.md")
+SELF_TEST = "self-test"
+TESTED = "--seeds 1000:1064 --comparisons 2000"
 SEEDS = 20
 RUN = f"flexaxis run headline --seeds {SEEDS}"
-MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 VERSION = "-v2"  # of the scenarios in the suite, and so in the run that the tables are of
 SWEPT = tuple(f"{name}{VERSION}" for name in ("fm_step", "fm_double", "ja_step", "kt_step"))
@@ -39,8 +32,6 @@ WRONG = tuple(
     f"{name}_fm_step{VERSION}" for name in ("coulomb", "lugre", "cogging", "backlash", "told_kg")
 )
 FEW = ("glr", "rpem-forgetting", "ekf", "imm", "cusum-reset")
-CODE = ("models_mjcf", "sim", "estimators", "experiments", "docs/*.py")
-FRESH = "--fresh" in sys.argv[1:]
 
 Row = Mapping[str, Any]
 
@@ -124,14 +115,9 @@ def mismatch() -> str:
 
 def self_test() -> str:
     """Return how often the gate is wrong, and what it finds."""
-    if not SELF_TEST.exists() or FRESH:
-        SELF_TEST.parent.mkdir(exist_ok=True)
-        at = commit()
-        rows = json.loads(call("compare", "--self-test", "--json"))["rates"]
-        SELF_TEST.write_text(json.dumps({"commit": at, "rows": rows}), encoding="utf-8")
-    content = json.loads(SELF_TEST.read_text(encoding="utf-8"))
-    made = f"`flexaxis compare --self-test`, commit {content['commit']}."
-    rows = content["rows"]
+    words = f"compare --self-test {TESTED}"
+    rows = kept(SELF_TEST, lambda: json.loads(call(*words.split(), "--json"))["rates"])
+    made = f"`flexaxis {words}`, commit {commit_of(SELF_TEST)}."
     return f"{table(selftest.columns(rows), selftest.lines(rows))}\n{made}\n"
 
 
@@ -145,58 +131,15 @@ TABLES: Mapping[str, Callable[[], str]] = {
 }
 
 
-@cache
-def summary(folder: str, *words: str) -> Any:
-    """Return the summary of a run in a folder of results, which is made where it is not there."""
-    place = RESULTS / folder
-    if not (place / "summary.json").exists() or FRESH:
-        at = commit()
-        call("run", *words, "-o", str(place), "--overwrite")
-        (place / "commit").write_text(at, encoding="utf-8")
-    return json.loads((place / "summary.json").read_text(encoding="utf-8"))
-
-
-def commit_of(folder: str) -> str:
-    """Return at which commit a run was made, and the digest."""
-    return (RESULTS / folder / "commit").read_text(encoding="utf-8")
-
-
 def headline() -> Any:
     """Return the summary of the run that most tables of these pages are made of."""
     return summary("headline", *RUN.split()[2:])
-
-
-def call(*words: str) -> str:
-    """Run a command of flexaxis, its progress on the terminal, and return what it printed."""
-    done = subprocess.run(
-        [sys.executable, "-m", "flexaxis.experiments", *words], stdout=subprocess.PIPE, check=False
-    )
-    if done.returncode not in (0, 1):
-        sys.exit(f"flexaxis {' '.join(words)} ended with status {done.returncode}")
-    return done.stdout.decode()
 
 
 def said(what: str) -> str:
     """Return the line below a table of the run: what it is, and how it was made."""
     words = f"{what[:1].upper()}{what[1:]}. " if what else ""
     return f"\n{words}`{RUN}`, commit {commit_of('headline')}, seeds 1000 to {999 + SEEDS}.\n"
-
-
-def commit() -> str:
-    """Return commit and digest of what is here; a table of code that is in none is refused."""
-    if changed := git("status", "--porcelain", "--", *CODE).decode():
-        sys.exit(f"a table says of which commit it is: commit this first\n{changed}")
-    return f"{git('rev-parse', '--short=8', 'HEAD').decode().strip()}, digest {stamp()}"
-
-
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table in Markdown."""
-    lines = [heads, ["---"] * len(heads), *rows]
-    return "".join(f"| {' | '.join(_cell(c) for c in line)} |\n" for line in lines)
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
 
 
 def _name(estimator: str) -> str:
@@ -223,19 +166,6 @@ def _score(row: Row) -> str:
     if row["score_interval"]:
         value += " ({:.0f} … {:.0f})".format(*row["score_interval"])
     return value
-
-
-def write(page: Path, tables: Mapping[str, Callable[[], str]], words: Sequence[str] = ()) -> None:
-    """Write the tables of a page that words of the command line name, all if none does."""
-    wanted = [word for word in words if not word.startswith("--")] or list(tables)
-    if wrong := set(wanted) - set(tables):
-        sys.exit(f"no table {min(wrong)!r}: {', '.join(tables)}")
-    text = page.read_text(encoding="utf-8")
-    for name in set(wanted) & {name for name, _ in MARK.findall(text)}:
-        whole = f"<!-- table: {name} -->\n{tables[name]()}<!-- end -->"
-        text = MARK.sub(lambda m, n=name, w=whole: w if m[1] == n else m[0], text)
-    page.write_text(text, encoding="utf-8")
-    print(f"{page.relative_to(ROOT)}: {', '.join(wanted)}", flush=True)
 
 
 if __name__ == "__main__":

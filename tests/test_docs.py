@@ -42,7 +42,7 @@ def written(tables):
     """The tables as they stand in the pages, by name: lines of cells."""
     found = {}
     for page in tables.PAGES:
-        for name, text in tables.MARK.findall((ROOT / page).read_text(encoding="utf-8")):
+        for name, text in loaded("making").MARK.findall((ROOT / page).read_text(encoding="utf-8")):
             lines = [line for line in text.splitlines() if line.startswith("|")]
             found[name] = [[c.strip() for c in re.split(r"(?<!\\)\|", x)[1:-1]] for x in lines]
             found[name, "text"] = text
@@ -62,7 +62,7 @@ def test_every_estimator_stands_in_the_table_of_lags(tables, written):
     head, _, *lines = written["equal-noise"]
     assert head[1:-1] == [f"{name}: lag [s], × bound" for name in tables.SWEPT]
     names = {line[0].split("`")[1] for line in lines}
-    assert names == set(find_suite("headline").estimators), "run: make docs-tables"
+    assert names == set(find_suite("headline").estimators), "run: python docs/tables.py equal-noise"
     assert all(len(line) == len(head) for line in lines)
 
 
@@ -99,7 +99,7 @@ def test_what_makes_a_measured_table_finds_all_that_it_names(path, monkeypatch):
 def test_the_tables_of_friction_are_of_what_their_command_makes(tables):
     friction = loaded("friction")
     text = friction.PAGE.read_text(encoding="utf-8")
-    found = {name: table.splitlines() for name, table in tables.MARK.findall(text)}
+    found = {name: table.splitlines() for name, table in loaded("making").MARK.findall(text)}
     assert set(found) == set(friction.TABLES)
     first = {n: [x.split(" | ")[0].strip("| ") for x in found[n][2:-2]] for n in found}
     assert first["motions"] == list(friction.MOTIONS)
@@ -112,7 +112,7 @@ def test_the_tables_of_friction_are_of_what_their_command_makes(tables):
 
 def test_the_tables_of_speed_are_of_what_their_command_makes(tables):
     speed = loaded("speed")
-    found = dict(tables.MARK.findall(speed.PAGE.read_text(encoding="utf-8")))
+    found = dict(loaded("making").MARK.findall(speed.PAGE.read_text(encoding="utf-8")))
     assert set(found) == set(speed.TABLES)
     timed = [f"`{name}`" for name in REGISTRY if name != "literal-rpem"]
     for name in ("estimators", "steps", "memory"):

@@ -13,7 +13,7 @@ import glr
 import glr_own
 import glr_pool
 import glr_runs
-import tables
+import making
 from glr_cases import CASES, SPOILT, Case
 
 TELLER = """
@@ -161,5 +161,5 @@ def test_every_case_is_a_scenario_with_its_own_name():
 
 def test_the_page_has_every_table():
     page = glr.PAGE.read_text(encoding="utf-8")
-    found = {name for name, _ in tables.MARK.findall(page)}
+    found = {name for name, _ in making.MARK.findall(page)}
     assert found == {*glr.SOURCES, "cost", "shapes"}

@@ -11,8 +11,8 @@ import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "docs"))
 import digests
+import making
 import proof
-import tables
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="stages are lines of a shell")
 
@@ -34,7 +34,7 @@ def place(tmp_path, monkeypatch):
     (tmp_path / "pyproject.toml").write_text('[project]\ndependencies = ["numpy>=2"]\n')
     (tmp_path / ".gitignore").write_text("ran*\n")
     git(tmp_path, "init", "-q")
-    for module in (digests, proof, tables):
+    for module in (digests, making, proof):
         monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(proof, "PAGE", page)
     stages = {
@@ -123,7 +123,7 @@ def head(place):
 
 def test_a_table_is_told_by_the_digest_below_it(place, monkeypatch):
     """Whatever became of its commit: of code and data, without comments, and of the libraries."""
-    now = tables.commit()
+    now = making.commit()
     assert re.fullmatch(rf"{head(place)}, digest [0-9a-f]{{10}}-[0-9a-f]{{6}}", now)
     lost = now.replace(head(place), "7654321")
     (place / "README.md").write_text(f"Lags, commit {lost}.\nOlder, commit {lost[:-7]}, seeds.\n")
@@ -140,7 +140,7 @@ def test_a_table_is_told_by_the_digest_below_it(place, monkeypatch):
 
 def test_a_table_is_refused_while_its_code_is_in_no_commit(place):
     (place / "README.md").write_text("Words.\n")
-    assert tables.commit().startswith(f"{head(place)}, digest ")
+    assert making.commit().startswith(f"{head(place)}, digest ")
     (place / "sim" / "a.py").write_text("x = 3\n")
     with pytest.raises(SystemExit, match="commit this first"):
-        tables.commit()
+        making.commit()

@@ -1,5 +1,7 @@
 """A filter with a bank of hypotheses: parts by hand, and as a whole on records with faults."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from acceptance.banks import T, drawn, glr, tracked
@@ -7,7 +9,7 @@ from acceptance.banks import made as of
 
 from flexaxis.estimators import EstimatorError
 from flexaxis.estimators.glr.bank import PER_LEVEL
-from flexaxis.estimators.glr.comparison import _sized
+from flexaxis.estimators.glr.comparison import Comparison, _Candidate, _sized
 from flexaxis.estimators.glr.records import time_scale
 from flexaxis.estimators.models.axes import N1, one_mass, three_mass
 from flexaxis.estimators.protocol import Finding
@@ -286,3 +288,14 @@ def test_the_size_of_a_finding_is_told_again_when_more_is_known():
 def test_a_candidate_keeps_the_onset_that_was_found_when_the_grid_was_finer():
     made, _, _ = tracked("coulomb_moves_fm_step-v1", 0, until=2190)
     assert made.findings[0].onset in {2070, 2071}
+
+
+def test_a_finding_that_is_renamed_keeps_its_alarm():
+    work = SimpleNamespace(jumps=SimpleNamespace(which=(0, 1)), now=500, names=("f_m", "f_c"))
+    bank, nothing = SimpleNamespace(_work=work, _origin=0, findings=[]), np.zeros((2, 1))
+    for which, now in ((0, 500), (1, 700)):
+        work.now = now
+        jump = _Candidate(which, 480, 0.5, np.ones(2), nothing, 0.0, 0.0, instead=which == 1)
+        assert Comparison._tell(bank, jump)
+    (found,) = bank.findings
+    assert (found.parameters, found.onset, found.alarm) == (("f_c",), 480, 500)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.offline.inverse import inverse_dynamics, motion_of
+from flexaxis.estimators.offline.inverse import inverse_dynamics, jackknife, motion_of
 
 T, N, FINE = 1e-3, 12_000, 20
 J, F, F_C = 0.02, 0.1, 0.3
@@ -55,3 +55,12 @@ def test_what_is_known_is_taken_off_and_too_little_motion_is_refused():
     assert axis.value["dry"] == pytest.approx(F_C, rel=0.01)
     with pytest.raises(EstimatorError, match="too few"):
         found(LINEAR, *signals, without=np.arange(N) > 150)
+
+
+def test_beside_white_noise_the_jackknife_says_what_a_covariance_says():
+    rng, ratios = np.random.default_rng(5), []
+    for _ in range(60):
+        rows = rng.standard_normal((2, 2000)) * [[1.0], [3.0]]
+        _, deviation = jackknife(rows, rng.standard_normal(2000), np.ones(2000, bool))
+        ratios.append(deviation / np.sqrt(np.diag(np.linalg.inv(rows @ rows.T))))
+    np.testing.assert_allclose(np.sqrt(np.mean(np.square(ratios), axis=0)), 1.0, rtol=0.15)

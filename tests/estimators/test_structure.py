@@ -7,6 +7,7 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import BRISTLES, N1, three_mass
+from flexaxis.estimators.offline.roles import known_better
 from flexaxis.estimators.offline.sizes import NOMINAL, Motion, motion, moved
 from flexaxis.estimators.offline.structure import (
     TRACKED,
@@ -113,3 +114,12 @@ def test_a_model_of_ones_own_is_kept():
     model = three_mass(N1)
     assert with_laws(model, period=PERIOD) is model
     assert structure_names(model) == ("k_g", "J_m", "k_a", "d_g", "d_a")
+
+
+def test_a_deviation_of_an_inertia_is_one_of_its_inverse():
+    model = three_mass(N1)
+    thought = prior(model, ("f_m", "1/J_a"), period=PERIOD, torque=TORQUE)
+    known = known_better(model, thought, {"J_a": 0.02, "f_m": 0.001})
+    np.testing.assert_allclose(known.deviation, [0.001, 0.02 / 0.8**2])
+    inverses = 1 / (0.8 + np.array([-0.02, 0.02]))
+    assert known.deviation[1] == pytest.approx(-np.diff(inverses)[0] / 2, rel=0.01)

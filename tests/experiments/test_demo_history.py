@@ -153,7 +153,7 @@ def test_the_table_of_the_page_is_of_what_its_command_makes(monkeypatch):
     spec = importlib.util.spec_from_file_location("table_of_the_demo", path)
     made = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(made)
-    mark = importlib.import_module("tables").MARK
+    mark = importlib.import_module("making").MARK
     ((_, table),) = mark.findall(made.PAGE.read_text(encoding="utf-8"))
     head, _, *rows, _, last = table.splitlines()
     assert head.endswith("told which – not told |")

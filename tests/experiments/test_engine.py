@@ -32,7 +32,7 @@ from flexaxis.experiments.storage.files import NotRun, OutputError, StudyError
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.store import rows_in
 from flexaxis.experiments.studies.definition import study_from
-from tests.experiments.kept_rows import cases_of, scores_of
+from tests.experiments.kept_rows import cases_of, lines_of, scores_of
 
 OWN = """
 class Mine:
@@ -141,6 +141,16 @@ def test_shares_that_overlap_count_once(stubs, tmp_path):
     results = Results.load(tmp_path)
     keys = [(row["case"], row["parameter"]) for row in results.rows]
     assert len(keys) == len({*keys}) == 8 * 3 and results.cases == 8
+
+
+def test_of_a_case_that_is_in_two_folders_the_first_one_stays(stubs, tmp_path):
+    study = study_from({"name": "s", "scenario": "fm_step-v1", "estimators": "frozen", "seeds": 8})
+    first, second = tmp_path / "first", tmp_path / "second"
+    run_study(make_plan(study, shard=(1, 2)), first, Means(work=stubs.quick))
+    run_study(make_plan(study), second, Means(work=stubs.costly))
+    merge([first, second], tmp_path / "whole")
+    costs = [line["cost.seconds"] for line in lines_of(tmp_path / "whole")]
+    assert sorted(costs) == [0.1] * 12 + [9.0] * 12
 
 
 def test_rows_of_code_that_changed_are_added_and_not_mixed(short_toml, tmp_path):

@@ -3,10 +3,11 @@
 from types import SimpleNamespace as Finding
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.results.finds import finds
+from flexaxis.experiments.results.finds import _thresholds, finds
 from flexaxis.experiments.scoring.detection import find_of, moved_of
 from flexaxis.experiments.scoring.intervals import rate_interval, share_interval
 from flexaxis.experiments.scoring.scores import Track
@@ -171,3 +172,12 @@ def test_the_interval_of_a_share_over_swept_points_covers_it(n, alike):
 def test_the_interval_of_a_share_of_independent_runs_is_exact():
     """The upper end for 0 of n is 1 − .025^(1/n)."""
     assert share_interval(np.zeros(1000)) == pytest.approx([0, 1 - 0.025 ** (1 / 1000)])
+
+
+def test_all_parameters_share_the_alarms_that_are_asked_for():
+    """Of 400 twins of 9 s each, an hour of each parameter, 20 alarms an hour in all."""
+    rng = np.random.default_rng(0)
+    twins = pd.DataFrame({"parameter": np.repeat(["k_T", "1/J_a", "f_m", "f_c"], 400),
+                          "calm": rng.random(1600), "watched": 9.0})  # fmt: skip
+    limits, over = _thresholds(twins, 20.0)
+    assert over.sum() == 20 and set(limits) == {"k_T", "1/J_a", "f_m", "f_c"}

@@ -14,6 +14,7 @@ from flexaxis.experiments.paper.claim import Claim, above, below, gather, half_o
 from flexaxis.experiments.paper.claims import CHECKS
 from flexaxis.experiments.paper.data import Size
 from flexaxis.experiments.paper.further_figures import FIGURES
+from flexaxis.experiments.paper.model_measures import worst
 from flexaxis.experiments.paper.reproduce import claims_table, in_words, render
 from flexaxis.experiments.reporting.figures import figure
 from flexaxis.experiments.reporting.tables import symbols
@@ -55,6 +56,11 @@ def test_limits_are_what_they_say():
     assert half_of_P(0.3)(near) and not half_of_P(0.05)(near)
     # of σ² P, √2 of σ² P/2, all lie within 40 %, and nearer to another value
     assert not half_of_P(0.5)({"a": 2**0.5, "b": 2**0.5})
+
+
+def test_the_worst_ratio_is_that_farthest_from_one():
+    ratios = np.array([[0.1, 1.1, 5.0], [2.0, 0.95, 0.5]])
+    np.testing.assert_array_equal(worst(ratios), [0.1, 1.1, 5.0])
 
 
 def test_claims_are_strict_json(claims):

@@ -143,3 +143,10 @@ def test_an_inner_loop_is_refused():
 def test_old_scenarios_know_nothing_of_it():
     plain = parse_scenario('name = "x"\nduration = 1.0\n')
     assert "adapt" not in plain.resolved()["controller"]
+
+
+@pytest.mark.parametrize("name", range(4))
+def test_a_sample_in_which_any_estimate_is_beyond_its_limits_is_counted(name):
+    estimates = np.tile(NOMINAL, (SCENARIO.samples, 1))
+    estimates[7, name] *= 100
+    assert loop(Follower(estimates)).limited.tolist() == [1]

@@ -135,6 +135,16 @@ def test_an_unstable_loop_is_refused_with_a_gain_that_would_do(make):
     assert allowed == pytest.approx(0.232, rel=0.02)  # a scan of the eigenvalues, apart from this
 
 
+@pytest.mark.parametrize(("ticks", "late"), [(0, 0), (12, 0), (0, 2)])
+def test_the_gain_that_would_do_is_about_the_largest(ticks, late):
+    def said(Kv):
+        delays = {"torque_ticks": ticks, "late": late}
+        return loop_problem(preset("n1"), ControllerConfig(Kv=Kv), 0.01, **delays)
+
+    allowed = float(said(0.6).split("Kv up to ")[1].split()[0])
+    assert said(allowed) is None and said(1.03 * allowed)
+
+
 @pytest.mark.parametrize(
     ("period", "ticks", "late", "Kv"),
     [(0.002, 0, 0, 0.9), (0.005, 3, 0, 0.2), (0.005, 0, 2, 0.07), (0.01, 12, 0, 0.06)],
