@@ -71,7 +71,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     ''
     """
     spelt = {name.lower(): name for name in known}
-    near = get_close_matches(word.lower(), spelt, n=1)
+    near = get_close_matches(str(word).lower(), spelt, n=1)  # what a file has may be a number
     return f" Did you mean {spelt[near[0]]!r}?" if near else ""
 
 

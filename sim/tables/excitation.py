@@ -57,18 +57,18 @@ class Multisine(Config):
 
     @model_validator(mode="after")
     def _has_lines(self) -> Multisine:
-        if not self._lines().size:
+        if not self._lines():
             raise ValueError(
                 f"no line of the period {self.period:g} s (a multiple of {1 / self.period:g} Hz) "
                 f"lies between low = {self.low:g} Hz and high = {self.high:g} Hz"
             )
         return self
 
-    def _lines(self) -> NDArray[np.int64]:
+    def _lines(self) -> range:
         """Return the numbers of the DFT lines in the band, without the mean."""
         slack = 1e-9  # so that 0.1 Hz at 10 s is line 1 and not line 1.0000000000000002
         first = max(1, int(np.ceil(self.low * self.period - slack)))
-        return np.arange(first, int(np.floor(self.high * self.period + slack)) + 1)
+        return range(first, int(np.floor(self.high * self.period + slack)) + 1)
 
     def sampling_problems(self, period: float) -> Iterator[tuple[str, str]]:
         """Yield the keys, and why, that do not go with a sampling period [s]."""
@@ -81,7 +81,7 @@ class Multisine(Config):
         """Return one period of the signal, sampled every `period` s [rad]; `rng` draws phases."""
         lines, samples = self._lines(), sample_index(self.period, period)
         spectrum = np.zeros(samples // 2 + 1, dtype=complex)
-        spectrum[lines] = np.exp(2j * np.pi * rng.random(lines.size))
+        spectrum[lines] = np.exp(2j * np.pi * rng.random(len(lines)))
         signal = np.fft.irfft(spectrum, samples)
         return signal * (self.rms / np.sqrt(np.mean(signal**2)))
 

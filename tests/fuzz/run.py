@@ -62,7 +62,7 @@ def attempt(kind: str, data: bytes, folder: Path) -> str:
     """Give a command such a file; return what is wrong with how it answers, or nothing."""
     path = place(kind, folder)
     path.write_bytes(data)
-    return fault(TARGETS[kind].act, path)
+    return fault(TARGETS[kind].act, path, TARGETS[kind].seconds)
 
 
 @dataclass
