@@ -49,7 +49,7 @@ test-browser: $(VENV)/.browser
 	$(BIN)/python -m pytest -q $(PARALLEL) -m browser tests/browser
 
 # In stages; what docs/proof.md has of the same code is not run again.
-release: $(VENV)/.check $(VENV)/.browser $(VENV)/.peers
+release: $(VENV)/.check $(VENV)/.browser
 	$(BIN)/python docs/proof.py
 
 check: $(VENV)/.check
@@ -78,7 +78,7 @@ docs-tables: $(VENV)/.test
 	$(BIN)/python docs/proof.py tables demo friction drives control glr
 
 docs-speed: $(VENV)/.peers
-	$(BIN)/python docs/proof.py speed
+	$(BIN)/python docs/speed.py
 
 notebooks: $(VENV)/.test
 	$(BIN)/python docs/notebooks/build.py
@@ -112,5 +112,5 @@ $(VENV)/pyvenv.cfg:
 	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 clean:
-	rm -rf $(VENV) results build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-peers results build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

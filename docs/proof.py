@@ -75,7 +75,8 @@ STAGES = {
     "glr": _makes("python docs/glr.py --jobs 2 && python docs/glr_shapes.py && "
                   "python docs/glr_bank.py", "tables and figure of glr.md",
                   "docs/glr*.py", "docs/speed_st*.py", "docs/data"),
-    "speed": _makes("python docs/speed.py", "tables of speed.md", "docs/speed*.py"),
+    # apart, so that nothing else is shown beside the libraries that it compares with
+    "speed": _makes("make docs-speed VENV=.venv-peers", "tables of speed.md", "docs/speed*.py"),
     "slow": Stage("python -m pytest -q -n 2 --dist=loadfile -m slow --ignore tests/mutants",
                   "the long tests: labs, notebooks, lessons, all claims of the paper, each cheater "
                   "of a board ten times"),
