@@ -1,13 +1,13 @@
 """Write the tables of docs/control.md: `python docs/control_suite.py`, or names of some of them.
 
 `worth` is of results/control, which is run if it is not there, an hour; `order` runs the estimators
-at some settings of their knobs besides, on the records of the same seeds, a quarter of an hour.
+at some settings of their knobs besides, on the records of the same seeds, some minutes.
 """
 
 import sys
 import warnings
 from collections.abc import Callable, Mapping
-from functools import cache
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -62,7 +62,6 @@ def _recovered(row: Mapping[str, Any] | None) -> str:
 TURNS = (1 / 16, *FACTORS, 16.0)  # of the knob, over its default
 
 
-@cache
 def at_equal_noise(name: str) -> dict[str, tuple[float, str]]:
     """Return the lag [s] of each estimator whose std before the fault is that of the reference.
 
@@ -110,12 +109,15 @@ def _at(
 def order() -> str:
     """Return whether the ranking by lag is that by what is recovered."""
     rows, found = [], []
-    for name in find_suite("control").scenarios:
-        each = {who: changed("control", name, who) for who in WHO["control"]}
+    names = find_suite("control").scenarios
+    rankings = {name: {w: changed("control", name, w) for w in WHO["control"]} for name in names}
+    with get_context("spawn").Pool() as pool:  # when the suite has been run
+        at_equal = dict(zip(names, pool.map(at_equal_noise, names, 1), strict=True))
+    for name, each in rankings.items():
         worth = {w: r["recovered"] for w, r in each.items() if r and r["recovered"] is not None}
         plain = {w: (r["lag"], "") for w, r in each.items() if r and r["lag"] is not None}
         cells, agree = [], []
-        for lags in (plain, at_equal_noise(name)):
+        for lags in (plain, at_equal[name]):
             ranked = sorted(lags.keys() & worth, key=lambda w: lags[w][0])
             cells.append(", ".join(f"{w} {lags[w][0]:.2g} {lags[w][1]}".rstrip() for w in ranked))
             agree.append(_correlation([lags[w][0] for w in ranked], [worth[w] for w in ranked]))

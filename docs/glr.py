@@ -292,7 +292,7 @@ def options() -> argparse.Namespace:
     add("--only", default="", metavar="WORDS", help="cases with these in the name")
     add("--jobs", type=int, default=1, help="processes")
     add("--store", type=Path, default=ROOT / "results" / "glr", help="folder of rows and records")
-    add("--steps", type=int, default=1_000_000, help="that are timed for the cost")
+    add("--steps", type=int, default=200_000, help="that are timed for the cost")
     add("--keep", action="store_true", help="put the pooled rows into docs/data/glr.csv")
     add("--print", action="store_true", help="print the tables, and leave the page alone")
     given = parser.parse_args()

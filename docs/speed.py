@@ -3,12 +3,15 @@
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. With names of tables only these
 are written, and with `--estimator E` (repeat for several) only these estimators are measured. What
 was measured is kept in `results/speed/`, and measured again where it is not of today's code: what
-a sample takes is minutes, `steps` and `memory` half an hour each on a free core. The filters of
+a sample takes is minutes, and so are `steps` and `memory`, on a free machine. The filters of
 other libraries need `pip install -e '.[peers]'`.
 """
 
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +21,7 @@ from speed_memory import memory as held
 from speed_peers import peers as others
 from speed_rounds import measure, problem, shipped
 from speed_rounds import rivals as by_other_means
-from speed_steps import registered
+from speed_steps import TIMER, registered
 from speed_steps import steps as timed_steps
 from speed_streams import axis_of
 
@@ -30,6 +33,7 @@ STEPS = {"steps": 1_000_000, "steps-friction": 100_000}
 HOURS = {"memory": 10.0, "memory-friction": 1.0}
 """How much is measured; `-friction`: the estimators of an axis with friction, which are slower."""
 SLOW = ("glr", "moving-horizon")  # a tenth of the hours
+FEWER = 5  # times fewer steps of estimators that the page's first lines do not name
 ROUNDS = 7
 TIMES = ("1", "2", "3")
 RATIOS = ("us_per_sample", "times", "ratio")
@@ -107,7 +111,7 @@ def peers() -> str:
 def steps() -> str:
     """Return how long a step takes."""
     by_name: dict[str, list[Row]] = {}
-    for row in [*measured("steps")[1:], *measured("steps-friction")[1:]]:  # but the timer's
+    for row in [*measured("steps"), *measured("steps-friction")]:
         by_name.setdefault(row["estimator"], []).append(row)
     lines = []
     for name, rows in by_name.items():
@@ -151,9 +155,13 @@ def _measured(what: str) -> list[Row]:
     kind, _, axis = what.partition("-")
     names = [n for n in NAMED or registered() if axis_of(n) == (axis or "linear")]
     if kind == "steps":
-        return list(timed_steps(STEPS[what], names))
+        few = {n: 1 if n in {UNIT, RECOMMENDED} else FEWER for n in names}
+        timed = (row for n in names for row in timed_steps(STEPS[what] // few[n], [n]))
+        return [row for row in timed if row["estimator"] != TIMER]
     if kind == "memory":
-        return [r for n in names for r in held(HOURS[what] / (10 if n in SLOW else 1), [n])]
+        hours = [HOURS[what] / (10 if n in SLOW else 1) for n in names]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:  # each has a process of its own
+            return [r for rows in pool.map(_held, hours, names) for r in rows]
     given = problem()
     found, missing = others(given)
     if missing and not NAMED:
@@ -162,10 +170,15 @@ def _measured(what: str) -> list[Row]:
     return list(rows)
 
 
+def _held(hours: float, name: str) -> list[Row]:
+    return list(held(hours, [name]))
+
+
 def _name(what: str, again: str = "") -> str:
     return "-".join((f"speed/{what}{again}", *NAMED))
 
 
+@cache
 def measured(what: str, again: str = "") -> Sequence[Row]:
     """Return the rows of a measurement."""
     rows: Sequence[Row] = kept(_name(what, again), lambda: _measured(what))

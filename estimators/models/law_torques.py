@@ -21,7 +21,7 @@ GEAR = KINDS.index("gear")
 SMALL = 0.1  # below it the relaxation functions are taken from their series, to round-off
 FAST = 20.0  # of v/v_0: tanh is one to round-off
 NEAR = 1e-4  # of v/v_0: below it x/tanh x is its series to round-off
-LEAST = 1e-300  # [N m] a bristle's level, so that none divides by zero
+LEAST = 1e-100  # [N m] a bristle's level, whose inverse and the square of that are finite
 
 
 @compiled

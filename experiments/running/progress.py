@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
+
+from flexaxis.experiments.building.crashes import word_warnings
 
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
@@ -104,7 +107,9 @@ def told(*, quiet: bool, verbose: bool) -> Iterator[None]:
     """Set it for what is done inside; verbose says also with what, and how long it took."""
     token, start = _QUIET.set(quiet), time.perf_counter()
     try:
-        yield
+        with warnings.catch_warnings():
+            word_warnings()
+            yield
         if verbose:
             _about(time.perf_counter() - start)
     finally:

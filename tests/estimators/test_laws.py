@@ -235,6 +235,18 @@ def test_the_shape_of_friction_against_differences(which):
     np.testing.assert_allclose(told, got, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("v", [-2.0, 1e-6, 3.0])
+def test_bristles_without_a_level_have_the_limit_of_little(v):
+    """Their derivative by the level too: a friction that has gone can come again."""
+    found = []
+    for level in (0.0, 1e-15):
+        local = np.zeros(torques.WIDTH)
+        value = np.array([level, 0.0, 0.0, 176.0, 0.0, 0.0])
+        torques.force(KINDS.index("bristle"), v, 0.1 * v, 0.0, T, value, local)
+        found.append(local[[torques.F, torques.S, torques.ROLE, torques.ROLE + 1]])
+    np.testing.assert_allclose(*found, rtol=1e-6, atol=2e-15)
+
+
 def laid_out(model):
     """What a filter's records hold, and its loop over samples without measurements."""
     names = estimated(model)

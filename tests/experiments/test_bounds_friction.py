@@ -171,6 +171,12 @@ def test_a_fault_of_dry_friction_itself_has_a_bound():
     assert f_c.lag_null == pytest.approx(5.0)
 
 
+def test_a_dry_friction_that_goes_has_a_bound():
+    scenario, record = drawn("gone_fc_step-v1")
+    f_c = bounds.limits(scenario, scenario.identify, record.torque)[3]
+    assert 0 < f_c.lag_bound_single < f_c.lag_bound < f_c.lag_null
+
+
 def test_what_estimators_are_told_wrong_does_not_move_the_bound():
     scenario, record = drawn("told_kg_fm_step-v1")
     plain = scenario.override({"told": None})

@@ -129,6 +129,15 @@ def test_quiet_says_results_only(capsys, short_toml, tmp_path):
     assert "records simulated" in capsys.readouterr().err
 
 
+@pytest.mark.filterwarnings("default")
+def test_a_warning_of_an_estimator_has_no_line_of_its_code(capfd, tmp_path):
+    words = ["run", "light_ja_step-v1", "--estimator", "moving-horizon", "--seeds", "2"]
+    assert main([*words, "--jobs", "2", "-o", str(tmp_path / "out")]) == 0
+    err = capfd.readouterr().err
+    assert "flexaxis: moving-horizon remembers 1 s" in err
+    assert "UserWarning" not in err and "self.factor" not in err
+
+
 def test_verbose_says_with_what_and_how_long(capsys, tmp_path):
     assert main(["show", "smoke", "-v"]) == 0
     err = capsys.readouterr().err
