@@ -48,5 +48,5 @@ def changed(suite: str, scenario: str, estimator: str) -> Mapping[str, Any] | No
 
 def said(suite: str, script: str) -> str:
     """Return what a table is of."""
-    run = f"`flexaxis run {suite}`, seeds 1000 to {999 + SEEDS}"
+    run = f"Suite `{suite}`, seeds 1000 to {999 + SEEDS}"
     return f"\n{run}, `python docs/{script}.py`, commit {commit_of(suite)}.\n"
