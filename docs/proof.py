@@ -58,10 +58,10 @@ STAGES = {
     "check": Stage("make check", "style, types, architecture"),
     "test": Stage("make test", "the fast tests, none skipped for bubblewrap"),
     "mutants": Stage("make mutants JOBS=2", "every planted error is seen by a test", RUNS),
-    "fuzz": Stage("make fuzz MINUTES=10", "bad files lead to a message", RUNS),
+    "fuzz": Stage("make fuzz MINUTES=5", "bad files lead to a message", RUNS),
     "kills": Stage("make kill KILLS=100", "what is killed goes on, nothing torn or lost", RUNS),
-    "standard": Stage("flexaxis run standard --seeds 20 -o results/release --overwrite",
-                      "every estimator on the standard suite, twenty seeds", RUNS),
+    "standard": Stage("flexaxis run standard --seeds 5 -o results/release --overwrite",
+                      "every estimator on the standard suite, five seeds", RUNS),
     "tables": _makes("python docs/tables.py && python docs/fm_step.py",
                      "tables of scenarios.md, scores.md and gate.md, the figure of README.md",
                      "docs/tables.py", "docs/fm_step.py"),
@@ -77,7 +77,8 @@ STAGES = {
                   "docs/glr*.py", "docs/speed_st*.py", "docs/data"),
     # apart, so that nothing else is shown beside the libraries that it compares with
     "speed": _makes("make docs-speed VENV=.venv-peers", "tables of speed.md", "docs/speed*.py"),
-    "slow": Stage("python -m pytest -q -n 2 --dist=loadfile -m slow --ignore tests/mutants",
+    "slow": Stage("python -m pytest -q -n 2 --dist=loadfile --durations=40 -m slow "
+                  "--ignore tests/mutants",
                   "the long tests: labs, notebooks, lessons, all claims of the paper, each cheater "
                   "of a board ten times"),
     "browser": Stage("make test-browser", "pages and demo in Chromium"),

@@ -88,6 +88,19 @@ def test_a_digest_stands_below_each_table_that_names_its_commit():
     assert not told, "run what makes them again, or: python docs/proof.py --stale"
 
 
+def test_what_python_on_a_page_imports_is_there():
+    line = re.compile(r"^from (flexaxis[\w.]*) import (?:\(([^)]*)\)|(.+))$", re.MULTILINE)
+    found = []
+    for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md")):
+        for block in re.findall(r"```python\n(.*?)```", path.read_text("utf-8"), re.DOTALL):
+            for module, several, one in line.findall(block):
+                names = [n.split(" as ")[0].strip() for n in (several or one).split(",")]
+                found += [(path.name, module, name) for name in names if name]
+    assert len(found) > 20
+    missing = [f for f in found if not hasattr(importlib.import_module(f[1]), f[2])]
+    assert not missing
+
+
 @pytest.mark.parametrize(
     "path", sorted((ROOT / "tests/experiments").glob("*_tables.py")), ids=lambda path: path.stem
 )

@@ -12,7 +12,7 @@ from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.scoring.windows import remembered, windows
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import tracked
-from flexaxis.sim.tables.feed_forward import USED, Follower
+from flexaxis.sim.tables.feed_forward import Follower
 
 
 class Told:
@@ -21,9 +21,7 @@ class Told:
     output = "speed"
 
     def __init__(self, scenario: Scenario) -> None:
-        self.names = tuple(name for name in scenario.parameter_names if name in USED)
-        columns = [scenario.parameter_names.index(name) for name in self.names]
-        truth = scenario.true_parameters()[:, columns]
+        self.names, truth = scenario.parameter_names, scenario.true_parameters()
         self._truth, self._next = [*truth[1:], truth[-1]], 0
 
     def step(self, u: float, y: float) -> Sequence[float]:

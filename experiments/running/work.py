@@ -26,6 +26,7 @@ from flexaxis.experiments.scoring.score_table import rows as score_rows
 from flexaxis.experiments.scoring.score_table import undefined
 from flexaxis.experiments.scoring.scores import failed_track
 from flexaxis.experiments.scoring.summary import Case
+from flexaxis.experiments.storage.schema import flat
 from flexaxis.experiments.storage.traces import packed
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
@@ -178,8 +179,14 @@ def _cases(
             yield _failure(variant, entry, scenario, record.seed or 0, text, record), None
             continue
         more = columns | {"rows": len(case.rows), "error": None}
-        yield [row | more | {"cost": row["cost"] | {"versions": made_with()}}
-               for row in case.rows], case  # fmt: skip
+        rows = [row | more | {"cost": row["cost"] | {"versions": made_with()}} for row in case.rows]
+        try:
+            for row in rows:
+                flat(row)
+        except ValueError as error:  # of a score: the others go on
+            missing.append(f"{entry.text} on {scenario.name}, seed {record.seed}: {error}")
+            continue
+        yield rows, case
 
 
 def _again(run: Callable[..., Any], *args: Any) -> Any:

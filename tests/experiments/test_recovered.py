@@ -9,7 +9,6 @@ from flexaxis.experiments.running import adapted
 from flexaxis.experiments.running.adapted import Told, tracking
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.recovered import COSTS, recovered
-from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.simulate import simulate
 
 SHORT = {"duration": 9.0, "fault[0].at": 4.0, "burn_in": 1.0}
@@ -37,10 +36,15 @@ def test_it_is_of_the_loop_that_the_record_is_of():
 def test_the_told_one_is_told_in_time():
     told = Told(MOVES)
     theta = np.array([told.step(0.0, 0.0) for _ in range(MOVES.samples)])
-    columns = [MOVES.parameter_names.index(name) for name in told.names]
-    truth = MOVES.true_parameters()[:, columns]
+    truth = MOVES.true_parameters()
     assert np.array_equal(theta[:-1], truth[1:]) and np.array_equal(theta[-1], truth[-1])
-    assert set(told.names) <= {*PARAMETER_NAMES, "f_c"}
+    assert told.names == MOVES.parameter_names
+
+
+@pytest.mark.parametrize("name", ["control_ja_moves-v1", "control_kt_moves-v1"])
+def test_who_is_told_recovers_most_of_any_fault(name):
+    found = tracking(find_scenario(name).override(SHORT), 3, specs.parse("frozen"))
+    assert recovered(found, "told") > 80
 
 
 class Slipped(Told):
