@@ -13,8 +13,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-from flexaxis.experiments.building.crashes import word_warnings
-
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
@@ -105,6 +103,8 @@ def _cell(handle: Any, what: str, total: float) -> Iterator[Callable[[float], No
 @contextmanager
 def told(*, quiet: bool, verbose: bool) -> Iterator[None]:
     """Set it for what is done inside; verbose says also with what, and how long it took."""
+    from flexaxis.experiments.building.crashes import word_warnings
+
     token, start = _QUIET.set(quiet), time.perf_counter()
     try:
         with warnings.catch_warnings():

@@ -97,7 +97,7 @@ def test_every_parameter_of_a_law_is_explained(name):
 
 def test_examples_are_valid():
     whole, fault = EXAMPLES
-    assert parse_scenario(whole).name == "fm_step-v1"
+    assert parse_scenario(whole).name == "my_fm_step"
     assert len(parse_scenario(whole + fault).fault) == 3
 
 
