@@ -30,7 +30,7 @@ help:
 	@echo "make kill       commands ended at random moments, KILLS=100; nothing may be torn or lost"
 	@echo "make mutants    errors planted one at a time, JOBS=2 at once; each must be seen by a test (an hour)"
 	@echo "make docs-tables  tables and figures of the documentation that are of other code than today's (hours)"
-	@echo "make docs-speed  those of docs/speed.md, measured on this machine (an hour)"
+	@echo "make docs-speed  those of docs/speed.md, measured on this machine (half an hour)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
 	@echo "make site       the documentation as pages that need no network: results/site/index.html"
 	@echo "make dist       wheel and source archive of the last commit, the same bytes wherever: dist/"

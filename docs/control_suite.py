@@ -1,13 +1,13 @@
 """Write the tables of docs/control.md: `python docs/control_suite.py`, or names of some of them.
 
-`worth` is of results/control, which is run if it is not there, an hour; `order` runs the estimators
-at some settings of their knobs besides, on the records of the same seeds, some minutes.
+`worth` is of results/control, which is run if it is not there, ten minutes; `order` runs the
+estimators at some settings of their knobs besides, on the records of the same seeds, some minutes.
 """
 
 import sys
 import warnings
 from collections.abc import Callable, Mapping
-from multiprocessing import get_context
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -62,20 +62,19 @@ def _recovered(row: Mapping[str, Any] | None) -> str:
 TURNS = (1 / 16, *FACTORS, 16.0)  # of the knob, over its default
 
 
-def at_equal_noise(name: str) -> dict[str, tuple[float, str]]:
+def at_equal_noise(name: str, given: Mapping[str, Any] | None) -> dict[str, tuple[float, str]]:
     """Return the lag [s] of each estimator whose std before the fault is that of the reference.
 
-    With it stands "quieter" or "noisier" for one that is so at all settings of its knob, by its
-    nearest one. None is among them that has no lag in some run, or no knob,
-    as one with options.
+    `given` is the row of the reference. With a lag stands "quieter" or "noisier" for one that is so
+    at all settings of its knob, by its nearest one. None is among them that has no lag in some run,
+    or no knob, as one with options.
     """
     scenario = find_scenario(name)
-    parameter = changed("control", name, REFERENCE)
     records = simulate(scenario, range(1000, 1000 + SEEDS))
     lines = {
-        who: [_at(who, turn, scenario, records, parameter["parameter"]) for turn in TURNS]
+        who: [_at(who, turn, scenario, records, given["parameter"]) for turn in TURNS]
         for who in WHO["control"]
-        if parameter and with_knob(who, 2.0) not in {who, None}
+        if given and with_knob(who, 2.0) not in {who, None}
     }
     found = {}
     for who, line in lines.items():
@@ -95,9 +94,9 @@ def _at(
     if text is None:
         return None
     for record in records:
-        estimator = build(parse(text), scenario)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # one that is lost may overflow
+            estimator = build(parse(text), scenario)
             theta = run_estimator(estimator, record.torque, getattr(record, estimator.output))
         track = track_of(scenario, record, tuple(estimator.names), theta, None, None, None)
         runs.append(scores(track))
@@ -111,8 +110,9 @@ def order() -> str:
     rows, found = [], []
     names = find_suite("control").scenarios
     rankings = {name: {w: changed("control", name, w) for w in WHO["control"]} for name in names}
-    with get_context("spawn").Pool() as pool:  # when the suite has been run
-        at_equal = dict(zip(names, pool.map(at_equal_noise, names, 1), strict=True))
+    given = [rankings[name][REFERENCE] for name in names]
+    with ProcessPoolExecutor() as pool:
+        at_equal = dict(zip(names, pool.map(at_equal_noise, names, given), strict=True))
     for name, each in rankings.items():
         worth = {w: r["recovered"] for w, r in each.items() if r and r["recovered"] is not None}
         plain = {w: (r["lag"], "") for w, r in each.items() if r and r["lag"] is not None}

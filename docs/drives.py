@@ -1,7 +1,7 @@
 """Write the tables of docs/drives.md and its figure.
 
 `python docs/drives.py axes`, or another name of a table, or `figure`, makes that only.
-`found` and `goal` are of results/drives, which is run if it is not there, half an hour.
+`found` and `goal` are of results/drives, which is run if it is not there, ten minutes.
 """
 
 import sys

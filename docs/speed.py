@@ -33,7 +33,7 @@ STEPS = {"steps": 1_000_000, "steps-friction": 100_000}
 HOURS = {"memory": 10.0, "memory-friction": 1.0}
 """How much is measured; `-friction`: the estimators of an axis with friction, which are slower."""
 SLOW = ("glr", "moving-horizon")  # a tenth of the hours
-FEWER = 5  # times fewer steps of estimators that the page's first lines do not name
+FEWER = 5  # times fewer steps of estimators whose longest step is of no interest
 ROUNDS = 7
 TIMES = ("1", "2", "3")
 RATIOS = ("us_per_sample", "times", "ratio")
@@ -155,7 +155,7 @@ def _measured(what: str) -> list[Row]:
     kind, _, axis = what.partition("-")
     names = [n for n in NAMED or registered() if axis_of(n) == (axis or "linear")]
     if kind == "steps":
-        few = {n: 1 if n in {UNIT, RECOMMENDED} else FEWER for n in names}
+        few = {n: 1 if n in {UNIT, *SLOW} else FEWER for n in names}
         timed = (row for n in names for row in timed_steps(STEPS[what] // few[n], [n]))
         return [row for row in timed if row["estimator"] != TIMER]
     if kind == "memory":

@@ -1,18 +1,15 @@
-"""What to say when code fails that should not, or warns: whose it was, what, and where."""
+"""What to say when code fails that should not: whose it was, what it raised, and where."""
 
 from __future__ import annotations
 
 import errno
 import os
 import re
-import sys
 import sysconfig
 import traceback
-import warnings
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import TextIO
 
 from flexaxis.estimators.errors import EstimatorError
 
@@ -91,25 +88,6 @@ def user_code(error: BaseException) -> str | None:
     installed = (paths[key] + os.sep for key in ("stdlib", "purelib", "platlib"))
     others = ("<", *_flexaxis(), *installed)
     return next((p for p in reversed(_places(error)) if not p.startswith(others)), None)
-
-
-def word_warnings() -> None:
-    """Have a warning of flexaxis shown in words alone, and any other with the line that gave it."""
-    warnings.showwarning = _show
-
-
-def _show(  # noqa: PLR0917
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
-    del line
-    ours = filename.startswith(_flexaxis())
-    place = "flexaxis" if ours else f"{filename}:{lineno}: {category.__name__}"
-    print(f"{place}: {message}", file=file or sys.stderr)
 
 
 def _places(error: BaseException) -> list[str]:

@@ -30,7 +30,8 @@ from weakref import WeakSet
 
 import numpy as np
 
-from flexaxis.experiments.building import crashes, interrupts
+from flexaxis.experiments.building import interrupts
+from flexaxis.experiments.building.interrupts import Interrupts, two_stage
 from flexaxis.experiments.building.pipe import held_back
 from flexaxis.experiments.storage.files import NotRun, StudyError
 from flexaxis.sim.errors import FlexaxisError
@@ -153,7 +154,6 @@ def _start_worker(stop: Any, begin: Callable[[], object] | None, tied: bool) -> 
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     forget_safe_path()
     without_its_style()
-    crashes.word_warnings()
     for kind in (signal.SIGINT, signal.SIGTERM):  # a queue of jobs sends that to all
         signal.signal(kind, signal.SIG_IGN)
     if hasattr(os, "setpgid"):
@@ -223,7 +223,7 @@ def spread(
         After Ctrl-C.
     """
     room = in_flight or 2 * max(1, jobs)
-    with interrupts.two_stage() as asked:
+    with two_stage() as asked:
         remaining = asked.until(tasks)
         if executor is not None:
             yield from _elsewhere(remaining, work, executor, room, asked)
@@ -240,7 +240,7 @@ def _elsewhere(
     work: Callable[[Task], Result],
     executor: Executor,
     room: int,
-    asked: interrupts.Interrupts,
+    asked: Interrupts,
 ) -> Iterator[Result]:
     out: dict[Future[Result], Task] = {}
     try:
@@ -259,7 +259,7 @@ def _own(
     work: Callable[[Task], Result],
     workers: Workers,
     room: int,
-    asked: interrupts.Interrupts,
+    asked: Interrupts,
 ) -> Iterator[Result]:
     """Start new processes where one died, after what was out with it was run one by one."""
     whole = False
@@ -279,7 +279,7 @@ def _own(
 
 
 def _alone(
-    tasks: list[Task], work: Callable[[Task], Result], asked: interrupts.Interrupts
+    tasks: list[Task], work: Callable[[Task], Result], asked: Interrupts
 ) -> Iterator[Result]:
     with Workers(1) as worker:
         asked.stop = worker.ask
@@ -300,7 +300,7 @@ def _landed(
     submit: Callable[[Task], Future[Result]],
     tasks: Iterator[Task],
     room: int,
-    asked: interrupts.Interrupts,
+    asked: Interrupts,
     out: dict[Future[Result], Task],
 ) -> Iterator[Result]:
     """Yield the results of tasks, of which so many are out at a time; `out` tells which."""

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, TextIO
 
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
@@ -103,17 +103,31 @@ def _cell(handle: Any, what: str, total: float) -> Iterator[Callable[[float], No
 @contextmanager
 def told(*, quiet: bool, verbose: bool) -> Iterator[None]:
     """Set it for what is done inside; verbose says also with what, and how long it took."""
-    from flexaxis.experiments.building.crashes import word_warnings
-
     token, start = _QUIET.set(quiet), time.perf_counter()
     try:
         with warnings.catch_warnings():
-            word_warnings()
+            warnings.showwarning = _show
+            if quiet:
+                warnings.simplefilter("ignore", UserWarning)
             yield
         if verbose:
             _about(time.perf_counter() - start)
     finally:
         _QUIET.reset(token)
+
+
+def _show(  # noqa: PLR0917
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Show a warning to users in words alone, and any other with the line that gave it."""
+    del file
+    told = warnings.formatwarning(message, category, filename, lineno, line)
+    sys.stderr.write(f"flexaxis: {message}\n" if category is UserWarning else told)
 
 
 def is_quiet() -> bool:

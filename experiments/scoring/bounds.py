@@ -198,9 +198,13 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
         window = spans[name]
         allowed = jump_bound(scenario, unknown, window.start, window.stop, torque)
         deviation, single = allowed.unknown[:, i], allowed.single[:, i]
+        null = _lag_null(scenario, names, i, window)
+        if not np.isfinite([deviation, single]).all():
+            found.append(Limits(lag_null=null))
+            continue
         found.append(
             Limits(
-                lag_null=_lag_null(scenario, names, i, window),
+                lag_null=null,
                 lag_bound=lag_bound(deviation, window.D, period=scenario.period),
                 lag_bound_single=lag_bound(single, window.D, period=scenario.period),
                 bound={str(n): float(deviation[n] / window.D) for n in RMSE_AT if n < len(single)},

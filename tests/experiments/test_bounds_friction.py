@@ -177,6 +177,14 @@ def test_a_dry_friction_that_goes_has_a_bound():
     assert 0 < f_c.lag_bound_single < f_c.lag_bound < f_c.lag_null
 
 
+def test_a_bound_that_is_no_number_is_none(monkeypatch):
+    scenario, record = drawn("coulomb_fc_step-v1")
+    none = np.full((1000, 4), np.nan)
+    monkeypatch.setattr(bounds, "jump_bound", lambda *of: bounds.JumpBound(none, none))
+    f_c = bounds.limits(scenario, scenario.identify, record.torque)[3]
+    assert f_c == bounds.Limits(lag_null=pytest.approx(5.0))
+
+
 def test_what_estimators_are_told_wrong_does_not_move_the_bound():
     scenario, record = drawn("told_kg_fm_step-v1")
     plain = scenario.override({"told": None})

@@ -129,13 +129,16 @@ def test_quiet_says_results_only(capsys, short_toml, tmp_path):
     assert "records simulated" in capsys.readouterr().err
 
 
-@pytest.mark.filterwarnings("default")
-def test_a_warning_of_an_estimator_has_no_line_of_its_code(capfd, tmp_path):
-    words = ["run", "light_ja_step-v1", "--estimator", "moving-horizon", "--seeds", "2"]
-    assert main([*words, "--jobs", "2", "-o", str(tmp_path / "out")]) == 0
-    err = capfd.readouterr().err
-    assert "flexaxis: moving-horizon remembers 1 s" in err
-    assert "UserWarning" not in err and "self.factor" not in err
+@pytest.mark.parametrize(("more", "times"), [(["--jobs", "2"], 1), (["--jobs", "1", "-q"], 0)])
+def test_a_warning_of_an_estimator_is_told_once_in_words(tmp_path, more, times):
+    words = ["run", "light_ja_step-v1", "--estimator", "moving-horizon", "--seeds", "2", *more]
+    found = subprocess.run(
+        [sys.executable, "-m", "flexaxis.experiments", *words, "-o", str(tmp_path / "out")],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert found.stderr.count("remembers 1 s") == times
+    assert found.stderr.count("flexaxis: moving-horizon remembers 1 s") == times
+    assert "UserWarning" not in found.stderr and "self.factor" not in found.stderr
 
 
 def test_verbose_says_with_what_and_how_long(capsys, tmp_path):

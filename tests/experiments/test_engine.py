@@ -19,9 +19,8 @@ from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.processes import Workers
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running import engine, work
+from flexaxis.experiments.running import engine
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.merge import merge
 from flexaxis.experiments.running.plan import make_plan
@@ -185,21 +184,6 @@ def test_versions_are_not_mixed(short_toml, tmp_path):
     resealed(path, "mujoco 4", "mujoco 3")
     with pytest.raises(StudyError, match=r"was made with .*mujoco 3.*this is .*mujoco 4"):
         run_study(study, tmp_path)
-
-
-def test_a_score_that_is_no_number_stops_no_other_case(short_toml, tmp_path, monkeypatch, capsys):
-    def spoilt(scenario, record, spec):
-        case = run_case(scenario, record, spec)
-        case.rows[0]["std"] = float("nan") if record.seed == 1001 else 1.0
-        return case
-
-    monkeypatch.setattr(work, "run_case", spoilt)
-    words = ["run", str(short_toml), "--estimator", "frozen", "--seeds", "3", "--jobs", "1"]
-    assert main([*words, "-o", str(tmp_path / "out")]) == 70
-    why = "1 of 3 cases were not run: frozen on short, seed 1001: std is nan"
-    assert why in capsys.readouterr().err
-    (path,) = row_files(tmp_path / "out")
-    assert {row["seed"] for row in rows_in(path)} == {1000, 1002}
 
 
 def test_a_merge_that_lacks_a_share_says_so(short_toml, tmp_path, capsys):
