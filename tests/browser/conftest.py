@@ -141,7 +141,11 @@ class Browser:
         self._call("Network.clearBrowserCookies")
         self.open("about:blank")
         self.wait("location.href === 'about:blank'", seconds=20, what="nothing")
-        self.requests.clear()
+        self.requests.append("of the page before, whose workers end late")
+        while self.requests:
+            self.requests.clear()
+            time.sleep(0.1)
+            self._frames()
         self.errors.clear()
 
     def open(self, address: str) -> None:
@@ -153,6 +157,11 @@ class Browser:
         if "exceptionDetails" in answer:  # such as a page that has no body yet
             return None
         return answer["result"].get("value")
+
+    def _frames(self) -> None:
+        """Return once the page has been drawn twice more."""
+        twice = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(1))))"
+        self._call("Runtime.evaluate", expression=twice, awaitPromise=True)
 
     def wait(self, script: str, *, seconds: float, what: str):
         """Return the value of an expression as soon as it is true."""
@@ -181,13 +190,15 @@ class Browser:
         """Click in the middle of the innermost element that has a text.
 
         Once it is at rest and nothing lies over it: before the panel of a phone has slid up, its
-        buttons are said to be below the screen, where no click arrives.
+        buttons are said to be below the screen, where no click arrives. At rest is what has not
+        moved from one picture to another: where the computer is busy, 0.1 s may have none.
         """
         before, end = None, time.monotonic() + 20
         while (at := self.place(text, kind)) != before or not at["free"]:
             assert time.monotonic() < end, f"{text!r} does not come to rest, or lies under another"
             before = at
             time.sleep(0.1)
+            self._frames()
         where = {"x": (at["left"] + at["right"]) / 2, "y": (at["top"] + at["bottom"]) / 2}
         for event in ("mouseMoved", "mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=event, button="left", clickCount=1, **where)
