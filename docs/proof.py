@@ -24,7 +24,10 @@ from making import table
 
 PAGE = ROOT / "docs" / "proof.md"
 MARK = re.compile(r"(<!-- table: proof -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-RUNS = (*NUMBERS, "tests", "docs/proof.py", "docs/digests.py", "pyproject.toml", "Makefile")
+RUNS = (*NUMBERS, "tests", ":(exclude)tests/browser", "docs/proof.py", "docs/digests.py",
+        "pyproject.toml", "Makefile")  # fmt: skip
+# new tables and figures make no long test one of other code
+CODE = (".", ":(exclude,glob)docs/*.md", ":(exclude)docs/data", ":(exclude)docs/images")
 # what stands below a table: its commit, and the digest of code and libraries
 BELOW = re.compile(
     r"\bcommit ([0-9a-f]{7,40})(-dirty)?(?:, digest ([0-9a-f]{10}(?:-[0-9a-f]{6})?))?"
@@ -80,7 +83,7 @@ STAGES = {
     "slow": Stage("python -m pytest -q -n 2 --dist=loadfile --durations=40 -m slow "
                   "--ignore tests/mutants",
                   "the long tests: labs, notebooks, lessons, all claims of the paper, each cheater "
-                  "of a board ten times"),
+                  "of a board ten times", CODE),
     "browser": Stage("make test-browser", "pages and demo in Chromium"),
     "site": Stage("make site", "the documentation, with its links"),
     "wheel": Stage("make dist", "wheel and source archive"),

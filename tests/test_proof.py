@@ -55,6 +55,17 @@ def ran(place):
     return [(place / f"ran_{name}").read_text().count("ran") for name in ("code", "all")]
 
 
+def test_a_new_table_makes_no_long_test_stale_but_a_lab_does(place):
+    first = digests.digest(proof.CODE)
+    (place / "docs" / "gate.md").write_text("Others, commit 1234567.\n")
+    (place / "docs" / "data").mkdir()
+    (place / "docs" / "data" / "glr.csv").touch()
+    assert digests.digest(proof.CODE) == first != digests.digest(())
+    (place / "docs" / "labs").mkdir()
+    (place / "docs" / "labs" / "lab1.md").touch()
+    assert digests.digest(proof.CODE) != first
+
+
 def test_a_stage_is_run_again_where_what_it_depends_on_has_changed(place, monkeypatch):
     assert proof.main([]) == 0 and ran(place) == [1, 1]
     assert proof.rows()["code"][-1] == "3 passed" and proof.rows()["all"][-1] == "| in b |"
