@@ -8,25 +8,33 @@ import sys
 import tarfile
 import tomllib
 from collections.abc import Iterator
+from fnmatch import fnmatch
 from functools import cache
 from importlib.metadata import distributions, version
 from io import BytesIO
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-NUMBERS = ("models_mjcf", "sim", "estimators", "experiments")  # what a table may be made of
+PACKAGE = ("models_mjcf", "sim", "estimators", "experiments")
+NOT = ":(exclude)"
+# what a table may be made of: what begins and ends commands, and what writes the page of a run,
+# is left out, as no number comes from it
+NUMBERS = (*PACKAGE, *(f"{NOT}experiments/{name}" for name in (
+    "cli.py", "building/interrupts.py", "reporting/assets", "reporting/templates",
+    "reporting/run/first.py", "reporting/run/page.py")))  # fmt: skip
 PAGE = "docs/proof.md"
 
 
 def digest(parts: tuple[str, ...], ref: str = "") -> str:
     """Return what tells files from any others: those here, or those of a commit.
 
-    Of parts that are named code counts without comments and docstrings; without parts, all does.
+    Of parts that are named code counts without comments and docstrings; of all, "." or no parts,
+    the text does.
     """
-    total = hashlib.sha256()
+    total, bare = hashlib.sha256(), bool(parts) and "." not in parts
     for name, content in sorted(_files(parts, ref)):
         if name != PAGE:
-            total.update(f"{name}\n".encode() + (_meant(name, content) if parts else content))
+            total.update(f"{name}\n".encode() + (_meant(name, content) if bare else content))
     return total.hexdigest()[:10]
 
 
@@ -61,13 +69,23 @@ def _files(parts: tuple[str, ...], ref: str) -> Iterator[tuple[str, bytes]]:
     if ref:
         with tarfile.open(fileobj=BytesIO(git("archive", ref))) as archive:
             for member in archive:  # some of the parts may not be in it yet
-                if member.isfile() and any(f"{member.name}/".startswith(f"{p}/") for p in parts):
+                if member.isfile() and _within(member.name, parts):
                     yield member.name, archive.extractfile(member).read()
         return
     listed = git("ls-files", "-co", "--exclude-standard", "-z", "--", *parts).decode()
     for name in listed.split("\0"):
         if (ROOT / name).is_file():
             yield name, (ROOT / name).read_bytes()
+
+
+def _within(name: str, parts: tuple[str, ...]) -> bool:
+    """Return whether a file is in one of the parts, and in none that are left out."""
+
+    def of(part: str) -> bool:
+        return part == "." or fnmatch(name, part) or name.startswith(f"{part}/")
+
+    left_out = any(of(part.removeprefix(NOT)) for part in parts if part.startswith(NOT))
+    return any(map(of, parts)) and not left_out
 
 
 @cache

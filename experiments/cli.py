@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from flexaxis.experiments import commands as home
-from flexaxis.experiments.building.interrupts import leave, one_stage
+from flexaxis.experiments.building.interrupts import deaf, leave, one_stage
 from flexaxis.experiments.commands.answers import (
     CRASH,
     FINE,
@@ -159,7 +159,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args.words = [word for word in words if word not in common]  # no part of what is repeated
     args.line = shlex.join(["flexaxis", *args.words])
     with forgiving() as out, told(quiet=args.quiet, verbose=args.verbose), one_stage():
-        status = _told(out, _guarded(args))
+        status = _told(out, _guarded(args, alone))
     if alone and status == INTERRUPTED:
         leave(status)
     return status
@@ -174,7 +174,16 @@ def _told(out: Stream, status: int) -> int:
     return status or WRONG_USE
 
 
-def _guarded(args: argparse.Namespace) -> int:
+def _guarded(args: argparse.Namespace, alone: bool) -> int:
+    try:
+        return _answered(args)
+    except KeyboardInterrupt as error:
+        if alone:
+            deaf(INTERRUPTED)
+        return _ended(args, INTERRUPTED, "; ".join(["interrupted", *map(str, error.args)]))
+
+
+def _answered(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.building.crashes import EstimatorCrash, no_room
     from flexaxis.experiments.storage.files import NotRun
@@ -189,8 +198,8 @@ def _guarded(args: argparse.Namespace) -> int:
             return _crashed(args, error, str(error))
         unfinished = isinstance(error, NotRun) or no_room(error)
         told, status = str(error), CRASH if unfinished else WRONG_USE
-    except KeyboardInterrupt as error:
-        return _ended(args, INTERRUPTED, "; ".join(["interrupted", *map(str, error.args)]))
+    except KeyboardInterrupt:
+        raise
     except OSError as error:
         if error.errno != errno.ENAMETOOLONG:
             return _crashed(args, error, _unexpected(args, error))

@@ -55,15 +55,40 @@ def ran(place):
     return [(place / f"ran_{name}").read_text().count("ran") for name in ("code", "all")]
 
 
-def test_a_new_table_makes_no_long_test_stale_but_a_lab_does(place):
-    first = digests.digest(proof.CODE)
-    (place / "docs" / "gate.md").write_text("Others, commit 1234567.\n")
-    (place / "docs" / "data").mkdir()
-    (place / "docs" / "data" / "glr.csv").touch()
-    assert digests.digest(proof.CODE) == first != digests.digest(())
-    (place / "docs" / "labs").mkdir()
-    (place / "docs" / "labs" / "lab1.md").touch()
-    assert digests.digest(proof.CODE) != first
+SLOW = proof.STAGES["slow"].runs
+
+
+def written(path, text="Other.\n"):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+
+
+@pytest.mark.parametrize("file", ["glr.md", "data/glr.csv", "images/friction.png", "proof.md"])
+def test_a_new_table_or_figure_makes_no_long_test_stale(place, file):
+    first, whole = digests.digest(SLOW), digests.digest(())
+    written(place / "docs" / file)
+    assert digests.digest(SLOW) == first
+    assert (digests.digest(()) == whole) == (file == "proof.md")
+
+
+@pytest.mark.parametrize("file", ["docs/python.md", "docs/labs/lab1.md", "sim/a.py"])
+def test_words_that_a_long_test_reads_make_it_stale(place, file):
+    first = digests.digest(SLOW)
+    written(place / file, '"""Other words."""\nx = 1  # more\n')
+    assert digests.digest(SLOW) != first
+
+
+@pytest.mark.parametrize(("file", "counts"), [
+    ("experiments/reporting/run/first.py", False), ("experiments/reporting/run/more.py", True),
+    ("experiments/reporting/assets/bar.js", False), ("experiments/logs/cli.py", True),
+    ("sim/b.py", True),
+])  # fmt: skip
+def test_no_number_comes_from_what_writes_a_page(place, file, counts):
+    now = digests.stamp()
+    written(place / file, "x = 1\n")
+    assert (digests.stamp() != now) == counts
+    commit(place)
+    assert digests.digest(digests.NUMBERS, "HEAD") == digests.stamp().partition("-")[0]
 
 
 def test_a_stage_is_run_again_where_what_it_depends_on_has_changed(place, monkeypatch):
@@ -130,6 +155,14 @@ def test_a_table_of_older_code_is_told_by_its_commit(place):
 def head(place):
     words = ["git", "rev-parse", "--short=8", "HEAD"]
     return subprocess.check_output(words, cwd=place, text=True).strip()
+
+
+def test_a_table_is_of_its_commit_whatever_its_digest_was_made_of(place):
+    line = f"Lags, commit {head(place)}, digest {'0' * 10}"
+    lines = [line, f"{line}-{'0' * 6}", f"{line}-{digests.libraries()}"]
+    (place / "README.md").write_text(".\n".join(lines))
+    of_tables = [line for line in proof.stale() if line.startswith("README")]
+    assert of_tables == [f"README.md:2: of {head(place)}, with other libraries"]
 
 
 def test_a_table_is_told_by_the_digest_below_it(place, monkeypatch):

@@ -28,6 +28,7 @@ _KINDS: dict[signal.Signals, object] = {
 """What asks a command to end, and how each is handled where nobody has said."""
 _FINALIZER = weakref.finalize.__call__.__code__
 _ours: list[Handler] = []
+_ending = threading.Event()  # from `deaf` on
 _flags: list[Any] = [threading.Event()]
 
 
@@ -129,7 +130,8 @@ def _handling(react: Callable[[], None]) -> Iterator[None]:
         yield
     finally:
         for kind in ours:
-            signal.signal(kind, before[kind])
+            if not _ending.is_set():
+                signal.signal(kind, before[kind])
         _ours.remove(handle)
         for later in put_off:  # what comes after this hears it no more
             later.cancel()
@@ -158,13 +160,35 @@ def _unheard(frame: FrameType | None) -> bool:
     return False
 
 
+def deaf(status: int) -> None:
+    """Let a command say how it ends: one more Ctrl-C is not heeded, and the next ends it at once.
+
+    For a process that ends with this status after that: nothing heeds Ctrl-C in it any more.
+    """
+    pressed: list[int] = []
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if pressed:
+            os._exit(status)
+        pressed.append(number)
+
+    _ending.set()
+    _always(handle)
+
+
+def _always(handle: Handler) -> None:
+    """Handle Ctrl-C from now on, where it is heard at all."""
+    for kind in _KINDS:
+        if signal.getsignal(kind) != signal.SIG_IGN:
+            signal.signal(kind, handle)
+
+
 def leave(status: int) -> NoReturn:
     """End this process after Ctrl-C, without what Python does at its end.
 
     That takes up to a second, in which another Ctrl-C would change the status.
     """
-    for kind in _KINDS:
-        signal.signal(kind, lambda number, frame: os._exit(status))
+    _always(lambda number, frame: os._exit(status))
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, OSError, ValueError):  # closed, or nobody reads it

@@ -268,7 +268,7 @@ def test_a_bench_says_what_failed_after_the_others_ran(short, tmp_path):
 # ----------------------------------------------------------------- stopping it
 
 USUAL = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-COMMAND = USUAL + "from flexaxis.experiments.cli import main; sys.exit(main(sys.argv[1:]))"
+COMMAND = USUAL + "from flexaxis.experiments.cli import main; sys.exit(main())"
 
 
 def start(words, said):

@@ -121,7 +121,7 @@ TERMINATED = """\
 import signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # as for what a script starts in the background
 from flexaxis.experiments.cli import main
-sys.exit(main(sys.argv[1:]))
+sys.exit(main())
 """
 
 

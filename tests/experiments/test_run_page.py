@@ -357,6 +357,9 @@ def test_too_few_seeds_rank_nobody():
     assert run_first.at_equal_noise(few)["scope"] == (
         "Compared at equal noise: s. As set only, further down: other."
     )
+    named, many = (few | {"scenarios": ["s", *"abcdefg"[:n]]} for n in (6, 7))
+    assert run_first.at_equal_noise(named)["scope"].endswith(": a, b, c, d, e and f.")
+    assert run_first.at_equal_noise(many)["scope"].endswith(" further down: 7 others.")
 
 
 def test_columns_stand_under_the_noise_at_which_they_are_compared(html, folder):

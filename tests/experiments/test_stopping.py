@@ -1,5 +1,6 @@
 """Ctrl-C, and processes that die: what is done is kept, one killer loses one, nothing is left."""
 
+import json
 import os
 import signal
 import subprocess
@@ -104,6 +105,30 @@ def test_one_stage_ends_what_goes_on(usual):
     with pytest.raises(KeyboardInterrupt), one_stage():
         signal.raise_signal(signal.SIGINT)
         pytest.fail("it goes on")
+
+
+PRESSING = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from flexaxis.experiments import cli
+def pressed(done):
+    def before(*words):
+        os.kill(os.getpid(), signal.SIGINT)
+        return done(*words)
+    return before
+for name in ("check_words", sys.argv.pop()):
+    setattr(cli, name, pressed(getattr(cli, name)))
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.parametrize("when", ["_ended", "no_answer", "leave"])
+def test_ctrl_c_once_more_changes_nothing_while_a_command_ends(when):
+    """Before it says why, then before who reads JSON is told, and when handling it is over."""
+    line = [sys.executable, "-c", PRESSING, "list", "--json", when]
+    done = subprocess.run(line, check=False, timeout=100, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "flexaxis: interrupted\n")
+    assert json.loads(done.stdout)["status"] == 130
 
 
 def test_a_command_that_is_stopped_waits_for_no_process_of_a_users_code(short_toml, tmp_path):

@@ -13,6 +13,8 @@ Row = Mapping[str, Any]
 Fault = tuple[str, str]  # scenario and parameter
 Rows = dict[str, dict[Fault, Row]]
 
+NAMED = 6  # scenarios not compared that are named; of more it is said how many there are
+
 FASTEST = "Who is fastest at equal noise?"
 DISTANCE = "How far from the bound?"
 WHY = "Why?"
@@ -117,7 +119,8 @@ def _scope(faults: Sequence[str], scenarios: Iterable[str]) -> str:
     if only:
         text += f" {_and(only)} {'is' if len(only) == 1 else 'are'} run for that alone."
     if others:
-        text += f" As set only, further down: {_and(others)}."
+        few = len(others) <= NAMED
+        text += f" As set only, further down: {_and(others) if few else f'{len(others)} others'}."
     return text
 
 
