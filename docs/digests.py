@@ -17,11 +17,12 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGE = ("models_mjcf", "sim", "estimators", "experiments")
 NOT = ":(exclude)"
-# what a table may be made of: what begins and ends commands, and what writes the page of a run,
-# is left out, as no number comes from it
+# what a table may be made of: what begins and ends commands and processes, and what writes the page
+# of a run, is left out, as no number comes from it
 NUMBERS = (*PACKAGE, *(f"{NOT}experiments/{name}" for name in (
-    "cli.py", "building/interrupts.py", "reporting/assets", "reporting/templates",
-    "reporting/run/first.py", "reporting/run/page.py")))  # fmt: skip
+    "cli.py", "building/interrupts.py", "building/processes.py", "building/worker.py",
+    "reporting/assets", "reporting/templates", "reporting/run/first.py",
+    "reporting/run/page.py")))  # fmt: skip
 PAGE = "docs/proof.md"
 
 

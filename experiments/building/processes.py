@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import ctypes
 import multiprocessing
 import os
 import signal
@@ -22,23 +21,20 @@ from concurrent.futures import (
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from itertools import islice
-from multiprocessing.connection import wait as wait_for
-from multiprocessing.util import Finalize
 from types import ModuleType
 from typing import Any, Self, TypeVar
 from weakref import WeakSet
 
 import numpy as np
 
-from flexaxis.experiments.building import interrupts
+from flexaxis.experiments.building import worker
 from flexaxis.experiments.building.interrupts import Interrupts, two_stage
 from flexaxis.experiments.building.pipe import held_back
 from flexaxis.experiments.storage.files import NotRun, StudyError
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.storage.current_folder import forget_safe_path, safe_path, without_its_style
+from flexaxis.sim.storage.current_folder import safe_path
 
 MOST = max(64, 4 * (os.cpu_count() or 1))  # processes: each is a Python of its own in memory
-_PR_SET_PDEATHSIG = 1  # of Linux: which signal a process gets when its parent ends
 PATIENCE = 0.5  # s for which a wait may last before it looks whether anything was asked
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -102,12 +98,18 @@ class Workers:
         pool, self._pool = self._pool, None
         if pool is None:
             return
-        for process in list((getattr(pool, "_processes", None) or {}).values()) if killed else ():
+        processes = list((getattr(pool, "_processes", None) or {}).values())
+        manager = getattr(pool, "_executor_manager_thread", None)
+        # Told first: its thread ends in a traceback (of Python 3.11.7 for one) where it finds a
+        # process dead, and a future that it has not forgotten yet was cancelled.
+        pool.shutdown(wait=not killed, cancel_futures=True)
+        for process in processes if killed else ():
             if hasattr(os, "killpg") and process.pid is not None:
                 with suppress(OSError):  # it has ended, or has only just begun
                     os.killpg(process.pid, signal.SIGKILL)
             process.kill()
-        pool.shutdown(wait=True, cancel_futures=True)
+        if manager:
+            manager.join()
 
 
 _open = WeakSet[Workers]()
@@ -125,8 +127,9 @@ def _started(jobs: int, begin: Callable[[], object] | None) -> tuple[Executor, A
     atexit.register(_end_own)  # before multiprocessing waits for them
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
-    how = (stop, begin, threading.current_thread() is threading.main_thread())
-    return ProcessPoolExecutor(jobs, context, initializer=_start_worker, initargs=how), stop
+    tied = threading.current_thread() is threading.main_thread()
+    how = (stop, begin, _end_own, tied)
+    return ProcessPoolExecutor(jobs, context, initializer=worker.start, initargs=how), stop
 
 
 _mains: list[ModuleType] = []  # found by each `_without_main` that is open
@@ -146,40 +149,6 @@ def _without_main() -> Iterator[None]:
             found = _mains.pop()
             if not _mains:  # the last one to leave has what the first one found
                 sys.modules["__main__"] = found
-
-
-def _start_worker(stop: Any, begin: Callable[[], object] | None, tied: bool) -> None:
-    """Leave Ctrl-C to the parent, and end when it ends: a killed parent leaves no process."""
-    if tied and sys.platform == "linux":  # even in code that lets no other thread run
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    forget_safe_path()
-    without_its_style()
-    for kind in (signal.SIGINT, signal.SIGTERM):  # a queue of jobs sends that to all
-        signal.signal(kind, signal.SIG_IGN)
-    if hasattr(os, "setpgid"):
-        os.setpgid(0, 0)  # so that what it starts can be killed with it
-    interrupts.begin(stop)
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-    Finalize(None, _end_own, exitpriority=0)
-    Finalize(None, _wait_for_no_thread, exitpriority=-1)  # after what others do at their end
-    if begin:
-        begin()
-
-
-def _wait_for_no_thread() -> None:
-    """End a process that is done, though a thread of a user's code goes on."""
-    others = {*threading.enumerate()} - {threading.main_thread(), threading.current_thread()}
-    if not all(thread.daemon for thread in others):
-        os._exit(0)
-
-
-def _end_with(sentinel: int) -> None:
-    wait_for([sentinel])
-    if hasattr(os, "killpg"):
-        os.killpg(0, signal.SIGKILL)  # with what its code has started
-    os._exit(1)
 
 
 def spread(
@@ -281,17 +250,17 @@ def _own(
 def _alone(
     tasks: list[Task], work: Callable[[Task], Result], asked: Interrupts
 ) -> Iterator[Result]:
-    with Workers(1) as worker:
-        asked.stop = worker.ask
+    with Workers(1) as one:
+        asked.stop = one.ask
         for task in tasks:
             for _ in range(2):
                 if asked.asked:
                     return
                 try:
-                    yield from _landed(partial(worker.submit, work), iter([task]), 1, asked, {})
+                    yield from _landed(partial(one.submit, work), iter([task]), 1, asked, {})
                     break
                 except BrokenExecutor:
-                    worker.end(killed=True)
+                    one.end(killed=True)
             else:
                 raise NotRun(f"{task}: its process died twice: memory ran out, or it was killed")
 

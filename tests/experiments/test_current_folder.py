@@ -137,6 +137,7 @@ STARTERS = {
     "experiments/building/pipe.py": "programs of a user, with their own variables",
     "experiments/logs/reading/mat_file.py": "reads MAT files, -P",
     "experiments/building/processes.py": "workers, in safe_path",
+    "experiments/building/worker.py": "starts none: is one",
     "sim/storage/hdf5_apart.py": "reads HDF5 files, -P",
 }
 """Modules that start processes, and how those leave the current folder out."""

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -320,6 +321,20 @@ def test_a_pool_that_is_left_by_an_error_does_not_wait_for_its_processes():
         began = time.monotonic()
         raise KeyboardInterrupt
     assert time.monotonic() - began < 60
+
+
+def test_what_was_cancelled_is_no_trouble_to_a_pool_that_is_killed(monkeypatch):
+    """Under load its processes may be dead before it has heard that it is to end."""
+    raised = []
+    monkeypatch.setattr(threading, "excepthook", raised.append)
+    with Workers(1) as workers:
+        futures = [workers.submit(time.sleep, 300) for _ in range(5)]
+        wait_until(futures[0].running, 60)
+        assert futures[-1].cancel()
+        pool, late = workers._pool, workers._pool.shutdown
+        monkeypatch.setattr(pool, "shutdown", lambda **how: (time.sleep(1), late(**how)))
+        workers.end(killed=True)
+    assert not raised and futures[0].done()
 
 
 def test_cases_that_are_missing_are_no_success(short, tmp_path):
