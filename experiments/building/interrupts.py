@@ -135,7 +135,7 @@ def _handling(react: Callable[[], None]) -> Iterator[None]:
         _ours.remove(handle)
         for later in put_off:  # what comes after this hears it no more
             later.cancel()
-        if put_off:
+        if put_off and not _ending.is_set():
             react()
 
 
@@ -163,7 +163,7 @@ def _unheard(frame: FrameType | None) -> bool:
 def deaf(status: int) -> None:
     """Let a command say how it ends: one more Ctrl-C is not heeded, and the next ends it at once.
 
-    For a process that ends with this status after that: nothing heeds Ctrl-C in it any more.
+    For a process that does nothing else after that: no handler of its own is put back in it.
     """
     pressed: list[int] = []
 

@@ -79,7 +79,15 @@ class Workers:
         self.end(killed=kind is not None and bool(busy))
 
     def submit(self, work: Callable[[Task], Result], task: Task) -> Future[Result]:
-        """Have a task done."""
+        """Have a task done.
+
+        Raises
+        ------
+        BrokenExecutor
+            If one of the processes has died.
+        """
+        if getattr(self._pool, "_broken", False):  # it may wait for the others to end
+            raise BrokenExecutor("a process has died")
         begun = len(getattr(self._pool, "_processes", None) or ())
         alone = _without_main() if begun < self._jobs else nullcontext()
         with held_back(), safe_path(), alone:  # its locks have a process of their own
@@ -98,16 +106,18 @@ class Workers:
         pool, self._pool = self._pool, None
         if pool is None:
             return
-        processes = list((getattr(pool, "_processes", None) or {}).values())
+        processes = [*(getattr(pool, "_processes", None) or {}).values()] if killed else []
         manager = getattr(pool, "_executor_manager_thread", None)
-        # Told first: its thread ends in a traceback (of Python 3.11.7 for one) where it finds a
-        # process dead, and a future that it has not forgotten yet was cancelled.
-        pool.shutdown(wait=not killed, cancel_futures=True)
-        for process in processes if killed else ():
+        if killed and sys.version_info < (3, 12):
+            # Its thread ends in a traceback where it finds a process dead while a future that was
+            # cancelled is on its list. Later ones do not, and wait here for who is not killed yet.
+            pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
             if hasattr(os, "killpg") and process.pid is not None:
                 with suppress(OSError):  # it has ended, or has only just begun
                     os.killpg(process.pid, signal.SIGKILL)
             process.kill()
+        pool.shutdown(wait=True, cancel_futures=True)
         if manager:
             manager.join()
 
