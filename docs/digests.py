@@ -17,12 +17,11 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGE = ("models_mjcf", "sim", "estimators", "experiments")
 NOT = ":(exclude)"
-# What a table may be made of. Left out are what begins and ends commands and processes, with what
-# hands out work to these (who lacks a result says so), and what writes the page of a run.
+# What a table may be made of. Left out are what begins and ends commands and processes, and what
+# writes the page of a run: no number comes from these.
 NUMBERS = (*PACKAGE, *(f"{NOT}experiments/{name}" for name in (
-    "cli.py", "building/interrupts.py", "building/processes.py", "building/worker.py",
-    "reporting/assets", "reporting/templates", "reporting/run/first.py",
-    "reporting/run/page.py")))  # fmt: skip
+    "cli.py", "building/interrupts.py", "building/worker.py", "reporting/assets",
+    "reporting/templates", "reporting/run/first.py", "reporting/run/page.py")))  # fmt: skip
 PAGE = "docs/proof.md"
 
 

@@ -128,6 +128,25 @@ def test_a_long_step_is_seen_by_the_clock_that_runs_in_it(stream):
     assert wall[79] > 1e8 > 2 * cpu[79]
 
 
+def test_what_lengthens_a_step_once_is_not_the_estimators(stream):
+    """As where the host of a virtual machine takes its time away."""
+    made = []
+
+    def make():
+        made.append(stream)
+        steps = iter([len(made) == 1] + [False] * 99)
+        return SimpleNamespace(step=lambda u, y: next(steps) and busy(0.03))
+
+    row = steps_module._timed(make, 100, stream)
+    assert len(made) == 2 and row["cpu_us"]["max"] < 1e4
+
+
+def busy(seconds):
+    until = time.thread_time() + seconds
+    while time.thread_time() < until:
+        pass
+
+
 def test_the_next_lap_goes_on_where_the_last_one_ended(stream):
     lap = len(stream.u)
     rpem = build(parse("rpem-forgetting"), stream.scenario)

@@ -34,7 +34,7 @@ CLOSE = 1e-3  # of w̄, a step from which Newton's method ends the search
 AWAY = 8.0  # times the step before, a step that Newton's method does not take then: of 60 000
 # steps of steep bristles 2 stay unsolved; with 1 it were 11, without a limit rounding grows by 10⁸
 CONVERGED = 1e-7  # of w̄, the last step: of Newton's method what is left is its square
-LEAST = 1e-300  # of a scale, so that none divides by zero
+LEAST = 1e-150  # of a scale, so that none, and no square of one, divides by zero
 LEAST_SHARE = 1 / 64  # of a step that is taken where steps turn back without shrinking
 
 

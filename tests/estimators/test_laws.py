@@ -10,7 +10,7 @@ from flexaxis.estimators import Rpem
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.filters.loop import on_lanes, over_sample
-from flexaxis.estimators.models import discretisation
+from flexaxis.estimators.models import discretisation, reaction
 from flexaxis.estimators.models import law_torques as torques
 from flexaxis.estimators.models.axes import (
     BRISTLES,
@@ -424,3 +424,9 @@ def test_a_law_parameter_is_identified_as_itself():
         replace(three_mass(VALUES | {"sigma_0": 0.0}), laws=(BRISTLES,))
     with pytest.raises(EstimatorError, match="beside a law that depends on k_g; name 'k_g' itself"):
         axis("gear").parametrize(["1/k_g"])
+
+
+def test_a_search_over_a_law_without_reach_divides_by_nothing():
+    """A coordinate whose law gives nothing tells neither of a turn nor against one."""
+    steps = [0.0, 1.0], [1.0, 1.0], [0.0, 1.0]
+    assert reaction._kept_share.function(0.5, *steps) == 1.0

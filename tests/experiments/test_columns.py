@@ -1,8 +1,10 @@
 """Rows as columns: the same numbers as in the file, pooled alike in whatever order they came."""
 
 import csv
+import gc
 import json
 import math
+import sqlite3
 import statistics
 
 import numpy as np
@@ -117,6 +119,16 @@ def test_a_selection_reads_no_column_anew(stored, tmp_path, monkeypatch):
         results.select({"method": method}).pooled()
     names = [name for some in reads for name in some]
     assert len(names) == len(set(names))
+
+
+def test_rows_that_nobody_holds_any_more_are_closed(stored, tmp_path):
+    results = stored(tmp_path, some_rows(), AXES)
+    opened = results.source._db
+    assert opened.execute("SELECT count(*) FROM cells").fetchone()
+    del results
+    gc.collect()
+    with pytest.raises(sqlite3.ProgrammingError, match="closed"):
+        opened.execute("SELECT 1")
 
 
 def test_pooled_is_what_a_loop_gives(stored, tmp_path):
