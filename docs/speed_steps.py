@@ -2,8 +2,9 @@
 
 Each step is timed by itself, in the processor time of this thread, which other programs on a busy
 machine do not lengthen, and by the clock on the wall beside it. All steps are taken twice, and the
-shorter time counts of each: what the host of a virtual machine takes away is in both times, and comes
-to no step twice. Whatever a user has stays as it is, the collection of garbage included.
+shorter time counts of each: what the host of a virtual machine takes away counts as time of the
+thread, too, and comes to no step twice. Whatever a user has stays as it is, the collection of
+garbage included.
 """
 
 from __future__ import annotations

@@ -221,6 +221,8 @@ def gained(before: Point, after: Point) -> float:
 
 def damped_step(H: Array, g: Array, damping: float) -> Array:
     """Return (H + damping·diag H)⁻¹ g, where what nothing is seen of stays; free of units."""
-    size = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
-    scaled = H / np.outer(size, size) + damping * np.eye(len(g))
-    return np.linalg.lstsq(scaled, g / size, rcond=1e-12)[0] / size
+    seen, step = np.diag(H) != 0, np.zeros(len(g))
+    size = np.sqrt(np.diag(H)[seen])
+    scaled = H[np.ix_(seen, seen)] / np.outer(size, size) + damping * np.eye(len(size))
+    step[seen] = np.linalg.lstsq(scaled, g[seen] / size, rcond=1e-12)[0] / size
+    return step

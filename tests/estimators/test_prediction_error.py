@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from flexaxis.estimators.models.axes import STATIC, one_mass
 from flexaxis.estimators.offline import prediction_error, trajectory
 from flexaxis.estimators.offline.colour import noise_model
-from flexaxis.estimators.offline.descent import CONVERGED, Problem
+from flexaxis.estimators.offline.descent import CONVERGED, Problem, damped_step
 from flexaxis.estimators.offline.prediction_error import discretisation, fit
 from flexaxis.estimators.offline.trajectory import course
 
@@ -59,6 +59,17 @@ def test_a_state_that_is_forgotten_before_it_counts_stays(linear):
     found = fit(gapped, np.r_[1.3e-3, 4e-3, 3.0, 0.0, 0.0])
     assert found.converged and found.z[2] == pytest.approx(3.0)
     assert np.all(abs(found.z[:2] - [1e-3, 5e-3]) < 4 * found.deviations[:2])
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-3])
+def test_what_nothing_is_seen_of_stays_to_the_last_bit(damping):
+    """Its scale is nothing, by which a rounding error must not be divided."""
+    for seed in range(200):
+        J = np.random.default_rng(seed).normal(size=(4, 20))
+        J[2] = 0.0
+        step = damped_step(J @ J.T, J @ np.ones(20), damping)
+        assert step[2] == 0.0 and np.all(step[[0, 1, 3]] != 0.0)
+    assert not damped_step(np.zeros((2, 2)), np.zeros(2), damping).any()
 
 
 def test_what_is_left_is_counted_in_standard_deviations(linear):
