@@ -108,7 +108,6 @@ class Source:
                 for file in files:
                     store.take(file)
                 self._db = store.db
-            weakref.finalize(self, self._db.close)
             self._last = self._db.execute("SELECT max(rowid) FROM cells").fetchone()[0] or 0
             self.texts: dict[int, str | None] = dict(self._db.execute("SELECT id, text FROM texts"))
             self._seen, self._rows = -1, self._count()

@@ -252,13 +252,20 @@ def said(path: Path | None) -> Iterator[None]:
         ) from error
 
 
+class _Connection(sqlite3.Connection):
+    """One that is closed when nobody holds it any more, of which Python 3.13 warns."""
+
+    def __del__(self) -> None:
+        self.close()
+
+
 def connect(path: Path | None, *, write: bool = False) -> sqlite3.Connection:
     """Return a connection to a file of rows, to one in memory where there is no path."""
     name = ":memory:" if path is None else path.resolve().as_uri()
     if path is not None and not write:  # what a kill has left can be taken back where it may be
         name += "?mode=rw" if os.access(path.parent, os.W_OK) else "?mode=ro"
     how: dict[str, Any] = {"uri": path is not None, "timeout": PATIENCE, "isolation_level": None}
-    db = sqlite3.connect(name, check_same_thread=False, **how)
+    db = sqlite3.connect(name, check_same_thread=False, factory=_Connection, **how)
     only = "" if write else "; PRAGMA query_only = ON"
     db.executescript(f"PRAGMA trusted_schema = OFF; PRAGMA synchronous = NORMAL{only}")
     return db
