@@ -17,7 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGE = ("models_mjcf", "sim", "estimators", "experiments")
 NOT = ":(exclude)"
-# What a table may be made of. Left out are what begins and ends commands and processes, and what
+# What a table may be made of. Left out are what begins and ends a command or a process, and what
 # writes the page of a run: no number comes from these.
 NUMBERS = (*PACKAGE, *(f"{NOT}experiments/{name}" for name in (
     "cli.py", "building/interrupts.py", "building/worker.py", "reporting/assets",

@@ -9,6 +9,7 @@ garbage included.
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
@@ -107,7 +108,10 @@ def warm(estimator: Estimator, axis: str) -> None:
 
 def _timed(make: Callable[[], Any], count: int, stream: Stream) -> dict[str, Any]:
     estimators = [make() for _ in range(TIMES)]
-    times = [time_steps(estimator, stream, count) for estimator in estimators]
+    times = []
+    for estimator in estimators:
+        gc.collect()  # so that the next collection comes to the same step
+        times.append(time_steps(estimator, stream, count))
     cpu, wall = np.min(times, axis=0)
     told = getattr(estimators[0], "findings", None)
     return {

@@ -148,13 +148,14 @@ def _again(number: int) -> None:
 
 
 def _unheard(frame: FrameType | None) -> bool:
-    """Whether an exception would be lost here: in compiled code, or in a `weakref.finalize`.
+    """Whether an exception would be lost here: in compiled code, or where an object ends.
 
     Compiled code has called Python for a type; Numba (0.68) goes on with what it did not get, which
-    ends the process with a segmentation fault. What a finalizer raises, Python prints and forgets.
+    ends the process with a segmentation fault. What a finalizer or `__del__` raises, Python prints
+    and forgets.
     """
     while frame is not None:
-        if frame.f_code.co_name == "_numba_unpickle" or frame.f_code is _FINALIZER:
+        if frame.f_code.co_name in {"_numba_unpickle", "__del__"} or frame.f_code is _FINALIZER:
             return True
         frame = frame.f_back
     return False

@@ -86,14 +86,14 @@ class Workers:
         BrokenExecutor
             If one of the processes has died.
         """
-        if getattr(self._pool, "_broken", False):  # it may wait for the others to end
-            raise BrokenExecutor("a process has died")
         begun = len(getattr(self._pool, "_processes", None) or ())
         alone = _without_main() if begun < self._jobs else nullcontext()
         with held_back(), safe_path(), alone:  # its locks have a process of their own
             if self._pool is None:
                 self._pool, self._stop = _started(self._jobs, self._begin)
                 _open.add(self)
+            if getattr(self._pool, "_broken", False):  # it may wait for the others to end
+                raise BrokenExecutor("a process has died")
             future: Future[Result] = self._pool.submit(work, task)
             return future
 
@@ -106,6 +106,7 @@ class Workers:
         pool, self._pool = self._pool, None
         if pool is None:
             return
+        killed |= bool(getattr(pool, "_broken", False))  # else it waits for the others for ever
         processes = [*(getattr(pool, "_processes", None) or {}).values()] if killed else []
         manager = getattr(pool, "_executor_manager_thread", None)
         if killed and sys.version_info < (3, 12):

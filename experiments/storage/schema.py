@@ -12,7 +12,7 @@ import re
 import shlex
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -256,7 +256,8 @@ class _Connection(sqlite3.Connection):
     """One that is closed when nobody holds it any more, of which Python 3.13 warns."""
 
     def __del__(self) -> None:
-        self.close()
+        with suppress(sqlite3.ProgrammingError):  # it could not even be opened
+            self.close()
 
 
 def connect(path: Path | None, *, write: bool = False) -> sqlite3.Connection:

@@ -4,7 +4,9 @@ import csv
 import gc
 import json
 import math
+import sqlite3
 import statistics
+import sys
 
 import numpy as np
 import pytest
@@ -131,6 +133,15 @@ def test_rows_that_nobody_holds_any_more_are_closed(stored, tmp_path, monkeypatc
     del results
     gc.collect()
     assert closed == [1]
+
+
+def test_rows_that_cannot_be_opened_are_no_trouble_later(tmp_path, monkeypatch):
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    with pytest.raises(sqlite3.OperationalError, match="unable to open"):
+        schema.connect(tmp_path / "none" / "scores.sqlite")
+    gc.collect()
+    assert not told
 
 
 def test_pooled_is_what_a_loop_gives(stored, tmp_path):

@@ -204,10 +204,18 @@ class _Finalized:
         weakref.finalize(self, raised)
 
 
+class _Deleted:
+    def __init__(self, raised):
+        self.raised = raised
+
+    def __del__(self):
+        self.raised()
+
+
 @posix
-@pytest.mark.parametrize("unheard", [_type_in_compiled_code, _Finalized])
+@pytest.mark.parametrize("unheard", [_type_in_compiled_code, _Finalized, _Deleted])
 def test_ctrl_c_is_not_raised_where_it_is_not_heard(unheard):
-    """In compiled code it would crash, in a finalizer be forgotten; nested however deep."""
+    """In compiled code it would crash, where an object ends be forgotten; nested however deep."""
     seen = []
 
     def raised():

@@ -1,9 +1,11 @@
 """Processes that are lent again and again: the same ones, until one of them is lost."""
 
 import os
+import signal
 import sys
 import threading
-from concurrent.futures import ThreadPoolExecutor
+import time
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,21 @@ def test_calls_share_a_pool_until_one_is_left(monkeypatch):
         assert pools[0]._shutdown
         assert list(spread([4], abs, jobs=2, workers=workers)) == [4]
     assert len(pools) == 2 and pools[1]._shutdown
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals differ on Windows")
+def test_a_pool_of_which_an_idle_process_has_died_ends_and_takes_nothing():
+    with ThreadPoolExecutor(1) as beside, Workers(2) as workers:
+        for future in [workers.submit(time.sleep, 0.5) for _ in range(2)]:
+            future.result()
+        pool, pids = workers._pool, [*workers._pool._processes]
+        os.kill(pids[0], signal.SIGKILL)
+        while not pool._broken:
+            time.sleep(0.01)
+        with pytest.raises(BrokenExecutor):
+            beside.submit(workers.submit, abs, -1).result(timeout=30)
+        beside.submit(workers.end, killed=False).result(timeout=30)
+        assert not any(map(alive, pids))
 
 
 @pytest.mark.slow
