@@ -3,8 +3,10 @@
 import json
 import re
 import sqlite3
+from contextlib import closing
 from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas
@@ -152,8 +154,10 @@ def test_the_documented_lines_read_a_folder(short, tmp_path):
     run_study(wanted(short).study, tmp_path / "results")
     text = (Path(__file__).parents[2] / "docs/running.md").read_text(encoding="utf-8")
     (line,) = re.findall(r"^(pandas\.read_sql.*)$", text, re.MULTILINE)
-    names = {"pandas": pandas, "sqlite3": sqlite3}
-    frame = eval(line.replace("results/smoke", str(tmp_path / "results")), names)
+    with closing(sqlite3.connect(tmp_path / "results" / "scores.sqlite")) as db:
+        given = SimpleNamespace(connect={f"{tmp_path}/results/scores.sqlite": db}.get)
+        names = {"pandas": pandas, "sqlite3": given}
+        frame = eval(line.replace("results/smoke", str(tmp_path / "results")), names)
     assert len(frame) == 2 * 3 and set(frame["parameter"]) == {"k_T", "1/J_a", "f_m"}
     whole = Results.load(tmp_path / "results").to_dataframe()
     pandas.testing.assert_series_equal(frame["std"], whole["std"])
