@@ -5,7 +5,14 @@ import os
 import pytest
 
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.storage.reading import json_value, read_text, read_toml, shown, toml_tables
+from flexaxis.sim.storage.reading import (
+    LARGEST,
+    json_value,
+    read_text,
+    read_toml,
+    shown,
+    toml_tables,
+)
 
 
 def toml(text):
@@ -27,7 +34,7 @@ def test_what_is_within_is_as_it_stands():
         ("[b]\nc = 1e300", "b.c: 1e[+]300 is beyond"),
         ('a = "' + "x" * 20_001 + '"', "a: a text of 20001 characters"),
         ("x" * 500 + " = 1", "a key of more than 400"),
-        ("a = 1 #" + "x" * 8_000_000, "larger than"),
+        ("a = 1 #" + "x" * LARGEST, "larger than"),
         ("a = 1\na = 2", "not valid TOML: Cannot overwrite"),
         ("a = 2021-02-30", "not valid TOML"),
     ],
