@@ -17,10 +17,10 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
-from digests import NOT, NUMBERS, PACKAGE, ROOT, digest, git, installed, libraries, stamp
+from digests import NOT, NUMBERS, OF_LOGS, PACKAGE, ROOT, digest, git, installed, libraries
 from making import table
 
 PAGE = ROOT / "docs" / "proof.md"
@@ -104,33 +104,32 @@ def key(stage: Stage, of: Callable[[tuple[str, ...]], str] = digest) -> str:
 
 def stale() -> list[str]:
     """Return which tables and stages are of other code than what is here, a line each."""
-    found, now, once = [], stamp(), cache(digest)
-    then = partial(once, NUMBERS)
+    found, once = [], cache(digest)
     for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
+        parts = OF_LOGS if page.name == "logs.md" else NUMBERS
         for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
             for ref, dirty, said in BELOW.findall(line):
-                if why := _why(ref, dirty, said, now, then):
+                if why := _why(ref, dirty, said, parts, once):
                     found.append(f"{page.relative_to(ROOT)}:{number}: of {ref}{dirty}, {why}")
     known, keys = rows(), {n: key(s, once) for n, s in STAGES.items()}
     told = {n: "never" if n not in known else f"at {known[n][1]}" for n in STAGES}
     return found + [f"{n}: shown {told[n]}" for n in STAGES if known.get(n, "-")[0] != keys[n]]
 
 
-def _why(ref: str, dirty: str, said: str, now: str, then: Callable[[str], str]) -> str:
+def _why(
+    ref: str, dirty: str, said: str, parts: tuple[str, ...], digest: Callable[..., str]
+) -> str:
     """Return what is old in a table: nothing where digest or commit is of today's code."""
-    (code, _, libraries), (today, _, here) = said.partition("-"), now.partition("-")
+    code, _, with_ = said.partition("-")
     try:
         if dirty:
             return "code that is in no commit"
-        if today != code and today != then(ref):
-            return f"{_changes(ref)} commits ago"
+        if (now := digest(parts)) != code and now != digest(parts, ref):
+            changes = git("rev-list", "--count", f"{ref}..HEAD", "--", *parts)
+            return f"{int(changes)} commits ago"
     except subprocess.CalledProcessError:
         return "which is not in this history"
-    return "with other libraries" if libraries and libraries != here else ""
-
-
-def _changes(ref: str) -> int:
-    return int(git("rev-list", "--count", f"{ref}..HEAD", "--", *NUMBERS))
+    return "with other libraries" if with_ and with_ != libraries() else ""
 
 
 def rows() -> dict[str, list[str]]:

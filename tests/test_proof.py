@@ -81,7 +81,7 @@ def test_words_that_a_long_test_reads_make_it_stale(place, file):
 @pytest.mark.parametrize(("file", "counts"), [
     ("experiments/reporting/run/first.py", False), ("experiments/reporting/run/more.py", True),
     ("experiments/building/worker.py", False), ("experiments/building/spread.py", True),
-    ("experiments/logs/cli.py", True), ("sim/b.py", True),
+    ("experiments/demo/cli.py", True), ("experiments/logs/track.py", False), ("sim/b.py", True),
 ])  # fmt: skip
 def test_no_number_comes_from_what_writes_a_page(place, file, counts):
     now = digests.stamp()
@@ -150,6 +150,26 @@ def test_a_table_of_older_code_is_told_by_its_commit(place):
     (place / "sim" / "a.py").write_text("x = 2\n")
     commit(place)
     assert proof.stale()[1] == f"docs/a.md:1: of {now}, 1 commits ago"
+
+
+def test_a_table_on_own_logs_alone_is_of_what_reads_logs(place):
+    written(place / "docs" / "logs.md", f"Rails, commit {head(place)}.\n")
+    written(place / "README.md", f"Lags, commit {head(place)}.\n")
+    written(place / "experiments" / "logs" / "track.py", "x = 1\n")
+    (told,) = [line for line in proof.stale() if ".md:" in line]
+    assert told.startswith("docs/logs.md:1: of ")
+
+
+def test_no_table_but_that_of_logs_is_made_by_what_reads_them():
+    """What may read logs is above all that makes tables: commands, and names for notebooks."""
+    root = Path(digests.__file__).parents[1]
+    files = [*(root / "docs").glob("*.py")]  # and no notebooks
+    for folder in ("sim", "estimators", "experiments"):
+        files += (root / folder).rglob("*.py")
+    assert len(files) > 300
+    reading = {path.relative_to(root).parts[:2] for path in files
+               if "experiments.logs" in path.read_text(encoding="utf-8")}  # fmt: skip
+    assert reading == {("experiments", name) for name in ("commands", "front", "logs")}
 
 
 def head(place):
