@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexaxis.estimators.offline.descent import Problem
 from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
@@ -64,6 +65,21 @@ def test_parameters_are_those_of_a_log_without(truth, gapped):
     assert set(found.names) == set(NAMES)
     np.testing.assert_allclose(found.theta, [truth[n] for n in found.names], rtol=1e-4)
     assert found.warnings == []
+
+
+def test_no_state_is_tried_that_is_far_beyond_the_motion(truth, gapped, monkeypatch):
+    """A start of a search may be an axis whose load is seen by nothing: of it any would do."""
+    tried, simulate = [], Problem.at
+
+    def watched(problem, z, *others, **options):
+        tried.extend(float(abs(z[place]).max()) for place in problem.course.states[1:])
+        return simulate(problem, z, *others, **options)
+
+    monkeypatch.setattr(Problem, "at", watched)
+    identified(gapped, truth)
+    log = log_of(gapped, find_axis("two_mass"))
+    greatest = max(abs(log.y[log.ok]).max(), np.ptp(log.angle))
+    assert 0 < max(tried) < 101 * greatest
 
 
 def test_an_estimator_sees_no_change_there(truth, gapped):

@@ -22,6 +22,7 @@ Flags = NDArray[np.bool_]
 REACH = 1e3  # times and parts of its start that a parameter of the linear model may come to
 LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are looked for
 SETTLING = 4  # steps to the state that a log begins in, where all else is known
+FAR = 100.0  # times what was measured, that a state may come to
 EARLIEST = -2.0  # samples, of a smooth torque
 
 
@@ -140,11 +141,23 @@ class Setup:
                 least, most = 0.0, np.inf
             lower[i], upper[i] = self.lower.get(name, least), self.upper.get(name, most)
         lower[-1], upper[-1] = self.earliest, self.latest
+        most = self._most(along)
         for state, speeds in zip(along.states, self._speeds(along), strict=True):
+            # a start of a search may be an axis whose load is seen by nothing
+            lower[state], upper[state] = -most[: len(speeds)], most[: len(speeds)]
             # on the wrong side of dry friction's sign a fit would stay there
             lower[state][speeds > 0] = 0.0
             upper[state][speeds < 0] = 0.0
         return lower, upper
+
+    def _most(self, along: Course) -> Array:
+        """Return `FAR` times the greatest speed, and the whole way; without gaps no end."""
+        log, most = self.log, np.full(len(along.free), np.inf)
+        states = self.model.states if len(along.begins) > 1 else ()
+        for i, name in enumerate(states):
+            speed = name.startswith("speed")
+            most[i] = FAR * float(abs(log.y[log.ok]).max() if speed else np.ptp(log.angle))
+        return most
 
     def _speeds(self, along: Course) -> list[Array]:
         """Return the measured speed where it is of a state, of all stretches; 0 in noise."""
