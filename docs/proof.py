@@ -25,8 +25,7 @@ from making import table
 
 PAGE = ROOT / "docs" / "proof.md"
 MARK = re.compile(r"(<!-- table: proof -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-RUNS = (*PACKAGE, "tests", f"{NOT}tests/browser", "docs/proof.py", "docs/digests.py",
-        "pyproject.toml", "Makefile")  # fmt: skip
+RUNS = (*PACKAGE, "pyproject.toml", "Makefile")
 # new tables and figures make no long test one of other code: `slow` reads none of these
 MEASURED = ("control.md", "demo.md", "drives.md", "friction.md", "gate.md", "glr.md", "logs.md",
             "scenarios.md", "scores.md", "speed.md", "data", "images")  # fmt: skip
@@ -64,10 +63,12 @@ SUITE = ("docs/suite_rows.py",)
 STAGES = {
     "check": Stage("make check", "style, types, architecture"),
     "test": Stage("make test", "the fast tests, none skipped for bubblewrap"),
-    "mutants": Stage("make mutants JOBS=2", "every planted error is seen by a test", RUNS),
+    "mutants": Stage("make mutants JOBS=2", "every planted error is seen by a test",
+                     (*RUNS, "tests", f"{NOT}tests/browser", "docs/proof.py", "docs/digests.py")),
     "fuzz": Stage("make fuzz MINUTES=5", "bad files lead to a message",
-                  (*RUNS, "docs/examples")),
-    "kills": Stage("make kill KILLS=100", "what is killed goes on, nothing torn or lost", RUNS),
+                  (*RUNS, "tests/fuzz", "docs/examples")),
+    "kills": Stage("make kill KILLS=100", "what is killed goes on, nothing torn or lost",
+                   (*RUNS, "tests/experiments/kills.py", "tests/experiments/kept_rows.py")),
     "standard": Stage("flexaxis run standard --seeds 5 -o results/release --overwrite",
                       "every estimator on the standard suite, five seeds", RUNS),
     "tables": _makes("python docs/tables.py && python docs/fm_step.py",

@@ -55,7 +55,8 @@ def ran(place):
     return [(place / f"ran_{name}").read_text().count("ran") for name in ("code", "all")]
 
 
-SLOW = proof.STAGES["slow"].runs
+PROVED = proof.STAGES
+SLOW = PROVED["slow"].runs
 
 
 def written(path, text="Other.\n"):
@@ -89,6 +90,26 @@ def test_no_number_comes_from_what_writes_a_page(place, file, counts):
     assert (digests.stamp() != now) == counts
     commit(place)
     assert digests.digest(digests.NUMBERS, "HEAD") == digests.stamp().partition("-")[0]
+
+
+@pytest.mark.parametrize(("file", "stages"), [
+    ("sim/b.py", {"mutants", "fuzz", "kills", "standard"}), ("tests/sim/test_a.py", {"mutants"}),
+    ("tests/fuzz/run.py", {"mutants", "fuzz"}), ("docs/examples/a.toml", {"fuzz"}),
+    ("tests/experiments/kept_rows.py", {"mutants", "kills"}), ("tests/browser/a.py", set()),
+])  # fmt: skip
+def test_what_runs_no_other_test_depends_on_none(place, file, stages):
+    before = {name: proof.key(PROVED[name]) for name in ("mutants", "fuzz", "kills", "standard")}
+    written(place / file, "x = 1\n")
+    assert {name for name, key in before.items() if proof.key(PROVED[name]) != key} == stages
+
+
+def test_who_kills_is_known_with_all_that_it_imports():
+    root = Path(digests.__file__).parents[1]
+    text = (root / "tests" / "experiments" / "kills.py").read_text(encoding="utf-8")
+    imported = re.findall(r"^from (tests\.[\w.]+) import", text, re.MULTILINE)
+    assert {f"{name.replace('.', '/')}.py" for name in imported} == {
+        name for name in PROVED["kills"].runs if name.startswith("tests")
+    } - {"tests/experiments/kills.py"}
 
 
 def test_a_stage_is_run_again_where_what_it_depends_on_has_changed(place, monkeypatch):
