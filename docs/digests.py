@@ -17,11 +17,13 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGE = ("models_mjcf", "sim", "estimators", "experiments")
 NOT = ":(exclude)"
-# What a table on own logs may be made of. Left out are what begins and ends a command or a process,
-# and what writes the page of a run: no number comes from these.
+# What a table on own logs may be made of. Left out are what begins and ends a command or a process
+# (scores do not depend on how many there are: tests/experiments/test_benchmark.py), and what writes
+# the page of a run: no number comes from these.
 OF_LOGS = (*PACKAGE, *(f"{NOT}experiments/{name}" for name in (
-    "cli.py", "building/interrupts.py", "building/worker.py", "reporting/assets",
-    "reporting/templates", "reporting/run/first.py", "reporting/run/page.py")))  # fmt: skip
+    "cli.py", "building/interrupts.py", "building/processes.py", "building/worker.py",
+    "reporting/assets", "reporting/templates", "reporting/run/first.py",
+    "reporting/run/page.py")))  # fmt: skip
 # What any other may be made of: scenarios, estimators and scores know nothing of logs.
 NUMBERS = (*OF_LOGS, f"{NOT}experiments/logs")
 PAGE = "docs/proof.md"

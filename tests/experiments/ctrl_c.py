@@ -26,7 +26,8 @@ from typing import NoReturn
 
 CTRL_C = b"\x03"
 TWICE = 0.3  # s between one Ctrl-C and the next
-PATIENCE = 120.0  # s for a command to begin or to end: more is a hang
+PATIENCE = 120.0  # s for a command to end: more is a hang
+COMPILING = 600.0  # s for one to begin, on a slow machine with everything to compile
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def press(words: Sequence[str], times: int, after: float, begun: str = "") -> En
     if not shell:
         _stay_as_a_shell_does(words, end)
     os.close(end)
-    said = [_heard(terminal, PATIENCE, begun)] if begun else []
+    said = [_heard(terminal, COMPILING, begun)] if begun else []
     said.append(_heard(terminal, after))
     for time_ in range(times):
         said.append(_heard(terminal, TWICE) if time_ else "")

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -56,6 +57,25 @@ def test_a_pool_of_which_an_idle_process_has_died_ends_and_takes_nothing():
             beside.submit(workers.submit, abs, -1).result(timeout=30)
         beside.submit(workers.end, killed=False).result(timeout=30)
         assert not any(map(alive, pids))
+
+
+FIRST = """
+import signal
+from functools import partial
+from flexaxis.experiments.building.processes import Workers
+with Workers(2) as workers:
+    for _ in range(2):
+        held = workers.submit(partial(signal.pthread_sigmask, signal.SIG_BLOCK), ()).result()
+        print(signal.SIGINT in held, signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals differ on Windows")
+def test_a_process_hears_no_ctrl_c_from_its_first_moment_on():
+    """In a Python that has started no other process: the first is started with that of locks."""
+    words = [sys.executable, "-c", FIRST]
+    told = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    assert told.stdout.split() == ["True", "False"] * 2
 
 
 @pytest.mark.slow
