@@ -95,7 +95,7 @@ class Workers:
             if getattr(self._pool, "_broken", False):  # it may wait for the others to end
                 raise BrokenExecutor("a process has died")
             # Not around `_started`, too: its locks have a process of their own, and Python (3.11)
-            # lets Ctrl-C through once it has started that; a worker where it began printed a traceback.
+            # lets Ctrl-C through once it has started that: a worker that began printed a traceback.
             with held_back():
                 future: Future[Result] = self._pool.submit(work, task)
             return future
