@@ -88,14 +88,14 @@ class Workers:
         """
         begun = len(getattr(self._pool, "_processes", None) or ())
         alone = _without_main() if begun < self._jobs else nullcontext()
-        with safe_path(), alone:
+        with held_back(), safe_path(), alone:
             if self._pool is None:
                 self._pool, self._stop = _started(self._jobs, self._begin)
                 _open.add(self)
             if getattr(self._pool, "_broken", False):  # it may wait for the others to end
                 raise BrokenExecutor("a process has died")
-            # Not around `_started`, too: its locks have a process of their own, and Python (3.11)
-            # lets Ctrl-C through once it has started that: a worker that began printed a traceback.
+            # Once more: its locks have a process of their own, and who starts that (Python 3.11 to
+            # 3.13) lets Ctrl-C through from then on; a worker that began printed a traceback.
             with held_back():
                 future: Future[Result] = self._pool.submit(work, task)
             return future

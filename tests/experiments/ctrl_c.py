@@ -92,7 +92,7 @@ def press(words: Sequence[str], times: int, after: float, begun: str = "") -> En
     if not shell:
         _stay_as_a_shell_does(words, end)
     os.close(end)
-    said = [_heard(terminal, COMPILING, begun)] if begun else []
+    said = [_heard(terminal, COMPILING, begun, ends=ends)] if begun else []
     said.append(_heard(terminal, after))
     for time_ in range(times):
         said.append(_heard(terminal, TWICE) if time_ else "")

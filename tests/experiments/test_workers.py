@@ -74,7 +74,7 @@ with Workers(2) as workers:
 def test_a_process_hears_no_ctrl_c_from_its_first_moment_on():
     """In a Python that has started no other process: the first is started with that of locks."""
     words = [sys.executable, "-c", FIRST]
-    told = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    told = subprocess.run(words, capture_output=True, text=True, check=True, timeout=100)
     assert told.stdout.split() == ["True", "False"] * 2
 
 
