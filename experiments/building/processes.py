@@ -94,8 +94,8 @@ class Workers:
                 _open.add(self)
             if getattr(self._pool, "_broken", False):  # it may wait for the others to end
                 raise BrokenExecutor("a process has died")
-            # Once more: its locks have a process of their own, and who starts that (Python 3.11 to
-            # 3.13) lets Ctrl-C through from then on; a worker that began printed a traceback.
+            # Once more: its locks have a process of their own, and who starts that (in Python 3.11
+            # and the first of 3.12 and 3.13) lets it through; who began then printed a traceback.
             with held_back():
                 future: Future[Result] = self._pool.submit(work, task)
             return future

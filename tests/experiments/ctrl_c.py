@@ -26,8 +26,11 @@ from typing import NoReturn
 
 CTRL_C = b"\x03"
 TWICE = 0.3  # s between one Ctrl-C and the next
-PATIENCE = 120.0  # s for a command to end: more is a hang
+PATIENCE = 300.0  # s for a command to end: more is a hang
 COMPILING = 600.0  # s for one to begin, on a slow machine with everything to compile
+# What each says where it begins to work: that is the bar, which comes late on a slow machine.
+BEGUN = {"demo": "live axis is at", "record": ""}
+BAR = "━"
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,8 @@ class Ended:
     ----------
     status : int or None
         Exit status; None where it did not end, and was killed.
+    began : float
+        From its start until it said that it had begun [s].
     seconds : float
         From the last Ctrl-C to its end.
     said : str
@@ -47,6 +52,7 @@ class Ended:
     """
 
     status: int | None
+    began: float
     seconds: float
     said: str
     orphans: int
@@ -88,11 +94,13 @@ def press(words: Sequence[str], times: int, after: float, begun: str = "") -> En
         What it says first; by default from its start on.
     """
     ends, end = os.pipe()
+    started = time.monotonic()
     shell, terminal = pty.fork()
     if not shell:
         _stay_as_a_shell_does(words, end)
     os.close(end)
     said = [_heard(terminal, COMPILING, begun, ends=ends)] if begun else []
+    began = time.monotonic() - started
     said.append(_heard(terminal, after))
     for time_ in range(times):
         said.append(_heard(terminal, TWICE) if time_ else "")
@@ -107,7 +115,7 @@ def press(words: Sequence[str], times: int, after: float, begun: str = "") -> En
         os.kill(process, signal.SIGKILL)
     os.waitpid(shell, 0)
     os.close(terminal), os.close(ends)
-    return Ended(status, seconds, "".join(said), orphans)
+    return Ended(status, began, seconds, "".join(said), orphans)
 
 
 def _stay_as_a_shell_does(words: Sequence[str], end: int) -> NoReturn:
@@ -120,7 +128,9 @@ def _stay_as_a_shell_does(words: Sequence[str], end: int) -> NoReturn:
     command = os.fork()
     if not command:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        os.execv(sys.executable, [sys.executable, "-m", "flexaxis.experiments", *words])
+        plain = {name: value for name, value in os.environ.items() if name != "NO_COLOR"}
+        line = [sys.executable, "-m", "flexaxis.experiments", *words]
+        os.execve(sys.executable, line, plain | {"TERM": "xterm"})  # else there may be no bar
     status = os.waitstatus_to_exitcode(os.waitpid(command, 0)[1])
     os.write(end, str(status).encode())
     while True:
@@ -179,13 +189,13 @@ def main() -> int:
             if args.names and name not in args.names:
                 continue
             for times in (1, 2):
-                begun = "live axis is at" if name == "demo" else ""
-                ended = press(words, times, args.after, begun)
+                ended = press(words, times, args.after, BEGUN.get(name, BAR))
                 print(f"--- {name}, Ctrl-C {'twice' if times == 2 else 'once'}")
                 print(f"$ flexaxis {shlex.join(words)}")
                 print(last_lines(ended.said))
                 print(
-                    f"[status {ended.status} {ended.seconds:.2f} s after the last Ctrl-C; "
+                    f"[at work after {ended.began:.2f} s; status {ended.status} "
+                    f"{ended.seconds:.2f} s after the last Ctrl-C; "
                     f"{ended.orphans} processes left]\n",
                     flush=True,
                 )
