@@ -95,7 +95,7 @@ class Workers:
             if getattr(self._pool, "_broken", False):  # it may wait for the others to end
                 raise BrokenExecutor("a process has died")
             # Once more: its locks have a process of their own, and who starts that (in Python 3.11
-            # and the first of 3.12 and 3.13) lets it through; who began then printed a traceback.
+            # and the first of 3.12 and 3.13) lets Ctrl-C through to a worker that begins.
             with held_back():
                 future: Future[Result] = self._pool.submit(work, task)
             return future

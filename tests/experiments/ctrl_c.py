@@ -28,7 +28,7 @@ CTRL_C = b"\x03"
 TWICE = 0.3  # s between one Ctrl-C and the next
 PATIENCE = 300.0  # s for a command to end: more is a hang
 COMPILING = 600.0  # s for one to begin, on a slow machine with everything to compile
-# What each says where it begins to work: that is the bar, which comes late on a slow machine.
+# What each says where it begins: the bar, for which a recording has no room beside a long path.
 BEGUN = {"demo": "live axis is at", "record": ""}
 BAR = "━"
 
@@ -41,8 +41,6 @@ class Ended:
     ----------
     status : int or None
         Exit status; None where it did not end, and was killed.
-    began : float
-        From its start until it said that it had begun [s].
     seconds : float
         From the last Ctrl-C to its end.
     said : str
@@ -52,7 +50,6 @@ class Ended:
     """
 
     status: int | None
-    began: float
     seconds: float
     said: str
     orphans: int
@@ -94,13 +91,11 @@ def press(words: Sequence[str], times: int, after: float, begun: str = "") -> En
         What it says first; by default from its start on.
     """
     ends, end = os.pipe()
-    started = time.monotonic()
     shell, terminal = pty.fork()
     if not shell:
         _stay_as_a_shell_does(words, end)
     os.close(end)
     said = [_heard(terminal, COMPILING, begun, ends=ends)] if begun else []
-    began = time.monotonic() - started
     said.append(_heard(terminal, after))
     for time_ in range(times):
         said.append(_heard(terminal, TWICE) if time_ else "")
@@ -115,7 +110,7 @@ def press(words: Sequence[str], times: int, after: float, begun: str = "") -> En
         os.kill(process, signal.SIGKILL)
     os.waitpid(shell, 0)
     os.close(terminal), os.close(ends)
-    return Ended(status, began, seconds, "".join(said), orphans)
+    return Ended(status, seconds, "".join(said), orphans)
 
 
 def _stay_as_a_shell_does(words: Sequence[str], end: int) -> NoReturn:
@@ -194,8 +189,7 @@ def main() -> int:
                 print(f"$ flexaxis {shlex.join(words)}")
                 print(last_lines(ended.said))
                 print(
-                    f"[at work after {ended.began:.2f} s; status {ended.status} "
-                    f"{ended.seconds:.2f} s after the last Ctrl-C; "
+                    f"[status {ended.status} {ended.seconds:.2f} s after the last Ctrl-C; "
                     f"{ended.orphans} processes left]\n",
                     flush=True,
                 )
