@@ -66,12 +66,19 @@ def find() -> str | None:
 
 
 @pytest.fixture(scope="session")
-def chromium(tmp_path_factory):
+def started(tmp_path_factory):
     """A Chromium that all tests of a process share."""
     if find() is None:
         (pytest.fail if os.environ.get("FLEXAXIS_RELEASE") else pytest.skip)("no Chromium here")
     with Browser(tmp_path_factory.mktemp("profile") / "profile") as page:
         yield page
+
+
+@pytest.fixture(scope="module")
+def chromium(started):
+    """That Chromium, in which no page of another module asks for anything any more."""
+    started.fresh()
+    return started
 
 
 @pytest.fixture
