@@ -70,7 +70,7 @@ CHARTED = ("import", "identify", "track", "trend", "study", "compare")
 
 
 @pytest.fixture(params=[*CHARTED, "paper"])
-def opened(request, pages, chromium):
+def opened(request, chromium, pages):
     """A page as it is at first."""
     show(chromium, pages / f"{request.param}.html")
     return chromium

@@ -27,9 +27,10 @@ from typing import NoReturn
 CTRL_C = b"\x03"
 TWICE = 0.3  # s between one Ctrl-C and the next
 PATIENCE = 300.0  # s for a command to end: more is a hang
+ENDING = 30.0  # s for what a command has started to end after it
 COMPILING = 600.0  # s for one to begin, on a slow machine with everything to compile
-# What each says where it begins: the bar, for which a recording has no room beside a long path.
-BEGUN = {"demo": "live axis is at", "record": ""}
+# What each says where it begins: a bar, for which a recording has no room beside a long path.
+BEGUN = {"demo": "live axis is at", "record": "recording"}
 BAR = "━"
 
 
@@ -46,7 +47,7 @@ class Ended:
     said : str
         What stood in the terminal.
     orphans : int
-        Processes of its session that were there a moment later.
+        Processes of its session that had not ended half a minute later.
     """
 
     status: int | None
@@ -154,8 +155,8 @@ def _processes(session: int) -> list[int]:
 
 
 def _alive(session: int) -> int:
-    """Return how many processes of a session there still are, after up to two seconds."""
-    end = time.monotonic() + 2.0
+    """Return how many processes of a session there still are, after a while."""
+    end = time.monotonic() + ENDING
     while True:
         there = len(_processes(session))
         if there == 1 or time.monotonic() > end:

@@ -4,6 +4,7 @@ import os
 import time
 from dataclasses import replace
 
+from flexaxis.experiments.building import interrupts
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.work import Outcome
 from flexaxis.experiments.scoring.score_table import undefined
@@ -68,6 +69,15 @@ def fails(unit):
 def which(task):
     """Return who does it."""
     return os.getpid()
+
+
+def until_asked(mark):
+    """Say by a file that it has begun; return whether it was asked to end."""
+    mark.touch()
+    end = time.monotonic() + 30.0
+    while not interrupts.asked() and time.monotonic() < end:
+        time.sleep(0.01)
+    return interrupts.asked()
 
 
 def dies_if(task):

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 
@@ -71,6 +72,21 @@ def test_the_case_under_ctrl_c_is_done_and_no_other_is_begun(short, tmp_path, us
     assert outcome.cases == 2 and not outcome.missing
     lags = [[row["lag"] for row in each.rows] for each in (outcome, every)]
     assert lags[0] == lags[1][:2]
+
+
+def test_another_process_is_asked_to_end_what_it_does(stubs, tmp_path, usual):
+    mark, found = tmp_path / "begun", []
+
+    def press():
+        while not mark.exists():
+            time.sleep(0.01)
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    threading.Thread(target=press, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt):
+        for asked in spread([mark], stubs.until_asked, jobs=1):
+            found.append(asked)
+    assert found == [True]
 
 
 def test_twice_ends_at_once(usual):
