@@ -144,7 +144,8 @@ def test_the_header_has_what_there_is_to_know(program, tmp_path):
 
 FIRST = [
     ("assert take(8)", "sys.exit('no licence')\nassert take(8)", r"status 1 .*no licence"),
-    ("period, output, v", "print('{}' * 20)\nperiod, output, v", r"answered b'\{\}.*lines of JSON"),
+    ("period, output, v", "print('{}' * 20, flush=True)\nperiod, output, v",
+     r"answered b'\{\}.*lines of JSON"),
     ('"<IIII", version, mark', '">IIII", version, mark', "in the wrong order"),
     ('"<IIII", version, mark', '"<IIII", 2, mark', r"version 2 .*flexaxis version 1"),
     ("mark, 2, output", "mark, 0, output", "0 names and output 0"),
