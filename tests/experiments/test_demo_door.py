@@ -229,7 +229,12 @@ def test_a_row_of_buttons_is_heard_in_order(demo):
     say(demo, update(demo, "break it", "payload J_a × 1.25"), update(demo, "clock", "Step 0.1 s"))
     expected = {"f_m": 2.0, "J_a": 1.25}, True, 1
     pace = demo.page.pace
-    assert until(lambda: (dict(demo.session.factors), pace.paused, pace.steps) == expected)
+
+    def found():
+        return dict(demo.session.factors), pace.paused, pace.steps
+
+    until(lambda: found() == expected)
+    assert found() == expected
     assert demo.page.stepped() == 20 and demo.page.stepped() == 0
     demo.session.repair()
     pace.paused = False
@@ -258,8 +263,12 @@ def test_we_do_not_touch_what_the_loop_of_viser_goes_through(demo):
 
 def test_what_is_offered_is_taken(demo):
     say(demo, update(demo, "speed ×", 2.5), update(demo, "excitation", "off"))
-    expected = 2.5, "off"  # viser runs what follows in a pool of threads
-    assert until(lambda: (demo.page.pace.speed, demo.session.axis.excitation) == expected)
+
+    def found():
+        return demo.page.pace.speed, demo.session.axis.excitation
+
+    until(lambda: found() == (2.5, "off"))  # viser runs what follows in a pool of threads
+    assert found() == (2.5, "off")
 
 
 def test_other_properties_and_messages_are_not_heard(demo):
@@ -368,8 +377,12 @@ def test_a_large_message_ends_the_connection(demo):
         assert viewer.close_code == 1009
 
 
-def test_idle_connections_print_nothing_and_leave_room(demo, capfd):
-    """No more are held than MOST_VIEWERS, so that files do not run out."""
+def test_idle_connections_print_nothing_and_leave_room(demo, capfd, caplog):
+    """No more are held than MOST_VIEWERS, so that files do not run out.
+
+    Each that is cut would be told by websockets, which pytest's own log would keep from us.
+    """
+    most = 300 - door.MOST_VIEWERS
     idle = [socket.create_connection(("127.0.0.1", demo.token.port)) for _ in range(300)]
 
     def cut(viewer, patience=0.0):
@@ -382,8 +395,9 @@ def test_idle_connections_print_nothing_and_leave_room(demo, capfd):
             return True
 
     try:
-        assert cut(idle[-1], 30.0)  # it is the last that the server meets
-        assert 90 <= sum(map(cut, idle)) <= 300 - door.MOST_VIEWERS + 20
+        # The last that the server meets. Where nothing limits them, websockets cuts all after 10 s.
+        assert cut(idle[-1], 30.0)
+        assert most <= sum(map(cut, idle)) <= most + 20  # viewers of the tests before may be there
     finally:
         for each in idle:
             each.close()
@@ -392,8 +406,8 @@ def test_idle_connections_print_nothing_and_leave_room(demo, capfd):
         with suppress(ConnectionError):
             return status(demo, f"/{demo.token.secret}/", {}) == 200
 
-    assert until(answers)
-    assert capfd.readouterr() == ("", "")
+    assert until(answers, 5.0)  # sooner than websockets gives them up
+    assert capfd.readouterr() == ("", "") and not caplog.records
 
 
 @pytest.mark.parametrize("port", ["99999", "0", "-1"])
