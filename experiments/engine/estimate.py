@@ -1,0 +1,186 @@
+"""One estimator on one record, from file to file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.protocol import Estimator, run_estimator, theta_of
+from flexaxis.experiments.engine.estimators import Spec, build
+from flexaxis.experiments.engine.user_code import reported
+from flexaxis.experiments.files import make_folder, new_file
+from flexaxis.experiments.scoring.parameter_names import physical, true_theta
+from flexaxis.sim.errors import RecordError
+from flexaxis.sim.record import Record, load_record
+from flexaxis.sim.scenario import Scenario, stored_scenario
+
+Array = NDArray[np.float64]
+PIECE = 20_000  # samples between two reports of progress
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """Result of `estimate`.
+
+    Attributes
+    ----------
+    last, truth : dict of str to float
+        Last estimates by parameter, and their true values if the record knows them.
+    samples : int
+    """
+
+    last: dict[str, float]
+    truth: dict[str, float]
+    samples: int
+
+
+def estimate(
+    source: Path, spec: Spec, target: Path, *, scenario: Scenario | None = None,
+    covariance: bool = True, advance: Callable[[int], object] | None = None,
+) -> Estimated:  # fmt: skip
+    """Run an estimator on a record file and write the estimates to a NetCDF-4 file.
+
+    Parameters
+    ----------
+    source, target : Path
+    spec : Spec
+    scenario : Scenario, optional
+        What the estimator is told; the record's own by default.
+    covariance : bool
+        Whether to write the claimed covariance; without it, the estimator's fast `run` is used.
+    advance : callable, optional
+        Called with the number of samples done since the last call.
+
+    Raises
+    ------
+    EstimatorError, RecordError, OutputError
+        If the record cannot be used, lacks what the estimator reads, or the target cannot be
+        written.
+    """
+    record = load_record(source)
+    estimator = build(spec, scenario or _own_scenario(record, source))
+    y = getattr(record, estimator.output)
+    if y is None:
+        raise EstimatorError(f"{spec.text} reads {estimator.output!r}, which {source} lacks")
+    thetas: list[Array] = []
+    claims: list[Array] = []
+    for first in range(0, len(y), PIECE):
+        part = slice(first, first + PIECE)
+        valid = None if record.valid is None else record.valid[part]
+        with reported(spec.text, f"on {source}", first=first, period=record.period, refusing=True):
+            theta, claimed, _ = run_on(
+                estimator, record.torque[part], y[part], valid, claims=covariance
+            )
+        thetas.append(theta)
+        claims += [] if claimed is None else [claimed]
+        if advance:
+            advance(len(theta))
+    names, theta = tuple(estimator.names), np.concatenate(thetas)
+    known = np.concatenate(claims) if claims else None
+    about = {"estimator": spec.text, "options": json.dumps(dict(spec.options)),
+             "record_hash": record.hash}  # fmt: skip
+    write_estimates(target, record.time, theta, names, about, covariance=known)
+    last = dict(zip(names, theta[-1].tolist(), strict=True))
+    return Estimated(last, true_values(names, record, -1), len(theta))
+
+
+def _own_scenario(record: Record, source: Path) -> Scenario:
+    if not record.scenario:
+        raise RecordError(
+            f"{source} has no scenario, so the nominal values and the parameters to identify are "
+            "unknown: name one with --scenario"
+        )
+    return stored_scenario(record.scenario, source=f"{source}, attribute scenario")
+
+
+def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:
+    """Return the true values of the parameters that a record knows, at some of its samples."""
+    known = [name for name in names if physical(name)[0] in record.parameter_names]
+    if record.true_parameters is None or not known:
+        return {}
+    values = true_theta(known, record.true_parameters[at], record.parameter_names)
+    return dict(zip(known, values.T, strict=True))
+
+
+def run_on(
+    estimator: Estimator, u: Array, y: Array, valid: NDArray[np.bool_] | None = None, *,
+    claims: bool = True,
+) -> tuple[Array, Array | None, NDArray[np.bool_]]:  # fmt: skip
+    """Run an estimator from its current state, and ask what it claims after each sample.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    u, y : ndarray (n,)
+    valid : ndarray (n,) of bool, optional
+    claims : bool
+        Whether to ask for covariance and alarms; if not, its fast `run` is used.
+
+    Returns
+    -------
+    theta : ndarray (n, p)
+    covariance : ndarray (n, p, p) or None
+    alarms : ndarray (n,) of bool
+    """
+    n, p = len(y), len(estimator.names)
+    alarms, has_covariance = np.zeros(n, bool), claims and hasattr(estimator, "covariance")
+    if not has_covariance and not (claims and hasattr(estimator, "alarm")):
+        return run_estimator(estimator, u, y, valid), None, alarms
+    theta, claimed = np.empty((n, p)), np.empty((n, p, p))
+    for k in range(n):
+        try:
+            value = estimator.step(u[k], y[k] if valid is None or valid[k] else None)
+            theta[k] = theta_of(value, estimator.names, estimator)
+        except BaseException as error:
+            error.at_sample = k  # type: ignore[attr-defined]  # for the message
+            raise
+        if has_covariance:
+            claimed[k] = estimator.covariance  # type: ignore[attr-defined]
+        alarms[k] = getattr(estimator, "alarm", False)
+    return theta, claimed if has_covariance else None, alarms
+
+
+def write_estimates(
+    path: Path, times: Array, theta: Array, names: Sequence[str], about: Mapping[str, Any], *,
+    covariance: Array | None = None, deviation: Array | None = None,
+) -> None:  # fmt: skip
+    """Write estimates as NetCDF-4: ``time``, ``theta`` (time, estimate), and what is claimed.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder is made.
+    times : ndarray (N,)
+        [s].
+    theta : ndarray (N, p)
+    names : sequence of str
+    about : mapping
+        Attributes of the file.
+    covariance : ndarray (N, p, p), optional
+    deviation : ndarray (N, p), optional
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    import xarray
+
+    dimensions = ("time", "estimate", "estimate_2")
+    data: dict[str, Any] = {"theta": (dimensions[:2], theta, {"long_name": "estimates, SI units"})}
+    for name, values in (("covariance", covariance), ("deviation", deviation)):
+        if values is not None:
+            words = {"long_name": f"{name} that the estimator claims"}
+            data[name] = (dimensions[: values.ndim], values, words)
+    coords = {"time": ("time", times, {"units": "s"}), "estimate": np.array(names, object)}
+    content = xarray.Dataset(data, coords, about).to_netcdf(engine="h5netcdf")
+    make_folder(path.parent)
+    with new_file(path) as part:  # HDF5 itself would end the process on a full disk
+        part.write_bytes(content)

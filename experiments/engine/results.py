@@ -1,0 +1,330 @@
+"""Results as tables: rows as a DataFrame, scores pooled over seeds, xarray, CSV, Parquet."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import pandas as pd
+
+from flexaxis.experiments.engine.case import NUMBERS
+from flexaxis.experiments.engine.store import Store
+from flexaxis.experiments.engine.study import is_option
+from flexaxis.experiments.files import (
+    SUMMARY,
+    OutputError,
+    StudyError,
+    json_table,
+    new_file,
+    optional_package,
+)
+from flexaxis.experiments.scoring import summary
+from flexaxis.experiments.scoring.intervals import rate_interval
+from flexaxis.experiments.scoring.pooling import Columns
+from flexaxis.experiments.scoring.score_table import SCORES
+from flexaxis.experiments.scoring.score_table import columns as score_columns
+from flexaxis.experiments.scoring.summary import Case
+from flexaxis.sim.errors import unknown
+from flexaxis.sim.scenario import Scenario, stored_scenario
+
+if TYPE_CHECKING:
+    import xarray
+
+FIRST = ("scenario", "estimator", "seed", "parameter", "changed")
+LAST = ("onset", "seconds", "error", "setting", "hash", "case", "cost.us_per_sample",
+        "cost.seconds", "cost.host")  # fmt: skip
+PLAIN = tuple(name for name in score_columns() if "." not in name and name != "isolation")
+
+
+class Results:
+    """The cases of a study.
+
+    Parameters
+    ----------
+    store : Store
+    study : mapping
+        As from `describe`; without its ``variants`` all cases are meant.
+
+    Attributes
+    ----------
+    folder : Path or None
+    """
+
+    def __init__(self, store: Store, study: Mapping[str, Any]) -> None:
+        self._store, self.study, self.folder = store, dict(study), store.folder
+
+    @classmethod
+    def load(cls, folder: str | Path, *, whole: bool = False) -> Self:
+        """Return what a folder holds of the study that was asked for last.
+
+        Parameters
+        ----------
+        folder : str or Path
+        whole : bool
+            Whether to return what was asked for before, too.
+
+        Raises
+        ------
+        StudyError
+            If it holds no rows.
+        """
+        store = Store.read(Path(folder))
+        study = store.study or {"name": Path(folder).name, "axes": [], "scenarios": []}
+        return cls(store, {k: v for k, v in study.items() if not (whole and k == "variants")})
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Swept keys."""
+        return tuple(self.study["axes"])
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """All rows, a line a case and parameter; the columns that matter most come first."""
+        every = self._store.variants()
+        if (asked := self.study.get("variants")) is not None:
+            labels = {_key(label): (place, label) for place, label in enumerate(asked)}
+            known = [(*labels[_key(about)], number, about) for number, about in every.items()
+                     if _key(about) in labels]  # fmt: skip
+            known.sort(key=lambda each: (each[0], each[2]))
+            every = {number: about | label for _, label, number, about in known}
+        table = self._store.frame(every)
+        if asked is not None:
+            table = table[table["seed"].isin(self.study["seeds"])].reset_index(drop=True)
+        axes = {
+            key: [_plain(point.get(key)) for point in table["axes"]]
+            for key in dict.fromkeys(key for about in every.values() for key in about["axes"])
+        }
+        table = table.assign(**axes)
+        return table[[*FIRST, *axes, *score_columns(), *LAST]]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return `frame`."""
+        return self.frame
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    @property
+    def cases(self) -> int:
+        """Number of cases, failed ones included."""
+        return int(self.frame["case"].nunique())
+
+    @property
+    def failures(self) -> pd.DataFrame:
+        """The cases that failed: scenario, estimator, setting, seed, error."""
+        failed = self.frame[self.frame["error"].notna()].drop_duplicates("case")
+        names = ["scenario", "estimator", "setting", "seed", "error"]
+        return failed[names].reset_index(drop=True)
+
+    def select(self, where: Mapping[str, Any]) -> Self:
+        """Return the rows whose columns have these values; a list means one of them.
+
+        Raises
+        ------
+        StudyError
+            If there is no such column.
+        """
+        self._check(where)
+        kept = pd.Series(True, self.frame.index)
+        for name, value in where.items():
+            values = value if isinstance(value, list | tuple | set) else [value]
+            kept &= self.frame[name].isin(list(values))
+        found = type(self)(self._store, self.study)
+        found.__dict__["frame"] = self.frame[kept].reset_index(drop=True)
+        return found
+
+    def scores(
+        self, *by: str, scores: Sequence[str] | None = None,
+        bins: Mapping[str, Sequence[float]] | None = None,
+    ) -> pd.DataFrame:  # fmt: skip
+        """Return scores pooled over the rows that agree in some columns, with 95 % intervals.
+
+        Parameters
+        ----------
+        *by : str
+            Columns to tell apart; scenario, estimator and all axes by default. Parameters, and
+            rows with and without a change, are always told apart.
+        scores : sequence of str, optional
+            Which scores to pool; all by default.
+        bins : mapping of str to sequence of float, optional
+            Edges between which the values of an axis count as one, the middle of the two.
+
+        Returns
+        -------
+        DataFrame
+            The columns of `by`, ``parameter, changed, runs, seeds``, the scores as in summary.json,
+            ``hours`` of simulated time and ``false_alarms_per_hour``. The excess error is that of
+            one scenario, and is missing where rows of several are pooled.
+
+        Raises
+        ------
+        StudyError
+            If there is no such column or score.
+        """
+        names = list(by) or ["scenario", "estimator", *self.axes]
+        self._check(names)
+        for score in scores or ():
+            if score not in summary.POOLED:
+                raise StudyError(unknown("score", score, summary.POOLED))
+        keys = list(dict.fromkeys([*names, "parameter", "changed"]))
+        table = self.frame[self.frame["parameter"] != ""].sort_values(["seed", "case"])
+        groups = pd.DataFrame({key: _ordered(self.frame[key], (bins or {}).get(key))
+                               for key in keys})  # fmt: skip
+        parts = table.groupby([groups[key].loc[table.index] for key in keys],
+                              observed=True, dropna=False)  # fmt: skip
+        wanted = dict.fromkeys(("failed", *(summary.POOLED if scores is None else scores)))
+        lines, columns = [], {}
+        for key, part in parts:
+            columns[key] = columns_of(part)
+            line = dict(zip(keys, key, strict=True))
+            line |= {"runs": len(part), "seeds": part["seed"].nunique()}
+            line |= summary.pool_columns(columns[key], wanted)
+            lines.append(line | summary.cost(columns[key]) | _alarms(part, line))
+        if "excess" in wanted:
+            self._add_excess(lines, columns, names)
+        return pd.DataFrame(lines)
+
+    def _add_excess(
+        self, lines: list[dict[str, Any]], columns: Mapping[Any, Columns], names: Sequence[str]
+    ) -> None:
+        """Add the excess error, which all parameters of a group share."""
+        together: dict[str, list[tuple[dict[str, Any], Columns]]] = {}
+        for line, values in zip(lines, columns.values(), strict=True):
+            line |= {"excess": None, "excess_interval": None}
+            key = json.dumps([str(line[name]) for name in names])
+            together.setdefault(key, []).append((line, values))
+        for group in together.values():
+            if len({point for _, values in group for point in values["point"]}) != 1:
+                continue
+            scenario = self.scenario(self.frame.loc[int(group[0][1]["row"][0])])
+            by_name = {line["parameter"]: values for line, values in group}
+            asked = {n: v for n, v in by_name.items() if n in scenario.identify} or by_name
+            first = next(iter(asked.values()))["case"]
+            if all(np.array_equal(values["case"], first) for values in asked.values()):
+                shared = summary.excess(asked, scenario)
+                for line, _ in group:
+                    line.update(shared)
+
+    def scenario(self, row: Mapping[str, Any]) -> Scenario:
+        """Return the scenario of a row of `frame`, at its point of the sweep."""
+        known = {entry["definition"]["name"]: entry["definition"]
+                 for entry in self.study["scenarios"]}  # fmt: skip
+        base = stored_scenario(known[row["scenario"]], source=str(row["scenario"]))
+        options = self.study["estimators"]
+        axes = {key: json.loads(row[key]) if _is_json(row[key]) else row[key]
+                for key in self.axes if not is_option(key, options)}  # fmt: skip
+        return base.override(axes, inherit=self.study["streams"] == "common") if axes else base
+
+    def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
+        """Return what the figures of single runs need, by seed.
+
+        Parameters
+        ----------
+        scenario_hash, setting : str
+            As in the columns ``hash`` and ``setting`` of `frame`.
+        """
+        found = self._store.traces(scenario_hash, setting)
+        seeds = {*self.study.get("seeds", found)}
+        return {seed: trace for seed, trace in found.items() if seed in seeds}
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What summary.json says.
+
+        Raises
+        ------
+        OutputError
+            If it is missing: the run is not finished.
+        """
+        return json_table((self.folder or Path()) / SUMMARY, OutputError)
+
+    def to_csv(self, path: str | Path, *, plain: bool = False) -> None:
+        """Write the rows as CSV; `plain` leaves out the parts of scores that are tables."""
+        names = self.frame.columns
+        if plain:
+            axes = [name for name in names if name not in {*FIRST, *score_columns(), *LAST}]
+            names = pd.Index([*FIRST, *axes, *PLAIN, "error", "setting", "case"])
+        with new_file(Path(path)) as part:
+            self.frame[names].to_csv(part, index=False)
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Write the rows as Parquet; needs pyarrow."""
+        optional_package("pyarrow")
+        with new_file(Path(path)) as part:
+            self.frame.to_parquet(part, index=False)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the numbers as a Dataset over scenario, estimator, axes, seed and parameter.
+
+        What was not run or is not defined is NaN. Points that are no product are a dimension
+        ``point``, with the axes as its coordinates.
+        """
+        table = self.frame[self.frame["parameter"] != ""]
+        axes, keys = list(self.axes), ["scenario", "estimator", "seed", "parameter"]
+        points = table[axes].drop_duplicates()
+        product = len(points) == points.nunique(dropna=False).prod() if axes else True
+        if not product:
+            table = table.assign(point=table.groupby(axes, dropna=False, sort=False).ngroup())
+        index = keys + (axes if product else ["point"])
+        numbers = [name for name in (*score_columns(), *LAST) if name in NUMBERS]
+        found = table.set_index(index)[["changed", *numbers]].astype(float).to_xarray()
+        for name in numbers:
+            score = SCORES.get(name.partition(".")[0])
+            found[name].attrs["units"] = (score.unit if score else "") or "1"
+        if not product:
+            values = points.reset_index(drop=True)
+            found = found.assign_coords({key: ("point", values[key]) for key in axes})
+        return found
+
+    def _check(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in self.frame:
+                raise StudyError(unknown("column", name, self.frame.columns))
+
+
+def _key(about: Mapping[str, Any]) -> tuple[Any, ...]:
+    return about["hash"], about["setting"], about["code"]
+
+
+def _plain(value: Any) -> Any:
+    """Return the value of an axis as a cell: a number, a text, or JSON."""
+    return value if value is None or isinstance(value, int | float | str) else json.dumps(value)
+
+
+def _is_json(value: Any) -> bool:
+    return isinstance(value, str) and value[:1] in {"[", "{"}
+
+
+def _ordered(values: pd.Series, edges: Sequence[float] | None) -> Any:
+    """Return the groups of a column: numbers in order or in bins, texts as they came."""
+    if edges is not None:
+        place = np.searchsorted(edges, values.to_numpy(float), side="right")
+        place = np.clip(place, 1, len(edges) - 1)
+        return (np.asarray(edges)[place - 1] + np.asarray(edges)[place]) / 2
+    if pd.api.types.is_numeric_dtype(values):
+        return values
+    return pd.Categorical(values, categories=values.dropna().unique())
+
+
+def columns_of(part: pd.DataFrame) -> dict[str, Any]:
+    """Return rows of one parameter as columns of numbers, as `scoring.pooling` takes them."""
+    points = pd.factorize(part["hash"] + " " + part["setting"])[0]
+    found = {name: part[name].to_numpy(float) for name in ("seed", *summary.NUMBERS)}
+    return found | {"point": points.astype(float), "case": part["case"].to_numpy(),
+                    "row": part.index.to_numpy()}  # fmt: skip
+
+
+def _alarms(part: pd.DataFrame, pooled: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the simulated hours, and the false alarms an hour without a fault."""
+    hours = float(part["seconds"].sum() / 3600)
+    calm = float(part["detection.calm"].sum() / 3600) or hours
+    if not pooled.get("detection") or not calm:
+        return {"hours": hours, "false_alarms_per_hour": None}
+    counts = part["detection.false_alarms"].fillna(0.0).to_numpy()
+    within = rate_interval(counts, calm, part["seed"].to_numpy(float))
+    return {"hours": hours, "false_alarms_per_hour": float(counts.sum()) / calm,
+            "false_alarms_per_hour_interval": within}  # fmt: skip
