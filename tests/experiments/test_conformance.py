@@ -27,7 +27,7 @@ def broken(text, store):
 
 
 # Seconds and more each.
-LONG = ("literal-rpem", "moving-horizon", "rpem-friction", "rpem-friction-drift")
+LONG = ("literal-rpem",)
 
 
 @pytest.mark.parametrize(
