@@ -14,8 +14,6 @@ WHO = {
     "drives": (
         "glr",
         GEARED,
-        "rpem-friction",
-        "rpem-friction-drift",
         "ekf",
         "rpem-forgetting",
         "frozen",
@@ -23,7 +21,6 @@ WHO = {
     "control": (
         "glr",
         GEARED,
-        "rpem-friction",
         "ekf",
         "rpem-forgetting",
         "rpem-drift",

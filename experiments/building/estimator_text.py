@@ -21,7 +21,7 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.estimators.registry import REGISTRY, gone
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.away import Away
 from flexaxis.experiments.building.code import PIPE, given, piped
 from flexaxis.experiments.building.crashes import user_code
@@ -262,8 +262,6 @@ def _find(name: str) -> Callable[..., Estimator]:
     installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name in installed:
         return imported(name, installed[name].load)
-    if (now := gone(name)) is not None:
-        raise EstimatorError(now)
     raise EstimatorError(
         f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis list` "
         "shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"

@@ -149,8 +149,8 @@ def _scenario(text: str, *, suites: bool = False) -> None:
         from flexaxis.experiments.catalogue.find import find_scenario
 
         find_scenario(text)
-    known = {*names.scenario_names(), *(names.suite_names() if suites else ())}
-    if not (text in known or text.endswith((".nc", ".toml")) or Path(text).exists()):
+    known = names.is_scenario(text) or (suites and text in names.suite_names())
+    if not (known or text.endswith((".nc", ".toml")) or Path(text).exists()):
         raise names.unknown_scenario(text)
 
 
@@ -193,15 +193,11 @@ def _study(text: str) -> None:
 
 
 def _anything(text: str) -> None:
-    from flexaxis.estimators.registry import gone
-
     try:
         _of_suites(text)
     except ScenarioError:
         if text in _estimators():
             return
-        if (now := gone(text)) is not None:
-            raise FlexaxisError(now) from None
         hint = did_you_mean(text, [*_scenarios(), *_estimators()])
         if not hint or text.endswith(".toml"):
             raise

@@ -91,7 +91,7 @@ MISTAKES = (
     # what users did
     Mistake("rnu smoke", 2, "Did you mean 'run'?"),
     Mistake("run fm_stp-v1", 2, "Did you mean 'fm_step-v1'?"),
-    Mistake("run smoke --estimator moving-horizn", 2, "Did you mean 'moving-horizon'?"),
+    Mistake("run smoke --estimator cusum-rset", 2, "Did you mean 'cusum-reset'?"),
     Mistake("run smoke --estimtor glr", 2, "Did you mean '--estimator'?"),
     Mistake("run smoke --estimator ekf[nois=1]", 2, "Did you mean 'noise'?"),
     Mistake("run smoke --seeds abc", 2, "--seeds 'abc'"),

@@ -33,7 +33,7 @@ MISTAKES = [
     (["run", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
     (["run", "smok"], "Did you mean 'smoke'?"),
     (["run", "smoke", "--estimtor", "glr"], "Did you mean '--estimator'?"),
-    (["run", "smoke", "--estimator", "moving-horizn"], "Did you mean 'moving-horizon'?"),
+    (["run", "smoke", "--estimator", "cusum-rset"], "Did you mean 'cusum-reset'?"),
     (["run", "smoke", "--estimator", "ekf[nois=1]"], "Did you mean 'noise'?"),
     (["run", "smoke", "--seeds", "abc"], "--seeds 'abc'"),
     (["run", "smoke", "--jobs", "0"], "--jobs 0"),
@@ -45,7 +45,7 @@ MISTAKES = [
     (["compare", "fm_stp-v1", "--base", "frozen", "--candidate", "ekf"], "'fm_step-v1'"),
     (["tune", "rpem-forgeting"], "Did you mean 'rpem-forgetting'?"),
     (["tradeoff", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
-    (["check", "moving-horizn"], "Did you mean 'moving-horizon'?"),
+    (["check", "cusum-rset"], "Did you mean 'cusum-reset'?"),
     (["show", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
     (["view", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
     (["view", "ther.nc"], "Did you mean 'there.nc'?"),
@@ -57,7 +57,7 @@ MISTAKES = [
     (["export", "nowhere", "--csv", "a.csv"], "nowhere is not the folder"),
     (["import", "nothing.csv"], "nothing.csv"),
     (["identify", "nothing.csv"], "nothing.csv"),
-    (["demo", "--estimator", "moving-horizn"], "Did you mean 'moving-horizon'?"),
+    (["demo", "--estimator", "cusum-rset"], "Did you mean 'cusum-reset'?"),
 ]
 
 
@@ -233,7 +233,7 @@ def test_processes_and_a_cluster_exclude_each_other(capsys, place):
 COMPLETED = [
     ("flexaxis ru", "run"),
     ("flexaxis run fm_st", "fm_step-v1"),
-    ("flexaxis run smoke --estimator moving", "moving-horizon"),
+    ("flexaxis run smoke --estimator cusum", "cusum-reset"),
     ("flexaxis list --gr", "--group"),
 ]
 

@@ -180,7 +180,7 @@ MISTAKES = [
     (["list", "--gruop", "steps"], "unknown option '--gruop'. Did you mean '--group'?"),
     (["list", "--gruop=steps"], "unknown option '--gruop=steps'. Did you mean '--group'?"),
     (["list", "--grou", "steps"], "Did you mean '--group'?"),
-    (["show", "moving-horizn"], "Did you mean 'moving-horizon'?"),
+    (["show", "cusum-rset"], "Did you mean 'cusum-reset'?"),
     (["new", "sub/x.py"], "sub/x.py: there is no folder sub: make it first"),
     (["simulate", "fm_step-v1", "--seed", "-1"], "--seed -1: give a whole number"),
     (["check", "pipe-bin:./mine"], "Write pipe:./mine"),
