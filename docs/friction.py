@@ -60,7 +60,7 @@ FRICTION = ("fm_step", "coulomb_fm_step", "lugre_fm_step", "lugre_stribeck_fm_st
             "encoder_coulomb_fm_step", "wg_fm_step", "wg_fc_step", "coulomb_moves_fm_step",
             "load_friction_fm_step")  # fmt: skip
 SCENARIOS = tuple(f"{name}-v1" for name in FRICTION)
-ESTIMATORS = ("rpem-forgetting", "glr")
+ESTIMATORS = ("rpem-forgetting",)
 
 
 def accuracy() -> str:

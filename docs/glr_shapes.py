@@ -20,7 +20,7 @@ from flexaxis.experiments.scoring.true_model import found_of, tracked
 from flexaxis.sim.simulate import simulate
 
 PAGE = Path(__file__).parent / "glr.md"
-CASES = ("directional_fm_step-v1", "load_friction_fm_step-v1")
+CASES = ("load_friction_fm_step-v1",)
 SEEDS = range(1000, 1020)
 
 
