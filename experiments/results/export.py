@@ -160,7 +160,7 @@ def export_csv(results: Results, target: Path) -> int:
         lines.writerow(kinds)
         for some in results.parts():
             columns = [
-                [_cell(as_text(v)) for v in some[name]] if kind == "text" else some[name]
+                [as_text(v) for v in some[name]] if kind == "text" else some[name]
                 for name, kind in kinds.items()
             ]
             lines.writerows(zip(*columns, strict=True))
@@ -168,13 +168,8 @@ def export_csv(results: Results, target: Path) -> int:
     return count
 
 
-def _cell(text: str | None) -> str | None:
-    """Return a text that is no formula to a spreadsheet; no name of ours begins so."""
-    return f"'{text}" if text and text[0] in "=+-@\t\r" else text
-
-
 def export_jsonl(results: Results, target: Path) -> int:
-    """Write strict JSON, a row a line in the form of flexaxis 0.1; return the number of rows.
+    """Write strict JSON, a row a line; return the number of rows.
 
     Raises
     ------

@@ -70,15 +70,14 @@ def having(column: str, values: Sequence[Any], axes: Sequence[str]) -> Condition
 def asked(study: Mapping[str, Any]) -> Condition:
     """Return that rows are of what study.json says was asked for last.
 
-    Of a comparison, and in folders of 0.1, that are all; of code of users those of the code then.
+    Of a comparison that are all; of code of users those of the code then.
     """
-    wanted, found = study.get("asked") or {}, ALL
-    if not wanted.get("estimators"):
+    wanted, found = study["asked"], ALL
+    if not wanted["estimators"]:
         return found
     for column, key in (("hash", "hashes"), ("method", "estimators"), ("seed", "seeds")):
-        if key in wanted:
-            found &= having(column, wanted[key], ())
-    for text, code in study.get("code", {}).items():
+        found &= having(column, wanted[key], ())
+    for text, code in study["code"].items():
         other, mine = having("method", [text], ()), having("code", [code], ())
         found &= Condition(f"(NOT {other.sql} OR {mine.sql})", other.given + mine.given)
     return found

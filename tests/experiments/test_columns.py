@@ -406,18 +406,6 @@ def test_a_csv_is_the_rows_as_text(stored, tmp_path):
         assert there == {k: "" if v is None else str(v) for k, v in line.items()}
 
 
-@pytest.mark.parametrize("begun", list("=+-@\t\r"))
-def test_no_text_of_a_csv_is_a_formula_to_a_spreadsheet(stored, tmp_path, begun):
-    """A row may be somebody else's, and a spreadsheet runs what begins so; numbers stay."""
-    text = begun + 'HYPERLINK("http://elsewhere")'
-    rows = [row | {"estimator": text, "std": -0.5} for row in some_rows()[:3]]
-    results = stored(tmp_path, rows, AXES)
-    export.export_csv(results, tmp_path / "rows.csv")
-    with (tmp_path / "rows.csv").open(newline="", encoding="utf-8") as file:
-        table = list(csv.DictReader(file))
-    assert {(line["estimator"], line["std"]) for line in table} == {(f"'{text}", "-0.5")}
-
-
 def test_what_cannot_be_written_leaves_nothing(stored, tmp_path):
     results = stored(tmp_path / "run", some_rows(), AXES)
     for write in (export.export_csv, export.export_netcdf):

@@ -123,12 +123,12 @@ def test_ctrl_c_is_an_answer_as_well(capsys, place, monkeypatch):
 
 
 def test_every_command_has_it_and_is_documented():
-    """But those that print lines for a shell, and serve a page."""
+    """But the demo, which serves a page."""
     text = TABLE.read_text()
     found = next(action for action in parser()._actions if action.dest == "command")
     for name, sub in found.choices.items():
         has = "--json" in sub._option_string_actions
-        assert has or name in {"completion", "demo"}, name
+        assert has or name == "demo"
         assert not has or re.search(rf"^\| .*`{name}\b", text, re.MULTILINE), name
 
 

@@ -25,7 +25,6 @@ from flexaxis.experiments.building.code import add_run_code
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import UNDECIDED, add_output, answer, at_most, say
 from flexaxis.experiments.storage.files import STUDY, spare, write_json
-from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
@@ -126,7 +125,7 @@ def _show_code(args: argparse.Namespace) -> None:
 
 def _tell(check: Check) -> None:
     word = {True: "holds", False: "FAILS", None: "-"}[check.holds]
-    print(f"{word:<6} {visible(check.name)}: {visible(check.seen)}", flush=True)
+    print(f"{word:<6} {check.name}: {check.seen}", flush=True)
 
 
 def _conclude(args: argparse.Namespace, verdict: Verification) -> None:
@@ -138,7 +137,7 @@ def _conclude(args: argparse.Namespace, verdict: Verification) -> None:
         print(f"its code ran {how}")
         print(f"drawn from {verdict.token}: repeat with --seed-from {verdict.token}")
     trying = "; few seeds: for trying" if verdict.quick else ""
-    label = visible(verdict.label)
+    label = verdict.label
     if not verdict.holds:
         print(f"REJECTED: {label}{trying}")
     elif verdict.accepted:
