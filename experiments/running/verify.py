@@ -14,7 +14,6 @@ from flexaxis.experiments.building.code import digest, require
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.study import EstimatorSetting, Unit, applies, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
-from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import flat, nested, row_files
 from flexaxis.experiments.storage.store import OF_ONE, cases_of, rows_in
 from flexaxis.sim.errors import ScenarioError

@@ -26,7 +26,7 @@ PIECES = st.text(max_size=8) | st.sampled_from(
     [",", ";", "\n", "\t", "#", '"', "nan", "1e999", "-", "[", "]", "=", "2026-01-01T00:00:00"]
 )
 FEW = settings(
-    max_examples=30,
+    max_examples=20,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],

@@ -12,7 +12,7 @@ import pytest
 from flexaxis.experiments.cli import main
 from tests.experiments.kept_rows import scores_of
 
-SEEDS = 12
+SEEDS = 8
 
 
 def _rows(folder):
