@@ -28,10 +28,10 @@ from flexaxis.sim.storage.reading import Refusal, json_value, read_text
 STUDY, TRAJECTORIES = "study.json", "trajectories"
 REPORT = "report.html"
 SUMMARY, SWEEP = "summary.json", "sweep"
-COMPLETE = (SUMMARY, "compare.json", "tradeoff.json")
+COMPLETE = (SUMMARY, "compare.json", "sweep.json")
 """What is written last: a folder without any of these is not complete."""
 SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
-MADE = (REPORT, "verdict.md", "tradeoff.svg")
+MADE = (REPORT, "verdict.md", "sweep.svg")
 
 
 Given = str | os.PathLike[str] | None
@@ -206,19 +206,3 @@ def sources(folder: Traversable) -> list[Traversable]:
         elif item.name.endswith((".py", ".xml", ".toml")):
             found.append(item)
     return found
-
-
-def write_rows(path: Path, rows: Iterable[dict[str, Any]]) -> int:
-    """Write rows to a file, whole or not at all; return how many.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    """
-    count = 0
-    with new_file(path) as part, part.open("w", encoding="utf-8") as file:
-        for row in rows:
-            file.write(dumps(row) + "\n")
-            count += 1
-    return count

@@ -271,10 +271,9 @@ def _further(run: Run) -> list[dict[str, Any]]:
 
 def _sweep_of(name: str, study: Mapping[str, Any]) -> str:
     """Return the line that sweeps the knobs on a scenario again."""
-    words = ["flexaxis", "tradeoff", name]
-    for estimator in study["tradeoff"]["estimators"]:
-        words += ["--estimator", estimator]
-    return shlex.join([*words, "--seeds", f"{study['seeds'][0]}:{study['seeds'][-1] + 1}"])
+    seeds = f"{study['seeds'][0]}:{study['seeds'][-1] + 1}"
+    words = ["flexaxis", "tune", *study["tradeoff"]["estimators"]]
+    return shlex.join([*words, "--seeds", seeds, "--sweep", name])
 
 
 def _provenance(run: Run) -> list[str]:
