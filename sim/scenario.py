@@ -308,15 +308,6 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
         raise ScenarioError(*(f"{source}: {key}: {text}" for key, text in problems)) from None
 
 
-def stored_scenario(content: Mapping[str, Any], *, source: str) -> Scenario:
-    """Return a scenario from a definition that a record, a run or a study was stored with.
-
-    Definitions older than the key `streams` lack it, and have random numbers of their content.
-    Arguments and errors as from `scenario_from`.
-    """
-    return scenario_from({"streams": identity.CONTENT} | dict(content), source=source)
-
-
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     """Return a scenario from TOML text; errors as from `scenario_from`."""
     return scenario_from(toml_tables(text, source=source, refuse=ScenarioError), source=source)

@@ -17,7 +17,7 @@ from flexaxis.experiments.running.work import made_with, run_unit
 from flexaxis.experiments.storage.schema import flat, nested, row_files
 from flexaxis.experiments.storage.store import OF_ONE, cases_of, rows_in
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 
 RELATIVE, ABSOLUTE = 1e-6, 1e-9  # what another machine or version may change in a number
 
@@ -70,13 +70,13 @@ def verify(
     Raises
     ------
     StudyError
-        If it is not the folder of a study, or has rows of an estimator that is gone.
+        If it is not the folder of a study.
     CodeRefused
         If a row names code that may not be run; then nothing is.
     """
     content = read_study(folder, whole=True)
     bases = [
-        stored_scenario(entry["definition"], source=str(folder)) for entry in content["scenarios"]
+        scenario_from(entry["definition"], source=str(folder)) for entry in content["scenarios"]
     ]
     chosen = _sample(folder, sample, Random(seed))
     named = list(dict.fromkeys(row["estimator"] for rows in chosen for row in rows))

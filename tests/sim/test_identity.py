@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.scenario import parse_scenario, stored_scenario
+from flexaxis.sim.scenario import parse_scenario, scenario_from
 from flexaxis.sim.simulate import simulate
 
 from .test_scenario import BARE, FAULT, PINNED, STEP
@@ -68,7 +68,7 @@ def test_with_streams_of_the_content_every_value_counts(key):
 def test_an_older_definition_gives_the_hash_that_it_was_stored_with():
     content = parse_scenario(STEP).resolved()
     assert content.pop("streams") == "plant"
-    again = stored_scenario(content, source="study.json")
+    again = scenario_from(content, source="study.json")
     assert again.hash == again.key == PINNED and again.resolved()["streams"] == "content"
     assert parse_scenario(again.to_toml()).hash == PINNED
 
