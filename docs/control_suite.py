@@ -16,7 +16,7 @@ from scipy.stats import spearmanr
 from suite_rows import HOME, SEEDS, WHO, changed, said
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.comparison.matching import Setting, match
 from flexaxis.experiments.comparison.ranking import REFERENCE

@@ -33,7 +33,7 @@ from speed_steps import PERCENTILES, time_steps
 from speed_streams import make_stream
 
 from flexaxis.experiments.building.code import digest, own_digest
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means

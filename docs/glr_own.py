@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from flexaxis.estimators.models.axes import BRISTLES, N1, three_mass, two_mass
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import made, parse
+from flexaxis.experiments.running.estimators import made, parse
 from flexaxis.experiments.scoring.bounds import cramer_rao, lag_bound
 from flexaxis.experiments.scoring.true_model import jump_gradient
 from flexaxis.sim.tables.controller import Controller, ControllerConfig

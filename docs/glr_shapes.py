@@ -10,7 +10,7 @@ import numpy as np
 from making import VERSION, table, write
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import track_of
 from flexaxis.experiments.scoring.bounds import jump_bound, lag_bound

@@ -25,7 +25,7 @@ from speed_steps import registered
 from speed_streams import Samples, Stream, axis_of, make_stream
 
 from flexaxis.estimators.protocol import Estimator, run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.building.guest import stay
 from flexaxis.sim.errors import FlexaxisError
 

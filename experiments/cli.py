@@ -12,6 +12,7 @@ import argparse
 import errno
 import os
 import shlex
+import signal
 import sys
 from collections.abc import Mapping, Sequence
 from importlib import import_module
@@ -21,7 +22,6 @@ from types import ModuleType
 from typing import Any
 
 from flexaxis.experiments import commands as home
-from flexaxis.experiments.building.interrupts import deaf, leave, one_stage
 from flexaxis.experiments.commands.answers import (
     CRASH,
     FINE,
@@ -135,7 +135,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if os.environ.get("COLUMNS") == "0":  # how some shells say that they do not know
         del os.environ["COLUMNS"]
     words = list(sys.argv[1:] if argv is None else argv)
-    alone = argv is None  # nobody goes on after this command
+    if argv is None:  # a queue of jobs ends a command by SIGTERM
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     top = parser(words[0] if words else "")
     args = top.parse_args(words)
     if odd := [word for word in words if not is_text(word)]:
@@ -147,10 +148,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     args.remarks = []  # on users' code
     args.words = [word for word in words if word not in common]  # no part of what is repeated
     args.line = shlex.join(["flexaxis", *args.words])
-    with forgiving() as out, told(quiet=args.quiet, verbose=args.verbose), one_stage():
-        status = _told(out, _guarded(args, alone))
-    if alone and status == INTERRUPTED:
-        leave(status)
+    with forgiving() as out, told(quiet=args.quiet, verbose=args.verbose):
+        status = _told(out, _guarded(args))
     return status
 
 
@@ -163,19 +162,17 @@ def _told(out: Stream, status: int) -> int:
     return status or WRONG_USE
 
 
-def _guarded(args: argparse.Namespace, alone: bool) -> int:
+def _guarded(args: argparse.Namespace) -> int:
     try:
         return _answered(args)
     except KeyboardInterrupt as error:
-        if alone:
-            deaf(INTERRUPTED)
         return _ended(args, INTERRUPTED, "; ".join(["interrupted", *map(str, error.args)]))
 
 
 def _answered(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.building.crashes import EstimatorCrash, no_room
-    from flexaxis.experiments.storage.files import NotRun
+    from flexaxis.experiments.files import NotRun
+    from flexaxis.experiments.running.user_code import EstimatorCrash, is_of_the_machine
     from flexaxis.sim.errors import FlexaxisError
 
     told, status = "", WRONG_USE
@@ -185,7 +182,7 @@ def _answered(args: argparse.Namespace) -> int:
     except (FlexaxisError, EstimatorError) as error:
         if isinstance(error, EstimatorCrash):
             return _crashed(args, error, str(error))
-        unfinished = isinstance(error, NotRun) or no_room(error)
+        unfinished = isinstance(error, NotRun) or is_of_the_machine(error)
         told, status = str(error), CRASH if unfinished else WRONG_USE
     except KeyboardInterrupt:
         raise
@@ -206,10 +203,10 @@ def _ended(args: argparse.Namespace, status: int, text: str) -> int:
 
 
 def _unexpected(args: argparse.Namespace, error: BaseException) -> str:
-    from flexaxis.experiments.building.crashes import described, user_code
+    from flexaxis.experiments.running.user_code import describe, user_line
 
-    whose = "code that was given" if user_code(error) else "flexaxis itself, which should not"
-    return f"{args.command}: crashed in {whose}: {described(error)}"
+    whose = "code that was given" if user_line(error) else "flexaxis itself, which should not"
+    return f"{args.command}: crashed in {whose}: {describe(error)}"
 
 
 def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:

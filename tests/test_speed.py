@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 
 sys.path.append(str(Path(__file__).parents[1] / "docs"))
 import speed_peers as peers_module

@@ -14,8 +14,8 @@ from flexaxis._records import Recording
 from flexaxis._table import html_table, text_table
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
+from flexaxis.experiments.files import optional_package
 from flexaxis.experiments.running.estimate import run_on, true_values
-from flexaxis.experiments.storage.files import needed
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario
 
@@ -73,7 +73,9 @@ class Estimate:
         """
         if self._again is None:
             return None
-        return run_on(self._again(), self.record)[1]
+        estimator, record = self._again(), self.record
+        y = getattr(record, estimator.output)
+        return run_on(estimator, record.torque, y, record.valid)[1]
 
     @cached_property
     def truth(self) -> Mapping[str, Array]:
@@ -137,7 +139,9 @@ class Estimate:
         along = {"time": ("time", self.time, {"units": "s"}),
                  "estimate": np.array(self.names, object)}  # fmt: skip
         about = {"estimator": self.estimator, "record_hash": self.record.hash}
-        return needed("xarray").Dataset({"theta": (names, self.theta, said)}, along, about)
+        return optional_package("xarray").Dataset(
+            {"theta": (names, self.theta, said)}, along, about
+        )
 
     def _lines(self) -> list[list[str]]:
         found = []

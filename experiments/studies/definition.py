@@ -13,12 +13,11 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building import estimator_text as specs
-from flexaxis.experiments.building.code import names_code
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.seeds import END, parse_seeds
-from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_option
-from flexaxis.experiments.storage.files import StudyError
+from flexaxis.experiments.files import StudyError
+from flexaxis.experiments.running import estimators as specs
+from flexaxis.experiments.running.estimators import names_code
+from flexaxis.experiments.running.study import ALL, END, SIZE, Point, Study, is_option, parse_seeds
 from flexaxis.experiments.studies.design import MOST, Span, listed, product, sobol
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 from flexaxis.sim.scenario import Scenario

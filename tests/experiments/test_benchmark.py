@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.bench import Bench

@@ -9,7 +9,7 @@ import pytest
 import flexaxis as fx
 from flexaxis.experiments.running import cache
 from flexaxis.experiments.running.cache import SIGNALS, RecordCache, records
-from flexaxis.experiments.storage.files import sources
+from flexaxis.experiments.files import sources
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.simulate import simulate
 

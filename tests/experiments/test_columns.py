@@ -18,7 +18,7 @@ from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import pseudo_values
 from flexaxis.experiments.storage import schema
-from flexaxis.experiments.storage.files import OutputError, StudyError
+from flexaxis.experiments.files import OutputError, StudyError
 from flexaxis.experiments.storage.schema import COLUMNS, UNITS
 from tests.experiments.kept_rows import change, lines_of
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.conformance.check import check
 from flexaxis.experiments.conformance.requirements import RULES

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.commands import answers
 from flexaxis.experiments.commands.answers import CRASH, FINDING, WRONG_USE

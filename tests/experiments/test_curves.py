@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.scoring.curves import curve_of, near_fault, residual

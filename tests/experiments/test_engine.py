@@ -16,7 +16,7 @@ import pytest
 
 from flexaxis.experiments.building import away
 from flexaxis.experiments.building import code as named
-from flexaxis.experiments.building.crashes import EstimatorCrash
+from flexaxis.experiments.running.user_code import EstimatorCrash
 from flexaxis.experiments.building.processes import Workers
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results.results import Results
@@ -29,7 +29,7 @@ from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.running.work import Outcome, run_unit
 from flexaxis.experiments.storage import store
-from flexaxis.experiments.storage.files import NotRun, OutputError, StudyError
+from flexaxis.experiments.files import NotRun, OutputError, StudyError
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.store import rows_in
 from flexaxis.experiments.studies.definition import study_from

@@ -10,7 +10,7 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.running import estimate as module
 from flexaxis.experiments.running.estimate import estimate
 from flexaxis.sim.errors import RecordError
@@ -99,7 +99,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from flexaxis.experiments.running.estimate import estimate
-from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.running.estimators import parse
 estimate(Path(sys.argv[1]), parse("rpem-forgetting"), Path(sys.argv[2]), covariance=False)
 status = Path("/proc/self/status").read_text()
 print(status.split("VmHWM:")[1].split()[0])

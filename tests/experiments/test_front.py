@@ -12,7 +12,7 @@ import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.case import run_case
 from flexaxis.sim.errors import FlexaxisError

@@ -6,7 +6,7 @@ import pytest
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.code import digest, give
-from flexaxis.experiments.building.crashes import EstimatorCrash
+from flexaxis.experiments.running.user_code import EstimatorCrash
 from flexaxis.experiments.cli import main
 from flexaxis.sim.errors import FlexaxisError
 

@@ -8,7 +8,7 @@ import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.crashes import EstimatorCrash
+from flexaxis.experiments.running.user_code import EstimatorCrash
 from flexaxis.experiments.running import progress
 
 

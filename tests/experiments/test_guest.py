@@ -10,8 +10,8 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import away
-from flexaxis.experiments.building.crashes import EstimatorCrash
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.user_code import EstimatorCrash
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.building.guest import hosted, limited
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.commands.answers import CRASH, FINDING

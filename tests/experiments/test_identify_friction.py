@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from identify_axes import VALUES, log
 
-from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.errors import LogError

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.offline.descent import Problem
-from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import find_axis

@@ -7,8 +7,8 @@ import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.running.estimators import digest
+from flexaxis.experiments.running.estimators import parse
 
 MINE = """
 from __future__ import annotations

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexaxis as fx
-from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.building.offer import offer_of, torque_of
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.catalogue.names import hashes

@@ -15,8 +15,8 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import digest
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.building.guest import in_words, noted
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.cli import main

@@ -9,7 +9,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.compiler import Compiled
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building import ready as ready_
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.building.ready import Uncompiled, ready
 from flexaxis.experiments.running.case import followed
 from flexaxis.sim.simulate import simulate

@@ -17,8 +17,8 @@ from flexaxis.experiments.logs.prepare import prepare
 from flexaxis.experiments.logs.reading.log import Log
 from flexaxis.experiments.running import seeds
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.files import StudyError
+from flexaxis.experiments.running.study import parse_seeds
+from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.studies.definition import study_from
 from flexaxis.sim.errors import FlexaxisError
 

@@ -20,7 +20,7 @@ from flexaxis.experiments.building.ready import Task
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.storage.files import NotRun, StudyError
+from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.experiments.storage.store import Store
 from flexaxis.experiments.studies.definition import study_from
 from tests.experiments.kept_rows import cases_of, change, lines_of, scores_of

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from identify_axes import NAMES, VALUES, log
 
-from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.track import track

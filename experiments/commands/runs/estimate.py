@@ -15,11 +15,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.building.code import code_file
-from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
+from flexaxis.experiments.files import check_not_input
+from flexaxis.experiments.running.estimators import code_file
 from flexaxis.experiments.running.progress import progress
-from flexaxis.experiments.storage.files import spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.estimate import Estimated
@@ -42,23 +41,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="estimates only: several times faster on long records",
     )
-    options.add_time_limit(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
-    from flexaxis.experiments.building.estimator_text import parse
-    from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.running.estimate import estimate
+    from flexaxis.experiments.running.estimators import parse
     from flexaxis.sim.record import count_samples
 
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")
-    spare((args.record, args.scenario, code_file(args.estimator)), path)
+    check_not_input((args.record, args.scenario, code_file(args.estimator)), path)
     spec = parse(args.estimator)
     scenario = find_scenario(args.scenario) if args.scenario else None
     what = f"estimating with {spec.text}"
-    with limited(args.time_limit), progress(what, count_samples(args.record)) as advance:
+    with progress(what, count_samples(args.record)) as advance:
         found = estimate(
             args.record,
             spec,

@@ -21,24 +21,26 @@ from loky import ProcessPoolExecutor
 from loky.backend import get_context
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.engine.cache import RecordCache
-from flexaxis.experiments.engine.case import NUMBERS, Options, Outcome, run_unit
-from flexaxis.experiments.engine.estimators import Misfit, build, parse
-from flexaxis.experiments.engine.progress import remark
-from flexaxis.experiments.engine.results import Results
-from flexaxis.experiments.engine.store import CSV, Store
-from flexaxis.experiments.engine.study import Study, Unit, describe, missing, units
-from flexaxis.experiments.engine.user_code import (
+from flexaxis.experiments.files import NotRun, StudyError
+from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.case import NUMBERS, Options, Outcome, run_unit
+from flexaxis.experiments.running.estimators import Misfit, build, parse
+from flexaxis.experiments.running.progress import remark
+from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.running.store import CSV, Store
+from flexaxis.experiments.running.study import Study, Unit, describe, missing, units
+from flexaxis.experiments.running.user_code import (
     TIME_LIMIT,
     EstimatorCrash,
     ended_after,
     is_of_the_machine,
     why_it_ended,
 )
-from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
+Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
+"""``run(scenarios, estimators, seeds)``: rows of these cases, as `Runner.rows` gives them."""
 MOST_JOBS = max(64, 4 * (os.cpu_count() or 1))
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
@@ -234,6 +236,15 @@ class Runner:
             results.to_csv(self.store.folder / CSV, plain=True)
         return results
 
+    def rows(
+        self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], *,
+        traces: bool = False,
+    ) -> pd.DataFrame:  # fmt: skip
+        """Return the rows (`Results.frame`) of some cases; those that are missing are run."""
+        texts = tuple(dict.fromkeys(estimators))
+        study = Study("cases", tuple(scenarios), texts, tuple(seeds))
+        return self.run(study, traces=traces).frame
+
     def _outcomes(self, todo: Iterable[Unit], options: Options) -> Iterator[Outcome]:
         """Yield the outcomes of units as they come."""
         queue, free, stopped = deque(todo), list(self._workers), False
@@ -336,14 +347,14 @@ def _problems(pairs: Sequence[tuple[Scenario, Any]], limit: float) -> list[tuple
     return found
 
 
-def check_failures(results: Results) -> None:
+def check_failures(frame: pd.DataFrame) -> None:
     """Raise the error of the first case that failed.
 
     Raises
     ------
     EstimatorCrash, EstimatorError, StudyError
     """
-    for error in results.failures["error"].head(1):
+    for error in frame["error"].dropna().head(1):
         kind, _, text = error.partition(": ")
         kinds = {"EstimatorCrash": EstimatorCrash, "EstimatorError": EstimatorError,
                  "Misfit": EstimatorError}  # fmt: skip
@@ -382,3 +393,28 @@ def rerun(results: Results, number: int, runner: Runner, *, seed: int = 0) -> pd
         for place, line in both.stack(level=0, future_stack=True).iterrows():
             lines.append([*place, line["self"], line["other"]])
     return pd.DataFrame(lines, columns=[*key, "column", "before", "now"])
+
+
+def parallel(work: Callable[[Any], Any], tasks: Sequence[Any], *, jobs: int = 1) -> Iterator[Any]:
+    """Yield what a function makes of each task, in any order, on worker processes.
+
+    Parameters
+    ----------
+    work : callable
+        Must travel by pickle.
+    tasks : sequence
+    jobs : int
+    """
+    workers = [Worker() for _ in range(min(jobs, len(tasks)))]
+    queue = deque(tasks)
+    try:
+        running = {worker.submit(work, queue.popleft()): worker for worker in workers}
+        while running:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                worker = running.pop(future)
+                if queue:
+                    running[worker.submit(work, queue.popleft())] = worker
+                yield future.result()
+    finally:
+        for worker in workers:
+            worker.end()

@@ -29,14 +29,14 @@ from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.offline.priors import stored_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.engine.user_code import (
+from flexaxis.experiments.files import SHORT
+from flexaxis.experiments.running.user_code import (
     PIPE,
     PipeEstimator,
     load_class,
     reported,
     user_line,
 )
-from flexaxis.experiments.files import SHORT
 from flexaxis.experiments.scoring.parameter_names import check_model, known_names, started_nominal
 from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.errors import did_you_mean
@@ -147,6 +147,12 @@ def names_code(text: str) -> bool:
     (False, True)
     """
     return ":" in text.partition("[")[0]
+
+
+def code_file(text: str) -> str:
+    """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
+    file = text.partition("[")[0].rpartition(":")[0]
+    return file if file.endswith(".py") else ""
 
 
 _session: dict[str, Factory] = {}

@@ -11,9 +11,6 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pandas as pd
 
-from flexaxis.experiments.engine.case import NUMBERS
-from flexaxis.experiments.engine.store import Store
-from flexaxis.experiments.engine.study import is_option
 from flexaxis.experiments.files import (
     SUMMARY,
     OutputError,
@@ -22,6 +19,9 @@ from flexaxis.experiments.files import (
     new_file,
     optional_package,
 )
+from flexaxis.experiments.running.case import NUMBERS
+from flexaxis.experiments.running.store import Store
+from flexaxis.experiments.running.study import is_option
 from flexaxis.experiments.scoring import summary
 from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.pooling import Columns
@@ -29,7 +29,7 @@ from flexaxis.experiments.scoring.score_table import SCORES
 from flexaxis.experiments.scoring.score_table import columns as score_columns
 from flexaxis.experiments.scoring.summary import Case
 from flexaxis.sim.errors import unknown
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 
 if TYPE_CHECKING:
     import xarray
@@ -101,6 +101,11 @@ class Results:
         table = table.assign(**axes)
         return table[[*FIRST, *axes, *score_columns(), *LAST]]
 
+    @property
+    def made_with(self) -> dict[str, str]:
+        """Versions and digest of the code that made the rows."""
+        return self._store.made_with
+
     def to_dataframe(self) -> pd.DataFrame:
         """Return `frame`."""
         return self.frame
@@ -137,10 +142,40 @@ class Results:
         found.__dict__["frame"] = self.frame[kept].reset_index(drop=True)
         return found
 
+    def groups(
+        self, *by: str, bins: Mapping[str, Sequence[float]] | None = None
+    ) -> list[tuple[dict[str, Any], pd.DataFrame]]:
+        """Return the rows that agree in some columns, group by group, in the order of the values.
+
+        Parameters
+        ----------
+        *by : str
+        bins : mapping of str to sequence of float, optional
+            Edges between which the values of an axis count as one, the middle of the two.
+
+        Raises
+        ------
+        StudyError
+            If there is no such column.
+        """
+        self._check(by)
+        table = self.frame[self.frame["parameter"] != ""].sort_values(["seed", "case"])
+        keys = [_ordered(table[name], (bins or {}).get(name)) for name in by]
+        parts = table.groupby(keys, observed=True, dropna=False)
+        return [({name: _value(value) for name, value in zip(by, key, strict=True)}, part)
+                for key, part in parts]  # fmt: skip
+
     def scores(
         self, *by: str, scores: Sequence[str] | None = None,
         bins: Mapping[str, Sequence[float]] | None = None,
     ) -> pd.DataFrame:  # fmt: skip
+        """Return `pooled` as a DataFrame."""
+        return pd.DataFrame(self.pooled(*by, scores=scores, bins=bins))
+
+    def pooled(
+        self, *by: str, scores: Sequence[str] | None = None,
+        bins: Mapping[str, Sequence[float]] | None = None,
+    ) -> list[dict[str, Any]]:  # fmt: skip
         """Return scores pooled over the rows that agree in some columns, with 95 % intervals.
 
         Parameters
@@ -150,50 +185,44 @@ class Results:
             rows with and without a change, are always told apart.
         scores : sequence of str, optional
             Which scores to pool; all by default.
-        bins : mapping of str to sequence of float, optional
-            Edges between which the values of an axis count as one, the middle of the two.
+        bins : mapping, optional
+            As for `groups`.
 
         Returns
         -------
-        DataFrame
+        list of dict
             The columns of `by`, ``parameter, changed, runs, seeds``, the scores as in summary.json,
             ``hours`` of simulated time and ``false_alarms_per_hour``. The excess error is that of
-            one scenario, and is missing where rows of several are pooled.
+            one scenario, and is None where rows of several are pooled.
 
         Raises
         ------
         StudyError
             If there is no such column or score.
         """
-        names = list(by) or ["scenario", "estimator", *self.axes]
-        self._check(names)
         for score in scores or ():
             if score not in summary.POOLED:
                 raise StudyError(unknown("score", score, summary.POOLED))
-        keys = list(dict.fromkeys([*names, "parameter", "changed"]))
-        table = self.frame[self.frame["parameter"] != ""].sort_values(["seed", "case"])
-        groups = pd.DataFrame({key: _ordered(self.frame[key], (bins or {}).get(key))
-                               for key in keys})  # fmt: skip
-        parts = table.groupby([groups[key].loc[table.index] for key in keys],
-                              observed=True, dropna=False)  # fmt: skip
+        names = by or ("scenario", "estimator", *self.axes)
+        keys = dict.fromkeys([*names, "parameter", "changed"])
         wanted = dict.fromkeys(("failed", *(summary.POOLED if scores is None else scores)))
-        lines, columns = [], {}
-        for key, part in parts:
-            columns[key] = columns_of(part)
-            line = dict(zip(keys, key, strict=True))
-            line |= {"runs": len(part), "seeds": part["seed"].nunique()}
-            line |= summary.pool_columns(columns[key], wanted)
-            lines.append(line | summary.cost(columns[key]) | _alarms(part, line))
+        lines, every = [], []
+        for key, part in self.groups(*keys, bins=bins):
+            columns = columns_of(part)
+            line = key | {"runs": len(part), "seeds": int(part["seed"].nunique())}
+            line |= summary.pool_columns(columns, wanted)
+            lines.append(line | summary.cost(columns) | _alarms(part, line))
+            every.append(columns)
         if "excess" in wanted:
-            self._add_excess(lines, columns, names)
-        return pd.DataFrame(lines)
+            self._add_excess(lines, every, names)
+        return lines
 
     def _add_excess(
-        self, lines: list[dict[str, Any]], columns: Mapping[Any, Columns], names: Sequence[str]
+        self, lines: list[dict[str, Any]], every: Sequence[Columns], names: Sequence[str]
     ) -> None:
         """Add the excess error, which all parameters of a group share."""
         together: dict[str, list[tuple[dict[str, Any], Columns]]] = {}
-        for line, values in zip(lines, columns.values(), strict=True):
+        for line, values in zip(lines, every, strict=True):
             line |= {"excess": None, "excess_interval": None}
             key = json.dumps([str(line[name]) for name in names])
             together.setdefault(key, []).append((line, values))
@@ -213,7 +242,7 @@ class Results:
         """Return the scenario of a row of `frame`, at its point of the sweep."""
         known = {entry["definition"]["name"]: entry["definition"]
                  for entry in self.study["scenarios"]}  # fmt: skip
-        base = stored_scenario(known[row["scenario"]], source=str(row["scenario"]))
+        base = scenario_from(known[row["scenario"]], source=str(row["scenario"]))
         options = self.study["estimators"]
         axes = {key: json.loads(row[key]) if _is_json(row[key]) else row[key]
                 for key in self.axes if not is_option(key, options)}  # fmt: skip
@@ -284,6 +313,11 @@ class Results:
         for name in names:
             if name not in self.frame:
                 raise StudyError(unknown("column", name, self.frame.columns))
+
+
+def _value(value: Any) -> Any:
+    """Return a value of a group as one of Python, None where it is missing."""
+    return None if pd.isna(value) else getattr(value, "item", lambda: value)()
 
 
 def _key(about: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flexaxis.experiments.engine.case import NUMBERS, Done, unpack
 from flexaxis.experiments.files import (
     REPORT,
     SUMMARY,
@@ -29,6 +28,7 @@ from flexaxis.experiments.files import (
     digest_of,
     make_folder,
 )
+from flexaxis.experiments.running.case import NUMBERS, Done, unpack
 from flexaxis.experiments.scoring.summary import Case
 from flexaxis.sim.simulate import versions
 
@@ -117,16 +117,21 @@ class Store:
         ------
         StudyError
         """
-        before = json.loads(self._meta("made_with"))
-        if before != made_with():
-            known = made_with()
-            differ = [f"{key} {value}, now {known.get(key)}" for key, value in before.items()
-                      if known.get(key) != value]  # fmt: skip
+        known = made_with()
+        differ = [f"{key} {value}, now {known.get(key)}" for key, value in self.made_with.items()
+                  if known.get(key) != value]  # fmt: skip
+        if differ:
             raise StudyError(
                 f"{self.folder} was made by other code ({'; '.join(differ)}), and its rows must "
                 "not be mixed with new ones: choose another folder with -o, or remove them with "
                 "--overwrite"
             )
+
+    @property
+    def made_with(self) -> dict[str, str]:
+        """What made the rows that are there."""
+        with self._reported():
+            return dict(json.loads(self._meta("made_with")))
 
     def _meta(self, key: str) -> str:
         line = self._db.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
@@ -187,6 +192,7 @@ class Store:
                     "JOIN main.variants m USING (about)"
                 )
                 self._db.execute("INSERT OR IGNORE INTO traces SELECT * FROM other.traces")
+                self._db.execute("INSERT OR IGNORE INTO meta SELECT * FROM other.meta")
             (count,) = self._db.execute("SELECT count(*) FROM other.cases").fetchone()
             self._db.execute("DETACH other")
         return int(count)
