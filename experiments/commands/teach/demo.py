@@ -95,8 +95,6 @@ def _serve(args: argparse.Namespace, lesson: Lesson | None) -> int:
     from flexaxis.experiments.demo.serve import serve
     from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
 
-    if lesson:
-
     def warned(line: str) -> None:
         print(f"flexaxis: {line}", file=sys.stderr, flush=True)
 
