@@ -111,10 +111,7 @@ class Scenario(Config):
     friction: dry.FrictionConfig | None = None
     lugre: dry.LuGreConfig | None = None
     static_friction: smooth.StaticFrictionConfig | None = None
-    directional_friction: smooth.DirectionalFrictionConfig | None = None
-    position_friction: smooth.PositionFrictionConfig | None = None
     load_friction: smooth.LoadFrictionConfig | None = None
-    power_friction: smooth.PowerFrictionConfig | None = None
     gear_friction: smooth.GearFrictionConfig | None = None
     cogging: beyond.CoggingConfig | None = None
     backlash: beyond.BacklashConfig | None = None

@@ -131,8 +131,8 @@ def _scenario(text: str, *, suites: bool = False) -> None:
         from flexaxis.experiments.catalogue.find import find_scenario
 
         find_scenario(text)
-    known = {*names.scenario_names(), *(names.suite_names() if suites else ())}
-    if not (text in known or text.endswith((".nc", ".toml")) or Path(text).exists()):
+    known = names.is_scenario(text) or (suites and text in names.suite_names())
+    if not (known or text.endswith((".nc", ".toml")) or Path(text).exists()):
         raise names.unknown_scenario(text)
 
 

@@ -8,7 +8,8 @@ import pytest
 import flexaxis as fx
 from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.building.offer import offer_of, torque_of
-from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.catalogue.names import hashes
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import pieces, run_case
@@ -21,7 +22,7 @@ from flexaxis.sim.scenario import scenario_from
 from flexaxis.sim.simulate import simulate
 
 SHORT = {"duration": 6.0, "fault[0].at": 4.0, "onset_spread": 1.0, "burn_in": 1.0}
-DRAWN = [name for name in scenario_names() if name.endswith("-v2")]
+DRAWN = [name for name in hashes() if name.endswith("-v2")]
 
 
 @pytest.fixture(scope="module")
