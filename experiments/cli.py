@@ -14,12 +14,15 @@ import os
 import shlex
 import signal
 import sys
-from collections.abc import Mapping, Sequence
+import time
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version
 from pkgutil import walk_packages
 from types import ModuleType
-from typing import Any
+from typing import Any, TextIO
 
 from flexaxis.experiments import commands as home
 from flexaxis.experiments.commands.answers import (
@@ -32,7 +35,7 @@ from flexaxis.experiments.commands.answers import (
     say,
 )
 from flexaxis.experiments.commands.words import Parser, check_words
-from flexaxis.experiments.running.progress import told
+from flexaxis.experiments.running import progress
 from flexaxis.experiments.streams import Stream, forgiving, is_text
 
 GROUPS = {
@@ -216,6 +219,44 @@ def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:
         traceback.print_exception(error)
         return _ended(args, CRASH, text)
     return _ended(args, CRASH, f"{text}; {TRACEBACK} shows more")
+
+
+@contextmanager
+def told(*, quiet: bool, verbose: bool) -> Iterator[None]:
+    """Set what is said on stderr inside; `verbose` adds versions, the cache and the time taken."""
+    token, start = progress.QUIET.set(quiet), time.perf_counter()
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _show
+            if quiet:
+                warnings.simplefilter("ignore", UserWarning)
+            yield
+        if verbose:
+            _about(time.perf_counter() - start)
+    finally:
+        progress.QUIET.reset(token)
+
+
+def _show(  # noqa: PLR0917
+    message: Warning | str, category: type[Warning], filename: str, lineno: int,
+    file: TextIO | None = None, line: str | None = None,
+) -> None:  # fmt: skip
+    """Show a warning to users as words, and any other with its line."""
+    text = warnings.formatwarning(message, category, filename, lineno, line)
+    sys.stderr.write(f"flexaxis: {message}\n" if category is UserWarning else text)
+
+
+def _about(seconds: float) -> None:
+    import platform
+    from importlib.metadata import version
+
+    from flexaxis.experiments.running.cache import default_cache
+
+    packages = ("flexaxis", "mujoco", "numpy", "scipy", "numba")
+    parts = [f"{name} {version(name)}" for name in packages]
+    print(f"with {', '.join(parts)}, Python {platform.python_version()}", file=sys.stderr)
+    print(f"records are kept in {default_cache().folder}", file=sys.stderr)
+    print(f"took {seconds:.2f} s", file=sys.stderr)
 
 
 if __name__ == "__main__":

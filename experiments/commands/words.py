@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 from flexaxis.experiments.catalogue.names import scenario_names, suite_names
 from flexaxis.experiments.commands.answers import WRONG_USE, refusal, too_large
-from flexaxis.experiments.running.study import parse_seeds
+from flexaxis.experiments.seeds import parse_seeds
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 
 _CHOICE = re.compile(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)")

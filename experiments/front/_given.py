@@ -14,7 +14,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.catalogue.find import select
 from flexaxis.experiments.running.estimators import Spec, parse, with_options
 from flexaxis.experiments.running.estimators import text_of as text_of_class
-from flexaxis.experiments.running.study import MOST_SEEDS, check_number, check_seed, parse_seeds
+from flexaxis.experiments.seeds import MOST_SEEDS, check_number, check_seed, parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 

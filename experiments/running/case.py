@@ -8,7 +8,7 @@ import os
 import platform
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -33,14 +33,14 @@ from flexaxis.experiments.running.user_code import (
 )
 from flexaxis.experiments.scoring.curves import Detail
 from flexaxis.experiments.scoring.parameter_names import known_names
+from flexaxis.experiments.scoring.recovered import tracking
 from flexaxis.experiments.scoring.score_table import columns, rows, undefined
 from flexaxis.experiments.scoring.scores import Track, failed_track
 from flexaxis.experiments.scoring.summary import Case, scored
-from flexaxis.experiments.scoring.windows import claimed_at, remembered, windows
+from flexaxis.experiments.scoring.windows import claimed_at
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.simulate import tracked
 from flexaxis.sim.tables.drawn_onsets import first_onset
 from flexaxis.sim.timing import sample_index
 
@@ -204,7 +204,9 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options) -
         findings = getattr(estimator, "findings", None)
         track = track_of(drawn, record, estimator.names, theta, claimed, innovations, findings)
         if scenario.controller.adapt:
-            track = replace(track, tracking=tracking(scenario, record.seed or 0, spec))
+            with reported(spec.text, f"in the loop of {drawn.name}, seed {record.seed}"):
+                worth = tracking(scenario, record.seed or 0, build(spec, drawn))
+            track = replace(track, tracking=worth)
     cost = {"us_per_sample": 1e6 * seconds / len(theta), "seconds": seconds}
     return scored(track, estimator=spec.text, written=scenario, identity={}, cost=cost)
 
@@ -373,85 +375,20 @@ def _note_not_finite(outcome: Outcome, spec: Spec, unit: Unit, seed: int, found:
 
 def pack(case: Case) -> bytes:
     """Return what the figures of a case need, as the bytes of an .npz file."""
-    about = {"estimator": case.estimator, "names": case.names, "changed": list(case.relative),
-             "findings": list(case.detail.findings)}  # fmt: skip
+    about = [case.estimator, case.names, list(case.relative), list(case.detail.findings)]
     arrays: dict[str, Any] = {f"of {name}": values for name, values in case.relative.items()}
     arrays |= {"curve": case.curve, "near": case.detail.near}
     if case.detail.residual is not None:
         arrays["residual"] = case.detail.residual
     buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
+    np.savez(buffer, about=np.array(json.dumps(about)), **arrays)
     return buffer.getvalue()
 
 
 def unpack(content: bytes) -> Case:
     """Return the case that `pack` was given, without rows."""
     with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-        about = json.loads(str(stored["about"]))
-        detail = Detail(stored["near"], stored.get("residual"), tuple(about["findings"]))
-        relative = {name: stored[f"of {name}"] for name in about["changed"]}
-        names = tuple(about["names"])
-        return Case(about["estimator"], names, stored["curve"], relative, detail)
-
-
-class TrueParameters:
-    """An estimator that knows the parameters which act from the next sample on."""
-
-    output = "speed"
-
-    def __init__(self, scenario: Scenario) -> None:
-        self.names, truth = scenario.parameter_names, scenario.true_parameters()
-        self._next: Iterator[Array] = iter([*truth[1:], truth[-1]])
-
-    def step(self, u: float, y: float) -> Array:
-        """Return the true parameters."""
-        return next(self._next)
-
-
-def tracking(scenario: Scenario, seed: int, spec: Spec) -> Mapping[str, float] | None:
-    """Return how well the motor follows its reference in the 5 s after the first fault.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Before its onset is drawn.
-    seed : int
-    spec : Spec
-        The estimator that the controller follows.
-
-    Returns
-    -------
-    mapping of str to float, or None
-        Root mean square tracking error [rad] ``without_fault``, with the fault but ``frozen``
-        parameters, with the truth (``told``) and ``estimated`` ones; ``limited``, the samples in
-        which limits acted on the estimates. None without feed-forward or without a fault.
-
-    Raises
-    ------
-    EstimatorError, SimulationError
-    """
-    if scenario.controller.adapt is None or not scenario.fault:
-        return None
-    drawn = scenario.drawn(seed)
-    with reported(spec.text, f"in the loop of {scenario.name}, seed {seed}"):
-        rms, limited = _tracking_rms(scenario, [drawn], seed, [build(spec, drawn)])
-    return {**_baselines(scenario, seed), "estimated": rms[0], "limited": float(limited[0])}
-
-
-@remembered()
-def _baselines(scenario: Scenario, seed: int) -> Mapping[str, float]:
-    """Return the tracking errors that do not depend on the estimator."""
-    drawn = scenario.drawn(seed)
-    healthy = drawn.override({"fault": []}, inherit=True)
-    runs, followers = [drawn, drawn, healthy], [None, TrueParameters(drawn), None]
-    rms, _ = _tracking_rms(scenario, runs, seed, followers)
-    return dict(zip(("frozen", "told", "without_fault"), rms, strict=True))
-
-
-def _tracking_rms(
-    scenario: Scenario, runs: Sequence[Scenario], seed: int, followers: Sequence[Any]
-) -> tuple[list[float], Sequence[int]]:
-    first = windows(runs[0], runs[0].identify)[0]
-    error, limited = tracked(scenario, runs, seed, followers, samples=first.stop)
-    rms = np.sqrt(np.mean(error[first.start : first.stop] ** 2, axis=0))
-    return rms.tolist(), limited.tolist()
+        estimator, names, changed, findings = json.loads(str(stored["about"]))
+        detail = Detail(stored["near"], stored.get("residual"), tuple(findings))
+        relative = {name: stored[f"of {name}"] for name in changed}
+        return Case(estimator, tuple(names), stored["curve"], relative, detail)

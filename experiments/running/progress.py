@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TextIO
 
-_QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+"""Whether neither progress nor remarks are wanted."""
 
 
 @contextmanager
@@ -48,50 +47,12 @@ def _lines(what: str, total: float) -> Callable[[float], None]:
     return advance
 
 
-@contextmanager
-def told(*, quiet: bool, verbose: bool) -> Iterator[None]:
-    """Set what is said on stderr inside; `verbose` adds versions, the cache and the time taken."""
-    token, start = _QUIET.set(quiet), time.perf_counter()
-    try:
-        with warnings.catch_warnings():
-            warnings.showwarning = _show
-            if quiet:
-                warnings.simplefilter("ignore", UserWarning)
-            yield
-        if verbose:
-            _about(time.perf_counter() - start)
-    finally:
-        _QUIET.reset(token)
-
-
-def _show(  # noqa: PLR0917
-    message: Warning | str, category: type[Warning], filename: str, lineno: int,
-    file: TextIO | None = None, line: str | None = None,
-) -> None:  # fmt: skip
-    """Show a warning to users as words, and any other with its line."""
-    text = warnings.formatwarning(message, category, filename, lineno, line)
-    sys.stderr.write(f"flexaxis: {message}\n" if category is UserWarning else text)
-
-
 def is_quiet() -> bool:
     """Return whether neither progress nor remarks are wanted."""
-    return _QUIET.get()
+    return QUIET.get()
 
 
 def remark(text: str) -> None:
     """Print what is neither a result nor an error to stderr, unless --quiet."""
     if not is_quiet():
         print(text, file=sys.stderr)
-
-
-def _about(seconds: float) -> None:
-    import platform
-    from importlib.metadata import version
-
-    from flexaxis.experiments.running.cache import default_cache
-
-    packages = ("flexaxis", "mujoco", "numpy", "scipy", "numba")
-    parts = [f"{name} {version(name)}" for name in packages]
-    print(f"with {', '.join(parts)}, Python {platform.python_version()}", file=sys.stderr)
-    print(f"records are kept in {default_cache().folder}", file=sys.stderr)
-    print(f"took {seconds:.2f} s", file=sys.stderr)

@@ -15,7 +15,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running import estimators
 from flexaxis.experiments.scoring.parameter_names import check_model
-from flexaxis.sim.errors import FlexaxisError, ScenarioError
+from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
 Point = dict[str, Any]
@@ -23,7 +23,6 @@ Point = dict[str, Any]
 ALL = "estimator"
 """Before the name of an option: that of every estimator."""
 SIZE = re.compile(r"fault\[(\d+)\]\.factor")
-FIRST, MOST_SEEDS, END = 1000, 100_000, 2**63  # seeds 0–99 are for tuning
 SEEDS_PER_UNIT = 16  # enough to share the cost of a batch, few enough to see progress
 UNITS = 16  # at least, if there are enough records, so that many processes have work
 MOST_CASES = 10**7
@@ -286,59 +285,3 @@ def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
         "points": len(study.points),
         "variants": [*variants.values()][::-1],
     }
-
-
-def parse_seeds(text: str, *, what: str = "--seeds") -> list[int]:
-    """Return the seeds of "N" (1000 … 1000+N−1) or "A:B" (A … B−1).
-
-    Parameters
-    ----------
-    text : str
-    what : str
-        Name of the option, for the message.
-
-    Raises
-    ------
-    FlexaxisError
-        If it is neither, or has too many seeds.
-
-    Examples
-    --------
-    >>> parse_seeds("3"), parse_seeds("5:7")
-    ([1000, 1001, 1002], [5, 6])
-    """
-    first, colon, last = text.partition(":")
-    try:
-        seeds = range(int(first), int(last)) if colon else range(FIRST, FIRST + int(text))
-    except ValueError:
-        seeds = range(0)
-    if not seeds or seeds[0] < 0:
-        raise FlexaxisError(
-            f"{what} {text!r}: give a number of seeds, such as 8, or a range from:to, such as "
-            "1000:1030 (the last is not included)"
-        )
-    check_number(seeds[-1] - seeds[0] + 1, what=f"{what} {text!r}")
-    check_seed(seeds[-1], what=what)
-    return list(seeds)
-
-
-def check_number(number: int, *, what: str = "seeds") -> None:
-    """Refuse too many seeds; `what` is the name in the message.
-
-    Raises
-    ------
-    FlexaxisError
-    """
-    if number > MOST_SEEDS:
-        raise FlexaxisError(f"{what}: at most {MOST_SEEDS} seeds, which fix a std to 0.2 %")
-
-
-def check_seed(seed: Any, *, what: str = "seed") -> None:
-    """Refuse a seed that is no whole number from 0 to 2^63 − 1.
-
-    Raises
-    ------
-    FlexaxisError
-    """
-    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < END:
-        raise FlexaxisError(f"{what} {str(seed)[:40]}: give a whole number from 0 to 2^63 - 1")

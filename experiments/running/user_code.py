@@ -13,7 +13,6 @@ import shlex
 import struct
 import subprocess
 import sys
-import sysconfig
 import traceback
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -33,6 +32,7 @@ from flexaxis.estimators.signals import SIGNALS
 from flexaxis.sim.errors import did_you_mean
 
 PIPE = "pipe:"
+OURS = ("sim", "estimators", "experiments", "models_mjcf")
 TIME_LIMIT = 600.0
 """Default time for one run of a user's estimator [s]."""
 
@@ -135,12 +135,10 @@ def user_line(error: BaseException) -> str:
 
 @cache
 def _is_users(filename: str) -> bool:
-    ours = [str(Path(importlib.import_module("flexaxis.sim").__file__ or "").resolve().parents[1])]
-    others = [*ours, *(sysconfig.get_paths()[key] for key in ("stdlib", "purelib", "platlib"))]
+    packages = [importlib.import_module(f"flexaxis.{name}") for name in OURS]
+    ours = [str(Path(folder).resolve()) for package in packages for folder in package.__path__]
     path = filename if filename.startswith("<") else str(Path(filename).resolve())
-    parts = {"sim", "estimators", "experiments", "models_mjcf"}
-    inside = path.startswith(ours[0]) and bool(parts & {*Path(path).relative_to(ours[0]).parts[:1]})
-    return not (path.startswith(("<", *others[1:])) or inside)
+    return not path.startswith(("<", sys.prefix, sys.base_prefix, *ours))
 
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.ENOMEM, errno.EMFILE, errno.ENFILE}

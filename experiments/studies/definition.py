@@ -17,7 +17,8 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running import estimators as specs
 from flexaxis.experiments.running.estimators import names_code
-from flexaxis.experiments.running.study import ALL, END, SIZE, Point, Study, is_option, parse_seeds
+from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_option
+from flexaxis.experiments.seeds import END, parse_seeds
 from flexaxis.experiments.studies.design import MOST, Span, listed, product, sobol
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 from flexaxis.sim.scenario import Scenario

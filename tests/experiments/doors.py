@@ -60,8 +60,8 @@ def programs(place: Path) -> dict[str, str]:
 def main() -> int:
     """Measure in turn, and print the table."""
     from flexaxis.estimators.protocol import run_estimator
-    from flexaxis.experiments.running.estimators import build, parse
     from flexaxis.experiments.catalogue.find import find_scenario
+    from flexaxis.experiments.running.estimators import build, parse
     from flexaxis.sim.simulate import simulate
 
     parser = argparse.ArgumentParser(description=__doc__)

@@ -6,17 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.experiments.kept_rows import scores_of
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.storage import files
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
-from tests.experiments.kept_rows import scores_of
 
 ESTIMATORS = ["rpem-forgetting", "frozen"]
 

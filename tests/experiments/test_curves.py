@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.scoring.curves import curve_of, near_fault, residual
 from flexaxis.experiments.storage.traces import packed, unpacked
 from flexaxis.sim.simulate import simulate

@@ -11,12 +11,12 @@ import pytest
 import flexaxis as fx
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import known_P
-from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.gate import equal_noise, gate
 from flexaxis.experiments.gate.equal_noise import SEEDS
 from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.studies.tuning import EXCESS, TOLERANCE, Trials
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import PARAMETER_NAMES

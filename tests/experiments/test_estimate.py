@@ -10,9 +10,9 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.running import estimate as module
 from flexaxis.experiments.running.estimate import estimate
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, record_pieces
 from flexaxis.sim.simulate import simulate

@@ -12,9 +12,9 @@ import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.simulate import simulate
 

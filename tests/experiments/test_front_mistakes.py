@@ -6,8 +6,8 @@ import pytest
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.code import digest, give
-from flexaxis.experiments.running.user_code import EstimatorCrash
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.running.user_code import EstimatorCrash
 from flexaxis.sim.errors import FlexaxisError
 
 

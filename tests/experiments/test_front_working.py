@@ -8,8 +8,8 @@ import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running.user_code import EstimatorCrash
 from flexaxis.experiments.running import progress
+from flexaxis.experiments.running.user_code import EstimatorCrash
 
 
 class Endless:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import flexaxis as fx
-from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.building.offer import offer_of, torque_of
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.catalogue.names import hashes
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import pieces, run_case
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.scoring.bounds import limits
 from flexaxis.experiments.scoring.curves import later, shifted
 from flexaxis.experiments.scoring.windows import claimed_at, quiet, windows

@@ -15,12 +15,11 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.running.estimators import digest
-from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.building.guest import in_words, noted
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.running.estimators import build, digest, parse
 from flexaxis.sim.simulate import simulate
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="its pipes cannot be waited for")

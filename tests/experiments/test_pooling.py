@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.pooling import rmse, settles, spread, spread_at_a_time

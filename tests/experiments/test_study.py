@@ -7,18 +7,18 @@ import platform
 
 import numpy as np
 import pytest
+from tests.experiments.kept_rows import change
 
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.engine import run_study
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.storage.schema import COLUMNS, row_files
 from flexaxis.experiments.storage.store import rows_in
 from flexaxis.experiments.studies.definition import load_study, study_from
 from flexaxis.sim.scenario import Scenario
 from tests.experiments.command import flexaxis
-from tests.experiments.kept_rows import change
 
 FILE = """\
 scenario = "short.toml"
@@ -215,8 +215,8 @@ def test_the_folder_of_a_study(finished):
 
 def test_rows_are_those_of_a_run(finished, short):
     """The study adds columns; the scores are those of the same definition by itself."""
-    from flexaxis.experiments.running.estimators import parse
     from flexaxis.experiments.running.case import run_case
+    from flexaxis.experiments.running.estimators import parse
     from flexaxis.sim.simulate import simulate
 
     base = short.override({"duration": 4.0, "fault[0].at": 2.5})

@@ -7,13 +7,13 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.running.estimators import Spec, build, parse
 from flexaxis.experiments.catalogue.card import in_a_line, reference_card
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting.terminal import score_table
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.estimate import estimate
+from flexaxis.experiments.running.estimators import Spec, build, parse
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.nominal import design_torque
 from flexaxis.experiments.scoring.parameter_names import (

@@ -10,10 +10,10 @@ from acceptance.units import CHANGES
 from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import at_equal_noise, tuned, tunings
-from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.studies import tuning
 from flexaxis.experiments.studies.knobs import knob_of, with_knob
 from flexaxis.experiments.studies.sweep import TURNS

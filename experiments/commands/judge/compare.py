@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer, at_most, say
 from flexaxis.experiments.files import SUMMARY, check_not_input
-from flexaxis.experiments.running.study import MOST_SEEDS, parse_seeds
+from flexaxis.experiments.seeds import MOST_SEEDS, parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:

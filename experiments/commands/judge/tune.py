@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.files import OutputError, write_json, write_text
-from flexaxis.experiments.running.study import parse_seeds
+from flexaxis.experiments.seeds import parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer, say
 from flexaxis.experiments.files import REPORT, check_not_input
 from flexaxis.experiments.running.progress import remark
-from flexaxis.experiments.running.study import parse_seeds
+from flexaxis.experiments.seeds import parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from flexaxis.experiments.files import check_not_input
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.options import add_style_options, style_of
 from flexaxis.experiments.running.progress import progress
-from flexaxis.experiments.running.study import check_seed
+from flexaxis.experiments.seeds import check_seed
 
 if TYPE_CHECKING:
     from flexaxis.sim.record import Record
