@@ -83,8 +83,7 @@ class Groups:
 
     def columns(self, group: int) -> dict[str, Any]:
         """Return the numbers of a group, and its seconds."""
-        part = self.rows[group]
-        return new.columns_of(part) | {"seconds": part["seconds"].to_numpy(float)}
+        return new._Columns(self.rows[group])
 
     def first(self, number: int) -> Groups:
         """Return only so many of them."""

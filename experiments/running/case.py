@@ -185,7 +185,9 @@ def _records(
     return [record for each in alone for record in each]
 
 
-def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options) -> Case:
+def run_case(
+    scenario: Scenario, record: Record, spec: Spec, options: Options = Options()
+) -> Case:
     """Run an estimator on a record and score it.
 
     Raises
@@ -208,7 +210,9 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options) -
                 worth = tracking(scenario, record.seed or 0, build(spec, drawn))
             track = replace(track, tracking=worth)
     cost = {"us_per_sample": 1e6 * seconds / len(theta), "seconds": seconds}
-    return scored(track, estimator=spec.text, written=scenario, identity={}, cost=cost)
+    identity = {"scenario": scenario.name, "hash": scenario.hash, "estimator": spec.text,
+                "seed": record.seed}  # fmt: skip
+    return scored(track, estimator=spec.text, written=scenario, identity=identity, cost=cost)
 
 
 def follow(

@@ -77,8 +77,8 @@ class Spec:
 
     @property
     def is_users(self) -> bool:
-        """Whether it is code of a user: from a file, a module, a program or this session."""
-        return names_code(self.text) or self.session is not None
+        """Whether it is code of a user: a file, module, program, entry point or session class."""
+        return self.session is not None or self.name not in REGISTRY
 
     @cached_property
     def make(self) -> Factory:
@@ -194,7 +194,8 @@ def parse(text: str) -> Spec:
     if module.endswith(".py") and not (path := Path(module)).is_file():
         near = did_you_mean(path.name, [file.name for file in path.parent.glob("*.py")])
         raise EstimatorError(f"{path} cannot be imported: there is no such file.{near}")
-    if not spec.is_users and name not in REGISTRY and name not in (installed := _installed()):
+    ours = name in REGISTRY or spec.session or names_code(name)
+    if not ours and name not in (installed := _installed()):
         raise EstimatorError(
             f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis "
             "list` shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"

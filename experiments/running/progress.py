@@ -34,14 +34,14 @@ def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
 
 def _lines(what: str, total: float) -> Callable[[float], None]:
-    start, done, tenth = time.monotonic(), 0.0, -1
+    start, done, tenth = time.monotonic(), 0.0, 0
 
     def advance(amount: float) -> None:
         nonlocal done, tenth
         done = min(done + amount, total)
         if int(10 * done / total) > tenth:
             tenth = int(10 * done / total)
-            left = (time.monotonic() - start) * (total / done - 1) if done else 0.0
+            left = (time.monotonic() - start) * (total / done - 1)
             remark(f"{what}: {100 * done / total:.0f} %, {left:.0f} s left")
 
     return advance

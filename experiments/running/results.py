@@ -160,6 +160,7 @@ class Results:
         """
         self._check(by)
         table = self.frame[self.frame["parameter"] != ""].sort_values(["seed", "case"])
+        table["point"] = table.groupby(["hash", "setting"], sort=False).ngroup()
         keys = [_ordered(table[name], (bins or {}).get(name)) for name in by]
         parts = table.groupby(keys, observed=True, dropna=False)
         return [({name: _value(value) for name, value in zip(by, key, strict=True)}, part)
@@ -208,7 +209,7 @@ class Results:
         wanted = dict.fromkeys(("failed", *(summary.POOLED if scores is None else scores)))
         lines, every = [], []
         for key, part in self.groups(*keys, bins=bins):
-            columns = columns_of(part)
+            columns = _Columns(part)
             line = key | {"runs": len(part), "seeds": int(part["seed"].nunique())}
             line |= summary.pool_columns(columns, wanted)
             lines.append(line | summary.cost(columns) | _alarms(part, line))
@@ -344,12 +345,16 @@ def _ordered(values: pd.Series, edges: Sequence[float] | None) -> Any:
     return pd.Categorical(values, categories=values.dropna().unique())
 
 
-def columns_of(part: pd.DataFrame) -> dict[str, Any]:
-    """Return rows of one parameter as columns of numbers, as `scoring.pooling` takes them."""
-    points = pd.factorize(part["hash"] + " " + part["setting"])[0]
-    found = {name: part[name].to_numpy(float) for name in ("seed", *summary.NUMBERS)}
-    return found | {"point": points.astype(float), "case": part["case"].to_numpy(),
-                    "row": part.index.to_numpy()}  # fmt: skip
+class _Columns(dict[str, Any]):
+    """Columns of some rows as arrays of numbers, each made when it is first asked for."""
+
+    def __init__(self, part: pd.DataFrame) -> None:
+        super().__init__(case=part["case"].to_numpy(), row=part.index.to_numpy())
+        self._part = part
+
+    def __missing__(self, name: str) -> Any:
+        self[name] = found = self._part[name].to_numpy(float)
+        return found
 
 
 def _alarms(part: pd.DataFrame, pooled: Mapping[str, Any]) -> dict[str, Any]:

@@ -238,11 +238,11 @@ class Runner:
 
     def rows(
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], *,
-        traces: bool = False,
+        traces: bool = False, repeat: int = 0,
     ) -> pd.DataFrame:  # fmt: skip
         """Return the rows (`Results.frame`) of some cases; those that are missing are run."""
         texts = tuple(dict.fromkeys(estimators))
-        study = Study("cases", tuple(scenarios), texts, tuple(seeds))
+        study = Study("cases", tuple(scenarios), texts, tuple(seeds), repeat=repeat)
         return self.run(study, traces=traces).frame
 
     def _outcomes(self, todo: Iterable[Unit], options: Options) -> Iterator[Outcome]:

@@ -36,6 +36,7 @@ ROWS, CSV = "scores.sqlite", "scores.csv"
 WAIT = 600.0  # s for another process that writes
 TRUTHS = ("changed", "diverged", "failed")  # that are defined in every row
 SCHEMA = """
+PRAGMA synchronous = NORMAL;
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT);
 CREATE TABLE IF NOT EXISTS variants (id INTEGER PRIMARY KEY, about TEXT UNIQUE);
 CREATE TABLE IF NOT EXISTS cases (id TEXT PRIMARY KEY, variant INTEGER, seed INTEGER,

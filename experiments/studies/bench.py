@@ -43,6 +43,7 @@ class Bench:
 
     runner: Runner
     traced: bool = False
+    repeat: int = 0
 
     def runs(
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
@@ -54,7 +55,7 @@ class Bench:
         EstimatorError, StudyError
             If one of them failed.
         """
-        frame = self.runner.rows(scenarios, estimators, seeds, traces=self.traced)
+        frame = self.frame(scenarios, estimators, seeds)
         check_failures(frame)
         return self._by_case(frame, seeds)
 
@@ -62,8 +63,14 @@ class Bench:
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
     ) -> dict[tuple[str, str], Runs]:
         """Return the same with the cases that failed: their rows are of lost runs."""
-        frame = self.runner.rows(scenarios, estimators, seeds, traces=self.traced)
-        return self._by_case(frame, seeds)
+        return self._by_case(self.frame(scenarios, estimators, seeds), seeds)
+
+    def frame(
+        self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
+    ) -> pd.DataFrame:
+        """Return the rows as a table."""
+        how = {"traces": self.traced, "repeat": self.repeat}
+        return self.runner.rows(scenarios, estimators, seeds, **how)  # type: ignore[arg-type]
 
     @staticmethod
     def _by_case(frame: pd.DataFrame, seeds: Sequence[int]) -> dict[tuple[str, str], Runs]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor, Future
 from pathlib import Path
 
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.studies.bench import Bench
 from flexaxis.sim.scenario import Scenario
 
 CODE = """
@@ -73,3 +76,31 @@ def user_file(folder: Path) -> str:
     path = folder / "mine.py"
     path.write_text(CODE)
     return str(path)
+
+
+class Here(Executor):
+    """Does at once, in this process, what it is asked for: a worker takes seconds to start."""
+
+    def submit(self, work, /, *args, **options):
+        """Return a future that is done."""
+        future = Future()
+        future.set_result(work(*args, **options))
+        return future
+
+
+def runner_here(folder: Path | None = None, **options) -> Runner:
+    """Return a runner without worker processes."""
+    return Runner(folder, executor=Here(), **options)
+
+
+class BenchHere(Bench):
+    """A bench without worker processes."""
+
+    def __init__(self, folder: Path | None = None, *, traced: bool = False) -> None:
+        super().__init__(runner_here(folder), traced)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        pass

@@ -5,8 +5,8 @@ import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.code import digest, give
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.running.estimators import parse, text_of
 from flexaxis.experiments.running.user_code import EstimatorCrash
 from flexaxis.sim.errors import FlexaxisError
 
@@ -59,9 +59,9 @@ def test_rows_of_a_class_of_the_session_are_not_gone_on_with(short, tmp_path):
 
 
 def test_classes_without_text_are_told_apart():
-    first = digest(give(made("class Hidden: a = 1")))
-    assert first == digest("Hidden")
-    assert first != digest(give(made("class Hidden: a = 2")))
+    first = parse(text_of(made("class Hidden: a = 1"))).digest
+    assert first == parse("Hidden").digest
+    assert first != parse(text_of(made("class Hidden: a = 2"))).digest
 
 
 @pytest.mark.parametrize(

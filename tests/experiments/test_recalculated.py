@@ -6,7 +6,7 @@ import statistics
 import pytest
 from scipy import stats
 
-from flexaxis.experiments.results.results import Results
+from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 
