@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from flexaxis._table import html_table, text_table
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.experiments.files import optional_package
-from flexaxis.experiments.running.estimate import run_on, true_values
+from flexaxis.experiments.running.estimate import run_on, true_values, write_estimates
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario
 
@@ -142,6 +143,18 @@ class Estimate:
         return optional_package("xarray").Dataset(
             {"theta": (names, self.theta, said)}, along, about
         )
+
+    def save(self, path: str | Path, *, covariance: bool = True) -> None:
+        """Write the estimates to a NetCDF-4 file, with the covariance that is claimed.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        about = {"estimator": self.estimator, "record_hash": self.record.hash}
+        known = self.covariance if covariance else None
+        write_estimates(Path(path), self.time, self.theta, self.names, about, covariance=known)
 
     def _lines(self) -> list[list[str]]:
         found = []

@@ -26,8 +26,6 @@ from flexaxis.sim.simulate import made_with, simulate
 from flexaxis.sim.storage.atomic_files import atomic
 
 LIMIT = 2048  # MB
-SHARE = 1 / 64  # of the limit that a process writes before it looks at the folder again
-_written: dict[Path, int] = {}
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,6 @@ class RecordCache:
                         file.create_variable(name, ("time",), data=values)
             with atomic(path) as new:
                 new.write_bytes(content.getvalue())
-            _written[self.folder] = _written.get(self.folder, self.limit) + path.stat().st_size
 
     def entries(self) -> list[Path]:
         """Return the files, the least recently used first."""
@@ -102,13 +99,6 @@ class RecordCache:
     def clear(self) -> int:
         """Remove all entries; return how many."""
         return self.evict(-1)
-
-    def make_room(self) -> None:
-        """Evict, unless this process has written little since it last did."""
-        if _written.get(self.folder, 0) > SHARE * self.limit:
-            with suppress(FileNotFoundError):  # another process evicts, too
-                self.evict()
-            _written[self.folder] = 0
 
     def _path(self, scenario: Scenario, seed: int, repeat: int) -> Path:
         parts = [scenario.record_hash, seed, repeat, sorted(made_with(scenario).items()),
@@ -153,7 +143,8 @@ def records(
         if cache:
             cache.put(scenario, record, repeat=repeat)
     if cache and made:
-        cache.make_room()
+        with suppress(FileNotFoundError):  # another process evicts, too
+            cache.evict()
     known |= dict(zip(missing, made, strict=True))
     return [known[seed] for seed in seeds], len(made)
 

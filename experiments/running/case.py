@@ -185,9 +185,7 @@ def _records(
     return [record for each in alone for record in each]
 
 
-def run_case(
-    scenario: Scenario, record: Record, spec: Spec, options: Options = Options()
-) -> Case:
+def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = Options()) -> Case:
     """Run an estimator on a record and score it.
 
     Raises

@@ -1,103 +1,20 @@
-"""One estimator on one record, from file to file."""
+"""One estimator on one record: what it claims sample by sample, and a file of estimates."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator, theta_of
 from flexaxis.experiments.files import make_folder, new_file
-from flexaxis.experiments.running.estimators import Spec, build
-from flexaxis.experiments.running.user_code import reported
 from flexaxis.experiments.scoring.parameter_names import physical, true_theta
-from flexaxis.sim.errors import RecordError
-from flexaxis.sim.record import Record, load_record
-from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
-PIECE = 20_000  # samples between two reports of progress
-
-
-@dataclass(frozen=True)
-class Estimated:
-    """Result of `estimate`.
-
-    Attributes
-    ----------
-    last, truth : dict of str to float
-        Last estimates by parameter, and their true values if the record knows them.
-    samples : int
-    """
-
-    last: dict[str, float]
-    truth: dict[str, float]
-    samples: int
-
-
-def estimate(
-    source: Path, spec: Spec, target: Path, *, scenario: Scenario | None = None,
-    covariance: bool = True, advance: Callable[[int], object] | None = None,
-) -> Estimated:  # fmt: skip
-    """Run an estimator on a record file and write the estimates to a NetCDF-4 file.
-
-    Parameters
-    ----------
-    source, target : Path
-    spec : Spec
-    scenario : Scenario, optional
-        What the estimator is told; the record's own by default.
-    covariance : bool
-        Whether to write the claimed covariance; without it, the estimator's fast `run` is used.
-    advance : callable, optional
-        Called with the number of samples done since the last call.
-
-    Raises
-    ------
-    EstimatorError, RecordError, OutputError
-        If the record cannot be used, lacks what the estimator reads, or the target cannot be
-        written.
-    """
-    record = load_record(source)
-    estimator = build(spec, scenario or _own_scenario(record, source))
-    y = getattr(record, estimator.output)
-    if y is None:
-        raise EstimatorError(f"{spec.text} reads {estimator.output!r}, which {source} lacks")
-    thetas: list[Array] = []
-    claims: list[Array] = []
-    for first in range(0, len(y), PIECE):
-        part = slice(first, first + PIECE)
-        valid = None if record.valid is None else record.valid[part]
-        with reported(spec.text, f"on {source}", first=first, period=record.period, refusing=True):
-            theta, claimed, _ = run_on(
-                estimator, record.torque[part], y[part], valid, claims=covariance
-            )
-        thetas.append(theta)
-        claims += [] if claimed is None else [claimed]
-        if advance:
-            advance(len(theta))
-    names, theta = tuple(estimator.names), np.concatenate(thetas)
-    known = np.concatenate(claims) if claims else None
-    about = {"estimator": spec.text, "options": json.dumps(dict(spec.options)),
-             "record_hash": record.hash}  # fmt: skip
-    write_estimates(target, record.time, theta, names, about, covariance=known)
-    last = dict(zip(names, theta[-1].tolist(), strict=True))
-    return Estimated(last, true_values(names, record, -1), len(theta))
-
-
-def _own_scenario(record: Record, source: Path) -> Scenario:
-    if not record.scenario:
-        raise RecordError(
-            f"{source} has no scenario, so the nominal values and the parameters to identify are "
-            "unknown: name one with --scenario"
-        )
-    return scenario_from(record.scenario, source=f"{source}, attribute scenario")
 
 
 def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:

@@ -25,7 +25,6 @@ from flexaxis.experiments.running.study import is_option
 from flexaxis.experiments.scoring import summary
 from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.pooling import Columns
-from flexaxis.experiments.scoring.score_table import SCORES
 from flexaxis.experiments.scoring.score_table import columns as score_columns
 from flexaxis.experiments.scoring.summary import Case
 from flexaxis.sim.errors import unknown
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
 FIRST = ("scenario", "estimator", "seed", "parameter", "changed")
 LAST = ("onset", "seconds", "error", "setting", "hash", "case", "cost.us_per_sample",
         "cost.seconds", "cost.host")  # fmt: skip
-PLAIN = tuple(name for name in score_columns() if "." not in name and name != "isolation")
 
 
 class Results:
@@ -272,14 +270,10 @@ class Results:
         """
         return json_table((self.folder or Path()) / SUMMARY, OutputError)
 
-    def to_csv(self, path: str | Path, *, plain: bool = False) -> None:
-        """Write the rows as CSV; `plain` leaves out the parts of scores that are tables."""
-        names = self.frame.columns
-        if plain:
-            axes = [name for name in names if name not in {*FIRST, *score_columns(), *LAST}]
-            names = pd.Index([*FIRST, *axes, *PLAIN, "error", "setting", "case"])
+    def to_csv(self, path: str | Path) -> None:
+        """Write the rows as CSV, without columns that are empty."""
         with new_file(Path(path)) as part:
-            self.frame[names].to_csv(part, index=False)
+            self.frame.dropna(axis=1, how="all").to_csv(part, index=False)
 
     def to_parquet(self, path: str | Path) -> None:
         """Write the rows as Parquet; needs pyarrow."""
@@ -288,27 +282,18 @@ class Results:
             self.frame.to_parquet(part, index=False)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the numbers as a Dataset over scenario, estimator, axes, seed and parameter.
+        """Return the numbers over scenario, estimator, point of the sweep, seed and parameter.
 
-        What was not run or is not defined is NaN. Points that are no product are a dimension
-        ``point``, with the axes as its coordinates.
+        What was not run or is not defined is NaN. The axes are coordinates of the points:
+        ``set_index(point=[...]).unstack("point")`` makes them dimensions.
         """
-        table = self.frame[self.frame["parameter"] != ""]
-        axes, keys = list(self.axes), ["scenario", "estimator", "seed", "parameter"]
-        points = table[axes].drop_duplicates()
-        product = len(points) == points.nunique(dropna=False).prod() if axes else True
-        if not product:
-            table = table.assign(point=table.groupby(axes, dropna=False, sort=False).ngroup())
-        index = keys + (axes if product else ["point"])
-        numbers = [name for name in (*score_columns(), *LAST) if name in NUMBERS]
-        found = table.set_index(index)[["changed", *numbers]].astype(float).to_xarray()
-        for name in numbers:
-            score = SCORES.get(name.partition(".")[0])
-            found[name].attrs["units"] = (score.unit if score else "") or "1"
-        if not product:
-            values = points.reset_index(drop=True)
-            found = found.assign_coords({key: ("point", values[key]) for key in axes})
-        return found
+        axes, table = list(self.axes), self.frame[self.frame["parameter"] != ""]
+        points = table.groupby(axes, dropna=False).ngroup() if axes else 0
+        table = table.assign(point=points)
+        index = ["scenario", "estimator", "point", "seed", "parameter"]
+        cube = table.set_index(index)[[*NUMBERS]].astype(float).to_xarray()
+        values = table.groupby("point")[axes].first()
+        return cube.assign_coords({axis: ("point", values[axis]) for axis in axes})
 
     def _check(self, names: Iterable[str]) -> None:
         for name in names:

@@ -10,7 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
@@ -233,7 +233,7 @@ class Runner:
             )
         results = Results(self.store, description | dict(about or {}))
         if about is not None and self.store.folder:
-            results.to_csv(self.store.folder / CSV, plain=True)
+            results.to_csv(self.store.folder / CSV)
         return results
 
     def rows(
@@ -252,8 +252,8 @@ class Runner:
         while running or (queue and not stopped):
             while queue and free and not stopped:
                 worker, unit = free.pop(), queue.popleft()
-                own = isinstance(worker, Worker)
-                log = f"{self._logs.name}/{id(worker)}" if own else os.devnull
+                log = f"{self._logs.name}/{id(worker)}"
+                log = log if isinstance(worker, Worker) else os.devnull
                 future = worker.submit(_work, unit, replace(options, log=log))
                 running[future] = worker, unit, log
             try:
@@ -377,22 +377,19 @@ def rerun(results: Results, number: int, runner: Runner, *, seed: int = 0) -> pd
     Returns
     -------
     DataFrame
-        ``scenario, setting, seed, parameter, column, before, now``; empty if all are equal.
+        Values ``before`` and ``now`` by case, parameter and column; empty if all are equal.
     """
-    first = results.frame.drop_duplicates("case")
-    chosen = first.sample(min(number, len(first)), random_state=seed)
+    key = ["case", "parameter"]
+    chosen = results.frame.drop_duplicates("case")
+    parts = []
+    for _, row in chosen.sample(min(number, len(chosen)), random_state=seed).iterrows():
+        scenario, one = results.scenario(row), (int(row["seed"]),)
+        parts.append(runner.run(Study("rerun", (scenario,), (row["setting"],), one)).frame)
     columns = [name for name in (*NUMBERS, "error") if not name.startswith("cost.")]
-    key = ["scenario", "setting", "seed", "parameter"]
-    lines = []
-    for _, row in chosen.iterrows():
-        scenario = results.scenario(row)
-        again = runner.run(Study("rerun", (scenario,), (row["setting"],), (int(row["seed"]),)))
-        before = results.frame[results.frame["case"] == row["case"]].set_index(key)
-        now = again.frame.assign(scenario=row["scenario"]).set_index(key)
-        both = before[columns].compare(now[columns].reindex(before.index), keep_equal=False)
-        for place, line in both.stack(level=0, future_stack=True).iterrows():
-            lines.append([*place, line["self"], line["other"]])
-    return pd.DataFrame(lines, columns=[*key, "column", "before", "now"])
+    now = pd.concat(parts).set_index(key)[columns]
+    before = results.frame.set_index(key)[columns].loc[now.index]
+    differ = before.compare(now, result_names=("before", "now"))
+    return differ.stack(level=0, future_stack=True).dropna(how="all")
 
 
 def parallel(work: Callable[[Any], Any], tasks: Sequence[Any], *, jobs: int = 1) -> Iterator[Any]:
@@ -405,16 +402,9 @@ def parallel(work: Callable[[Any], Any], tasks: Sequence[Any], *, jobs: int = 1)
     tasks : sequence
     jobs : int
     """
-    workers = [Worker() for _ in range(min(jobs, len(tasks)))]
-    queue = deque(tasks)
+    how: dict[str, Any] = {"initializer": _start, "initargs": (None, os.getpid())}
+    pool = ProcessPoolExecutor(jobs, env=ENVIRONMENT, **how)
     try:
-        running = {worker.submit(work, queue.popleft()): worker for worker in workers}
-        while running:
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                worker = running.pop(future)
-                if queue:
-                    running[worker.submit(work, queue.popleft())] = worker
-                yield future.result()
+        yield from (done.result() for done in as_completed([pool.submit(work, t) for t in tasks]))
     finally:
-        for worker in workers:
-            worker.end()
+        pool.shutdown(kill_workers=True)

@@ -271,11 +271,9 @@ class PipeEstimator:
         if len(answer) < size:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(1)
-            status = self._process.poll()
             raise EstimatorError(
-                f"the program wrote {len(answer)} of {size} bytes and "
-                + ("closed its output" if status is None else f"ended with status {status}")
-                + f" (it has {self._patience:g} s for an answer; docs/pipes.md)"
+                f"the program wrote {len(answer)} of {size} bytes (exit status "
+                f"{self._process.poll()}; it has {self._patience:g} s for an answer; docs/pipes.md)"
             )
         return answer
 

@@ -163,8 +163,8 @@ def test_files_for_others(tmp_path, outcomes):
     np.testing.assert_allclose(back["lag"], results.frame["lag"])
     back = pd.read_parquet(tmp_path / "rows.parquet")
     assert back["setting"].tolist() == results.frame["setting"].tolist()
-    cube = results.to_xarray()
-    key = {"estimator": "frozen", "fault[0].factor": 1.2, "seed": 2, "parameter": "f_m"}
+    cube = results.to_xarray().set_index(point="fault[0].factor")
+    key = {"estimator": "frozen", "point": 1.2, "seed": 2, "parameter": "f_m"}
     row = results.frame.query(
         "estimator == 'frozen' and `fault[0].factor` == 1.2 and seed == 2 and parameter == 'f_m'"
     )

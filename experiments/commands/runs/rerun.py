@@ -15,7 +15,6 @@ from pathlib import Path
 from flexaxis.experiments.commands.answers import SEED, answer, at_most
 from flexaxis.sim.errors import FlexaxisError
 
-CASE = ["scenario", "setting", "seed"]
 HELP = "run random cases of a run or a study again and compare"
 
 
@@ -38,11 +37,13 @@ def main(args: argparse.Namespace) -> int:
     results = Results.load(args.folder, whole=True)
     with Runner() as runner:
         differ = rerun(results, args.sample, runner, seed=args.seed)
-    number, wrong = min(args.sample, results.cases), len(differ.drop_duplicates(CASE))
-    lines = [
-        f"{row.scenario}, {row.setting}, seed {row.seed}, {row.parameter}: {row.column} was "
-        f"{row.before!r} and is {row.now!r}" for row in differ.itertuples()
-    ]  # fmt: skip
+    number, wrong = min(args.sample, results.cases), len(differ.index.unique("case"))
+    names = results.frame.drop_duplicates("case").set_index("case")
+    lines = []
+    for (case, parameter, column), line in differ.iterrows():
+        run = ", ".join(map(str, names.loc[case, ["scenario", "setting", "seed"]]))
+        values = f"was {line['before']} and is {line['now']}"
+        lines.append(f"{run}, {parameter}: {column} {values}")
     lines += [f"{number - wrong} of {number} cases agree"]
-    content = {"cases": number, "differ": wrong, "differences": differ.to_dict("records")}
+    content = {"cases": number, "differ": wrong, "differences": lines[:-1]}
     return answer(args, content, int(bool(wrong)), *lines)
