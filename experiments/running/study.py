@@ -220,10 +220,10 @@ def units(study: Study) -> list[Unit]:
             seeds = study.seeds[first : first + study.block]
             found.append(Unit(scenario, base.name, axes, settings, seeds, study.repeat))
     if problems:
-        lines = [
-            text if point == "{}" else f"{study.name}: sweep: {point}: {text}"
-            for text, point in problems.items()
-        ]
+        lines = []
+        for text, key in problems.items():
+            point = ", ".join(f"{k} = {json.dumps(v)}" for k, v in json.loads(key).items())
+            lines.append(f"{study.name}: sweep: {point}: {text}" if point else text)
         more = [f"… and {len(lines) - SHOWN} more"] * (len(lines) > SHOWN)
         raise StudyError("\n".join(lines[:SHOWN] + more))
     return found
