@@ -184,9 +184,8 @@ def why_it_ended(log: str, seconds: float) -> str:
 
 
 PATIENCE = 30.0  # s for an answer of a program
-MAGIC, VERSION, MARK = b"FLEXAXIS", 1, 0x01020304
-NAME = "32s"  # a name is 32 bytes, filled with NUL
-BLOCK = 32_768  # bytes in flight each way: less than a pipe holds, so neither side waits
+HEAD = struct.pack("<8sII", b"FLEXAXIS", 1, 0x01020304)  # version and byte order
+BLOCK = 2048  # samples in flight: fewer bytes than a pipe holds, so neither side waits
 
 
 class PipeEstimator:
@@ -216,7 +215,7 @@ class PipeEstimator:
         self, command: str, nominal: Mapping[str, float], period: float, *,
         identify: Sequence[str], output: str = "speed", patience: float = PATIENCE,
     ) -> None:  # fmt: skip
-        self._patience, outputs = patience, tuple(SIGNALS)
+        self._patience, signals = patience, tuple(SIGNALS)
         try:
             self._process = subprocess.Popen(
                 shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE
@@ -224,17 +223,18 @@ class PipeEstimator:
         except (OSError, ValueError, IndexError) as error:
             raise EstimatorError(f"the program cannot be started: {error}") from error
         weakref.finalize(self, _end, self._process)
-        numbers = {name: x for name, x in nominal.items() if isinstance(x, int | float)}
-        head = struct.pack("<8sIIdIII", MAGIC, VERSION, MARK, period, outputs.index(output),
-                           len(numbers), len(identify))  # fmt: skip
-        values = [struct.pack(f"<{NAME}d", name.encode(), x) for name, x in numbers.items()]
-        asked = [struct.pack(NAME, name.encode()) for name in identify]
-        answer = struct.unpack("<8sIIII", self._ask(b"".join([head, *values, *asked]), 24))
-        if answer[:3] != (MAGIC, VERSION, MARK) or not answer[3] or answer[4] >= len(outputs):
-            raise EstimatorError(f"the program answered {answer}: docs/pipes.md has the header")
-        fields = struct.iter_unpack(NAME, self._ask(b"", 32 * answer[3]))
-        self.names = tuple(field.rstrip(b"\0").decode() for (field,) in fields)
-        self.output = outputs[answer[4]]
+        values = [(name.encode(), x) for name, x in nominal.items() if isinstance(x, int | float)]
+        sizes = signals.index(output), len(values), len(identify)
+        parts = [struct.pack("<32sd", *value) for value in values]
+        parts += [struct.pack("32s", name.encode()) for name in identify]
+        head = HEAD + struct.pack("<dIII", period, *sizes)
+        answer = self._ask(head + b"".join(parts), 24)
+        p, place = struct.unpack("<II", answer[16:])
+        if answer[:16] != HEAD or not 0 < p < 64 or place >= len(signals):
+            raise EstimatorError(f"the program answered {answer!r}: docs/pipes.md has the header")
+        names = struct.iter_unpack("32s", self._ask(b"", 32 * p))
+        self.names = tuple(name.rstrip(b"\0").decode() for (name,) in names)
+        self.output = signals[place]
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
         """Return θ[k] (p,) of u[k] and y[k]; None is a gap, and is sent as NaN."""
@@ -243,23 +243,17 @@ class PipeEstimator:
     def run(self, u: ArrayLike, y: ArrayLike, valid: Any = True) -> NDArray[np.float64]:
         """Return θ (N, p) of u and y (N,)."""
         samples = np.column_stack([u, np.where(valid, y, np.nan)]).astype("<f8")
-        p, found = len(self.names), []
-        size = max(1, BLOCK // (8 * max(2, p)))
-        for first in range(0, len(samples), size):
-            part = samples[first : first + size]
-            try:
-                answer = self._ask(struct.pack("<Q", len(part)) + part.tobytes(), 8 * p * len(part))
-            except EstimatorError as error:
-                error.at_sample = first  # type: ignore[attr-defined]
-                raise
-            found.append(np.frombuffer(answer, "<f8").reshape(-1, p))
-        return np.concatenate(found).astype(float)
+        parts = []
+        for first in range(0, len(samples), BLOCK):
+            part = samples[first : first + BLOCK]
+            size = len(part) * len(self.names) * 8
+            parts.append(self._ask(struct.pack("<Q", len(part)) + part.tobytes(), size))
+        return np.frombuffer(b"".join(parts), "<f8").reshape(len(samples), -1).astype(float)
 
     def _ask(self, content: bytes, size: int) -> bytes:
         """Send bytes and return the answer; a program that is silent too long is killed."""
-        to, back, timer = (
-            self._process.stdin, self._process.stdout, Timer(self._patience, self._process.kill)
-        )  # fmt: skip
+        to, back = self._process.stdin, self._process.stdout
+        timer = Timer(self._patience, self._process.kill)
         assert to is not None and back is not None
         answer = b""
         timer.start()
@@ -279,11 +273,6 @@ class PipeEstimator:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """Close the input of a program, which asks it to end, and kill it if it does not."""
-    for stream in (process.stdin, process.stdout):
-        with suppress(OSError):
-            stream and stream.close()
-    with suppress(subprocess.TimeoutExpired):
-        process.wait(1)
-    process.kill()
-    process.wait()
+    """End a program, and close its pipes."""
+    with suppress(OSError), process:
+        process.kill()
