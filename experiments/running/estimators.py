@@ -239,17 +239,24 @@ def with_options(text: str, options: Mapping[str, Any]) -> str:
     if not options:
         return text
     every = written_options(text) | dict(options)
-    inside = ",".join(f"{key}={_written(value)}" for key, value in every.items())
+    inside = ",".join(f"{key}={_written(key, value)}" for key, value in every.items())
     return f"{text.partition('[')[0].strip()}[{inside}]"
 
 
-def _written(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.12g}"
+def _written(key: str, value: Any) -> str:
+    plain = value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+    if isinstance(plain, float) and np.isfinite(plain):
+        return f"{plain:.12g}"
     try:
-        return json.dumps(np.asarray(value).tolist(), allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise EstimatorError(f"{value!r} cannot be an option: give a number or a text") from error
+        text = json.dumps(plain, allow_nan=False)
+    except (TypeError, ValueError):
+        text = "null"
+    if "null" in text or text[0] == "{":
+        raise EstimatorError(
+            f"option {key} is {value!r}: give a finite number, a text, True or False, or a list of "
+            "these"
+        )
+    return text
 
 
 def keywords(make: Factory, name: str = "") -> set[str]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+PATIENCE = 2.0  # s without a line
 QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 """Whether neither progress nor remarks are wanted."""
 
@@ -16,7 +17,7 @@ QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
     """Give a function that is called with the amount done since its last call.
 
-    A terminal or a notebook shows a bar with the remaining time; elsewhere each tenth is a line.
+    A terminal shows a bar with the remaining time; elsewhere each tenth is a line, after 2 s.
     """
     from rich.console import Console
     from rich.progress import Progress, TimeElapsedColumn
@@ -24,7 +25,7 @@ def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
     console = Console(stderr=True)
     if is_quiet():
         yield lambda amount: None
-    elif console.is_terminal or console.is_jupyter:
+    elif console.is_terminal:
         columns = (*Progress.get_default_columns(), TimeElapsedColumn())
         with Progress(*columns, console=console, speed_estimate_period=600) as bar:
             task = bar.add_task(what, total=total or 1)
@@ -40,9 +41,10 @@ def _lines(what: str, total: float) -> Callable[[float], None]:
         nonlocal done, tenth
         done = min(done + amount, total)
         if int(10 * done / total) > tenth:
-            tenth = int(10 * done / total)
-            left = (time.monotonic() - start) * (total / done - 1)
-            remark(f"{what}: {100 * done / total:.0f} %, {left:.0f} s left")
+            tenth, spent = int(10 * done / total), time.monotonic() - start
+            if spent > PATIENCE:
+                left = spent * (total / done - 1)
+                remark(f"{what}: {100 * done / total:.0f} %, {left:.0f} s left")
 
     return advance
 

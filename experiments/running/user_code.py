@@ -16,7 +16,7 @@ import sys
 import traceback
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stdout, suppress
 from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -105,7 +105,8 @@ def reported(
         For every other exception, `sys.exit` included; not for Ctrl-C.
     """
     try:
-        yield
+        with redirect_stdout(sys.stderr):  # stdout is for results
+            yield
     except KeyboardInterrupt:
         raise
     except BaseException as error:

@@ -3,6 +3,7 @@
 import json
 import signal
 import sys
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,31 @@ SHORT = {
 def own_cache(tmp_path, monkeypatch):
     """Tests neither fill nor read the user's cache of records."""
     monkeypatch.setenv("FLEXAXIS_CACHE", str(tmp_path / "cache"))
+
+
+class InProcess:
+    """A worker without a process: to start one takes seconds."""
+
+    def submit(self, work, *args):
+        """Return a future that is done."""
+        future = Future()
+        try:
+            future.set_result(work(*args))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def stop(self):
+        """Do nothing: what it is given is done at once."""
+
+    end = stop
+
+
+@pytest.fixture(autouse=True)
+def no_workers(request, monkeypatch):
+    """Fast tests run cases in their own process."""
+    if "slow" not in request.keywords:
+        monkeypatch.setattr("flexaxis.experiments.running.run.Worker", InProcess)
 
 
 @pytest.fixture(scope="session")
