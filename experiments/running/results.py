@@ -346,9 +346,11 @@ def _alarms(part: pd.DataFrame, pooled: Mapping[str, Any]) -> dict[str, Any]:
     """Return the simulated hours, and the false alarms an hour without a fault."""
     hours = float(part["seconds"].sum() / 3600)
     calm = float(part["detection.calm"].sum() / 3600) or hours
-    if not pooled.get("detection") or not calm:
-        return {"hours": hours, "false_alarms_per_hour": None}
-    counts = part["detection.false_alarms"].fillna(0.0).to_numpy()
-    within = rate_interval(counts, calm, part["seed"].to_numpy(float))
-    return {"hours": hours, "false_alarms_per_hour": float(counts.sum()) / calm,
-            "false_alarms_per_hour_interval": within}  # fmt: skip
+    found: dict[str, Any] = dict.fromkeys(
+        ("false_alarms_per_hour", "false_alarms_per_hour_interval")
+    )
+    if pooled.get("detection") and calm:
+        counts = part["detection.false_alarms"].fillna(0.0).to_numpy()
+        within = rate_interval(counts, calm, part["seed"].to_numpy(float))
+        found = dict(zip(found, (float(counts.sum()) / calm, within), strict=True))
+    return found | {"hours": hours}

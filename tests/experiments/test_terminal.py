@@ -53,27 +53,6 @@ STRANGE = "[red]x\x1b]0;title\x07\x1b[2J\u202e"
 SHOWN = r"[red]x\x1b]0;title\x07\x1b[2J\u202e"
 
 
-@pytest.mark.parametrize("key", ["estimator", "parameter", "scenario"])
-def test_a_name_drives_no_terminal(key):
-    """One in somebody else's rows, which `report` and `compare` show."""
-    out, (row, _) = io.StringIO(), rows()
-    Console(file=out, width=250).print(terminal.score_table([row | {key: STRANGE}]))
-    assert SHOWN in out.getvalue()
-    assert all(c.isprintable() or c == "\n" for c in out.getvalue())
-
-
-@pytest.mark.parametrize("key", ["estimator", "parameter", "scenario"])
-def test_nor_does_one_at_equal_noise(key):
-    names = {"scenario": "fm_step-v1", "parameter": "f_m", "estimator": "ekf"}
-    values = {"lag": 1.0, "lag_interval": [0.9, 1.1], "over_bound": 2.0, "std_after": 1.0}
-    values |= {"values": {"lag": [0.0] * LEAST}}
-    row = names | values | {"false_alarms_per_1000_s": 0.0, "leads": True, "how": ""}
-    out, table = io.StringIO(), terminal.equal_noise_table([row | {key: STRANGE}], [])
-    Console(file=out, width=250).print(table)
-    assert SHOWN in out.getvalue()
-    assert all(c.isprintable() or c == "\n" for c in out.getvalue())
-
-
 @pytest.mark.parametrize("seeds", [LEAST - 1, LEAST])
 def test_who_leads_is_marked_or_that_there_are_too_few_seeds(seeds):
     """Also in a result of before, whose rows said that somebody leads."""
