@@ -49,7 +49,9 @@ def test_imports_follow_the_arrows(path):
     if path.parent.name == "front":  # its modules are those of the package itself
         ours = {name for name in ours if not name.startswith("_")}
     else:
-        assert "flexaxis" not in names, "the front door is for users: nobody inside uses it"
+        outside = path.parent.parent.name == "commands" or path.parent.name == "commands"
+        assert outside or "flexaxis" not in names, "only commands call `fx`"
+        ours = {name for name in ours if not (outside and name.startswith("_"))}
     assert ours <= MAY_IMPORT[folder] | {folder}
     place = path.relative_to(ROOT).as_posix()
     if "mujoco" in {n.split(".")[0] for n in names}:

@@ -22,6 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import cloudpickle
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
@@ -34,6 +35,7 @@ from flexaxis.experiments.running.user_code import (
     PIPE,
     PipeEstimator,
     load_class,
+    names_code,
     reported,
     user_line,
 )
@@ -119,8 +121,6 @@ def _source(make: Factory) -> bytes:
     try:
         return inspect.getsource(make).encode()
     except (OSError, TypeError):  # typed into an interpreter
-        import cloudpickle
-
         return bytes(cloudpickle.dumps(make))
 
 
@@ -136,23 +136,6 @@ def _files_of(name: str) -> list[Path]:
         spec = find_spec(module)
         paths = [Path(spec.origin)] if spec and spec.origin else []
     return [path for path in paths if path.is_file()]
-
-
-def names_code(text: str) -> bool:
-    """Return whether a text names code of a user: files, modules and programs have a colon.
-
-    Examples
-    --------
-    >>> names_code("rpem-forgetting[forgetting=0.99]"), names_code("mine.py:Mine[gain=0.1]")
-    (False, True)
-    """
-    return ":" in text.partition("[")[0]
-
-
-def code_file(text: str) -> str:
-    """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
-    file = text.partition("[")[0].rpartition(":")[0]
-    return file if file.endswith(".py") else ""
 
 
 _session: dict[str, Factory] = {}
@@ -295,16 +278,10 @@ class Nominal(dict[str, float]):
 
 
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
-    """Return an estimator from nominal values.
+    """Return an estimator from nominal values (a mapping, or a model) and a period [s].
 
-    Parameters
-    ----------
-    spec : Spec
-    nominal : mapping of str to float, or Model
-    period : float
-        [s].
-    **known
-        Given to the constructor if it has such a keyword; options of the text go before.
+    What is `known` is given to the constructor if it has such a keyword; options of the text go
+    before.
 
     Raises
     ------

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,11 +24,11 @@ from loky.backend import get_context
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.case import NUMBERS, Options, Outcome, run_unit
+from flexaxis.experiments.running.case import Options, Outcome, run_unit
 from flexaxis.experiments.running.estimators import Misfit, build, parse
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.store import CSV, Store
+from flexaxis.experiments.running.store import CSV, ROWS, Store
 from flexaxis.experiments.running.study import Study, Unit, describe, missing, units
 from flexaxis.experiments.running.user_code import (
     TIME_LIMIT,
@@ -166,8 +167,19 @@ class Runner:
             self._workers = [executor] * 2 * jobs
         self._advance, self.done, self.simulated = advance, 0, 0
         self.remarks: list[tuple[str, str]] = []
-        self.store = Store(folder, overwrite=overwrite)
-        self.store.check()
+        self._folder, self._overwrite = folder, overwrite
+
+    @cached_property
+    def store(self) -> Store:
+        """The rows; a folder is made, or emptied, when they are first asked for."""
+        store = Store(self._folder, overwrite=self._overwrite)
+        store.check()
+        return store
+
+    def _done(self, *, traced: bool) -> set[str]:
+        """Return the cases that are stored, without making a folder."""
+        kept = self._folder is None or ((self._folder / ROWS).exists() and not self._overwrite)
+        return self.store.done(traced=traced) if kept or "store" in vars(self) else set()
 
     def __enter__(self) -> Self:
         return self
@@ -190,12 +202,11 @@ class Runner:
         shard : (int, int)
             Number of this shard, from 1, and of all shards.
         traces : bool
-            Whether to keep what the figures of single runs need; cases without it are run again.
+            Whether to keep what figures of single runs need; cases without it are run again.
         trajectories : bool
-            Whether to write all estimates of each new case to the folder ``trajectories``.
+            Whether to write all estimates of each new case to ``trajectories``.
         about : mapping, optional
-            What the folder is to say of the study besides; with it, the study becomes that which
-            the folder was asked for last.
+            More to keep of the study, which becomes the one that the folder was asked for last.
 
         Raises
         ------
@@ -209,7 +220,7 @@ class Runner:
         """
         plan = units(study)
         every = plan[shard[0] - 1 :: shard[1]]
-        todo = list(missing(every, self.store.done(traced=traces)))
+        todo = list(missing(every, self._done(traced=traces)))
         self._try_out(todo)
         description = describe(study, plan)
         if about is not None:
@@ -359,37 +370,6 @@ def check_failures(frame: pd.DataFrame) -> None:
         kinds = {"EstimatorCrash": EstimatorCrash, "EstimatorError": EstimatorError,
                  "Misfit": EstimatorError}  # fmt: skip
         raise kinds.get(kind, StudyError)(text)
-
-
-def rerun(results: Results, number: int, runner: Runner, *, seed: int = 0) -> pd.DataFrame:
-    """Run random cases again and return every number that differs.
-
-    Parameters
-    ----------
-    results : Results
-    number : int
-        Of cases, or all if there are fewer.
-    runner : Runner
-        Without a folder.
-    seed : int
-        Of the choice.
-
-    Returns
-    -------
-    DataFrame
-        Values ``before`` and ``now`` by case, parameter and column; empty if all are equal.
-    """
-    key = ["case", "parameter"]
-    chosen = results.frame.drop_duplicates("case")
-    parts = []
-    for _, row in chosen.sample(min(number, len(chosen)), random_state=seed).iterrows():
-        scenario, one = results.scenario(row), (int(row["seed"]),)
-        parts.append(runner.run(Study("rerun", (scenario,), (row["setting"],), one)).frame)
-    columns = [name for name in (*NUMBERS, "error") if not name.startswith("cost.")]
-    now = pd.concat(parts).set_index(key)[columns]
-    before = results.frame.set_index(key)[columns].loc[now.index]
-    differ = before.compare(now, result_names=("before", "now"))
-    return differ.stack(level=0, future_stack=True).dropna(how="all")
 
 
 def parallel(work: Callable[[Any], Any], tasks: Sequence[Any], *, jobs: int = 1) -> Iterator[Any]:

@@ -13,8 +13,8 @@ import pytest
 from engine_cases import short, small_study, user_file
 
 from flexaxis.experiments.files import StudyError
-from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.run import Runner, check_jobs, parallel, rerun
+from flexaxis.experiments.running.results import Results, rerun
+from flexaxis.experiments.running.run import Runner, check_jobs, parallel
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.errors import FlexaxisError
 

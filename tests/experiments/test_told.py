@@ -108,7 +108,7 @@ def test_only_who_has_laws_is_asked_for_them():
     assert build(spec("Asks"), made(ASKED)).asked == LINEAR
     assert build(spec("Tracks"), made(ASKED)).asked == (*LINEAR, "f_c")
     assert build(spec("Tracks"), made(DRY)).asked == LINEAR
-    with pytest.raises(EstimatorError, match=r"does not declare `laws`.*identifies only f_c: leave"):
+    with pytest.raises(EstimatorError, match=r"`laws`.*identifies only f_c: leave"):
         build(parse("rpem-forgetting"), made(DRY + 'identify = ["f_c"]\n'))
 
 
@@ -213,5 +213,5 @@ def test_nothing_of_the_laws_shows_in_the_torque_that_estimators_are_offered():
         return REGISTRY["frozen"].factory(nominal, period, identify=identify, output=output)
 
     mine.laws = True
-    build(Spec("mine", mine, {}), real)
+    build(Spec("mine", {}, mine), real)
     np.testing.assert_array_equal(offered["torque"], design_torque(real))

@@ -169,7 +169,7 @@ def _names(args: argparse.Namespace) -> list[str]:
 def _file(args: argparse.Namespace) -> Path | None:
     """Return where to write; refuse what cannot be, before the tuning, which takes long."""
     from flexaxis.estimators import tuned
-    from flexaxis.experiments.running.estimators import names_code
+    from flexaxis.experiments.running.user_code import names_code
 
     if args.save is None:
         return None

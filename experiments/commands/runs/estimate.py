@@ -41,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
     import flexaxis as fx
-    from flexaxis.experiments.running.estimators import code_file
+    from flexaxis.experiments.running.user_code import code_file
 
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")
     check_not_input((args.record, args.scenario, code_file(args.estimator)), path)
