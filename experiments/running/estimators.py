@@ -142,13 +142,7 @@ _session: dict[str, Factory] = {}
 
 
 def text_of(make: Factory) -> str:
-    """Return the text that stands for a class: its module's, or its name in this session.
-
-    Raises
-    ------
-    EstimatorError
-        If it has no name, or that of a registered estimator.
-    """
+    """Return the text for a class: its module's, or its name in this session, if it has one."""
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier():
         raise EstimatorError(f"{make!r} has no name to stand in results: give a class")
@@ -243,13 +237,7 @@ def _written(key: str, value: Any) -> str:
 
 
 def keywords(make: Factory, name: str = "") -> set[str]:
-    """Return what a constructor takes by keyword besides nominal values and period.
-
-    Raises
-    ------
-    EstimatorError
-        If it has no signature, as a number.
-    """
+    """Return what a constructor takes by keyword besides nominal values and period."""
     try:
         parameters = list(inspect.signature(make).parameters.values())[2:]
     except (TypeError, ValueError) as error:

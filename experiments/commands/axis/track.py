@@ -65,7 +65,8 @@ def main(args: argparse.Namespace) -> int:
         save,
         track,
     )
-    from flexaxis.experiments.running.estimators import code_file, parse
+    from flexaxis.experiments.running.estimators import parse
+    from flexaxis.experiments.running.user_code import code_file
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     report = path.with_suffix(".html")
