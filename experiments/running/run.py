@@ -16,7 +16,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
 import pandas as pd
 from loky import ProcessPoolExecutor
 from loky.backend import get_context
@@ -37,30 +36,16 @@ from flexaxis.experiments.running.user_code import (
     is_of_the_machine,
     why_it_ended,
 )
+from flexaxis.experiments.seeds import check_jobs
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
 Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
 """``run(scenarios, estimators, seeds)``: rows of these cases, as `Runner.rows` gives them."""
-MOST_JOBS = max(64, 4 * (os.cpu_count() or 1))
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 """Of a worker: one thread each, and no file of the current folder hides a library."""
-
-
-def check_jobs(jobs: Any, *, what: str = "jobs") -> None:
-    """Refuse a number of processes that is none; `what` is its name in the message.
-
-    Raises
-    ------
-    FlexaxisError
-    """
-    whole = isinstance(jobs, int | np.integer) and not isinstance(jobs, bool)
-    if not whole or not 1 <= jobs <= MOST_JOBS:
-        raise FlexaxisError(
-            f"{what} {str(jobs)[:40]}: give a number of processes, 1 to {MOST_JOBS}"
-        )
 
 
 class Worker:

@@ -114,7 +114,7 @@ def test_the_default_of_another_command_is_no_input_either(here, capsys):
 
 def test_what_is_not_there_cannot_be_lost(here):
     check_not_input(["fm_step-v1", None, "", "x" * 5000], "fm_step-v1", None, "new.nc")
-    with pytest.raises(OutputError, match=r"rec\.nc is read"):
+    with pytest.raises(OutputError, match=r"rec\.nc is an input"):
         check_not_input(["missing", "rec.nc"], "new.nc", "rec.nc")
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from flexaxis.experiments.files import REPORT, write_text
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.reporting.finds import PER_HOUR, Finds, finds
 from flexaxis.experiments.reporting.old_results import Bins, Results, axis_kind
 from flexaxis.experiments.reporting.study import charts
 from flexaxis.experiments.reporting.study import rows as study_rows
@@ -25,7 +26,6 @@ from flexaxis.experiments.reporting.study.rows import (
 from flexaxis.experiments.reporting.study.words import axis_words
 from flexaxis.experiments.reporting.tables import Table, number, pair
 from flexaxis.experiments.reporting.terminal import failures_in_words
-from flexaxis.experiments.studies.finds import PER_HOUR, Finds, finds
 
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each
