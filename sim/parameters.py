@@ -1,4 +1,4 @@
-"""The physical parameters of an axis, as its MJCF names them, and named sets of them."""
+"""The parameters of an axis, as its MJCF names them, named sets of them, and those of its laws."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
         )
 
     def number(owner: ElementTree.Element, path: str, key: str) -> float:
-        found = owner.find(path)
-        if found is None or not (text := found.get(key)):
+        element = owner.find(path)
+        if element is None or not (text := element.get(key)):
             raise ParameterError(
                 f"model {model}: {owner.get('name', 'the motor')} in its MJCF has no {key}."
             )
         return float(text.split()[2 * (key == "diaginertia")])  # the third is about the axis z
 
-    found = {"k_T": number(root, "actuator/motor", "gear")}
+    values = {"k_T": number(root, "actuator/motor", "gear")}
     for kind, owners, path, key in (
         ("J", bodies, "inertial", "diaginertia"),
         ("k", tendons, ".", "stiffness"),
@@ -69,9 +69,9 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
     ):
         for owner, name in zip(owners, chain if owners is bodies else ties, strict=True):
             alone = owners is tendons and len(tendons) == 1
-            found[kind if alone else f"{kind}_{name[0]}"] = number(owner, path, key)
+            values[kind if alone else f"{kind}_{name[0]}"] = number(owner, path, key)
     r = number(tendons[0], "joint", "coef")
-    return MappingProxyType(found if r == 1 else found | {"r": r})
+    return MappingProxyType(values if r == 1 else values | {"r": r})
 
 
 def _named(elements: Iterable[ElementTree.Element]) -> list[str]:
@@ -108,6 +108,53 @@ largest command that acts, and the standard deviation of the measurement noise."
 
 MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")
 """Dampings and frictions; every other parameter must be positive."""
+
+
+LAW_UNITS = MappingProxyType(
+    {
+        "f_c": "N m",
+        "f_s": "N m",
+        "v_s": "rad/s",
+        "sigma_0": "N m/rad",
+        "sigma_1": "N m s/rad",
+        "alpha": "s/rad",
+        "beta": "s/rad",
+        "kappa": "1/rad^2",
+        "gap": "rad",
+    }
+)
+"""Unit of each parameter of a law, in the order of their columns after those of the axis.
+
+They are the level of Coulomb friction and what it takes more to break away, the Stribeck speed,
+stiffness and damping of the bristles, the two rates of a static curve, the cubic over the linear
+coefficient of the gear spring, and the width of its gap on the arm side.
+"""
+
+LAW_NAMES = tuple(LAW_UNITS)
+"""The parameters of laws in the order of their columns."""
+
+LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
+"""What may vanish in the course of a run."""
+
+ESTIMATED_ONLY = ("c_sin", "c_cos")
+"""What an estimator may call a parameter though no record has it: the phase of cogging is free."""
+
+LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    "friction": ("f_c",),
+    "lugre": ("f_c", "f_s", "v_s", "sigma_0", "sigma_1"),
+    "static_friction": ("f_c", "f_s", "alpha", "beta"),
+    "load_friction": ("f_c",),
+    "gear_friction": ("f_c", "f_s", "v_s"),
+    "backlash": ("gap",),
+    "stiffening": ("kappa",),
+}
+"""The parameters of each table of a scenario that is a law, in the order of its keys.
+
+The table knows their values (`law`). Where two have a parameter of one name, the first owns it.
+"""
+
+FIXED = ("backlash", "stiffening")
+"""Tables whose parameters cannot change in the course of a run."""
 
 
 def parameter_problem(name: str, value: object) -> str | None:
@@ -154,13 +201,13 @@ class AxisParameters(Frozen):
     __slots__ = ()
 
     def __init__(self, values: Mapping[str, float] = Frozen(), /, **more: float) -> None:
-        given = {**values, **more}
-        if (model := model_with(given)) is None:
+        named = {**values, **more}
+        if (model := model_with(named)) is None:
             raise ParameterError(
-                f"no model has just the parameters {', '.join(given)}; {DEFAULT} has "
+                f"no model has just the parameters {', '.join(named)}; {DEFAULT} has "
                 f"{', '.join(PARAMETER_NAMES)}."
             )
-        super().__init__({name: given[name] for name in parameter_names(model)})
+        super().__init__({name: named[name] for name in parameter_names(model)})
         for name, value in self.items():
             if problem := parameter_problem(name, value):
                 raise ParameterError(f"{name} {problem}.")
@@ -223,3 +270,33 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
     if name not in presets(model):
         raise ParameterError(unknown("preset", name, presets(model)))
     return AxisParameters(presets(model)[name])
+
+
+def meant(parameter: str) -> str:
+    """Return the parameter that a fault means: its ``coulomb`` is f_c.
+
+    Examples
+    --------
+    >>> meant("coulomb"), meant("f_m")
+    ('f_c', 'f_m')
+    """
+    return "f_c" if parameter == "coulomb" else parameter
+
+
+def law_owners(tables: Iterable[str]) -> dict[str, str]:
+    """Return, for each parameter of the laws of a plant, the key of the table that owns it.
+
+    Parameters
+    ----------
+    tables : iterable of str
+        Keys of the tables that a scenario has.
+
+    Examples
+    --------
+    >>> law_owners(["friction", "noise"])
+    {'f_c': 'friction'}
+    """
+    owners: dict[str, str] = {}
+    for key in reversed([key for key in LAW_PARAMETERS if key in tables]):
+        owners |= dict.fromkeys(LAW_PARAMETERS[key], key)
+    return {name: owners[name] for name in LAW_NAMES if name in owners}

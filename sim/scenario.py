@@ -10,31 +10,45 @@ from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
-from flexaxis.models_mjcf import DEFAULT
-from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.law_parameters import law_values
+from flexaxis.models_mjcf import DEFAULT, MODEL_NAMES
+from flexaxis.sim import identity
+from flexaxis.sim.conflicts import conflicts, problems
+from flexaxis.sim.errors import ScenarioError, unknown
+from flexaxis.sim.files import read_text, toml_tables, toml_text
 from flexaxis.sim.overrides import set_keys, suffix
-from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
-from flexaxis.sim.storage.reading import read_text, toml_tables
-from flexaxis.sim.storage.toml_text import toml_text
-from flexaxis.sim.tables import dry_friction as dry
-from flexaxis.sim.tables import identity
+from flexaxis.sim.parameters import (
+    DATA_SHEET,
+    DEFAULT_IDENTIFY,
+    LAW_NAMES,
+    AxisParameters,
+    preset,
+)
+from flexaxis.sim.tables import friction as rubbing
 from flexaxis.sim.tables import nonlinear as beyond
 from flexaxis.sim.tables import sensors as sensing
-from flexaxis.sim.tables import smooth_friction as smooth
 from flexaxis.sim.tables.config import Config, Frozen, NotNegative, Part, Positive, Values, Word
 from flexaxis.sim.tables.controller import ControllerConfig
-from flexaxis.sim.tables.drawn_onsets import drawn
-from flexaxis.sim.tables.events import Event, changed, find_events
+from flexaxis.sim.tables.events import Event, changed, drawn, find_events
 from flexaxis.sim.tables.excitation import Excitation, Multisine
 from flexaxis.sim.tables.faults import Fault
-from flexaxis.sim.tables.problems import conflicts, explain
-from flexaxis.sim.timing import PERIOD, Grid, sample_index
+from flexaxis.sim.timing import PERIOD, Grid, period_problem, sample_index
 
 Array = NDArray[np.float64]
 Tuple = Field(strict=False)  # TOML has arrays where we keep tuples
+
+
+def _a_period(period: float) -> float:
+    if problem := period_problem(period):
+        raise ValueError(problem)
+    return period
+
+
+def _a_model(name: str) -> str:
+    if name not in MODEL_NAMES:
+        raise ValueError(unknown("model", name, MODEL_NAMES))
+    return name
 
 
 class Scenario(Config):
@@ -91,9 +105,9 @@ class Scenario(Config):
     card: str = ""
     group: str | None = None
     difficulty: Literal["easy", "medium", "hard"] | None = None
-    period: Positive = PERIOD
+    period: Annotated[Positive, AfterValidator(_a_period)] = PERIOD
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
-    model: str = DEFAULT
+    model: Annotated[str, AfterValidator(_a_model)] = DEFAULT
     preset: str = "n1"
     parameters: Values = Field(default_factory=Frozen)
     identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
@@ -108,11 +122,11 @@ class Scenario(Config):
     encoder: sensing.EncoderConfig = sensing.EncoderConfig()
     filter: sensing.FilterConfig | None = None
     controller: ControllerConfig = ControllerConfig()
-    friction: dry.FrictionConfig | None = None
-    lugre: dry.LuGreConfig | None = None
-    static_friction: smooth.StaticFrictionConfig | None = None
-    load_friction: smooth.LoadFrictionConfig | None = None
-    gear_friction: smooth.GearFrictionConfig | None = None
+    friction: rubbing.FrictionConfig | None = None
+    lugre: rubbing.LuGreConfig | None = None
+    static_friction: rubbing.StaticFrictionConfig | None = None
+    load_friction: rubbing.LoadFrictionConfig | None = None
+    gear_friction: rubbing.GearFrictionConfig | None = None
     cogging: beyond.CoggingConfig | None = None
     backlash: beyond.BacklashConfig | None = None
     stiffening: beyond.StiffeningConfig | None = None
@@ -123,14 +137,14 @@ class Scenario(Config):
     nuisance: Annotated[tuple[Fault, ...], Tuple, Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
-    def _keys_agree(self) -> Scenario:
-        problems = [f"{key}: {text}" for key, text in conflicts(self.model_dump())]
-        if problems:
-            raise ValueError("\n".join(problems))
+    def _keys_agree(self, info: ValidationInfo) -> Scenario:
+        lines = [f"{key}: {text}" for key, text in conflicts(self, info.context)]
+        if lines:
+            raise ValueError("\n".join(lines))
         return self
 
     def drawn(self, seed: int) -> Scenario:
-        """Return the scenario as it is in the run of a seed, by `sim.tables.drawn_onsets`."""
+        """Return the scenario as it is in the run of a seed, by `sim.tables.events.drawn`."""
         return self if self.onset_spread is None else drawn(self, seed)
 
     @property
@@ -189,7 +203,10 @@ class Scenario(Config):
     @cached_property
     def laws(self) -> dict[str, float]:
         """Parameters, before any fault, of what the plant has beyond the linear model."""
-        return Frozen(law_values(self.nonlinear.values()))
+        values: dict[str, float] = {}
+        for table in self.nonlinear.values():  # of two with one name it is the first's
+            values = getattr(table, "law", {}) | values
+        return Frozen({name: float(values[name]) for name in LAW_NAMES if name in values})
 
     @cached_property
     def initial(self) -> dict[str, float]:
@@ -304,8 +321,8 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
     try:
         return Scenario.model_validate(dict(content))
     except ValidationError as error:
-        problems = [*explain(error, Scenario), *conflicts(content)]
-        raise ScenarioError(*(f"{source}: {key}: {text}" for key, text in problems)) from None
+        lines = problems(error, content, Scenario)
+        raise ScenarioError(*(f"{source}: {line}" for line in lines)) from None
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:

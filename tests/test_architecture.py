@@ -20,7 +20,7 @@ ESTIMATORS_NEED = {"numpy", "scipy", "numba"}
 ESTIMATORS_MAY_USE = {"estimators/models/model.py": {"control"}}
 KNOW_MUJOCO = {
     "sim/plant/plant.py",
-    "sim/plant/passive.py",
+    "sim/plant/friction.py",
     "experiments/demo/view.py",
 }
 FILES = sorted(f for folder in MAY_IMPORT for f in (ROOT / folder).rglob("*.py"))

@@ -39,8 +39,8 @@ from flexaxis.experiments.building.offer import (
 )
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
-from flexaxis.sim.storage.reading import shown, toml_tables
+from flexaxis.sim.files import shown, toml_tables
+from flexaxis.sim.parameters import ESTIMATED_ONLY, LAW_NAMES
 
 if TYPE_CHECKING:
     from flexaxis.sim.scenario import Scenario
@@ -227,12 +227,12 @@ def _check_identify(spec: Spec) -> None:
 def _check_names(text: str, names: Sequence[str], scenario: Scenario) -> None:
     """Refuse names that no score could be taken for."""
     from flexaxis.experiments.scoring.parameter_names import known_names
-    from flexaxis.sim.tables.problems import estimated_problems
+    from flexaxis.sim.conflicts import estimated_problems
 
     if tuple(names) == scenario.identify:  # which was checked when the scenario was made
         return
     besides = (*LAW_NAMES, *ESTIMATED_ONLY)
-    problems = estimated_problems(names, scenario.model_dump(), key="names", besides=besides)
+    problems = estimated_problems(names, scenario, key="names", besides=besides)
     if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
         raise EstimatorError("\n".join(lines))
     if not known_names(scenario, names):

@@ -20,7 +20,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.guest import is_guest
 from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.law_parameters import LAW_NAMES
+from flexaxis.sim.parameters import LAW_NAMES
 
 if TYPE_CHECKING:
     from flexaxis.experiments.building.estimator_text import Spec

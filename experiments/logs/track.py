@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ from flexaxis.experiments.logs.identification.validate import (
     fit_of,
     predicted_load,
 )
-from flexaxis.experiments.running.estimate import estimates_file, run_on
+from flexaxis.experiments.running.estimate import run_on, write_estimates
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -126,12 +126,8 @@ def save(found: Tracked, path: Path, *, estimator: str) -> None:
         If it cannot be written.
     """
     sure = found.deviations
-    claimed: Literal["deviation"] | None = None if sure is None else "deviation"
-    with estimates_file(path, found.names, len(found.time), claimed=claimed) as file:
-        file["time"][:], file["theta"][:] = found.time, found.theta
-        if claimed:
-            file["deviation"][:] = sure
-        file.attrs["estimator"] = estimator
+    about = {"estimator": estimator}
+    write_estimates(path, found.time, found.theta, found.names, about, deviation=sure)
 
 
 def track(

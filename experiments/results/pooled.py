@@ -14,8 +14,8 @@ from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.scoring.curves import Curve, curve_of
 from flexaxis.experiments.storage.files import STUDY, SUMMARY, OutputError, json_table
 from flexaxis.experiments.storage.traces import Traces
+from flexaxis.sim.files import shown
 from flexaxis.sim.scenario import scenario_from
-from flexaxis.sim.storage.reading import shown
 
 Number = float | bool | None
 Numbers = list[Number]

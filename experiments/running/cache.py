@@ -22,11 +22,10 @@ import numpy as np
 from flexaxis.experiments.scoring.nominal import nominal_runs
 from flexaxis.experiments.storage.files import digest_of
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.record import Record
+from flexaxis.sim.files import atomic
+from flexaxis.sim.record import SIGNALS, Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import made_with, simulate
-from flexaxis.sim.storage.atomic_files import atomic
-from flexaxis.sim.storage.record_file import SIGNALS
 
 LIMIT = 2 * 1024**3  # bytes
 SHARE = 1 / 64  # of its limit, by which a process may overfill a folder before it looks again

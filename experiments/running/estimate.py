@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +20,8 @@ from flexaxis.experiments.scoring.parameter_names import physical, true_theta
 from flexaxis.experiments.scoring.summary import Case
 from flexaxis.experiments.storage.files import TRAJECTORIES, writing
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.record import Record, count_samples, record_pieces
+from flexaxis.sim.files import atomic
+from flexaxis.sim.record import Record, load_record
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 Array = NDArray[np.float64]
@@ -79,30 +78,22 @@ def estimate(
         If the record cannot be used, lacks what the estimator reads, or the target cannot be
         written. Nothing is left of a target that is not complete.
     """
-    pieces = record_pieces(source, samples=PIECE)
-    first = next(pieces)
-    estimator = build(spec, scenario or _own_scenario(first, source))
-    if getattr(first, estimator.output, None) is None:
+    record = load_record(source)
+    estimator = build(spec, scenario or _own_scenario(record, source))
+    if getattr(record, estimator.output, None) is None:
         raise EstimatorError(f"{spec.text} reads {estimator.output!r}, which {source} lacks")
     claims = covariance and hasattr(estimator, "covariance")
-    names, samples = tuple(estimator.names), 0
-    claimed: Literal["covariance"] | None = "covariance" if claims else None
-    with estimates_file(target, names, count_samples(source), claimed=claimed) as file:
-        file.attrs.update(estimator=spec.text, options=json.dumps(dict(spec.options)))
-        file.attrs["record_hash"] = first.hash
-        for piece in chain([first], pieces):
-            where: dict[str, Any] = {"first": samples, "period": piece.period, "refusing": True}
-            with hosted(spec.text, f"on {source}", **where):
-                theta, sure, _ = run_on(estimator, piece, claims=claims)
-            span = slice(samples, samples + len(theta))
-            file["time"][span], file["theta"][span] = piece.time, theta
-            if sure is not None:
-                file["covariance"][span] = sure
-            samples = span.stop
-            if advance:
-                advance(len(theta))
+    names, samples = tuple(estimator.names), len(record.time)
+    where: dict[str, Any] = {"first": 0, "period": record.period, "refusing": True}
+    with hosted(spec.text, f"on {source}", **where):
+        theta, sure, _ = run_on(estimator, record, claims=claims)
+    about = {"estimator": spec.text, "options": json.dumps(dict(spec.options))}
+    about["record_hash"] = record.hash
+    write_estimates(target, record.time, theta, names, about, covariance=sure)
+    if advance:
+        advance(1)
     last = dict(zip(names, theta[-1].tolist(), strict=True))
-    return Estimated(last, true_values(names, piece, -1), samples)
+    return Estimated(last, true_values(names, record, -1), samples)
 
 
 def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:
@@ -160,33 +151,35 @@ def _run_on(
     return theta, claimed if sure else None, alarms
 
 
-@contextmanager
-def estimates_file(
+def write_estimates(
     path: Path,
+    times: Array,
+    theta: Array,
     names: Sequence[str],
-    samples: int,
+    about: Mapping[str, Any],
     *,
-    claimed: Literal["covariance", "deviation"] | None = None,
-) -> Iterator[Any]:
-    """Give a file of estimates to be filled: time, theta, names, and what the estimator claims.
+    covariance: Array | None = None,
+    deviation: Array | None = None,
+) -> None:
+    """Write a file of estimates: time, theta, names, and what the estimator claims.
 
     Raises
     ------
     OutputError
         If it cannot be written; it gets its name when it is complete.
     """
-    from flexaxis.sim.storage.netcdf import add, declare, new_netcdf
+    import xarray
 
-    shape = {"time": samples, "estimate": len(names)}
-    with writing(path), new_netcdf(path) as file:
-        declare(file, "time", {"time": samples}, float, units="s")
-        add(file, "estimate", ("estimate",), names)
-        declare(file, "theta", shape, float, long_name="estimates, SI units")
-        if claimed == "covariance":  # each dimension of a variable must be another one
-            shape["estimate_2"] = len(names)
-        if claimed:
-            declare(file, claimed, shape, float, long_name=f"{claimed} that the estimator claims")
-        yield file
+    along = ("time", "estimate", "estimate_2")  # each dimension of a variable is another one
+    data: dict[str, Any] = {"theta": (along[:2], theta, {"long_name": "estimates, SI units"})}
+    for name, values in (("covariance", covariance), ("deviation", deviation)):
+        if values is not None:
+            words = {"long_name": f"{name} that the estimator claims"}
+            data[name] = (along[: values.ndim], values, words)
+    coordinates = {"time": ("time", times, {"units": "s"}), "estimate": np.array(names, object)}
+    content = xarray.Dataset(data, coordinates, about).to_netcdf(engine="h5netcdf")
+    with writing(path), atomic(path) as new:
+        new.write_bytes(content)
 
 
 def keep_all(folder: Path, kept: Iterable[tuple[Mapping[str, Any], Case]]) -> None:
@@ -208,10 +201,9 @@ def keep_all(folder: Path, kept: Iterable[tuple[Mapping[str, Any], Case]]) -> No
         target, samples = folder / TRAJECTORIES / f"{row['case']}.nc", len(case.theta)
         with writing(target):
             target.parent.mkdir(exist_ok=True)
-        with estimates_file(target, case.names, samples) as file:
-            file["time"][:] = np.arange(samples) * (row["seconds"] / samples)
-            file["theta"][:] = case.theta
-            file.attrs.update(estimator=case.estimator, record_hash=row["hash"], seed=row["seed"])
+        time = np.arange(samples) * (row["seconds"] / samples)
+        about = {"estimator": case.estimator, "record_hash": row["hash"], "seed": row["seed"]}
+        write_estimates(target, time, case.theta, case.names, about)
 
 
 def _own_scenario(record: Record, source: Path) -> Scenario:

@@ -19,7 +19,7 @@ from flexaxis.experiments.storage.files import (
 )
 from flexaxis.experiments.storage.schema import file_of, row_files
 from flexaxis.experiments.storage.store import Store
-from flexaxis.sim.storage.atomic_files import atomic
+from flexaxis.sim.files import atomic
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,11 @@ from flexaxis.experiments.running.seeds import END, parse_seeds
 from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_option
 from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.studies.design import MOST, Span, listed, product, sobol
+from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
+from flexaxis.sim.files import read_toml
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.storage.reading import read_toml
 from flexaxis.sim.tables.config import Config, Word
-from flexaxis.sim.tables.problems import explain
 
 Problem = tuple[str, str]
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from threading import Lock
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,13 +16,18 @@ from numpy.typing import NDArray
 from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.parameters import AxisParameters, parameter_names, parameter_problem
-from flexaxis.sim.plant import passive
-from flexaxis.sim.tables.dry_friction import FrictionConfig
-from flexaxis.sim.tables.nonlinear import Law, Nonlinearity
-from flexaxis.sim.tables.places import CubicSprings, KeptLaw, parameter_places
-from flexaxis.sim.tables.smooth_friction import COMPILED_LAWS
+from flexaxis.sim.plant import friction
+from flexaxis.sim.tables.friction import COMPILED_LAWS, FrictionConfig
+from flexaxis.sim.tables.nonlinear import Law, Nonlinearity, Place
 
 Array = NDArray[np.float64]
+
+# Of the six transmission ratios of an actuator only the first acts on a hinge; of the inertias all
+# three stay equal, so that they belong to a possible body.
+_FIELDS = {
+    "J": "body_inertia", "k": "tendon_stiffness", "d": "tendon_damping", "f": "dof_damping",
+}  # fmt: skip
+_KINDS = {"dof": "joint", "actuator": "actuator"}
 
 
 class Plant:
@@ -64,14 +71,15 @@ class Plant:
         values = self._as_rows(parameters)
         self._called = any(isinstance(each, COMPILED_LAWS) for each in nonlinear)
         if self._called:
-            passive.install()
+            friction.install()
         made = _compile(model, period / substeps, nonlinear)
         self._batch = Batch(made, len(values), threads)
         self._substeps = substeps
-        self._places = [*parameter_places(self._batch, self._names)]
-        self._springs = CubicSprings(self._batch, made) if made.tendon_stiffnesspoly.any() else None
+        self._places = [*_parameter_places(self._batch, self._names)]
+        cubic = made.tendon_stiffnesspoly.any()
+        self._springs = _CubicSprings(self._batch, made) if cubic else None
         laws = [each for each in nonlinear if isinstance(each, Law)]
-        self._laws = [KeptLaw(self._batch, made, law.law, law.kept) for law in laws]
+        self._laws = [_LawInEngine(self._batch, made, law) for law in laws]
         self._values = np.full_like(values, np.nan)
         self._angle: Array = self._batch.bind("qpos")
         self._speed: Array = self._batch.bind("qvel")
@@ -128,10 +136,10 @@ class Plant:
         if not (np.isfinite(values).all() and np.min(values) >= 0):
             raise ParameterError(f"{name} must be zero or positive, not {values!r}.")
         for law in self._laws:
-            if name in law.names:
+            if name in law.values:
                 law.set(name, values)
                 return
-        known = [known for law in self._laws for known in law.names]
+        known = [known for law in self._laws for known in law.values]
         raise ParameterError(unknown("parameter", name, known))
 
     def step(self, torque: Array) -> None:
@@ -148,7 +156,7 @@ class Plant:
             If the engine warns, or a state is no longer finite.
         """
         if self._called:
-            passive.install()  # another may have taken the place of it
+            friction.install()  # another may have taken the place of it
         self._torque[:] = torque
         with QUIET:
             self._batch.step(nstep=self._substeps)
@@ -248,3 +256,58 @@ def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> 
         # No other feature is a constraint; to look for them takes a twelfth of a step.
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return spec.compile()
+
+
+def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
+    """Yield, for each parameter, the live array (R, ...) of the engine that holds it.
+
+    Those of a kind have the order of bodies and tendons.
+    """
+    seen = Counter({"J": 1})  # the first body is the world
+    for name in names:
+        if name == "k_T":
+            yield batch.expand("actuator_gear")[:, 0, 0]
+        elif name == "r":  # the coefficient of the motor in the first tendon
+            yield batch.expand("wrap_prm")[:, 0]
+        else:
+            yield batch.expand(_FIELDS[name[0]])[:, seen[name[0]]]
+            seen[name[0]] += 1
+
+
+def _place(batch: Any, model: Any, place: Place) -> Array:
+    """Return the live array (R, ...) of the engine that holds what is kept in a place."""
+    values: Array = batch.expand(place.field)
+    match place.field:
+        case "numeric_data":  # all custom numbers, one after the other
+            return values[:, model.numeric_adr[model.numeric(place.owner).id] + place.column]
+    kind = _KINDS[place.field.split("_", maxsplit=1)[0]]
+    rows = values[:, getattr(model, kind)(place.owner).id]
+    return rows if place.column is None else rows[:, place.column]
+
+
+class _CubicSprings:
+    """Springs whose law is cubic: with their stiffness, all of the law scales."""
+
+    def __init__(self, batch: Any, model: Any) -> None:
+        self._ratio = model.tendon_stiffnesspoly / model.tendon_stiffness[:, None]
+        self._linear: Array = batch.expand("tendon_stiffness")
+        self._higher: Array = batch.expand("tendon_stiffnesspoly")
+
+    def scale(self) -> None:
+        """Make the higher coefficients what the linear ones, changed meanwhile, ask for."""
+        self._higher[...] = self._linear[..., None] * self._ratio
+
+
+class _LawInEngine:
+    """A law in the engine: the values of its parameters, and where the engine keeps them."""
+
+    def __init__(self, batch: Any, model: Any, law: Law) -> None:
+        self.values: dict[str, float | Array] = dict(law.law)
+        self._kept = law.kept
+        self._places = {at: _place(batch, model, at) for at in law.kept(self.values)}
+
+    def set(self, name: str, values: float | Array) -> None:
+        """Set a parameter to a value for all runs, or to values (R,)."""
+        self.values[name] = values
+        for place, value in self._kept(self.values).items():
+            self._places[place][...] = value

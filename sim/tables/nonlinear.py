@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 from pydantic import Field
 
 from flexaxis.sim.tables.config import Config, Positive
-from flexaxis.sim.tables.places import Place
 
 SPAN = 0.005  # s, of which `substeps` says into how many steps it is cut
 LINEAR_SUBSTEPS = 5
@@ -32,6 +31,14 @@ class Nonlinearity(Protocol):
 
     def build(self, spec: Any) -> None:
         """Build it into an `MjSpec`."""
+
+
+class Place(NamedTuple):
+    """Where the engine keeps a number: field of its model, named object, column if it has some."""
+
+    field: str
+    owner: str
+    column: int | None = None
 
 
 @runtime_checkable

@@ -16,7 +16,7 @@ import numpy as np
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.sim.law_parameters import LAW_NAMES
+from flexaxis.sim.parameters import LAW_NAMES
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate, versions
 

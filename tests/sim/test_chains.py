@@ -5,16 +5,15 @@ import pytest
 from acceptance.axes import held
 
 from flexaxis.models_mjcf import MODEL_NAMES, SHIPPED, model_digest, model_files
-from flexaxis.sim import parameters
+from flexaxis.sim import identity, parameters
 from flexaxis.sim.errors import ParameterError, ScenarioError
 from flexaxis.sim.parameters import AxisParameters, nominal_numbers, parameter_names, preset
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.record import load_record
 from flexaxis.sim.scenario import load_scenario, parse_scenario
 from flexaxis.sim.simulate import simulate
-from flexaxis.sim.tables import identity
+from flexaxis.sim.stability import loop_problem
 from flexaxis.sim.tables.controller import ControllerConfig
-from flexaxis.sim.tables.stability import loop_problem
 
 T = 0.005
 

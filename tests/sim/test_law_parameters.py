@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.law_parameters import FIXED, LAW_NAMES, LAW_PARAMETERS
-from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.parameters import FIXED, LAW_NAMES, LAW_PARAMETERS, PARAMETER_NAMES
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.record import load_record
 from flexaxis.sim.scenario import Scenario, parse_scenario

@@ -7,11 +7,11 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate
+from flexaxis.sim.stability import _radius, loop_problem
 from flexaxis.sim.streams import stream
 from flexaxis.sim.tables.controller import ControllerConfig
 from flexaxis.sim.tables.excitation import Moves, Multisine
 from flexaxis.sim.tables.faults import Intermittent, Ramp, Step, Thermal
-from flexaxis.sim.tables.stability import _radius, loop_problem
 from flexaxis.sim.timing import Grid
 
 from .conftest import commanded, exact_speed

@@ -51,14 +51,13 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.running.estimate import estimate
-    from flexaxis.sim.record import count_samples
 
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")
     spare((args.record, args.scenario, code_file(args.estimator)), path)
     spec = parse(args.estimator)
     scenario = find_scenario(args.scenario) if args.scenario else None
     what = f"estimating with {spec.text}"
-    with limited(args.time_limit), progress(what, count_samples(args.record)) as advance:
+    with limited(args.time_limit), progress(what, 1) as advance:
         found = estimate(
             args.record,
             spec,

@@ -1,19 +1,65 @@
-"""TOML and JSON files: their tables, or one line that says why they cannot be read."""
+"""Files: written whole or not at all, and read or refused in one line."""
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from reprlib import Repr
+from tempfile import TemporaryDirectory
 from typing import Any
+
+import tomli_w
+
+Refusal = Callable[[str], Exception]
+"""Makes the error that is raised, such as ``ScenarioError``, from its message."""
 
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 _SHORT.maxlevel = 3
 
-Refusal = Callable[[str], Exception]
+toml_text: Callable[[dict[str, Any]], str] = partial(tomli_w.dumps, multiline_strings=True)
+"""Return nested keys and values as TOML."""
+
+
+@contextmanager
+def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a path to write to, which at the end takes the place of `path`.
+
+    It lies in a hidden folder beside it. Whatever fails, the error passes and the old file stays.
+
+    Parameters
+    ----------
+    path : path-like
+        File to make or to replace; its folder must exist.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; a device or a pipe cannot be replaced.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> target = Path(tempfile.mkdtemp()) / "table.csv"
+    >>> with atomic(target) as new:
+    ...     _ = new.write_text("a,b")
+    >>> [file.name for file in target.parent.iterdir()]
+    ['table.csv']
+    """
+    path = Path(path)
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "it is a device or a pipe, and no file")
+    with TemporaryDirectory(
+        prefix=".", suffix=".flexaxis", dir=path.parent, ignore_cleanup_errors=True
+    ) as folder:
+        yield Path(folder, path.name)
+        os.replace(Path(folder, path.name), path)
 
 
 def shown(value: object) -> str:
@@ -30,19 +76,12 @@ def shown(value: object) -> str:
 
 
 def read_toml(path: Path, refuse: Refusal) -> dict[str, Any]:
-    """Return the tables of a TOML file.
-
-    Parameters
-    ----------
-    path : Path
-    refuse : callable
-        Makes the error that is raised from its message, such as ``ScenarioError``.
-    """
+    """Return the tables of a TOML file; what cannot be read is refused."""
     return toml_tables(read_text(path, refuse), source=str(path), refuse=refuse)
 
 
 def read_text(path: Path, refuse: Refusal) -> str:
-    """Return the text of a file; errors as from `read_toml`."""
+    """Return the text of a file; what cannot be read is refused."""
     try:
         return path.read_text(encoding="utf-8-sig")  # some editors begin with a mark
     except OSError as error:

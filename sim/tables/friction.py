@@ -1,10 +1,11 @@
-r"""Laws of friction of the motor beyond the engine's, a table of a scenario each.
+r"""Friction of the motor, a table of a scenario each.
 
-The engine knows none of them; `sim/plant/passive.py` makes it call them. Beside its keys, a table
-has the law itself (`torque`), a plain function that is compiled: a new one is a table here with its
-name in `COMPILED_LAWS`, and a key of `Scenario`. None of them is dry in the strict sense: where a
-law has a sign of the speed v, it is :math:`\tanh(v/v_0)` with the key `smooth` for v₀, so that the
-motor creeps where it would stick.
+Coulomb and LuGre friction are the engine's own. It does not know the others:
+`sim/plant/friction.py` makes it call them. Beside its keys, such a table has the law itself
+(`torque`), a plain function that is compiled: a new one is a table here with its name in
+`COMPILED_LAWS`, and a key of `Scenario`. None of those is dry in the strict sense: where a law has
+a sign of the speed v, it is :math:`\tanh(v/v_0)` with the key `smooth` for v₀, so that the motor
+creeps where it would stick.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 from flexaxis.sim.tables.config import Config, NotNegative, Positive
-from flexaxis.sim.tables.places import Place
+from flexaxis.sim.tables.nonlinear import Place, passive
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of a row, by which it is known to be ours."""
@@ -44,6 +45,111 @@ def row_places(table: BaseModel, law: Mapping[str, Any]) -> dict[Place, Any]:
 
 def _row_name(table: BaseModel) -> str:
     return type(table).__name__
+
+
+class FrictionConfig(Config):
+    """Friction of the motor that does not depend on the size of its speed.
+
+    Attributes
+    ----------
+    coulomb : float
+        Coulomb friction [N m]; it opposes the motion, and holds the motor up to that torque.
+    """
+
+    exact: ClassVar[bool] = False
+    substeps: ClassVar[int] = 20  # a switch is located to within a step: 7e-4 with these
+    coulomb: Positive
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        motor = spec.joint("motor")
+        motor.frictionloss = self.coulomb
+        # the engine's friction is soft by default, which is wrong by half here
+        motor.solref_friction, motor.solimp_friction[:3] = [1e-6, 1.0], [0.9999, 0.9999, 0.001]
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {"f_c": self.coulomb}
+
+    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
+        """Return where the engine keeps the parameters of its law, and as what."""
+        return {Place("dof_frictionloss", "motor"): law["f_c"]}
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"Coulomb friction of {self.coulomb:g} N m"
+
+
+class LuGreConfig(Config):
+    r"""LuGre friction of the motor: bristles that bend, stick and slip.
+
+    With the deflection z of the bristles and the motor speed v, the friction torque is
+
+    .. math::
+
+        F = \sigma_0 z + \sigma_1 \dot z, \quad \dot z = v - \sigma_0 |v| z / g(v), \quad
+        g(v) = F_c + (F_s - F_c) e^{-(v/v_s)^2}
+
+    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425); its viscous part is f_m.
+
+    Attributes
+    ----------
+    stiffness : float
+        σ₀ [N m/rad].
+    damping : float
+        σ₁ [N m s/rad].
+    coulomb, static : float
+        F_c and F_s, the torque of fast sliding and of breaking away [N m].
+    stribeck : float
+        v_s, the speed at which the second has given way to the first [rad/s].
+    """
+
+    exact: ClassVar[bool] = False
+    substeps: ClassVar[int] = 10  # the engine's bristles are of first order in the step: 7e-4
+    stiffness: Positive
+    damping: Positive
+    coulomb: Positive
+    static: Positive
+    stribeck: Positive
+
+    @model_validator(mode="after")
+    def _breaking_away_is_harder(self) -> LuGreConfig:
+        if self.static < self.coulomb:
+            raise ValueError(
+                f"static = {self.static:g} must be at least coulomb = {self.coulomb:g}"
+            )
+        return self
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        law = [self.stiffness, self.damping, self.coulomb, self.static, self.stribeck]
+        passive(spec, "lugre", lugre=law)
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name; f_s is what breaking away takes more than sliding."""
+        return {
+            "f_c": self.coulomb,
+            "f_s": self.static - self.coulomb,
+            "v_s": self.stribeck,
+            "sigma_0": self.stiffness,
+            "sigma_1": self.damping,
+        }
+
+    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
+        """Return where the engine keeps the parameters of its law, and as what."""
+        return {
+            Place("actuator_biasprm", "lugre", 3): law["f_c"],
+            Place("actuator_biasprm", "lugre", 4): law["f_c"] + law["f_s"],
+            Place("actuator_biasprm", "lugre", 5): law["v_s"],
+            Place("actuator_dynprm", "lugre", 5): law["sigma_0"],
+            Place("actuator_dynprm", "lugre", 6): law["sigma_1"],
+        }
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"LuGre friction of {self.coulomb:g} N m, {self.static:g} N m to break away"
 
 
 class StaticFrictionConfig(Config):
@@ -74,7 +180,7 @@ class StaticFrictionConfig(Config):
     beta: Positive
 
     @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
+    def torque(row: Row, speed: float, load: float, motor: float) -> float:
         """Return the torque against the motion [N m]."""
         peak = row[3] / math.cosh(row[4] * speed)
         return (row[2] + peak) * math.tanh(row[5] * speed)
@@ -117,7 +223,7 @@ class LoadFrictionConfig(Config):
     smooth: Positive = 0.1
 
     @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
+    def torque(row: Row, speed: float, load: float, motor: float) -> float:
         """Return the torque against the motion [N m]."""
         return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
 
@@ -176,7 +282,7 @@ class GearFrictionConfig(Config):
     smooth: Positive = 0.05
 
     @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
+    def torque(row: Row, speed: float, load: float, motor: float) -> float:
         """Return the torque against the motion [N m]."""
         fast = row[2] + abs(row[5] * load - row[4] * motor)
         slow = row[3] + abs(row[7] * load - row[6] * motor)

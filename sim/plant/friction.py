@@ -2,7 +2,7 @@
 
 MuJoCo calls one such function for all models of the process, whenever it sums up passive forces.
 Ours looks for rows of friction among the custom numbers of the model (see
-`sim/tables/smooth_friction.py`), which a batch holds for each run, and leaves every model without
+`sim/tables/friction.py`), which a batch holds for each run, and leaves every model without
 them as it is.
 """
 
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import mujoco
 
 from flexaxis.sim.errors import SimulationError
-from flexaxis.sim.tables.smooth_friction import COMPILED_LAWS, MARK, WIDTH
+from flexaxis.sim.tables.friction import COMPILED_LAWS, MARK, WIDTH
 
 _LOCK = Lock()
 _SEARCHED = 1 << 18  # bytes of a structure of the engine: what we look for lies in these
@@ -56,8 +56,7 @@ class _Layout(NamedTuple):
     numbers: int  # of the model: how many custom numbers there are
     numeric: int  # of the model: their address
     gear: int  # of the model: torque of the first actuator over its command
-    qpos: int  # of the data, as all that follow
-    qvel: int
+    qvel: int  # of the data, as all that follow
     spring: int
     passive: int
     ctrl: int
@@ -72,7 +71,7 @@ def _layout() -> _Layout:
     spec.add_numeric(name="row", size=_NUMBERS, data=[1.0])
     model = spec.compile()
     data = mujoco.MjData(model)
-    fields = (data.qpos, data.qvel, data.qfrc_spring, data.qfrc_passive, data.ctrl)
+    fields = (data.qvel, data.qfrc_spring, data.qfrc_passive, data.ctrl)
     return _Layout(
         _find(model, _NUMBERS),
         _find(model, model.numeric_data.ctypes.data),
@@ -101,7 +100,7 @@ def _compiled() -> Any:
     from numba.extending import intrinsic
 
     law = _any_of([table.torque for table in COMPILED_LAWS])
-    numbers, numeric, gear, qpos, qvel, spring, passive, ctrl = _layout()
+    numbers, numeric, gear, qvel, spring, passive, ctrl = _layout()
     mark, width = MARK, WIDTH
 
     def pointer(context: Any, address: Any) -> Any:
@@ -120,10 +119,9 @@ def _compiled() -> Any:
             if rows[start] != mark:
                 return
             row = values(model[numeric] + 8 * start)
-            speed, angle = values(data[qvel])[0], values(data[qpos])[0]
-            load = values(data[spring])[0]
+            speed, load = values(data[qvel])[0], values(data[spring])[0]
             motor = values(model[gear])[0] * values(data[ctrl])[0]
-            values(data[passive])[0] -= law(row, speed, angle, load, motor)
+            values(data[passive])[0] -= law(row, speed, load, motor)
 
     return friction
 
@@ -133,7 +131,7 @@ def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
     from numba.extending import register_jitable  # not njit: a switch of numba's turns that off
 
     @register_jitable
-    def nothing(row: Any, speed: float, angle: float, load: float, motor: float) -> float:
+    def nothing(row: Any, speed: float, load: float, motor: float) -> float:
         return 0.0
 
     if not laws:
@@ -141,9 +139,9 @@ def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
     this, rest = register_jitable(laws[0]), _any_of(laws[1:], code + 1)
 
     @register_jitable
-    def either(row: Any, speed: float, angle: float, load: float, motor: float) -> float:
+    def either(row: Any, speed: float, load: float, motor: float) -> float:
         if row[1] == code:
-            return this(row, speed, angle, load, motor)
-        return rest(row, speed, angle, load, motor)
+            return this(row, speed, load, motor)
+        return rest(row, speed, load, motor)
 
     return either
