@@ -6,7 +6,6 @@ number. In comes the name of a model, out go its MJCF text and the files beside 
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
@@ -26,8 +25,6 @@ SHIPPED = {
 }
 """Digests of the models as they were first published: what was simulated with another is told apart
 by the hash of its scenario."""
-
-__all__ = ["DEFAULT", "MODEL_NAMES", "SHIPPED", "model_digest", "model_files"]
 
 
 @cache
@@ -67,11 +64,8 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
     ['README.md', 'axes.toml', 'drives.toml', 'scene.xml', 'three_mass.xml', 'wg.md']
     """
     if name not in MODEL_NAMES:
-        near = get_close_matches(name, MODEL_NAMES, n=1)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"unknown model {name!r}; models are {', '.join(MODEL_NAMES)}.{hint}")
+        raise ValueError(f"unknown model {name!r}; models are {', '.join(MODEL_NAMES)}.")
     # Read through the import system, so that it also works from a wheel or a zip file.
     folder = files(__package__) / name
-    listed = sorted(folder.iterdir(), key=lambda file: file.name)
-    assets = {file.name: file.read_bytes() for file in listed if file.is_file()}
+    assets = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
     return assets[f"{name}.xml"].decode(), assets

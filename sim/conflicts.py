@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from flexaxis.sim.errors import ParameterError, did_you_mean, unknown
+from flexaxis.sim.errors import ParameterError, unknown
 from flexaxis.sim.files import shown
 from flexaxis.sim.parameters import (
     DATA_SHEET,
@@ -17,7 +18,6 @@ from flexaxis.sim.parameters import (
     LAW_NAMES,
     LAW_PARAMETERS,
     MAY_BE_ZERO,
-    law_owners,
     meant,
     parameter_names,
     parameter_problem,
@@ -38,7 +38,6 @@ Problem = tuple[str, str]
 OF_THE_GEAR = ("backlash", "stiffening", "gear_friction", "load_friction")
 """Tables that act on the spring of the gear."""
 
-CHANGES = ("fault", "nuisance")
 _KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}
 
 # Where pydantic speaks Python, TOML's words.
@@ -57,26 +56,17 @@ def problems(error: ValidationError, content: Mapping[str, Any], top: type[Scena
 
     What conflicts is looked for in the keys that are right by themselves.
     """
-    keys = [*explain(error, top)]
-    lines = [f"{key}: {text}" for key, text in keys]
-    if not keys:
+    lines = [f"{key}: {text}" for key, text in explain(error, top)]
+    if not lines:
         return _conflict_lines(error)
-    wrong = {item["loc"][: 2 if item["loc"][0] in CHANGES else 1] for item in error.errors()}
-    rest: dict[str, Any] = {"name": "x", "duration": 86400.0} | dict(content)
-    numbers = {}
-    for table in CHANGES:
-        if isinstance(entries := rest.get(table), list | tuple):
-            numbers[table] = [i for i in range(len(entries)) if (table, i) not in wrong]
-            rest[table] = [entries[i] for i in numbers[table]]
-    tops = {str(place[0]) for place in wrong if len(place) == 1 or not rest[str(place[0])]}
-    for key in tops & rest.keys():
-        del rest[key]
-    rest = {"name": "x", "duration": 86400.0} | rest
+    wrong = {str(item["loc"][0]) for item in error.errors()}
+    right = {key: value for key, value in content.items() if key not in wrong}
     try:
-        if "model" not in tops:  # on which the names of all parameters depend
-            top.model_validate(rest, context=numbers)
+        if "model" not in wrong:  # on which the names of all parameters depend
+            top.model_validate({"name": "x", "duration": 86400.0} | right)
     except ValidationError as more:
-        lines += [line for line in _conflict_lines(more) if _top(line) not in tops]
+        parts = [(re.split(r"[:.\[]", line)[0], line) for line in _conflict_lines(more)]
+        lines += [line for key, line in parts if key not in wrong]
     return lines
 
 
@@ -84,10 +74,6 @@ def _conflict_lines(error: ValidationError) -> list[str]:
     """Return what `Scenario` raised about its keys together."""
     errors = [item["ctx"]["error"] for item in error.errors() if not item["loc"]]
     return [line for each in errors for line in str(each).splitlines()]
-
-
-def _top(line: str) -> str:
-    return line.partition(":")[0].partition(".")[0].partition("[")[0]
 
 
 def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
@@ -137,33 +123,23 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
     return table.model_fields if isinstance(table, type) and issubclass(table, BaseModel) else ()
 
 
-def conflicts(
-    scenario: Scenario, numbers: Mapping[str, Sequence[int]] | None = None
-) -> Iterator[Problem]:
-    """Yield values of the right type that do not go together, or not with this plant.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    numbers : mapping of str to sequence of int, optional
-        The places that faults and nuisances have in their file, where some are left out.
-    """
-    changes = {
-        f"{table}[{(numbers or {}).get(table, range(len(entries)))[i]}]": change
-        for table in CHANGES
-        for entries in [getattr(scenario, table) or ()]
-        for i, change in enumerate(entries)
-    }
+def conflicts(scenario: Scenario) -> Iterator[Problem]:
+    """Yield values of the right type that do not go together, or not with this plant."""
     yield from _rate_problems(scenario)
     yield from _axis_problems(scenario)
     yield from estimated_problems(scenario.identify, scenario)
-    yield from _estimated_laws(scenario)
+    for i, name in enumerate(scenario.identify):
+        if text := _law_problem(name, scenario):
+            yield f"identify[{i}]", text
+        elif name == "f_s" and scenario.laws[name] == 0:
+            yield f"identify[{i}]", "'f_s' cannot be estimated where it is 0: raise static"
     yield from _told_problems(scenario)
     if scenario.controller.rate and scenario.feedback == "measured":
         yield "controller.rate", 'an inner loop sees the clean angle: it needs feedback = "clean"'
-    for place, change in changes.items():
-        for key, text in _change_problems(change, scenario):
-            yield f"{place}.{key}", text
+    for table in ("fault", "nuisance"):
+        for i, change in enumerate(getattr(scenario, table) or ()):
+            for key, text in _change_problems(change, scenario):
+                yield f"{table}[{i}].{key}", text
     yield from _pause_problems(scenario)
 
 
@@ -232,12 +208,7 @@ def estimated_problems(
             yield place, f"{name!r} after {seen[parameter]!r}: name each once"
         elif name not in besides and parameter not in known:
             words = [*known, *(f"1/{each}" for each in known), *LAW_NAMES]
-            yield (
-                place,
-                f"unknown parameter {name!r}; known are {', '.join(known)} and the inverse of "
-                f"each, such as '1/J_m'; and of laws {', '.join(LAW_NAMES)}."
-                f"{did_you_mean(name, words)}",
-            )
+            yield place, unknown("parameter", name, words)
         elif parameter in MAY_BE_ZERO and scenario.parameters.get(parameter) == 0:
             yield (
                 place,
@@ -247,32 +218,19 @@ def estimated_problems(
         seen.setdefault(parameter, name)
 
 
-def _estimated_laws(scenario: Scenario) -> Iterator[Problem]:
-    """Yield why parameters of laws cannot be estimated on this plant."""
-    owners = law_owners(scenario.tables)
-    for i, name in enumerate(scenario.identify):
-        if name in LAW_NAMES and name not in owners:
-            yield f"identify[{i}]", _no_such_law(name)
-        elif text := _ambiguous(name, scenario):
-            yield f"identify[{i}]", text
-        elif name == "f_s" and scenario.laws[name] == 0:
-            yield f"identify[{i}]", "'f_s' cannot be estimated where it is 0: raise static"
-
-
-def _ambiguous(name: str, scenario: Scenario) -> str | None:
-    tables = [t for t, names in LAW_PARAMETERS.items() if t in scenario.tables and name in names]
+def _law_problem(name: str, scenario: Scenario) -> str | None:
+    """Return why a parameter of a law cannot be meant on this plant, or None."""
+    having = [key for key, names in LAW_PARAMETERS.items() if name in names]
+    tables = [key for key in having if key in scenario.tables]
+    if having and not tables:
+        return f"the plant has no {name}: give it the table {' or '.join(having)}"
     if len(tables) > 1:
         return f"{name} is one of {' and one of '.join(tables)}: keep one of these tables"
     return None
 
 
-def _no_such_law(parameter: str) -> str:
-    tables = " or ".join(key for key, names in LAW_PARAMETERS.items() if parameter in names)
-    return f"the plant has no {parameter}: give it the table {tables}"
-
-
 def _told_problems(scenario: Scenario) -> Iterator[Problem]:
-    names, laws = parameter_names(scenario.model), law_owners(scenario.tables)
+    names = parameter_names(scenario.model)
     known = (*names, *LAW_NAMES, *DATA_SHEET)
     estimated = {name.removeprefix("1/") for name in scenario.identify}
     for name, value in (scenario.told or {}).items():
@@ -281,8 +239,8 @@ def _told_problems(scenario: Scenario) -> Iterator[Problem]:
             yield key, unknown("parameter", name, known)
         elif name in names and name in estimated:
             yield key, f"{name} is estimated: where that starts is `start`"
-        elif name in LAW_NAMES and name not in laws:
-            yield key, _no_such_law(name)
+        elif name not in scenario.laws and (text := _law_problem(name, scenario)):
+            yield key, text
         elif name == "poles" and value % 1:
             yield key, f"must be a whole number of periods in a turn, not {value!r}"
 
@@ -306,29 +264,24 @@ def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
             text = f"must be a sample of {period:g} s at least, not {getattr(change, key):g}"
             yield key, text
     times = (0.0, *(time for time, _ in getattr(change, "points", ())))
-    for i, (before, after) in enumerate(pairwise(times)):
-        if sample_index(after, period) == sample_index(before, period):
-            yield (
-                f"points[{i}]",
-                f"must be a sample of {period:g} s at least after the one before, and in another; "
-                f"it comes {after - before:g} s later",
-            )
+    for i, (before, after) in enumerate(pairwise(sample_index(t, period) for t in times)):
+        if after == before:
+            text = f"must be a sample of {period:g} s at least after the one before, and in another"
+            yield f"points[{i}]", text
 
 
 def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
     """Yield why a parameter cannot change, or not by this factor."""
-    known = changeable(parameter_names(scenario.model))
-    laws, parameter = law_owners(scenario.tables), change.parameter
-    if (law := meant(parameter)) in LAW_NAMES:
-        if law not in laws:
-            yield "parameter", _no_such_law(law)
-        elif laws[law] in FIXED:
-            yield "parameter", f"{law} of {laws[law]} cannot change in the course of a run"
-        elif text := _ambiguous(parameter, scenario):
-            yield "parameter", text
+    known, parameter = changeable(parameter_names(scenario.model)), change.parameter
+    law = meant(parameter)
+    text = _law_problem(law, scenario) if parameter == law or law not in scenario.laws else None
+    if text:
+        yield "parameter", text
+    elif law in FIXED:
+        yield "parameter", f"{law} of {FIXED[law]} cannot change in the course of a run"
     elif parameter == "r":
         yield "parameter", "the gear ratio r is a count of teeth and cannot change in a run"
-    elif parameter not in known:
+    elif law not in known:
         yield "parameter", unknown("parameter", parameter, known)
     if change.factor > 0:
         return

@@ -88,8 +88,6 @@ def read_text(path: Path, refuse: Refusal) -> str:
         raise refuse(f"{path}: cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise refuse(f"{path}: not UTF-8 text, from byte {error.start} on") from error
-    except ValueError as error:  # a name with a null
-        raise refuse(f"{path}: cannot be read: {error}") from error
 
 
 def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:

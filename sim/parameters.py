@@ -7,12 +7,8 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import pairwise
-from numbers import Real
 from types import MappingProxyType
 from xml.etree import ElementTree
-
-import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import DEFAULT, MODEL_NAMES, model_files
 from flexaxis.sim.errors import ParameterError, unknown
@@ -75,7 +71,7 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
 
 
 def _named(elements: Iterable[ElementTree.Element]) -> list[str]:
-    return [each.get("name") or "?" for each in elements]
+    return [each.get("name", "?") for each in elements]
 
 
 def parameter_names(model: str = DEFAULT) -> tuple[str, ...]:
@@ -110,19 +106,17 @@ MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")
 """Dampings and frictions; every other parameter must be positive."""
 
 
-LAW_UNITS = MappingProxyType(
-    {
-        "f_c": "N m",
-        "f_s": "N m",
-        "v_s": "rad/s",
-        "sigma_0": "N m/rad",
-        "sigma_1": "N m s/rad",
-        "alpha": "s/rad",
-        "beta": "s/rad",
-        "kappa": "1/rad^2",
-        "gap": "rad",
-    }
-)
+LAW_UNITS = {
+    "f_c": "N m",
+    "f_s": "N m",
+    "v_s": "rad/s",
+    "sigma_0": "N m/rad",
+    "sigma_1": "N m s/rad",
+    "alpha": "s/rad",
+    "beta": "s/rad",
+    "kappa": "1/rad^2",
+    "gap": "rad",
+}
 """Unit of each parameter of a law, in the order of their columns after those of the axis.
 
 They are the level of Coulomb friction and what it takes more to break away, the Stribeck speed,
@@ -153,11 +147,11 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 The table knows their values (`law`). Where two have a parameter of one name, the first owns it.
 """
 
-FIXED = ("backlash", "stiffening")
-"""Tables whose parameters cannot change in the course of a run."""
+FIXED = {"gap": "backlash", "kappa": "stiffening"}
+"""Parameters that cannot change in the course of a run, and the tables that they are of."""
 
 
-def parameter_problem(name: str, value: object) -> str | None:
+def parameter_problem(name: str, value: float) -> str | None:
     """Return what is wrong with a value of a parameter, or None if it is physical.
 
     Examples
@@ -167,12 +161,11 @@ def parameter_problem(name: str, value: object) -> str | None:
     >>> parameter_problem("f_m", 0.0)
     """
     unit = PARAMETER_UNITS[name]
-    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
-    if not math.isfinite(number):
+    if not math.isfinite(value):
         return f"must be a finite number [{unit}], not {value!r}"
-    if name == "r" and not 0 < number <= 1:
+    if name == "r" and not 0 < value <= 1:
         return f"must be in (0, 1], arm angle over motor angle (1/118, not 118), not {value!r}"
-    if number < 0 or (number == 0 and name not in MAY_BE_ZERO):
+    if value < 0 or (value == 0 and name not in MAY_BE_ZERO):
         allowed = "zero or positive" if name in MAY_BE_ZERO else "positive"
         return f"must be {allowed} [{unit}], not {value!r}"
     return None
@@ -224,10 +217,6 @@ class AxisParameters(Frozen):
         """Return the values by name."""
         return dict(self)
 
-    def as_array(self) -> NDArray[np.float64]:
-        """Return the values (P,) in the order of `parameter_names`."""
-        return np.array([*self.values()], dtype=float)
-
     def replace(self, **changes: float) -> AxisParameters:
         """Return a copy with some values changed.
 
@@ -248,7 +237,7 @@ def presets(model: str = DEFAULT) -> Mapping[str, Mapping[str, float]]:
 
     "n1" is what stands in its MJCF; others are tables of TOML files beside that.
     """
-    texts = [text for name, text in model_files(model)[1].items() if name.endswith(".toml")]
+    texts = [text for name, text in sorted(model_files(model)[1].items()) if name.endswith(".toml")]
     tables = [tomllib.loads(text.decode()) for text in texts]
     named = {name: values for table in tables for name, values in table.items()}
     return MappingProxyType({"n1": nominal_numbers(model)} | named)
@@ -281,22 +270,3 @@ def meant(parameter: str) -> str:
     ('f_c', 'f_m')
     """
     return "f_c" if parameter == "coulomb" else parameter
-
-
-def law_owners(tables: Iterable[str]) -> dict[str, str]:
-    """Return, for each parameter of the laws of a plant, the key of the table that owns it.
-
-    Parameters
-    ----------
-    tables : iterable of str
-        Keys of the tables that a scenario has.
-
-    Examples
-    --------
-    >>> law_owners(["friction", "noise"])
-    {'f_c': 'friction'}
-    """
-    owners: dict[str, str] = {}
-    for key in reversed([key for key in LAW_PARAMETERS if key in tables]):
-        owners |= dict.fromkeys(LAW_PARAMETERS[key], key)
-    return {name: owners[name] for name in LAW_NAMES if name in owners}

@@ -122,7 +122,7 @@ class Record:
             object.__setattr__(self, name, _numbers(name, getattr(self, name)))
         _check(self)
         if self.valid is not None:
-            object.__setattr__(self, "valid", self.valid.astype(bool, copy=False))
+            object.__setattr__(self, "valid", self.valid.astype(bool))
 
     def __repr__(self) -> str:
         name = self.scenario.get("name", "of no scenario")
@@ -180,10 +180,9 @@ class Record:
         path, data = Path(path), self.to_xarray()
         if not path.parent.is_dir():
             raise RecordError(f"{path}: there is no folder {path.parent}.")
-        encoding: dict[Any, Any] = {name: {"_FillValue": None} for name in data.variables}
-        if self.true_parameters is not None:  # columns that hardly ever change
-            encoding["true_parameters"] |= {"zlib": True, "complevel": 1, "shuffle": True}
-        # Into memory first: HDF5 ends the process where it cannot write, as on a full disk.
+        # Columns that hardly ever change. Into memory first: HDF5 ends the process on a full disk.
+        packed = {"true_parameters": {"zlib": True, "complevel": 1}}
+        encoding = packed if self.true_parameters is not None else {}
         content = data.to_netcdf(engine="h5netcdf", encoding=encoding)
         try:
             with atomic(path) as new:
@@ -254,7 +253,7 @@ def _parameters(file: xarray.Dataset) -> dict[str, Any]:
     """Return the true parameters with their columns in our order, and the names of these."""
     if "parameter" not in file.variables:
         raise RecordError("variable 'parameter', the names of the columns, is missing.")
-    names = [n.decode() if isinstance(n, bytes) else str(n) for n in file["parameter"].values]
+    names = [str(name) for name in file["parameter"].values]
     model = model_with(name for name in names if name not in LAW_NAMES)
     order = [*parameter_names(model or DEFAULT), *(name for name in LAW_NAMES if name in names)]
     if sorted(names) != sorted(order):
@@ -262,17 +261,14 @@ def _parameters(file: xarray.Dataset) -> dict[str, Any]:
             f"parameter must name all of a model ({', '.join(PARAMETER_NAMES)}, say), and may "
             f"name {', '.join(LAW_NAMES)}; it has {names}."
         )
-    columns = [names.index(name) for name in order]
-    values = file["true_parameters"].values[:, columns]
+    values = file["true_parameters"].values[:, [names.index(name) for name in order]]
     return {"true_parameters": values, "parameter_names": tuple(order)}
 
 
 def _numbers(name: str, values: object) -> Array | None:
-    """Return a signal as an array of float; such an array, or one of bool, is left as it is."""
-    if values is None or (isinstance(values, np.ndarray) and values.dtype == bool):
-        return values  # type: ignore[return-value]
+    """Return a signal as an array of float; such an array is left as it is."""
     try:
-        return np.asarray(values, dtype=float)
+        return None if values is None else np.asarray(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise RecordError(f"{name} is no array of numbers: {error}.") from None
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
-from threading import Lock
+from contextlib import contextmanager
 from typing import Any
 
 import mujoco
@@ -18,7 +17,7 @@ from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.parameters import AxisParameters, parameter_names, parameter_problem
 from flexaxis.sim.plant import friction
 from flexaxis.sim.tables.friction import COMPILED_LAWS, FrictionConfig
-from flexaxis.sim.tables.nonlinear import Law, Nonlinearity, Place
+from flexaxis.sim.tables.nonlinear import Nonlinearity, Place
 
 Array = NDArray[np.float64]
 
@@ -28,6 +27,21 @@ _FIELDS = {
     "J": "body_inertia", "k": "tendon_stiffness", "d": "tendon_damping", "f": "dof_damping",
 }  # fmt: skip
 _KINDS = {"dof": "joint", "actuator": "actuator"}
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep the engine from printing warnings, and from writing them into the user's folder.
+
+    Its counters still count them, and they become errors. The setting is one for the process.
+    """
+    before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+    silent.logto_console = silent.logto_file = False
+    silent.set()
+    try:
+        yield
+    finally:
+        before.set()
 
 
 class Plant:
@@ -51,6 +65,13 @@ class Plant:
     nonlinear : sequence of Nonlinearity
         What the axis has beyond the linear model; see `flexaxis.sim.tables.nonlinear`.
 
+    Attributes
+    ----------
+    angles, speeds : ndarray (R, n)
+        Of the n masses, now [rad, rad/s]; live views, to be copied if they are to be kept.
+    angle_m, speed_m : ndarray (R,)
+        Of the motor; live views too.
+
     Raises
     ------
     ParameterError
@@ -68,24 +89,25 @@ class Plant:
         model: str = DEFAULT,
     ) -> None:
         self._names = parameter_names(model)
-        values = self._as_rows(parameters)
         self._called = any(isinstance(each, COMPILED_LAWS) for each in nonlinear)
         if self._called:
             friction.install()
+        if not len(parameters):
+            raise ParameterError("a plant needs the parameters of at least one run.")
         made = _compile(model, period / substeps, nonlinear)
-        self._batch = Batch(made, len(values), threads)
+        self._batch = Batch(made, len(parameters), threads)
         self._substeps = substeps
         self._places = [*_parameter_places(self._batch, self._names)]
-        cubic = made.tendon_stiffnesspoly.any()
-        self._springs = _CubicSprings(self._batch, made) if cubic else None
-        laws = [each for each in nonlinear if isinstance(each, Law)]
+        self._cubic = made.tendon_stiffnesspoly / made.tendon_stiffness[:, None]
+        laws = [each for each in nonlinear if each.kept(each.law)]
         self._laws = [_LawInEngine(self._batch, made, law) for law in laws]
-        self._values = np.full_like(values, np.nan)
-        self._angle: Array = self._batch.bind("qpos")
-        self._speed: Array = self._batch.bind("qvel")
+        self._values = np.full((len(parameters), len(self._names)), np.nan)
+        self.angles: Array = self._batch.bind("qpos")
+        self.speeds: Array = self._batch.bind("qvel")
+        self.angle_m, self.speed_m = self.angles[:, 0], self.speeds[:, 0]
         self._torque: Array = self._batch.bind("ctrl")[:, 0]
         self._time: Array = self._batch.bind("time")
-        self.set_parameters(values)
+        self.set_parameters(parameters)
 
     def set_parameters(self, parameters: Sequence[AxisParameters] | Array) -> None:
         """Change the parameters of the runs from now on; angles and speeds stay.
@@ -103,17 +125,22 @@ class Plant:
         ParameterError
             If a parameter is not physical; then nothing has changed.
         """
-        values = self._as_rows(parameters)
+        rows = [[*p.values()] if isinstance(p, AxisParameters) else p for p in parameters]
+        values = np.array(rows, dtype=float)
         if values.shape != self._values.shape:
             raise ParameterError(
                 f"expected parameters of shape {self._values.shape}, got {values.shape}."
             )
-        changed = np.flatnonzero((values != self._values).any(axis=0))
-        self._check_columns(values, changed)
+        new = values != self._values
+        for run, column in np.argwhere(new):
+            if problem := parameter_problem(self._names[column], float(values[run, column])):
+                raise ParameterError(f"{self._names[column]} of run {run} {problem}.")
+        changed = np.flatnonzero(new.any(axis=0))
         for column in changed:  # transposed, for an inertia has three entries in each run
             self._places[column].T[...] = values[:, column]
-        if self._springs:
-            self._springs.scale()
+        if self._cubic.any():  # with the stiffness of a spring, all of its law scales
+            linear = self._batch.expand("tendon_stiffness")
+            self._batch.expand("tendon_stiffnesspoly")[...] = linear[..., None] * self._cubic
         if any(self._names[column][0] in "Jr" for column in changed):
             self._batch.set_const()  # which the engine derives from these
         self._values = values
@@ -135,12 +162,10 @@ class Plant:
         """
         if not (np.isfinite(values).all() and np.min(values) >= 0):
             raise ParameterError(f"{name} must be zero or positive, not {values!r}.")
-        for law in self._laws:
-            if name in law.values:
-                law.set(name, values)
-                return
-        known = [known for law in self._laws for known in law.values]
-        raise ParameterError(unknown("parameter", name, known))
+        owners = {known: law for law in reversed(self._laws) for known in law.values}
+        if name not in owners:
+            raise ParameterError(unknown("parameter", name, owners))
+        owners[name].set(name, values)
 
     def step(self, torque: Array) -> None:
         """Hold a torque command for one period.
@@ -158,51 +183,10 @@ class Plant:
         if self._called:
             friction.install()  # another may have taken the place of it
         self._torque[:] = torque
-        with QUIET:
+        with quiet():
             self._batch.step(nstep=self._substeps)
         if self._batch.warning.any() or not np.isfinite(self._batch.state).all():
             self._fail()
-
-    def model(self, run: int) -> mujoco.MjModel:
-        """Return a copy of the engine's model of one run, to look into."""
-        return self._batch.get_model(run)
-
-    @property
-    def speed_m(self) -> Array:
-        """Motor speed (R,) [rad/s], now; a live view, to be copied if it is to be kept."""
-        return self._speed[:, 0]
-
-    @property
-    def speeds(self) -> Array:
-        """Speed (R, n) of the n masses [rad/s], now; a live view."""
-        return self._speed
-
-    @property
-    def angles(self) -> Array:
-        """Angle (R, n) of the n masses [rad], now; a live view."""
-        return self._angle
-
-    @property
-    def angle_m(self) -> Array:
-        """Motor angle (R,) [rad], now; a live view."""
-        return self._angle[:, 0]
-
-    def _as_rows(self, parameters: Sequence[AxisParameters] | Array) -> Array:
-        """Return parameters as a new array (R, P)."""
-        rows = [p.as_array() if isinstance(p, AxisParameters) else p for p in parameters]
-        values, P = np.array(rows, dtype=float), len(self._names)
-        if values.ndim != 2 or values.shape[1] != P or not len(values):
-            raise ParameterError(
-                f"parameters must have shape (runs, {P}) with at least one run, not {values.shape}."
-            )
-        return values
-
-    def _check_columns(self, values: Array, columns: NDArray[np.int64]) -> None:
-        for column in columns:
-            name = self._names[column]
-            for run, value in enumerate(values[:, column].tolist()):
-                if problem := parameter_problem(name, value):
-                    raise ParameterError(f"{name} of run {run} {problem}.")
 
     def _fail(self) -> None:
         """Raise the error of the first run that has gone wrong."""
@@ -214,35 +198,6 @@ class Plant:
         time = float(self._time[run])
         message = f"run {run} failed at t = {time:.3f} s: {reason}."
         raise SimulationError(message, run=run, time=time, reason=reason)
-
-
-class _Quiet(AbstractContextManager[None]):
-    """Keep the engine from printing warnings, and from writing them into the user's folder.
-
-    Its counters still count them, and they become errors. The setting is one for the process:
-    where plants step in several threads, the first makes it quiet and the last puts it back.
-    """
-
-    def __init__(self) -> None:
-        self._lock, self._inside = Lock(), 0
-
-    def __enter__(self) -> None:
-        with self._lock:
-            if not self._inside:
-                self._before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
-                silent.logto_console = silent.logto_file = False
-                silent.set()
-            self._inside += 1
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._inside -= 1
-            if not self._inside:
-                self._before.set()
-
-
-QUIET = _Quiet()
-"""To be entered around many steps: once inside, a step need not set and reset anything."""
 
 
 def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjModel:
@@ -285,23 +240,10 @@ def _place(batch: Any, model: Any, place: Place) -> Array:
     return rows if place.column is None else rows[:, place.column]
 
 
-class _CubicSprings:
-    """Springs whose law is cubic: with their stiffness, all of the law scales."""
-
-    def __init__(self, batch: Any, model: Any) -> None:
-        self._ratio = model.tendon_stiffnesspoly / model.tendon_stiffness[:, None]
-        self._linear: Array = batch.expand("tendon_stiffness")
-        self._higher: Array = batch.expand("tendon_stiffnesspoly")
-
-    def scale(self) -> None:
-        """Make the higher coefficients what the linear ones, changed meanwhile, ask for."""
-        self._higher[...] = self._linear[..., None] * self._ratio
-
-
 class _LawInEngine:
     """A law in the engine: the values of its parameters, and where the engine keeps them."""
 
-    def __init__(self, batch: Any, model: Any, law: Law) -> None:
+    def __init__(self, batch: Any, model: Any, law: Nonlinearity) -> None:
         self.values: dict[str, float | Array] = dict(law.law)
         self._kept = law.kept
         self._places = {at: _place(batch, model, at) for at in law.kept(self.values)}

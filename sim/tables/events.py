@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,7 +52,7 @@ def find_events(
     faults: Sequence[Fault],
     nuisances: Sequence[Fault],
     grid: Grid,
-    nominal: Callable[[str], float],
+    nominal: Mapping[str, float],
 ) -> tuple[Event, ...]:
     """Return the changes by faults, in order of time.
 
@@ -71,8 +70,8 @@ def find_events(
         What else changes the truth.
     grid : Grid
         Samples of the run.
-    nominal : callable
-        ``nominal(name)``: the value that the factors multiply.
+    nominal : mapping of str to float
+        The values that the factors multiply.
     """
     changes = (*faults, *nuisances)
     settled: dict[tuple[int, str], dict[int, int]] = {}
@@ -81,33 +80,20 @@ def find_events(
             settled.setdefault((first, meant(fault.parameter)), {})[number] = last
     events = []
     for (first, name), ends in settled.items():
-        value = partial(_product, nominal(name), name, changes, otherwise=first - 1)
-        before, after = value({}, period=grid.period), value(ends, period=grid.period)
+        mine = [(i, c) for i, c in enumerate(changes) if meant(c.parameter) == name]
+        value = nominal[name]
+        before, after = (
+            math.prod((_factor(c, last.get(i, first - 1), grid) for i, c in mine), start=value)
+            for last in ({}, ends)
+        )
         if before != after:
             events.append(Event(name, first, before, after))
     order = changeable(PARAMETER_UNITS)
     return tuple(sorted(events, key=lambda e: (e.index, order.index(e.parameter))))
 
 
-def _product(
-    nominal: float,
-    name: str,
-    changes: Sequence[Fault],
-    ends: Mapping[int, int],
-    *,
-    otherwise: int,
-    period: float,
-) -> float:
-    """Return nominal times the factor of each change of `name`, in a sample of its own.
-
-    That is the one in `ends` for the changes numbered there, and `otherwise` for the others.
-    """
-    value = nominal
-    for number, change in enumerate(changes):
-        if meant(change.parameter) == name:
-            sample = ends.get(number, otherwise)
-            value *= float(change.factor_at(Grid(np.array([sample]), period))[0])
-    return value
+def _factor(change: Fault, k: int, grid: Grid) -> float:
+    return float(change.factor_at(Grid(np.array([k]), grid.period))[0])
 
 
 def drawn(scenario: Scenario, seed: int) -> Scenario:

@@ -15,10 +15,10 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
-from flexaxis.sim.tables.config import Config, NotNegative, Positive
-from flexaxis.sim.tables.nonlinear import Place, passive
+from flexaxis.sim.tables.config import NotNegative, Positive
+from flexaxis.sim.tables.nonlinear import Nonlinearity, Place, passive
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of a row, by which it is known to be ours."""
@@ -26,28 +26,35 @@ MARK: float = struct.unpack("=d", b"flexaxis")[0]
 WIDTH = 12
 """Numbers in a row: mark, number of the law in `COMPILED_LAWS`, and up to ten parameters."""
 
-_FIRST = 2  # of the parameters in a row
-
 Row = Sequence[float]
 
 
-def add_row(table: BaseModel, spec: Any) -> None:
-    """Build a law into an `MjSpec`, as a row of numbers."""
-    row = [MARK, float(COMPILED_LAWS.index(type(table))), *map(float, table.model_dump().values())]
-    spec.add_numeric(name=_row_name(table), size=WIDTH, data=row)
+class _CompiledLaw(Nonlinearity):
+    """A law that the engine calls; it lies there as a row of numbers."""
+
+    substeps: ClassVar[int] = 20  # a sign comes and goes within a millisecond: 6e-5 in the loop
+    parameters: ClassVar[tuple[str, ...]]
+    """Those of its keys that are parameters of a law."""
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        code = float(COMPILED_LAWS.index(type(self)))
+        row = [MARK, code, *map(float, self.model_dump().values())]
+        spec.add_numeric(name=type(self).__name__, size=WIDTH, data=row)
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {name: getattr(self, name) for name in self.parameters}
+
+    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
+        """Return where the engine keeps the parameters of its law, and as what."""
+        keys, owner = [*type(self).model_fields], type(self).__name__
+        at = {name: Place("numeric_data", owner, 2 + keys.index(name)) for name in law}
+        return {at[name]: value for name, value in law.items()}
 
 
-def row_places(table: BaseModel, law: Mapping[str, Any]) -> dict[Place, Any]:
-    """Return where the engine keeps parameters of a law in its row, and as what."""
-    place = {name: _FIRST + i for i, name in enumerate(type(table).model_fields)}
-    return {Place("numeric_data", _row_name(table), place[n]): value for n, value in law.items()}
-
-
-def _row_name(table: BaseModel) -> str:
-    return type(table).__name__
-
-
-class FrictionConfig(Config):
+class FrictionConfig(Nonlinearity):
     """Friction of the motor that does not depend on the size of its speed.
 
     Attributes
@@ -56,7 +63,6 @@ class FrictionConfig(Config):
         Coulomb friction [N m]; it opposes the motion, and holds the motor up to that torque.
     """
 
-    exact: ClassVar[bool] = False
     substeps: ClassVar[int] = 20  # a switch is located to within a step: 7e-4 with these
     coulomb: Positive
 
@@ -81,7 +87,7 @@ class FrictionConfig(Config):
         return f"Coulomb friction of {self.coulomb:g} N m"
 
 
-class LuGreConfig(Config):
+class LuGreConfig(Nonlinearity):
     r"""LuGre friction of the motor: bristles that bend, stick and slip.
 
     With the deflection z of the bristles and the motor speed v, the friction torque is
@@ -105,7 +111,6 @@ class LuGreConfig(Config):
         v_s, the speed at which the second has given way to the first [rad/s].
     """
 
-    exact: ClassVar[bool] = False
     substeps: ClassVar[int] = 10  # the engine's bristles are of first order in the step: 7e-4
     stiffness: Positive
     damping: Positive
@@ -152,7 +157,7 @@ class LuGreConfig(Config):
         return f"LuGre friction of {self.coulomb:g} N m, {self.static:g} N m to break away"
 
 
-class StaticFrictionConfig(Config):
+class StaticFrictionConfig(_CompiledLaw):
     r"""A static curve of friction, with its peak before the motor slides.
 
     .. math:: \tau = (F_c + F_{cs} / \cosh(\alpha v)) \tanh(\beta v)
@@ -172,8 +177,7 @@ class StaticFrictionConfig(Config):
         β, the inverse of the speed at which sliding begins [s/rad].
     """
 
-    exact: ClassVar[bool] = False
-    substeps: ClassVar[int] = 20  # sliding begins and ends within a millisecond: 6e-5 in the loop
+    parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "alpha", "beta")
     f_c: Positive
     f_s: Positive
     alpha: Positive
@@ -185,20 +189,12 @@ class StaticFrictionConfig(Config):
         peak = row[3] / math.cosh(row[4] * speed)
         return (row[2] + peak) * math.tanh(row[5] * speed)
 
-    build: ClassVar[Any] = add_row
-    kept: ClassVar[Any] = row_places
-
-    @property
-    def law(self) -> dict[str, float]:
-        """Its parameters by name."""
-        return self.model_dump()
-
     def in_words(self) -> str:
         """Return what it is and how large."""
         return f"a friction curve with F_c = {self.f_c:.3g} N m, F_cs = {self.f_s:.3g} N m"
 
 
-class LoadFrictionConfig(Config):
+class LoadFrictionConfig(_CompiledLaw):
     r"""Dry friction that grows with the torque that the gear transmits.
 
     .. math:: \tau = (f_c + \mu |\tau_g|) \tanh(v/v_0)
@@ -216,8 +212,7 @@ class LoadFrictionConfig(Config):
         v₀ [rad/s].
     """
 
-    exact: ClassVar[bool] = False
-    substeps: ClassVar[int] = 20
+    parameters: ClassVar[tuple[str, ...]] = ("f_c",)
     f_c: Positive
     load: Positive
     smooth: Positive = 0.1
@@ -227,20 +222,12 @@ class LoadFrictionConfig(Config):
         """Return the torque against the motion [N m]."""
         return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
 
-    build: ClassVar[Any] = add_row
-    kept: ClassVar[Any] = row_places
-
-    @property
-    def law(self) -> dict[str, float]:
-        """Its parameters by name."""
-        return {"f_c": self.f_c}
-
     def in_words(self) -> str:
         """Return what it is and how large."""
         return f"dry friction of {self.f_c:g} N m and {100 * self.load:g} % of the load"
 
 
-class GearFrictionConfig(Config):
+class GearFrictionConfig(_CompiledLaw):
     r"""Friction of a geared drive, of which a part is a share of the torques at the gear.
 
     .. math::
@@ -269,8 +256,7 @@ class GearFrictionConfig(Config):
         v₀ [rad/s].
     """
 
-    exact: ClassVar[bool] = False
-    substeps: ClassVar[int] = 20
+    parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "v_s")
     f_c: NotNegative
     f_s: NotNegative
     motor: NotNegative
@@ -289,14 +275,6 @@ class GearFrictionConfig(Config):
         left = math.exp(-(abs(speed / row[8]) ** row[9]))
         return (fast + slow * left) * math.tanh(speed / row[10])
 
-    build: ClassVar[Any] = add_row
-    kept: ClassVar[Any] = row_places
-
-    @property
-    def law(self) -> dict[str, float]:
-        """Its parameters by name."""
-        return {"f_c": self.f_c, "f_s": self.f_s, "v_s": self.v_s}
-
     def in_words(self) -> str:
         """Return what it is and how large."""
         dry = f"{self.f_c:.2g} N m ({self.f_c + self.f_s:.2g} when slow)"
@@ -304,5 +282,9 @@ class GearFrictionConfig(Config):
         return f"gear friction of {dry}, {shares} of the load"
 
 
-COMPILED_LAWS: tuple[Any, ...] = (StaticFrictionConfig, LoadFrictionConfig, GearFrictionConfig)
+COMPILED_LAWS: tuple[Any, ...] = (
+    StaticFrictionConfig,
+    LoadFrictionConfig,
+    GearFrictionConfig,
+)
 """The laws that are compiled; a row names its law by the place in here."""

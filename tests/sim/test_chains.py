@@ -63,7 +63,7 @@ def apart(ours, exact):
 def test_a_plant_is_its_equations_to_the_order_of_the_integrator(name):
     """With every parameter changed on the way; a method of fourth order divides by 16."""
     rng = np.random.default_rng(0)
-    before = preset("n1", name).as_array()
+    before = np.array([*preset("n1", name).values()])
     after = before * np.exp(rng.normal(0, 0.2, len(before)))
     truth, torque = np.repeat([before, after], 100, axis=0), rng.normal(0, 1, 200)
     exact, errors = moved(name, torque, truth), []
