@@ -9,7 +9,7 @@ from pathlib import Path
 
 import rich.table
 
-from flexaxis.experiments.building.code import digest
+from flexaxis.experiments.files import REPORT, write_json, write_text, writing
 from flexaxis.experiments.gate.decide import BETTER, UNDECIDED, WORSE
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.verdicts import Verdict
@@ -26,11 +26,11 @@ from flexaxis.experiments.gate.wording import (
 )
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.reporting.old_results import Traces
 from flexaxis.experiments.reporting.run.over_time import trajectories
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
+from flexaxis.experiments.running.store import ROWS
 from flexaxis.experiments.scoring.curves import curve_of
-from flexaxis.experiments.storage.files import REPORT, write_json, write_text, writing
-from flexaxis.experiments.storage.traces import Traces
 from flexaxis.sim.scenario import Scenario
 
 KINDS = {WORSE: "bad", UNDECIDED: "maybe", BETTER: ""}  # of the box with the verdict
@@ -203,9 +203,12 @@ def write(
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / MARKDOWN, markdown(found))
-    codes = {text: digest(text) for text in (found.base, found.candidate)}
     text = comparison_page(
-        found, scenarios, sources=sources or {}, command=command, traces=Traces(folder, codes)
+        found,
+        scenarios,
+        sources=sources or {},
+        command=command,
+        traces=Traces(folder if (folder / ROWS).exists() else None),
     )
     write_text(folder / REPORT, text)
     # Last: a folder that has none is not complete.
