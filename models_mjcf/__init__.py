@@ -6,6 +6,7 @@ number. In comes the name of a model, out go its MJCF text and the files beside 
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
@@ -64,7 +65,9 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
     ['README.md', 'axes.toml', 'drives.toml', 'scene.xml', 'three_mass.xml', 'wg.md']
     """
     if name not in MODEL_NAMES:
-        raise ValueError(f"unknown model {name!r}; models are {', '.join(MODEL_NAMES)}.")
+        near = get_close_matches(name, MODEL_NAMES, n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"unknown model {name!r}; models are {', '.join(MODEL_NAMES)}.{hint}")
     # Read through the import system, so that it also works from a wheel or a zip file.
     folder = files(__package__) / name
     assets = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}

@@ -81,19 +81,18 @@ def find_events(
     events = []
     for (first, name), ends in settled.items():
         mine = [(i, c) for i, c in enumerate(changes) if meant(c.parameter) == name]
-        value = nominal[name]
         before, after = (
-            math.prod((_factor(c, last.get(i, first - 1), grid) for i, c in mine), start=value)
+            math.prod(
+                (float(c.factor_at(Grid(np.array([last.get(i, first - 1)]), grid.period))[0])
+                 for i, c in mine),
+                start=nominal[name],
+            )
             for last in ({}, ends)
-        )
+        )  # fmt: skip
         if before != after:
             events.append(Event(name, first, before, after))
     order = changeable(PARAMETER_UNITS)
     return tuple(sorted(events, key=lambda e: (e.index, order.index(e.parameter))))
-
-
-def _factor(change: Fault, k: int, grid: Grid) -> float:
-    return float(change.factor_at(Grid(np.array([k]), grid.period))[0])
 
 
 def drawn(scenario: Scenario, seed: int) -> Scenario:

@@ -80,7 +80,7 @@ def test_changed_while_running_is_bit_exact_with_made_so(name):
     plant = plant_of([N1])
     plant.step(np.array([0.3]))
     plant.set_parameters([changed])
-    now, made = plant._batch.get_model(0), plant_of([changed]).model(0)
+    now, made = (each._batch.get_model(0) for each in (plant, plant_of([changed])))
     for field in ("dof_damping", "tendon_stiffness", "tendon_damping", "body_inertia", "wrap_prm",
                   "actuator_gear", "dof_M0", "dof_invweight0", "tendon_invweight0"):  # fmt: skip
         assert np.array_equal(getattr(now, field), getattr(made, field)), field
