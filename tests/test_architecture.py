@@ -117,7 +117,7 @@ WAY = (
 
 
 # The way through sim/: files, what a scenario is made of, the engine; above them what runs it.
-GROUND = (("storage",), ("tables",), ("plant",))
+GROUND = (("tables",), ("plant",))
 
 # The way through estimators/: what an axis is and does in a sample, what filters do with it, what
 # looks at whole records, the bank of hypotheses, the methods.
