@@ -20,7 +20,7 @@ ESTIMATORS_NEED = {"numpy", "scipy", "numba"}
 ESTIMATORS_MAY_USE = {"estimators/models/model.py": {"control"}}
 KNOW_MUJOCO = {
     "sim/plant/plant.py",
-    "sim/plant/passive.py",
+    "sim/plant/friction.py",
     "experiments/demo/view.py",
 }
 FILES = sorted(f for folder in MAY_IMPORT for f in (ROOT / folder).rglob("*.py"))
@@ -116,7 +116,7 @@ WAY = (
 
 
 # The way through sim/: files, what a scenario is made of, the engine; above them what runs it.
-GROUND = (("storage",), ("tables",), ("plant",))
+GROUND = (("tables",), ("plant",))
 
 # The way through estimators/: what an axis is and does in a sample, what filters do with it, what
 # looks at whole records, the bank of hypotheses, the methods.

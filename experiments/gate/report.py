@@ -204,7 +204,10 @@ def write(
         folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / MARKDOWN, markdown(found))
     text = comparison_page(
-        found, scenarios, sources=sources or {}, command=command,
+        found,
+        scenarios,
+        sources=sources or {},
+        command=command,
         traces=Traces(folder if (folder / ROWS).exists() else None),
     )
     write_text(folder / REPORT, text)

@@ -23,7 +23,7 @@ from flexaxis.experiments.scoring.parameter_names import (
     true_theta,
 )
 from flexaxis.experiments.scoring.windows import Window, quiet, windows
-from flexaxis.sim.law_parameters import LAW_NAMES
+from flexaxis.sim.parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]

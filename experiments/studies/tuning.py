@@ -21,9 +21,8 @@ from flexaxis.experiments.studies.bench import Bench
 from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
+from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.storage.reading import read_toml
-from flexaxis.sim.storage.toml_text import toml_text
 
 EXCESS = "excess"  # what is matched unless the std of one parameter is
 TOLERANCE = 0.01  # of the matched noise

@@ -259,9 +259,7 @@ def test_a_comparison_end_to_end(short, tmp_path):
 
 
 def test_an_estimator_is_the_same_as_itself(short):
-    found = compare(
-        Question("rpem-drift", "rpem-drift", [short], range(3), MARGINS), BenchHere()
-    )
+    found = compare(Question("rpem-drift", "rpem-drift", [short], range(3), MARGINS), BenchHere())
     assert found.verdict == "same" and "rpem-drift" in markdown(found)
 
 
