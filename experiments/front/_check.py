@@ -9,7 +9,7 @@ from typing import Any
 from flexaxis._given import spec_of
 from flexaxis._table import Names, ShownTable
 from flexaxis.experiments.building.guest import limited
-from flexaxis.experiments.conformance import check as conformance
+from flexaxis.experiments.check import check as rules
 from flexaxis.experiments.running.cache import default_cache
 
 
@@ -80,6 +80,6 @@ def check(estimator: str | Callable[..., Any], *, time_limit: float | None = Non
         If it cannot be made at all.
     """
     with limited(time_limit):
-        found = conformance.check(spec_of(estimator), store=default_cache())
+        found = rules.check(spec_of(estimator), store=default_cache())
     lines = [asdict(each) | {"result": _WORDS[each.holds]} for each in found]
     return ShownTable(lines, ("rule", "result", "seen"))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any, Self
+
+import pandas as pd
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.crashes import EstimatorCrash
@@ -20,6 +22,11 @@ from flexaxis.sim.scenario import Scenario
 
 Runs = list[list[Row]]
 """Rows of an estimator on a scenario: a list a seed, in their order, with a row a parameter."""
+
+
+Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
+"""``run(scenarios, estimators, seeds)``: the rows of these cases as a flat table, one a parameter;
+those of a case that failed are of a lost run, and say why in ``error``."""
 
 
 class Bench:
@@ -106,6 +113,13 @@ class Bench:
         return {
             (s.hash, e): self._known(s.hash, e, plan) for s in scenarios for e in study.estimators
         }
+
+    def frame(
+        self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
+    ) -> pd.DataFrame:
+        """Return the same as a flat table: tables in rows become columns with dotted names."""
+        cases = self.with_failed(scenarios, estimators, seeds).values()
+        return pd.json_normalize([row for runs in cases for run in runs for row in run])
 
     def _known(self, key: str, estimator: str, plan: Plan) -> Runs:
         assert self._store is not None

@@ -1,4 +1,4 @@
-"""Intervals over seeds: what each is for, and how often it covers what it is for.
+"""Intervals over seeds, and tests of paired runs.
 
 All are at 95 % and None below five seeds: of fewer nobody can say how far they spread. A seed is
 one draw: runs of one seed at several points of a sweep share their noise, and what is pooled over
@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import stats
 from scipy.special import betaincinv, chdtri, stdtrit
 from scipy.stats import binom
 
@@ -298,3 +299,70 @@ def _constant(values: Array) -> bool:
 
 def _t(n: int) -> float:
     return -float(stdtrit(n - 1, MISS / 2))
+
+
+def sign_p(more: int, less: int) -> float:
+    """Return the one-sided p of McNemar's exact test: the probability of at least `more` heads.
+
+    Runs that both sides win or lose tell nothing; each of the others is as likely lost by either
+    side if neither is better, so `more` of more + less is binomial(½).
+
+    Examples
+    --------
+    >>> sign_p(10, 0) == 2**-10, sign_p(0, 3)
+    (True, 1.0)
+    """
+    return float(stats.binom.sf(more - 1, more + less, 0.5))
+
+
+def holm_levels(p: ArrayLike, alpha: float) -> Array:
+    """Return the level that Holm's step-down procedure gives to each test.
+
+    A test with p ≤ its level is rejected, and an interval at this level leaves out zero exactly
+    then. The probability of any wrong rejection is at most `alpha`, however the tests depend on
+    each other.
+
+    Parameters
+    ----------
+    p : array_like (m,)
+        p-values. NaN is no member of the family, and gets `alpha`.
+    alpha : float
+        Level of the family.
+
+    Returns
+    -------
+    ndarray (m,)
+        alpha/m for the smallest p, alpha/(m − 1) for the next, …; the tests after the first that is
+        not rejected all have its level.
+
+    Examples
+    --------
+    >>> holm_levels([0.2, 0.001, 0.03], 0.06).round(3).tolist()
+    [0.06, 0.02, 0.03]
+    """
+    p = np.asarray(p, float)
+    order, members = np.argsort(p), np.isfinite(p).sum()  # NaN comes last
+    steps = alpha / np.arange(members, 0, -1)
+    rejected = p[order[:members]] <= steps
+    first = members - 1 if rejected.all() else np.argmin(rejected)
+    levels = np.full(len(p), alpha)
+    levels[order[:members]] = steps[np.minimum(np.arange(members), first)]
+    return levels
+
+
+def difference(first: ArrayLike, second: ArrayLike) -> tuple[int, float, float]:
+    """Return number and mean of paired differences first − second, and p of Student's t test.
+
+    Parameters
+    ----------
+    first, second : array_like (n,) of float or None
+        A score seed by seed; None or NaN where there is none.
+    """
+    d = np.array(first, float) - np.array(second, float)
+    d = d[~np.isnan(d)]
+    if not d.size:
+        return 0, 0.0, 1.0
+    mean = float(d.mean())
+    if np.ptp(d) <= 1e-12:  # equal but for rounding, or one pair alone
+        return d.size, mean, float(d.size < 2 or abs(mean) <= 1e-12)
+    return d.size, mean, float(stats.ttest_1samp(d, 0.0).pvalue)

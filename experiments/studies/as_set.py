@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.experiments.comparison.matching import Setting, plain
+from flexaxis.experiments.comparison.sweep import listed
 from flexaxis.experiments.results.groups import Groups
-from flexaxis.experiments.studies.sweep import listed
 
 
 def as_set(groups: Groups, pooled: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -36,8 +37,7 @@ def as_set(groups: Groups, pooled: Sequence[Mapping[str, Any]]) -> list[dict[str
     seeds = _seeds(groups)
     for group, row in enumerate(pooled):
         columns = groups.columns(group)
-        lines = zip(*(columns[name] for name in _OF_NOISE), strict=True)
-        rows = [dict(zip(_OF_NOISE, line, strict=True)) for line in lines]
+        rows = pd.DataFrame({name: columns[name] for name in _OF_NOISE})
         setting = Setting(row["method"], 1.0, rows)
         values = {name: listed(plain(setting, name)) for name in ("lag", "std")}
         if not row["changed"] or None in (row["lag"], row["std"], *values.values()):

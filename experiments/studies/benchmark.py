@@ -13,6 +13,7 @@ import numpy as np
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
+from flexaxis.experiments.comparison import sweep
 from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.reporting.run.page import render
 from flexaxis.experiments.reporting.study.page import write_report
@@ -37,7 +38,6 @@ from flexaxis.experiments.storage.files import (
 )
 from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.traces import Traces
-from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
@@ -197,8 +197,8 @@ def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[
         return None
     scenarios = [stored_scenario(s, source=str(folder)) for s in wanted["scenarios"]]
     with Bench(scenarios, folder / SWEEP, means) as bench:
-        able = sweep.able(scenarios, wanted["estimators"], study["seeds"], bench)
-        found = sweep.sweep(scenarios, able, study["seeds"], bench)
+        able = sweep.able(scenarios, wanted["estimators"], study["seeds"], bench.frame)
+        found = sweep.sweep(scenarios, able, study["seeds"], bench.frame)
     return asdict(found) | {
         "left_out": [name for name in wanted["estimators"] if name not in able],
         "overall": overall(found.at_excess),

@@ -54,7 +54,7 @@ def main(args: argparse.Namespace) -> int:
 
     from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.building.guest import limited
-    from flexaxis.experiments.conformance.check import check
+    from flexaxis.experiments.check.check import check
     from flexaxis.experiments.running.cache import default_cache
 
     with limited(args.time_limit):

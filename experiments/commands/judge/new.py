@@ -39,7 +39,7 @@ def main(args: argparse.Namespace) -> int:
     from importlib.resources import files
 
     _check(args.path)
-    home = files("flexaxis.experiments.conformance") / "templates"
+    home = files("flexaxis.experiments.check") / "templates"
     written: list[Path] = []
     for source in TEMPLATES[args.path.suffix]:
         path = args.path if not written else args.path.with_name(source)

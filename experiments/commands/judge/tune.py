@@ -34,7 +34,7 @@ from flexaxis.experiments.storage.files import OutputError, write_json, write_te
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.studies.tuning import Tuned
+    from flexaxis.experiments.comparison.tune import Tuned
 
 HELP = "find the knob at which an estimator is as noisy as the reference, or sweep it"
 
@@ -76,11 +76,11 @@ def _sweep(args: argparse.Namespace) -> int:
     """Sweep the knobs, match the noise and draw."""
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.comparison.ranking import overall
+    from flexaxis.experiments.comparison.sweep import TURNS, reference, settings, sweep, texts
     from flexaxis.experiments.reporting.figures import figure, svg
     from flexaxis.experiments.reporting.run.speed import tradeoff
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
     from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 
     scenarios, *_ = select(args.sweep)
     estimators = list(dict.fromkeys(args.estimator)) or [*SWEPT]
@@ -92,7 +92,7 @@ def _sweep(args: argparse.Namespace) -> int:
         options.working(args, f"at most {most} cases", most) as (means, _),
         Bench(scenarios, folder, means, **how) as bench,
     ):
-        swept = sweep(scenarios, estimators, seeds, bench)
+        swept = sweep(scenarios, estimators, seeds, bench.frame)
         ranking = overall(swept.at_excess)
         content = {"command": command, "seeds": seeds, "reference": reference()}
         content |= asdict(swept) | {"overall": ranking}
@@ -106,14 +106,13 @@ def _sweep(args: argparse.Namespace) -> int:
 def _tune(args: argparse.Namespace) -> int:
     """Tune and print."""
     from flexaxis.experiments.building.crashes import no_room
-    from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.studies.tuning import (
+    from flexaxis.experiments.comparison.tune import (
         Trials,
-        forget,
         match_noise,
         save,
         tuning_scenario,
     )
+    from flexaxis.experiments.running.bench import Bench
 
     names, path = _names(args), _file(args)
     seeds = args.seeds or "0:16"
@@ -128,14 +127,14 @@ def _tune(args: argparse.Namespace) -> int:
     ):
         for name in names:
             try:
-                tuned = match_noise(name, Trials(parse_seeds(seeds), bench, args.match))
+                tuned = match_noise(name, Trials(parse_seeds(seeds), bench.frame, args.match))
             except FlexaxisError as error:
                 if not args.all or no_room(error):
                     raise
                 print(error, file=sys.stderr)  # the others can still be tuned
                 missed.append(name)
                 if path:
-                    forget(path, name)
+                    save(path, name, None)
                 continue
             finally:
                 advance(1)
