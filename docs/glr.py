@@ -35,9 +35,9 @@ from speed_streams import make_stream
 from flexaxis.experiments.building.code import digest, own_digest
 from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.comparison.sweep import sweep
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.studies.sweep import sweep
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "glr.md"
@@ -124,7 +124,7 @@ def at_excess(cases: Sequence[str], texts: Sequence[str], seeds: range, given: A
     scenarios = [s for s in scenarios if {e.parameter for e in s.events()} & {"k_T", "J_a", "f_m"}]
     folder, means = given.store / f"sweep-{own_digest()}", Means(jobs=given.jobs)
     with Bench(scenarios, folder, means) as bench:
-        found = sweep(scenarios, texts, seeds, bench).at_excess
+        found = sweep(scenarios, texts, seeds, bench.frame).at_excess
     return [
         {"case": r["scenario"].removesuffix("-v1"), "estimator": r["estimator"],
          "parameter": r["parameter"], "how": r["how"], "bound": r["bound"], "runs": len(seeds)}

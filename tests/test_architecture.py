@@ -111,7 +111,7 @@ WAY = (
     ("reporting",),
     ("studies",),
     ("gate", "paper", "logs", "demo"),
-    ("conformance",),
+    ("check",),
     ("commands", "front"),
 )
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy import stats
-from scipy.special import comb
+from scipy.special import comb, stdtr, stdtrit
 
 from flexaxis.experiments.gate.pairs import LOST, Array, Paired
 from flexaxis.experiments.scoring.intervals import holm_levels, sign_p
@@ -63,85 +65,97 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     """
     rows = [_lost(paired, way, alpha) for way in LOST]
     if len(paired.scores):
-        rows += [_row(score) for _, score in decide(paired.scores, alpha).iterrows()]
+        scores = paired.scores
+        changes = pd.DataFrame(scores["changes"].tolist()).to_numpy()  # NaN where one has fewer
+        about = (scores[name].to_numpy() for name in ("scenario", "metric", "margin"))
+        decided = scores.assign(**decide(changes, *about, alpha))
+        rows += [_row(score) for _, score in decided.iterrows()]
     return pd.DataFrame(rows)
 
 
-def decide(scores: pd.DataFrame, alpha: float = ALPHA) -> pd.DataFrame:
+def decide(changes: Array, scenarios: Any, metrics: Any, margins: Any, alpha: float = ALPHA) -> Any:
     """Judge all scores of one comparison.
 
     Parameters
     ----------
-    scores : DataFrame
-        With ``scenario, metric, margin, changes``, as from `flexaxis.experiments.gate.pairs`.
+    changes : ndarray (S, n)
+        log(candidate/base) of each score and seed, or the difference as a share; NaN where there
+        is no pair.
+    scenarios, metrics, margins : ndarray (S,)
+        What each score is, and the share by which a change matters.
     alpha : float
         Of the whole comparison.
 
     Returns
     -------
-    DataFrame
-        The scores with ``n, mean, se`` of the changes, ``p, level, low, high, verdict, reason,
-        seeds_needed``.
+    dict of str to ndarray (S,)
+        ``n, mean, low, high, p, level, verdict, reason, seeds_needed``.
     """
-    moments = pd.DataFrame([_moments(x[np.isfinite(x)]) for x in scores["changes"]], scores.index)
-    s = scores.join(moments)
-    freedom = np.maximum(s["n"] - 1, 1)
-    with np.errstate(divide="ignore", invalid="ignore"):  # equal on every seed: p is NaN
-        s["p"] = np.where(s["n"] > 1, 2 * stats.t.sf(abs(s["mean"]) / s["se"], freedom), 1.0)
-    guard = s["metric"].map(lambda metric: SCORES[metric].guard)
-    s["level"] = s.groupby(guard)["p"].transform(lambda p: holm_levels(p, SHARES[p.name] * alpha))
-    half = np.where(s["n"] > 1, stats.t.isf(s["level"] / 2, freedom) * s["se"], np.inf)
-    s["low"], s["high"], margin = s["mean"] - half, s["mean"] + half, np.log1p(s["margin"])
-    s["way"] = np.sign(s["low"]).where(s["low"] > 0, -np.sign(-s["high"].clip(upper=0)))
-    runs, ways = _agreeing(s)
-    with np.errstate(over="ignore"):
-        seen = abs(s["mean"]) > UNSEEN * np.expm1(-np.log(alpha / ways) / runs)
-    beyond = np.maximum(s["low"], -s["high"]) > margin
-    inside = np.maximum(-s["low"], s["high"]) < margin
-    far = beyond & seen & (s["way"] < 0) & s.groupby("metric")["failed"].transform("any")
-    choices = [
-        beyond & seen & (s["way"] > 0),
-        beyond & seen & ~far,
-        inside & (s["way"] != 0),
-        inside,
-    ]
-    words = np.select(choices, [WORSE, BETTER, SLIGHT, SAME], UNDECIDED)
-    s["verdict"] = np.where(guard & (words != WORSE), SILENT, words)
-    s["reason"] = np.select([far, beyond & ~seen], ["far", "few"], "")
+    n, mean, se = _moments(changes)
+    freedom, margin = np.maximum(n - 1, 1), np.log1p(margins)
+    guard = np.array([SCORES[metric].guard for metric in metrics])
+    level = np.empty(len(n))
     with np.errstate(all="ignore"):
-        narrow = s["n"] * (half / abs(abs(s["mean"]) - margin)) ** 2
-        rare = np.log(1 / alpha) / np.log1p(abs(s["mean"]) / UNSEEN) * s["n"] / runs
-    needed = np.ceil(np.maximum(narrow, rare.where(beyond, 0.0))).clip(lower=s["n"] + 1)
-    decidable = (s["verdict"] == UNDECIDED) & ~far & (needed <= MOST_SEEDS)
-    return s.assign(seeds_needed=needed.where(decidable))
+        # Scores that are equal on every seed cannot differ: their p is NaN, no member of a family.
+        p = np.where(n > 1, 2 * stdtr(freedom, -abs(mean) / se), 1.0)
+        for kind in (False, True):
+            level[guard == kind] = holm_levels(p[guard == kind], SHARES[kind] * alpha)
+        half = np.where(n > 1, -stdtrit(freedom, level / 2) * se, np.inf)
+        low, high = mean - half, mean + half
+        way = np.where(low > 0, 1, 0) - np.where(high < 0, 1, 0)
+        runs, ways = _agreeing(way, n, scenarios, metrics)
+        seen = abs(mean) > UNSEEN * np.expm1(-np.log(alpha / ways) / runs)
+        narrow = n * (half / abs(abs(mean) - margin)) ** 2
+        rare = np.log(1 / alpha) / np.log1p(abs(mean) / UNSEEN) * n / runs
+    beyond, inside = np.maximum(low, -high) > margin, np.maximum(-low, high) < margin
+    spoilt = np.isin(metrics, metrics[far_pairs(changes).any(axis=1)])
+    far = beyond & seen & (way < 0) & spoilt
+    clear = beyond & seen & ~far
+    choices = [clear & (way > 0), clear, inside & (way != 0), inside]
+    words = np.select(choices, [WORSE, BETTER, SLIGHT, SAME], UNDECIDED)
+    words = np.where(guard & (words != WORSE), SILENT, words)
+    needed = np.maximum(np.ceil(np.maximum(narrow, np.where(beyond, rare, 0))), n + 1)
+    unknown = far | (words != UNDECIDED) | ~(needed <= MOST_SEEDS)
+    return {
+        "n": n, "mean": mean, "low": low, "high": high, "p": p, "level": level, "verdict": words,
+        "reason": np.select([far, beyond & ~seen], ["far", "few"], ""),
+        "seeds_needed": np.where(unknown, np.nan, needed),
+    }  # fmt: skip
 
 
-def _moments(x: Array) -> dict[str, Any]:
-    """Return number, mean and standard error of changes, and whether one of them is a failure.
-
-    A failure is far slower or noisier than the base, and than the other runs. What differs by
-    rounding errors is equal.
-    """
-    n = len(x)
-    if not n:
-        return {"n": 0, "mean": 0.0, "se": 0.0, "failed": False}
-    mean, off = x.mean(), x - np.median(x)
-    failed = bool(((x > FAILED) & (off > SCATTER * np.median(abs(off)))).any())
-    se = x.std(ddof=1) / np.sqrt(n) if n > 1 and np.ptp(x) > 1e-12 else 0.0
-    return {"n": n, "mean": mean if abs(mean) > 1e-12 else 0.0, "se": se, "failed": failed}
+def _moments(changes: Array) -> tuple[Any, Array, Array]:
+    """Return number, mean and standard error (S,) of the pairs; rounding errors are equal."""
+    pairs = np.isfinite(changes)
+    n = pairs.sum(axis=1)
+    mean = np.where(pairs, changes, 0.0).sum(axis=1) / np.maximum(n, 1)
+    off = np.where(pairs, changes - mean[:, None], 0.0)
+    se = np.sqrt((off**2).sum(axis=1) / np.maximum(n - 1, 1) / np.maximum(n, 1))
+    se[abs(off).max(axis=1) <= 1e-12] = 0.0
+    return n, np.where((se == 0) & (abs(mean) <= 1e-12), 0.0, mean), se
 
 
-def _agreeing(s: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
-    """Return the runs behind each change, and the ways to choose the scenarios that agree.
+def far_pairs(changes: Array) -> NDArray[np.bool_]:
+    """Return which pairs (S, n) are far slower or noisier than the base, and than the others."""
+    values = np.ma.masked_invalid(changes)
+    off = values - np.ma.median(values, axis=1, keepdims=True)
+    scatter = np.ma.median(abs(off), axis=1, keepdims=True)
+    return np.ma.filled((values > FAILED) & (off > SCATTER * scatter), False)
+
+
+def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Array]:
+    """Return the runs (S,) behind each change, and the ways to choose the scenarios that agree.
 
     These are the runs of all scores of the metric that change the same way, each run once. What
     happens in a share q of the runs is missed by all n with probability (1 − q)ⁿ, so failures in
     fewer than 1 − alpha^(1/n) of them must be reckoned with.
     """
-    most = s.groupby(["metric", "way", "scenario"])["n"].max().groupby(["metric", "way"])
-    found = s[["metric", "way"]].join(most.agg(["sum", "size"]), on=["metric", "way"])
-    scenarios = s.groupby("metric")["scenario"].transform("nunique")
-    return found["sum"].clip(lower=1), comb(scenarios, found["size"])
+    runs, ways = np.ones_like(n), np.ones(len(n))
+    for metric, side in product(np.unique(metrics), (-1, 1)):
+        places = np.unique(scenarios[metrics == metric])
+        agree = (metrics == metric) & (way == side)
+        most = [n[agree & (scenarios == place)].max(initial=0) for place in places]
+        runs[agree], ways[agree] = sum(most), comb(len(most), np.count_nonzero(most))
+    return runs, ways
 
 
 def _row(s: pd.Series) -> dict[str, Any]:
