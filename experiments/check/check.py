@@ -95,9 +95,10 @@ class Subject:
 
 def steps(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Iterator[Array]:
     """Yield the estimates (p,) step by step, without y in the gap."""
-    for k in range(len(u)):
-        inside = gap.start is not None and gap.start <= k < gap.stop
-        yield np.array(estimator.step(float(u[k]), None if inside else float(y[k])), float)
+    values: list[float | None] = y.tolist()
+    values[gap] = [None] * len(values[gap])
+    for pair in zip(u.tolist(), values, strict=True):
+        yield np.array(estimator.step(*pair), float)
 
 
 def step(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Array:
@@ -228,10 +229,10 @@ def keeps_no_reference(subject: Subject) -> Seen:
         return False, "overwriting inputs of the past changed later estimates"
     if subject.apart(kept, first) > 0:
         return False, "estimates that run has returned changed later"
-    estimator, pairs = subject.make(), zip(subject.u[:500], subject.y[:500], strict=True)
-    returned = [estimator.step(float(a), float(b)) for a, b in pairs]
-    copies = step(subject.make(), subject.u[:500], subject.y[:500])
-    if subject.apart(np.array(returned, float), copies) > 0:
+    short = subject.u[:500], subject.y[:500]
+    estimator = subject.make()
+    returned = [estimator.step(*pair) for pair in zip(*map(np.ndarray.tolist, short), strict=True)]
+    if subject.apart(np.array(returned, float), step(subject.make(), *short)) > 0:
         return False, "an array that step has returned changes at the next step"
     return True, "inputs and outputs are copies"
 
@@ -300,16 +301,14 @@ def covariance(subject: Subject) -> Seen:
         return None, "it claims none"
     for k, _ in enumerate(steps(estimator, subject.u, subject.y)):
         C = np.asarray(estimator.covariance, float)  # type: ignore[attr-defined]
-        if C.shape != (p, p) or not np.isfinite(C).all():
-            return False, f"sample {k}: not a finite matrix ({p}, {p})"
-        if C.diagonal().min() < 0:
-            return False, f"sample {k}: a variance is negative ({C.diagonal().min():.2g})"
+        if C.shape != (p, p) or not np.isfinite(C).all() or C.diagonal().min() < 0:
+            return False, f"sample {k}: no finite matrix ({p}, {p}) of variances above 0: {C}"
         scale = np.sqrt(np.maximum(C.diagonal(), np.finfo(float).tiny))
         R = C / np.outer(scale, scale)
         if np.abs(R - R.T).max() > SLACK:
-            return False, f"sample {k}: not symmetric, C[i, j] and C[j, i] differ"
-        if (least := np.linalg.eigvalsh(R).min()) < -SLACK * p:
-            return False, f"sample {k}: not positive semidefinite (an eigenvalue of {least:.2g})"
+            return False, f"sample {k}: not symmetric: {C}"
+        if np.linalg.eigvalsh(R).min() < -SLACK * p:
+            return False, f"sample {k}: a negative eigenvalue: {C}"
     return True, "symmetric and positive semidefinite at every sample"
 
 

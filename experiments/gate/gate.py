@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -130,7 +131,8 @@ def compare(
         be equal.
     """
     looks = look_seeds(seeds, max_seeds)
-    scenarios, lacking = _readable(base, candidate, scenarios, len(seeds))
+    texts = {"base": base, "candidate": candidate}
+    scenarios, lacking = _readable(texts, scenarios, len(seeds))
     equal = None
     if match_std:
         if used := {*SEEDS} & {*looks[-1]}:
@@ -181,18 +183,13 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
 
 
 def _readable(
-    base: str, candidate: str, scenarios: Sequence[Scenario], seeds: int
+    texts: Mapping[str, str], scenarios: Sequence[Scenario], seeds: int
 ) -> tuple[Sequence[Scenario], list[Lack]]:
     """Return the scenarios that both can read, and those that one side alone can read."""
-    texts = {"base": base, "candidate": candidate}
-    left = {side: readable(scenarios, [text])[1] for side, text in texts.items()}
+    left = {side: {*readable(scenarios, [text])[1]} for side, text in texts.items()}
+    both = set.intersection(*left.values())
+    lacks = [Lack(n, side, seeds, True) for side, names in left.items() for n in names - both]
     kept = [s for s in scenarios if not any(s.name in names for names in left.values())]
-    lacks = [
-        Lack(name, side, seeds, unreadable=True)
-        for side, names in left.items()
-        for name in names
-        if sum(name in each for each in left.values()) == 1
-    ]
     return (kept, lacks) if kept else (scenarios, [])  # running them tells why
 
 
@@ -236,22 +233,20 @@ def compare_runs(
         If the versions or the content of a scenario differ, the estimator is not clear, or fewer
         than two seeds are common.
     """
-    folders = (base, candidate)
-    versions, frames = zip(*map(_stored, folders), strict=True)
-    names = [_chosen(*each) for each in zip(folders, estimators, frames, strict=True)]
-    sides = [
-        table(f[(f["estimator"] == name) & (f["seed"].isin(seeds) if seeds else True)])
-        for f, name in zip(frames, names, strict=True)
-    ]
-    hashes = [side.groupby(level="scenario")["hash"].first() for side in sides]
-    first, second = hashes[0].align(hashes[1], join="inner")
-    known = {"versions": versions, "scenarios": (first.to_dict(), second.to_dict())}
-    for what, (old, new) in known.items():
-        if differ := sorted(k for k in {*old, *new} if old.get(k) != new.get(k)):
-            raise FlexaxisError(
-                f"{base} and {candidate} have different {what} ({', '.join(differ)}): run both "
-                "again, or use `flexaxis compare --base … --candidate …`"
-            )
+    sides, versions, names = [], [], []
+    for folder, text in zip((base, candidate), estimators, strict=True):
+        frame, known = _stored(folder)
+        versions.append(known)
+        names.append(_chosen(folder, text, [*frame["estimator"].unique()]))
+        kept = frame["seed"].isin(frame["seed"] if seeds is None else seeds)
+        sides.append(table(frame[kept & (frame["estimator"] == names[-1])]))
+    hashes = (side.groupby(level="scenario")["hash"].first() for side in sides)
+    both = pd.concat(hashes, axis=1, join="inner")
+    if versions[0] != versions[1] or (both.iloc[:, 0] != both.iloc[:, 1]).any():
+        raise FlexaxisError(
+            f"{base} and {candidate} are of different versions of flexaxis, or of a scenario: run "
+            "both again, or use `flexaxis compare --base … --candidate …`"
+        )
     common = sides[0].index.unique("seed").intersection(sides[1].index.unique("seed"))
     if len(common) < 2:
         raise FlexaxisError(
@@ -259,14 +254,14 @@ def compare_runs(
             "needed, better 32"
         )
     paired = pair(sides[0], sides[1], margins)
-    return Comparison(names[0], names[1], sorted(common.tolist()), judge(paired), paired, margins)
+    return Comparison(names[0], names[1], sorted(common), judge(paired), paired, margins)
 
 
-def _stored(folder: Path) -> tuple[dict[str, str], pd.DataFrame]:
-    """Return the versions and the rows of a finished run."""
+def _stored(folder: Path) -> tuple[pd.DataFrame, Any]:
+    """Return the rows of a finished run, and the versions that made them."""
     try:
         frame = Results.load(folder).to_dataframe().reset_index()
-        return json_table(folder / SUMMARY, OutputError)["versions"], frame
+        return frame, json_table(folder / SUMMARY, OutputError)["versions"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise OutputError(
             f"{folder} holds no finished run (rows and {SUMMARY} are needed; a study is compared "
@@ -274,11 +269,9 @@ def _stored(folder: Path) -> tuple[dict[str, str], pd.DataFrame]:
         ) from error
 
 
-def _chosen(folder: Path, text: str | None, frame: pd.DataFrame) -> str:
-    names = list(frame["estimator"].unique())
-    if text is None and len(names) == 1:
-        return str(names[0])
-    if text in names:
-        return str(text)
+def _chosen(folder: Path, text: str | None, names: Sequence[str]) -> str:
+    """Return the estimator of a folder that is meant."""
+    if text in names or (text is None and len(names) == 1):
+        return text or names[0]
     hint = did_you_mean(text, names) if text else " Name one with --base or --candidate."
     raise FlexaxisError(f"{folder}: which estimator?{hint} It holds: {', '.join(names)}")

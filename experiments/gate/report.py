@@ -6,6 +6,7 @@ import json
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,7 @@ LEGEND = (
     "{seeds} seeds, paired. Change: candidate over base (geometric mean), × beyond a factor of 2; "
     "Δ is a difference. A std is about the mean of all runs.",
     "Interval: Student's t of paired log-ratios, at the level of Holm's procedure. A false worse "
-    "or better anywhere has a probability of at most {alpha:.2g} %.",
+    "or better anywhere has a probability of at most {percent:.2g} %.",
     "worse, better: the interval lies beyond the margin ({margins}), and enough runs show it. "
     "slight, same: it lies within.",
     "Lost runs: McNemar's exact test on the runs that one side alone lost, over all scenarios.",
@@ -75,26 +76,26 @@ def as_dict(comparison: Comparison, *, sources: Mapping[str, str] | None = None)
     shown = [row for row in every if row["verdict"] != SILENT or _lost(row)]
     shown.sort(key=lambda row: order.index(row["verdict"]))
     worst = max(shown or every, key=_harm)
-    where = worst["worst_scenario"]
-    words = ["flexaxis", "run", (sources or {}).get(where, where)]
-    words += [w for text in dict.fromkeys((c.base, c.candidate)) for w in ("--estimator", text)]
-    words += ["--seeds", f"{worst['worst_seed']}:{worst['worst_seed'] + 1}"]
-    numbers = {
-        "seeds": len(c.seeds), "alpha": 100 * c.alpha, "look": c.look, "looks": c.looks,
-        "margins": ", ".join(f"{name} {100 * m:g} %" for name, m in c.margins.items()),
-    }  # fmt: skip
+    where, seed = worst["worst_scenario"], int(worst["worst_seed"])
+    sides = [w for text in dict.fromkeys((c.base, c.candidate)) for w in ("--estimator", text)]
+    words = ["flexaxis", "run", (sources or {}).get(where, where), *sides]
+    command = shlex.join([*words, "--seeds", f"{seed}:{seed + 1}"])
+    margins = ", ".join(f"{name} {100 * margin:g} %" for name, margin in c.margins.items())
+    numbers = {"seeds": len(c.seeds), "percent": 100 * c.alpha, "margins": margins}
+    legend = LEGEND[: 4 + (c.looks > 1)]
     return {
-        "verdict": c.verdict, "headline": headline(c, shown), "advice": advice(c, shown),
-        "columns": COLUMNS, "rows": [row | {"text": cells(row)} for row in shown],
-        "legend": [text.format(**numbers) for text in LEGEND[: 4 + (c.looks > 1)]],
-        "worst": {"scenario": where, "seed": worst["worst_seed"],
-                  "command": shlex.join(words)},
-        "base": c.base, "candidate": c.candidate, "seeds": c.seeds, "look": c.look,
-        "looks": c.looks, "alpha": c.alpha, "newly_lost": c.newly_lost, "failed": c.paired.failed,
-        "estimated": c.paired.estimated, "missing": c.paired.missing, "unmatched": c.unmatched,
+        "headline": headline(c, shown), "advice": advice(c, shown), "columns": COLUMNS,
+        "rows": [row | {"text": cells(row)} for row in shown],
+        "legend": [text.format(look=c.look, looks=c.looks, **numbers) for text in legend],
+        "worst": {"scenario": where, "seed": seed, "command": command},
         "lacking": [lack._asdict() for lack in c.paired.lacking],
         "equal_noise": c.equal and asdict(c.equal),
+        **{name: getattr(c, name) for name in OWN},
+        **{name: getattr(c.paired, name) for name in ("failed", "estimated", "missing")},
     }  # fmt: skip
+
+
+OWN = ("verdict", "base", "candidate", "seeds", "look", "looks", "alpha", "newly_lost", "unmatched")
 
 
 def _lost(row: Row) -> bool:
@@ -163,52 +164,47 @@ def _noise(c: Comparison, row: Row) -> str:
 def advice(c: Comparison, shown: Sequence[Row]) -> list[str]:
     """Return what limits the comparison, and what to do next."""
     lines, names = [], {side: {*each} for side, each in c.paired.estimated.items()}
-    for fewer, more in (("candidate", "base"), ("base", "candidate")):
+    for fewer, more in permutations(names, 2):
         if rest := names[more] - names[fewer]:
             lines.append(
                 f"Not a fair comparison: the {more} estimates {', '.join(sorted(rest))} too, which "
                 f"costs lag and noise with any method; the {fewer} holds them at nominal."
             )
-    needed = [
-        row["seeds_needed"] or np.inf
-        for row in shown
-        if row["verdict"] == UNDECIDED and row["metric"] not in LOST
-    ]
+    scores = [r for r in shown if r["verdict"] == UNDECIDED and r["metric"] not in LOST]
+    enough = max((row["seeds_needed"] or np.inf for row in scores), default=np.inf)
     if c.paired.missing or c.unmatched or c.paired.lacking:
         lines.append("Compare on scenarios that both are run on, and whose faults both estimate.")
     elif c.verdict == UNDECIDED:
-        enough = max(needed, default=np.inf)
         about = f"About {enough:.0f} seeds would decide" if enough < np.inf else "Add seeds"
         lines.append(f"{about} (--max-seeds), or look at the worst run.")
     if c.equal:
         what = "excess error" if c.equal.match == "excess" else f"std of {c.equal.match}"
         left = f" Not on {', '.join(c.equal.left_out)}." if c.equal.left_out else ""
-        both = f"base {c.equal.base.setting}, candidate {c.equal.candidate.setting}"
+        both = f"base {c.base}, candidate {c.candidate}"
         lines.append(f"Tuned to the {what} of rpem-forgetting: {both}.{left}")
     return lines
 
 
 def cells(row: Row) -> list[str]:
     """Return a verdict as the texts of a row, in the order of `COLUMNS`."""
-    seeds = f"about {row['seeds_needed']:.0f} seeds" if row["seeds_needed"] else ""
-    why = "; ".join(filter(None, [str(WORDS.get(row["reason"], "")), seeds]))
-    word, metric = row["verdict"] + (f" ({why})" if why else ""), row["metric"]
+    needed, metric = row["seeds_needed"], row["metric"]
+    why = [WORDS.get(row["reason"]), f"about {needed:.0f} seeds" if needed else None]
+    word = f"{row['verdict']} ({'; '.join(str(text) for text in why if text)})"
+    word, sides = word.replace(" ()", ""), (row["base"], row["candidate"])
     where = [row["scenario"], f"{metric.replace('_', ' ')} {row['parameter']}".strip()]
     if metric in LOST:
-        runs = [f"{row[side]:.0f} of {row['runs']}" for side in ("base", "candidate")]
+        runs = [f"{lost:.0f} of {row['runs']}" for lost in sides]
         more = f"{row['newly']:.0f} new, {row['regained']:.0f} back, p = {row['p']:.2g}"
         return [*where, *runs, "", more, word]
-    values = [
-        "–" if row[side] is None else f"{row[side]:.3g} {METRICS[metric]}".rstrip()
-        for side in ("base", "candidate")
-    ]
+    if not row["pairs"]:
+        return [*where, "–", "–", "–", f"no pairs of {row['runs']}", word]
+    values = [f"{value:.3g} {METRICS[metric]}".rstrip() for value in sides]
     if row["bias"] is not None:
         values = [f"{v}, bias {b:.2g}" for v, b in zip(values, row["bias"], strict=True)]
-    change = _change([row["change"]], row["unit"]) if row["pairs"] else "–"
     within = _change(row["interval"], row["unit"]) if row["pairs"] > 1 else "–"
     if row["pairs"] < row["runs"]:
         within += f" ({row['pairs']} of {row['runs']} pairs)"
-    return [*where, *values, change, within, word]
+    return [*where, *values, _change([row["change"]], row["unit"]), within, word]
 
 
 def _change(changes: Sequence[float], unit: str | None) -> str:
