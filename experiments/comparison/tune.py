@@ -19,7 +19,6 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.knob import Knob, make_knob
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
-from flexaxis.experiments.building.code import piped
 from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.matching import Setting
@@ -223,7 +222,10 @@ def match_noise(name: str, trials: Trials, options: Mapping[str, Any] | None = N
     """
     knob = knob_of(name)
     if knob is None:
-        raise FlexaxisError(f"{name} has no knob to turn{_how_to_have_one(name)}")
+        raise FlexaxisError(
+            f"{name} has no knob to turn. An estimator of your own names the option in its class, "
+            'such as knob = "1-lam" for λ turned in 1−λ; a program takes no options'
+        )
     usual = str(with_knob(REFERENCE, 1.0))
     wanted = trials.noises(usual)
     if trials.match not in wanted:
@@ -261,27 +263,16 @@ def match_noise(name: str, trials: Trials, options: Mapping[str, Any] | None = N
         if np.isfinite(noisy - quiet) and not quiet < here < noisy:
             here = (quiet + noisy) / 2
     least, most = sorted((knob.value(knob.least), knob.value(knob.most)))
-    hint = name not in REGISTRY and knob.transform == ""
     raise NoMatchError(
         f"{name}: no setting of its knob has the noise of {REFERENCE}. The last one tried "
         f"within {knob.label} from {least:.4g} to {most:.4g} is {text}, with {np.exp(error):.3g} "
-        "times that noise"
-        + f'; if it is quicker with less of it, write knob = "1/{knob.label}"'
-        * hint,
+        f'times that noise. If it is quicker with less of it, write knob = "1/{knob.label}"',
         trials.apart(text, usual),
     )
 
 
 def _rounded(position: float, knob: Knob) -> float:
     return min(max(float(f"{position:.{DIGITS}g}"), knob.least), knob.most)
-
-
-def _how_to_have_one(name: str) -> str:
-    if name in REGISTRY:
-        return ""
-    if piped(name):
-        return ": a program takes no options, so write a class that starts it, and gives it one"
-    return '. Name the option in its class: knob = "1-lam", where λ is turned in 1−λ'
 
 
 def save(path: Path, name: str, found: Tuned | None, *, command: str = "") -> None:

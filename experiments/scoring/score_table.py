@@ -17,6 +17,7 @@ from flexaxis.experiments.scoring import (
     detection,
     excess,
     pooling,
+    recovered,
     scores,
 )
 from flexaxis.experiments.scoring.score_definition import Kind, Score
@@ -254,7 +255,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "recovered",
-            scores.recovered_of,
+            recovered.recovered_of,
             "What a controller that follows the estimates recovers of what the fault costs it in "
             "rms tracking error over the same window: 0 for feed-forward that stays nominal, 100 "
             "for the same loop without the fault. Defined where the fault costs 20 % or more.",
@@ -265,15 +266,15 @@ SCORES: Mapping[str, Score] = {
             short="recov",
         ),
         Score(
-            "recovered_told", scores.recovered_told_of,
+            "recovered_told", recovered.recovered_told_of,
             "The same of a controller that is told the truth.", unit="%", pool=pooling.mean,
         ),
         Score(
             "tracking",
             lambda track, _: track.tracking,
             "The errors that it is made of; samples in which limits acted on what was fed forward.",
-            pool=pooling.parts(scores.PARTS, np.mean),
-            parts=scores.PARTS,
+            pool=pooling.parts(recovered.PARTS, np.mean),
+            parts=recovered.PARTS,
         ),
     )
 }  # fmt: skip

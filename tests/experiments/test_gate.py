@@ -209,11 +209,11 @@ def test_the_verdict_comes_first_and_large_changes_are_ratios():
     assert text.index("WORSE") < text.index("| scenario") < text.index(content["legend"][0])
     assert as_dict(compared(side(), side()))["headline"] == "SAME: 2 of 2 scores agree"
     quick = as_dict(compared(side(), side(lag=0.7 * scatter)))
-    assert quick["headline"].startswith("BETTER: lag of f_m at s is 30 % shorter (")
+    assert quick["headline"].startswith("BETTER: lag of f_m at s is 33 % shorter (24–41 %)")
 
 
 def test_cells_have_units_and_reasons():
-    lag = np.exp(0.02 + 0.02 * np.random.default_rng(1).standard_normal(32))
+    lag = np.exp(0.03 + 0.06 * np.random.default_rng(1).standard_normal(32))
     shown = as_dict(compared(side(), side(lag=lag)))
     (row_,) = (r for r in shown["rows"] if r["metric"] == "lag")
     assert shown["verdict"] == "undecided" and "seeds would decide" in shown["advice"][0]

@@ -8,7 +8,7 @@ from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.running import adapted
 from flexaxis.experiments.running.adapted import Told, tracking
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.scoring.scores import COSTS, recovered
+from flexaxis.experiments.scoring.recovered import COSTS, recovered
 from flexaxis.sim.simulate import simulate
 
 SHORT = {"duration": 9.0, "fault[0].at": 4.0, "burn_in": 1.0}
