@@ -17,13 +17,13 @@ from scipy.stats import spearmanr
 from suite_rows import HOME, SEEDS, WHO, changed, said
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.comparison.matching import Setting, match
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.comparison.sweep import FACTORS
 from flexaxis.experiments.comparison.tune import with_knob
 from flexaxis.experiments.running.case import track_of
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.scoring.score_table import rows as scores
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario

@@ -11,8 +11,9 @@ from pathlib import Path
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.figures import figure
+from flexaxis.experiments.reporting.old_results import load
 from flexaxis.experiments.reporting.run.over_time import trajectories
-from flexaxis.experiments.results import pooled
+from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 
@@ -25,8 +26,10 @@ def main() -> None:
     scenario = find_scenario("fm_step-v1")
     study = Study("fm_step", (scenario,), ("rpem-forgetting", RECOMMENDED), SEEDS)
     with tempfile.TemporaryDirectory() as place:
-        benchmark(Benchmark(study, title="fm_step", command="python docs/fm_step.py"), Path(place))
-        curves = pooled.load(Path(place)).curves
+        with Runner(Path(place), jobs=2) as runner:
+            work = Benchmark(study, title="fm_step", command="python docs/fm_step.py")
+            benchmark(work, runner)
+        curves = load(Path(place)).curves
     chart = trajectories(curves, scenario, name="fm_step")
     drawn = figure(replace(chart, windows=[("", 5.0, 20.0)]))
     drawn.set_size_inches(8.0, 5.8)

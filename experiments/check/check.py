@@ -19,12 +19,10 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator
-from flexaxis.experiments.building.away import Away, there
-from flexaxis.experiments.building.crashes import EstimatorCrash
-from flexaxis.experiments.building.estimator_text import Spec, build
-from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
+from flexaxis.experiments.running.estimators import Spec, build
+from flexaxis.experiments.running.user_code import EstimatorCrash, reported
 from flexaxis.experiments.scoring.parameter_names import known_names, nominal_theta, theta_over_time
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
@@ -389,8 +387,8 @@ def check(
         holds: bool | None = False
         raised = True
         try:
-            with hosted(spec.text, "on the record of the check"):
-                holds, seen = there(each.look, subject)
+            with reported(spec.text, "on the record of the check"):
+                holds, seen = each.look(subject)
                 raised = False
         except EstimatorCrash as error:
             seen = "it crashed " + str(error).partition(" crashed ")[2]
@@ -400,7 +398,7 @@ def check(
     return results
 
 
-def _subject(spec: Spec, store: RecordCache | None) -> Subject | Away:
+def _subject(spec: Spec, store: RecordCache | None) -> Subject:
     problems = []
     for name in ("fm_step-v1", "encoder_fm_step-v1"):  # whichever output it reads
         scenario = find_scenario(name).override({"name": "check", "duration": DURATION})
@@ -410,7 +408,5 @@ def _subject(spec: Spec, store: RecordCache | None) -> Subject | Away:
             problems.append(error)
             continue
         record = records(scenario, [0], store)[0][0]
-        if not isinstance(spec.make, Away):
-            return Subject(spec, scenario, record)
-        return spec.make(Subject, spec, scenario, record)
+        return Subject(spec, scenario, record)
     raise problems[0]

@@ -9,7 +9,7 @@ setting is as quiet as the reference (or as noisy), the nearest one gives a boun
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -24,6 +24,8 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 Noise = Literal["std", "excess"]
+Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
+"""``run(scenarios, estimators, seeds)``: the rows of these cases, as `Runner.rows` returns them."""
 
 MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
 SPREADS = {"std": ("bias", "lost_before"), "std_after": ("bias_after", "lost_after")}

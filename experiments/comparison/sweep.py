@@ -22,17 +22,18 @@ from flexaxis.experiments.comparison.matching import (
     QUIETER,
     Match,
     Noise,
+    Run,
     Setting,
     match,
 )
 from flexaxis.experiments.comparison.ranking import REFERENCE, mark
 from flexaxis.experiments.comparison.tune import with_knob
-from flexaxis.experiments.running.bench import Run, check_failures
+from flexaxis.experiments.files import StudyError
+from flexaxis.experiments.running.run import check_failures
 from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
 from flexaxis.experiments.scoring.pooling import mean
 from flexaxis.experiments.scoring.summary import columns_of, pool_rows
 from flexaxis.experiments.scoring.windows import windows
-from flexaxis.experiments.storage.files import StudyError
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -106,7 +107,7 @@ class Runs:
         key = scenario.hash, text
         if key not in self.known:
             frame = self.run([scenario], [text], self.seeds)
-            check_failures(frame[frame["error"].notna()].to_dict("records"))
+            check_failures(frame)
             self.known[key] = frame
         return self.known[key]
 

@@ -19,12 +19,12 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.knob import Knob, make_knob
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.comparison.matching import Setting
+from flexaxis.experiments.comparison.matching import Run, Setting
 from flexaxis.experiments.comparison.ranking import REFERENCE
-from flexaxis.experiments.running.bench import Run, check_failures
-from flexaxis.experiments.storage.files import write_text
+from flexaxis.experiments.files import write_text
+from flexaxis.experiments.running.estimators import parse
+from flexaxis.experiments.running.run import check_failures
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.storage.reading import read_toml
@@ -163,7 +163,7 @@ class Trials:
     def _noises(self, scenario: Scenario, text: str) -> dict[str, float]:
         if (scenario.hash, text) not in self.known:
             frame = self.run([scenario], [text], self.seeds)
-            check_failures(frame[frame["error"].notna()].to_dict("records"))
+            check_failures(frame)
             sides = {
                 p: Setting.of(text, 1.0, frame, p, scenario) for p in frame["parameter"].unique()
             }

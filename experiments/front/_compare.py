@@ -12,7 +12,6 @@ from flexaxis._results import working
 from flexaxis._table import html_table, text_table
 from flexaxis.experiments.gate import gate
 from flexaxis.experiments.gate.report import as_dict
-from flexaxis.experiments.running.bench import Bench
 
 if TYPE_CHECKING:
     import pandas
@@ -135,15 +134,13 @@ def compare(
         If they have nothing in common; with `match_std` if one has no knob, or cannot be as noisy
         as the reference.
     """
-    first, second = (texts_of([one], jobs=jobs)[0] for one in (base, candidate))
+    first, second = (texts_of([one])[0] for one in (base, candidate))
     everywhere, common = scenarios_of(scenarios), seeds_of(seeds)
     cases = 2 * len(everywhere) * max(max_seeds, len(common))
-    with (
-        working(f"at most {cases} cases", cases, jobs=jobs, time_limit=time_limit) as means,
-        Bench(everywhere, means=means) as bench,
-    ):
+    about = f"at most {cases} cases"
+    with working(about, cases, jobs=jobs, time_limit=time_limit) as runner:
         comparison = gate.compare(
-            first, second, everywhere, common, bench.frame, max_seeds=max_seeds,
+            first, second, everywhere, common, runner, max_seeds=max_seeds,
             margins=gate.check_margins(margins or {}), match_std=match_std,
         )  # fmt: skip
     return Comparison(as_dict(comparison))

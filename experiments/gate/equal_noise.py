@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flexaxis.experiments.building.estimator_text import written_options
-from flexaxis.experiments.comparison.matching import MATCHED, Match, Noise, plain
+from flexaxis.experiments.comparison.matching import MATCHED, Match, Noise, Run, plain
 from flexaxis.experiments.comparison.sweep import Runs
 from flexaxis.experiments.comparison.tune import (
     EXCESS,
@@ -28,7 +27,7 @@ from flexaxis.experiments.comparison.tune import (
     setting,
 )
 from flexaxis.experiments.gate.pairs import Paired
-from flexaxis.experiments.running.bench import Run
+from flexaxis.experiments.running.estimators import written_options
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 

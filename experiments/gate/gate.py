@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from flexaxis.experiments.building.ready import readable
+from flexaxis.experiments.files import SUMMARY, OutputError, StudyError, json_table
 from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, tuned
 from flexaxis.experiments.gate.pairs import Lack, Paired, pair, table
 from flexaxis.experiments.gate.verdict import (
@@ -22,11 +23,10 @@ from flexaxis.experiments.gate.verdict import (
     judge,
     overall,
 )
-from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running.bench import Run, check_failures
+from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.running.run import Runner, check_failures
+from flexaxis.experiments.running.store import ROWS
 from flexaxis.experiments.scoring.score_table import MARGINS, METRICS
-from flexaxis.experiments.storage.files import SUMMARY, OutputError, json_table
-from flexaxis.experiments.storage.schema import row_files
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario
 
@@ -101,8 +101,10 @@ class Comparison:
 
 
 def compare(
-    base: str, candidate: str, scenarios: Sequence[Scenario], seeds: Sequence[int], run: Run, *,
+    base: str, candidate: str, scenarios: Sequence[Scenario], seeds: Sequence[int],
+    runner: Runner, *,
     margins: Mapping[str, float] = MARGINS, max_seeds: int = 0, match_std: bool = False,
+    traces: bool = False,
 ) -> Comparison:  # fmt: skip
     """Run both estimators and judge every score, at equal noise if `match_std`.
 
@@ -117,12 +119,14 @@ def compare(
     scenarios : sequence of Scenario
     seeds : sequence of int
         Of the first look.
-    run : callable
-        ``run(scenarios, estimators, seeds)``: rows of these cases, one a parameter.
+    runner : Runner
+        Where the cases are run.
     margins : mapping of metric to float
         Changes that do not matter, as shares.
     max_seeds : int
         Seeds that may be spent.
+    match_std, traces : bool
+        Whether to tune both to one noise first, and to keep what figures are drawn from.
 
     Raises
     ------
@@ -130,9 +134,9 @@ def compare(
         If there are fewer than two seeds, more than `max_seeds`, or no common run; if noise cannot
         be equal.
     """
-    looks = look_seeds(seeds, max_seeds)
+    looks, run = look_seeds(seeds, max_seeds), partial(runner.rows, traces=traces)
     texts = {"base": base, "candidate": candidate}
-    scenarios, lacking = _readable(texts, scenarios, len(seeds))
+    scenarios, lacking = _readable(runner, texts, scenarios, len(seeds))
     equal = None
     if match_std:
         if used := {*SEEDS} & {*looks[-1]}:
@@ -147,7 +151,7 @@ def compare(
         sides = [table(frame[frame["estimator"] == text]) for text in (base, candidate)]
         for side in sides:
             if side["failed"].all():  # a crash, and no verdict
-                check_failures(side.to_dict("records"))
+                check_failures(side)
         paired = pair(sides[0], sides[1], margins)
         paired = replace(paired, lacking=[*lacking, *paired.lacking])
         unmatched: Sequence[tuple[str, str]] = ()
@@ -183,10 +187,10 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
 
 
 def _readable(
-    texts: Mapping[str, str], scenarios: Sequence[Scenario], seeds: int
+    runner: Runner, texts: Mapping[str, str], scenarios: Sequence[Scenario], seeds: int
 ) -> tuple[Sequence[Scenario], list[Lack]]:
     """Return the scenarios that both can read, and those that one side alone can read."""
-    left = {side: {*readable(scenarios, [text])[1]} for side, text in texts.items()}
+    left = {side: {*runner.misfits(scenarios, [text])} for side, text in texts.items()}
     both = set.intersection(*left.values())
     lacks = [Lack(n, side, seeds, True) for side, names in left.items() for n in names - both]
     kept = [s for s in scenarios if not any(s.name in names for names in left.values())]
@@ -208,7 +212,7 @@ def check_margins(margins: Mapping[str, float]) -> dict[str, float]:
 
 def is_run(name: str) -> bool:
     """Return whether a name is the folder of a finished run."""
-    return Path(name).is_dir() and bool(row_files(Path(name)))
+    return (Path(name) / ROWS).exists()
 
 
 def compare_runs(
@@ -260,9 +264,11 @@ def compare_runs(
 def _stored(folder: Path) -> tuple[pd.DataFrame, Any]:
     """Return the rows of a finished run, and the versions that made them."""
     try:
-        frame = Results.load(folder).to_dataframe().reset_index()
-        return frame, json_table(folder / SUMMARY, OutputError)["versions"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        results = Results.load(folder)
+        if results.axes:
+            raise StudyError("it is a study")
+        return results.frame, json_table(folder / SUMMARY, OutputError)["versions"]
+    except (OSError, StudyError, KeyError) as error:
         raise OutputError(
             f"{folder} holds no finished run (rows and {SUMMARY} are needed; a study is compared "
             f"with `flexaxis compare --base A --candidate B FILE.toml`): {error}"

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import rich.table
 
+from flexaxis.experiments.files import REPORT, write_json, write_text
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.verdict import BETTER, ORDER, SAME, SILENT, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.scoring.score_table import METRICS
-from flexaxis.experiments.storage.files import REPORT, write_json, write_text
 
 Row = Mapping[str, Any]
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+from flexaxis.experiments.files import new_file, write_json, write_text, writing
 from flexaxis.experiments.paper.claim import SHARES, Claim, Evidence, Measured, gather
 from flexaxis.experiments.paper.claims import CHECKS
 from flexaxis.experiments.paper.data import Size
@@ -14,7 +15,6 @@ from flexaxis.experiments.paper.figures import FIGURES
 from flexaxis.experiments.reporting import figures, page, tables
 from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.storage.files import new_file, write_json, write_text, writing
 
 CLAIMS, PAGE = "claims.json", "index.html"
 

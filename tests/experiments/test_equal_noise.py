@@ -12,12 +12,12 @@ import pytest
 import flexaxis as fx
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import known_P
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.comparison.tune import EXCESS, TOLERANCE, Trials
 from flexaxis.experiments.gate import equal_noise
 from flexaxis.experiments.gate.equal_noise import SEEDS
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import PARAMETER_NAMES
 

@@ -8,8 +8,6 @@ from rich.console import Console
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting import terminal
-from flexaxis.experiments.running import verify as running_verify
-from flexaxis.experiments.running.verify import Repeated
 from flexaxis.experiments.scoring.intervals import LEAST
 from flexaxis.experiments.scoring.score_table import SCORES
 
@@ -89,16 +87,6 @@ def test_who_leads_is_marked_or_that_there_are_too_few_seeds(seeds):
     assert ("*: the best" in out.getvalue()) == (seeds == LEAST)
     few = f"{seeds} seeds are too few to rank: from {LEAST} on"
     assert (few in out.getvalue()) == (seeds < LEAST)
-
-
-def test_nor_does_what_rerun_prints(monkeypatch, tmp_path, capsys):
-    """Neither the names in a row that differs, nor those of what differs."""
-    row = Repeated(STRANGE, f"{STRANGE}, ekf", True, (f"{STRANGE}: is 2, was 1",))
-    monkeypatch.setattr(running_verify, "verify", lambda *_, **__: [row])
-    assert main(["rerun", str(tmp_path)]) == 1
-    text = capsys.readouterr().out
-    assert text.startswith(f"{SHOWN} ({SHOWN}, ekf):\n  {SHOWN}: is 2, was 1\n")
-    assert all(c.isprintable() or c == "\n" for c in text)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there are no such terminals")

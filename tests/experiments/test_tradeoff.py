@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from engine_cases import BenchHere
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.cli import main
@@ -14,7 +15,6 @@ from flexaxis.experiments.comparison.sweep import settings, sweep, texts
 from flexaxis.experiments.comparison.tune import with_knob
 from flexaxis.experiments.reporting.figures import figure
 from flexaxis.experiments.reporting.run.speed import tradeoff
-from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.intervals import mean_interval
 
 COMMON = np.random.default_rng(0).standard_normal(12)
@@ -143,7 +143,7 @@ def test_the_interval_counts_how_well_the_match_itself_is_known(n):
 
 
 def test_the_reference_is_matched_with_itself(short):
-    found = sweep([short], ["rpem-forgetting", "frozen"], [0, 1], Bench([short]).frame)
+    found = sweep([short], ["rpem-forgetting", "frozen"], [0, 1], BenchHere().frame)
     mine, still = found.matched
     assert mine["how"] == "matched" and mine["estimator"] == "rpem-forgetting"
     default = next(p for p in found.points if p["factor"] == 1.0)
@@ -169,7 +169,7 @@ class Timid:
 
 def test_a_sweep_that_does_not_reach_is_widened(short):
     own = f"{__file__}:Timid"
-    found = sweep([short], [own], [0, 1, 2], Bench([short]).frame)
+    found = sweep([short], [own], [0, 1, 2], BenchHere().frame)
     factors = {p["factor"] for p in found.points}
     assert {16.0, 64.0} <= factors  # its noise at the default is a thousandth of the reference's
     (mine,) = found.matched
@@ -184,7 +184,7 @@ def test_what_a_first_sweep_runs():
 
 def test_two_names_for_one_setting_are_run_once_and_both_ranked(short):
     twice = "rpem-forgetting[forgetting=0.995]"
-    found = sweep([short], ["rpem-forgetting", twice], [0, 1], Bench([short]).frame)
+    found = sweep([short], ["rpem-forgetting", twice], [0, 1], BenchHere().frame)
     one, other = found.matched
     assert {one["estimator"], other["estimator"]} == {"rpem-forgetting", twice}
     assert one["lag"] == pytest.approx(other["lag"], rel=1e-9)
@@ -196,7 +196,7 @@ def test_who_does_not_estimate_what_changes_is_in_no_fault_and_harms_nobody(shor
         [short, ramp],
         ["rpem-forgetting", f"{__file__}:Timid"],
         [0],
-        Bench([short, ramp]).frame,
+        BenchHere().frame,
     )
     mine = {r["scenario"] for r in found.matched if r["estimator"].endswith("Timid")}
     assert mine == {"short"} and len(found.at_excess) == 3
@@ -206,7 +206,7 @@ def test_who_does_not_estimate_what_changes_is_in_no_fault_and_harms_nobody(shor
 def test_a_setting_that_another_name_is_widened_to_is_run_once(short):
     """One named with that very value: its runs may not stand twice among those of the other."""
     own = f"{__file__}:Timid"
-    found = sweep([short], [f"{own}[gain=1.6e-06]", own], [0, 1], Bench([short]).frame)
+    found = sweep([short], [f"{own}[gain=1.6e-06]", own], [0, 1], BenchHere().frame)
     assert {p["seeds"] for p in found.points} == {2}
     assert len({p["setting"] for p in found.points if p["factor"] == 16.0}) == 1
 
@@ -219,7 +219,7 @@ def test_without_a_fault_there_is_nothing_to_compare(capsys):
 
 @pytest.mark.slow
 def test_false_alarms_are_a_rate(short):
-    found = sweep([short], ["glr"], [0, 1], Bench([short]).frame)
+    found = sweep([short], ["glr"], [0, 1], BenchHere().frame)
     (row,) = found.matched
     assert row["values"]["false_alarms"] == [0.0, 0.0] and row["false_alarms_per_1000_s"] == 0.0
 

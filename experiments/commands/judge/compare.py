@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer, at_most
-from flexaxis.experiments.running.seeds import MOST, parse_seeds
-from flexaxis.experiments.storage.files import SUMMARY, spare
+from flexaxis.experiments.files import SUMMARY, check_not_input
+from flexaxis.experiments.seeds import MOST_SEEDS, parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
@@ -49,7 +49,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="as for `run` (default: the suite's number, 32)",
     )
     parser.add_argument(
-        "--max-seeds", type=at_most(MOST), metavar="N", help="add seeds up to N while undecided"
+        "--max-seeds",
+        type=at_most(MOST_SEEDS),
+        metavar="N",
+        help="add seeds up to N while undecided",
     )
     parser.add_argument(
         "--margin",
@@ -96,7 +99,6 @@ def _refuse(args: argparse.Namespace, *names: str) -> None:
 def _fresh(args: argparse.Namespace) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, find_suite, select, suite_names
     from flexaxis.experiments.gate.gate import SUITE, compare
-    from flexaxis.experiments.running.bench import Bench
 
     names = args.names or [SUITE]
     suites = [find_suite(name) for name in names if name in suite_names()] or [find_suite(SUITE)]
@@ -105,14 +107,10 @@ def _fresh(args: argparse.Namespace) -> int:
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
     cases = 2 * len(scenarios) * max(args.max_seeds or 0, len(seeds))
     about = f"{cases} cases, and more to tune them" if args.match_std else f"at most {cases} cases"
-    how = {"overwrite": args.overwrite, "traced": True, "about": {"command": options.line(args)}}
-    with (
-        options.working(args, about, cases) as (means, _),
-        Bench(scenarios, _output(args), means, **how) as bench,
-    ):
+    with options.working(args, about, cases, _output(args)) as (runner, _):
         comparison = compare(
-            args.base, args.candidate, scenarios, seeds, bench.frame, margins=_margins(args),
-            max_seeds=args.max_seeds or 0, match_std=args.match_std,
+            args.base, args.candidate, scenarios, seeds, runner, margins=_margins(args),
+            max_seeds=args.max_seeds or 0, match_std=args.match_std, traces=True,
         )  # fmt: skip
     return _answer(args, comparison, sources)
 
@@ -138,7 +136,7 @@ def _output(args: argparse.Namespace) -> Path:
 def _stored(args: argparse.Namespace) -> int:
     from flexaxis.experiments.gate.gate import compare_runs
 
-    spare(args.names, _output(args))
+    check_not_input(args.names, _output(args))
     if (_output(args) / SUMMARY).exists():
         raise FlexaxisError(f"{_output(args)} holds a run: choose another folder with -o")
     comparison = compare_runs(

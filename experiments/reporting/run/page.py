@@ -12,15 +12,14 @@ from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.catalogue.card import in_a_line
 from flexaxis.experiments.comparison import mismatch, ranking
 from flexaxis.experiments.comparison.mismatch import track_of
+from flexaxis.experiments.files import SUMMARY, StudyError
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.reporting.old_results import Pooled, Results
 from flexaxis.experiments.reporting.run import first, measures, over_time, singles, speed, tables
 from flexaxis.experiments.reporting.terminal import failures_in_words
-from flexaxis.experiments.results.pooled import Pooled
-from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.true_model import known_structure
-from flexaxis.experiments.storage.files import SUMMARY, StudyError
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 TEMPLATE = "reporting/templates/run.html"
@@ -96,7 +95,7 @@ def render(results: Pooled, *, size: float | None = None) -> str:
     Parameters
     ----------
     results : Pooled
-        As from `flexaxis.experiments.results.pooled.load`.
+        As from `flexaxis.experiments.reporting.old_results.load`.
     size : float, optional
         How large it may be [MB]: single runs are left out of one that would be larger, and curves
         of estimators behind the ninth. 3 MB by default, 12 MB with more than twelve scenarios.
@@ -276,12 +275,9 @@ def _sweep_of(name: str, study: Mapping[str, Any]) -> str:
 
 def _provenance(run: Run) -> list[str]:
     """Return with what, and on which machines, the rows were computed, each once."""
-    rows = Rows(Results.load(run.pooled.folder), ("cost.versions", "cost.host"))
-    made: dict[str, dict[str, None]] = {}
-    for row in rows:
-        if row["cost.versions"]:
-            made.setdefault(row["cost.versions"], {})[row["cost.host"]] = None
-    return [f"{what} on {', '.join(filter(None, hosts))}" for what, hosts in made.items()]
+    results = Results.load(run.pooled.folder)
+    versions = ", ".join(f"{name} {number}" for name, number in results.made_with.items())
+    return [f"{versions} on {', '.join(results.frame['cost.host'].unique())}"]
 
 
 def _mismatch(run: Run) -> list[dict[str, Any]]:

@@ -14,14 +14,13 @@ import numpy as np
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.catalogue.names import tomls
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel, Pick
+from flexaxis.experiments.reporting.old_results import Results, Rows, Traces
 from flexaxis.experiments.reporting.page import packed
 from flexaxis.experiments.reporting.run import over_time
 from flexaxis.experiments.reporting.run.speed import Wrong, key, left_out
 from flexaxis.experiments.reporting.tables import number
-from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring.curves import CURVE_STEP, near_fault
 from flexaxis.experiments.scoring.summary import Case as Trace
-from flexaxis.experiments.storage.traces import Traces
 from flexaxis.sim.scenario import Scenario
 
 Row = Mapping[str, Any]
@@ -91,7 +90,7 @@ class Singles:
         place = {name: i for i, name in enumerate(order)}
         keys = sorted(found, key=lambda key: place.get(key[1], len(place)))
         runs = {key: _singles(key, found[key]) for key in keys}
-        return cls(runs, Traces(results.folder, results.study.get("code", {})))
+        return cls(runs, Traces(results.folder))
 
     def wanted(self) -> Iterator[Single]:
         """Yield the runs as they are to be shown where not all can be: worst and median first."""

@@ -45,7 +45,7 @@ def tradeoff(points: Sequence[Row], order: Sequence[str], *, name: str = "tradeo
     Parameters
     ----------
     points : sequence of mapping
-        As in `flexaxis.experiments.studies.sweep.Sweep`.
+        As in `flexaxis.experiments.comparison.sweep.Sweep`.
     order : sequence of str
         Estimators, the best first.
     name : str

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel, ends
-from flexaxis.experiments.results.finds import Finds
+from flexaxis.experiments.studies.finds import Finds
 
 Row = Mapping[str, Any]
 Array = NDArray[np.float64]
@@ -107,7 +107,7 @@ def finds(found: Sequence[Finds], *, label: str, words: str) -> Chart:
     Parameters
     ----------
     found : sequence of Finds
-        From `flexaxis.experiments.results.finds.finds`, of one axis.
+        From `flexaxis.experiments.studies.finds.finds`, of one axis.
     label : str
         What the size is called.
     words : str

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.files import REPORT, write_text
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.reporting.old_results import Bins, Results, axis_kind
 from flexaxis.experiments.reporting.study import charts
 from flexaxis.experiments.reporting.study import rows as study_rows
 from flexaxis.experiments.reporting.study.rows import (
@@ -23,11 +25,7 @@ from flexaxis.experiments.reporting.study.rows import (
 from flexaxis.experiments.reporting.study.words import axis_words
 from flexaxis.experiments.reporting.tables import Table, number, pair
 from flexaxis.experiments.reporting.terminal import failures_in_words
-from flexaxis.experiments.results.finds import PER_HOUR, Finds, finds
-from flexaxis.experiments.results.groups import Bins
-from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.storage.files import REPORT, write_text
-from flexaxis.experiments.storage.schema import axis_kind
+from flexaxis.experiments.studies.finds import PER_HOUR, Finds, finds
 
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each
@@ -65,7 +63,7 @@ def write_report(results: Results, path: Path | None = None) -> Path:
     OutputError
         If it cannot be written.
     """
-    path = path or results.folder / REPORT
+    path = path or (results.folder or Path()) / REPORT
     write_text(path, render(results))
     return path
 
@@ -73,7 +71,7 @@ def write_report(results: Results, path: Path | None = None) -> Path:
 def render(results: Results) -> str:
     """Return the report as HTML: one file, readable without a network."""
     bins = _bins(results)
-    failed = results.failures()
+    failed = results.failed()
     content = {
         "study": results.study,
         "axes": [_words(results, axis) for axis in results.axes],

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.reporting.old_results import Bins, Results
 from flexaxis.experiments.reporting.run.measures import over_bound, t10
 from flexaxis.experiments.reporting.study.words import axis_words
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, pair, scored, toned
-from flexaxis.experiments.results.groups import Bins
-from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.study import applies, is_option
 from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.scoring.pooling import values
@@ -29,7 +28,7 @@ def rows_of(
     """Return pooled rows over some axes, each with `who` it is of."""
     options = told_apart(results, axes)
     by = ["method", *options, *axes]
-    rows = results.pooled(
+    rows = results.lines(
         by, bins={axis: edges for axis, edges in bins.items() if axis in by}, scores=scores
     )
     return [row | {"who": who(row, options)} for row in rows]
