@@ -110,7 +110,7 @@ WAY = (
     ("reporting",),
     ("studies",),
     ("gate", "paper", "logs", "demo"),
-    ("conformance",),
+    ("check",),
     ("commands", "front"),
 )
 
