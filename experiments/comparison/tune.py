@@ -26,9 +26,8 @@ from flexaxis.experiments.files import write_text
 from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.running.run import check_failures
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
+from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.storage.reading import read_toml
-from flexaxis.sim.storage.toml_text import toml_text
 
 EXCESS = "excess"  # what is matched unless the std of one parameter is
 TOLERANCE = 0.01  # of the matched noise

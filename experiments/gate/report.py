@@ -70,21 +70,6 @@ def as_dict(comparison: Comparison, *, sources: Mapping[str, str] | None = None)
         unmatched, equal_noise``. The other keys of a row are those of
         `flexaxis.experiments.gate.verdict.judge`.
     """
-<<<<<<< HEAD
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / MARKDOWN, markdown(found))
-    text = comparison_page(
-        found,
-        scenarios,
-        sources=sources or {},
-        command=command,
-        traces=Traces(folder if (folder / ROWS).exists() else None),
-    )
-    write_text(folder / REPORT, text)
-    # Last: a folder that has none is not complete.
-    write_json(folder / JSON, found.as_dict() | {"command": command})
-=======
     c, order = comparison, [*ORDER, SILENT]
     every = json.loads(c.rows.to_json(orient="records", double_precision=15))
     # No row is needed where no run was lost, nor for a bias that is not worse.
@@ -267,5 +252,4 @@ def write(folder: Path, content: Mapping[str, Any]) -> Path:
     write_text(folder / "verdict.md", markdown(content))
     write_text(folder / REPORT, page.render("gate/templates/compare.html", {"c": content}))
     write_json(folder / "compare.json", dict(content))  # last: a folder without it is not complete
->>>>>>> f7e924e0400f5c09a8190ff56eccc48441f1fed3
     return folder / REPORT
