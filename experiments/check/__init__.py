@@ -1,5 +1,5 @@
-"""What an estimator must keep, and the check of it.
+"""The rules that an estimator must keep.
 
-`check` has the rules, and runs them on an estimator; `templates` has the estimators that the
-command new writes.
+`check` has the rules and runs them on an estimator; `templates` has the estimators that
+`flexaxis new` writes. Each rule returns whether it holds and why it matters.
 """
