@@ -215,13 +215,14 @@ def no_look_ahead(subject: Subject) -> Seen:
 def keeps_no_reference(subject: Subject) -> Seen:
     """Overwrite inputs, and look whether inputs, or outputs kept, change."""
     u, y, half = subject.u.copy(), subject.y.copy(), len(subject.u) // 2
-    whole, estimator = subject.make(), subject.make()
+    estimator = subject.make()
     first = run_estimator(estimator, u[:half], y[:half])
     kept = first.copy()
     if not (np.array_equal(u, subject.u) and np.array_equal(y, subject.y)):
         return False, "run writes into the arrays it is given"
     u[:half] = y[:half] = 1e6
     rest = run_estimator(estimator, u[half:], y[half:])
+    whole = subject.make()
     run_estimator(whole, subject.u[:half].copy(), subject.y[:half].copy())
     if subject.apart(rest, run_estimator(whole, subject.u[half:], subject.y[half:])) > 0:
         return False, "overwriting inputs of the past changed later estimates"

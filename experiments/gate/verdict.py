@@ -67,8 +67,10 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     if len(paired.scores):
         scores = paired.scores
         changes = pd.DataFrame(scores["changes"].tolist()).to_numpy()  # NaN where one has fewer
-        about = (scores[name].to_numpy() for name in ("scenario", "metric", "margin"))
-        decided = scores.assign(**decide(changes, *about, alpha))
+        scenario, metric, margin = (
+            scores[name].to_numpy() for name in ("scenario", "metric", "margin")
+        )
+        decided = scores.assign(**decide(changes, scenario, metric, margin, alpha))
         rows += [_row(score) for _, score in decided.iterrows()]
     return pd.DataFrame(rows)
 
