@@ -1,5 +1,5 @@
 """The rules that an estimator must keep.
 
-`check` has the rules and runs them on an estimator; `templates` has the estimators that
-`flexaxis new` writes. Each rule returns whether it holds and why it matters.
+`rules` has one function a rule, `check` runs them on an estimator; `templates` has the estimators
+that `flexaxis new` writes. Each rule returns whether it holds and why it matters.
 """

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.check.check import RULES, check
+from flexaxis.experiments.check.check import check
+from flexaxis.experiments.check.rules import RULES
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.running.estimators import parse
