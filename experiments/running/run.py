@@ -8,12 +8,14 @@ import sys
 import tempfile
 import threading
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from shutil import rmtree
 from typing import Any, Self
 
 import pandas as pd
@@ -145,7 +147,8 @@ class Runner:
         limit = TIME_LIMIT if time_limit is None else time_limit
         if not 0 < limit < float("inf"):
             raise FlexaxisError(f"a time limit of {limit!r} s: give a finite number above 0")
-        self._logs = tempfile.TemporaryDirectory(prefix="flexaxis-")
+        self._logs = tempfile.mkdtemp(prefix="flexaxis-")
+        weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
         self._workers: Sequence[Any] = [Worker() for _ in range(jobs)]
         if executor is not None:
@@ -173,7 +176,6 @@ class Runner:
         for worker in self._workers:
             if isinstance(worker, Worker):
                 worker.end()
-        self._logs.cleanup()
 
     def run(
         self, study: Study, *, shard: tuple[int, int] = (1, 1), traces: bool = False,
@@ -248,7 +250,7 @@ class Runner:
         while running or (queue and not stopped):
             while queue and free and not stopped:
                 worker, unit = free.pop(), queue.popleft()
-                log = f"{self._logs.name}/{id(worker)}"
+                log = f"{self._logs}/{id(worker)}"
                 log = log if isinstance(worker, Worker) else os.devnull
                 future = worker.submit(_work, unit, replace(options, log=log))
                 running[future] = worker, unit, log
