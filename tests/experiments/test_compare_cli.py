@@ -28,7 +28,7 @@ def test_no_regression_in_json_only(capsys, short_toml, tmp_path):
     status, out, _ = compare(capsys, short_toml, tmp_path, "rpem-forgetting", "--json")
     told = json.loads(out)
     assert status == 0 and told["verdict"] == "same" and told["status"] == 0
-    assert {row["metric"] for row in told["rows"]} == {"lag", "std"}
+    assert {row["metric"] for row in told["rows"]} == {"never_settled", "lag", "std"}
 
 
 def test_what_is_in_the_json(capsys, short_toml, tmp_path):

@@ -78,15 +78,16 @@ def main(args: argparse.Namespace) -> int:
     """Compare, report, and return the verdict as a status."""
     from flexaxis.experiments.gate.gate import is_run
 
+    margins = _margins(args)
     if len(args.names) == 2 and all(map(is_run, args.names)):
         _refuse(args, "max_seeds", "jobs", "overwrite", "resume", "match_std")
-        return _stored(args)
+        return _stored(args, margins)
     if not (args.base and args.candidate):
         raise FlexaxisError(
             "name the estimators to compare with --base E --candidate E, or two folders of "
             "finished runs"
         )
-    return _fresh(args)
+    return _fresh(args, margins)
 
 
 def _refuse(args: argparse.Namespace, *names: str) -> None:
@@ -96,7 +97,7 @@ def _refuse(args: argparse.Namespace, *names: str) -> None:
         raise FlexaxisError(f"{', '.join(ignored)}: finished runs are compared as they are")
 
 
-def _fresh(args: argparse.Namespace) -> int:
+def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, find_suite, select, suite_names
     from flexaxis.experiments.gate.gate import SUITE, compare
 
@@ -109,7 +110,7 @@ def _fresh(args: argparse.Namespace) -> int:
     about = f"{cases} cases, and more to tune them" if args.match_std else f"at most {cases} cases"
     with options.working(args, about, cases, _output(args)) as (runner, _):
         comparison = compare(
-            args.base, args.candidate, scenarios, seeds, runner, margins=_margins(args),
+            args.base, args.candidate, scenarios, seeds, runner, margins=margins,
             max_seeds=args.max_seeds or 0, match_std=args.match_std, traces=True,
         )  # fmt: skip
     return _answer(args, comparison, sources)
@@ -133,14 +134,14 @@ def _output(args: argparse.Namespace) -> Path:
     return args.output or Path("results/compare")
 
 
-def _stored(args: argparse.Namespace) -> int:
+def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.gate.gate import compare_runs
 
     check_not_input(args.names, _output(args))
     if (_output(args) / SUMMARY).exists():
         raise FlexaxisError(f"{_output(args)} holds a run: choose another folder with -o")
     comparison = compare_runs(
-        *map(Path, args.names), margins=_margins(args), estimators=(args.base, args.candidate),
+        *map(Path, args.names), margins=margins, estimators=(args.base, args.candidate),
         seeds=parse_seeds(args.seeds) if args.seeds else None,
     )  # fmt: skip
     return _answer(args, comparison, {})
