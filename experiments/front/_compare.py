@@ -71,10 +71,14 @@ class Comparison:
         -------
         Axes
         """
-        from flexaxis import _draw
+        from flexaxis._draw import panels
+        from flexaxis.experiments.reporting.figures import verdict_intervals
 
         shown = [v for v in ordered(self.found.verdicts) if v.interval is not None]
-        return _draw.changes([_line(v) for v in shown], ax, (self.base, self.candidate))
+        axes = panels(ax, 1)[0]
+        names = (self.base, self.candidate)
+        verdict_intervals([_line(v) for v in shown], names=names, axes=axes)
+        return axes
 
     def _said(self) -> list[str]:
         lines = [headline(self.found), meaning(self.found), knobs(self.found)]

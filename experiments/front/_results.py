@@ -110,25 +110,31 @@ class Results(kept.Results):
         FlexaxisError
             If no such key is swept.
         """
-        from flexaxis._draw import drawn
-        from flexaxis.experiments.reporting.charts import Chart
-        from flexaxis.experiments.reporting.run.speed import as_set
-        from flexaxis.experiments.reporting.study.charts import degradation
+        import pandas as pd
+
+        from flexaxis._draw import panels
+        from flexaxis.experiments.reporting.figures import curves
+        from flexaxis.experiments.reporting.inputs import StudyInputs
+        from flexaxis.experiments.reporting.run_figures import lag_against_noise
+        from flexaxis.experiments.reporting.study import lag_over_axis
 
         if x and x not in self.axes:
             known = unknown("axis", x, self.axes) if self.axes else f"axis {x!r}: nothing was swept"
             raise FlexaxisError(f"{known}; leave it out for lag against noise")
         key = x or next(iter(self.axes), "")
-        chart: Chart | None
-        if key:
-            rows = [r | {"who": r["method"]} for r in self.pooled(["method", key]) if r["changed"]]
-            chart = degradation([r for r in rows if r["lag"] is not None], key, label=key)
-        else:
-            rows = [self._named(row) for row in self.pooled(["base", "method"])]
-            chart = as_set(rows, list(dict.fromkeys(row["estimator"] for row in rows)))
-        if chart is None or not chart.panels:
+        rows = pd.DataFrame([self._named(row) for row in self.pooled(["base", "method"])])
+        rows = rows[rows["changed"] & rows["lag"].notna()]
+        if rows.empty:
             raise FlexaxisError("no lag to draw: nothing changes here that is estimated")
-        return drawn(replace(chart, panels=chart.panels[:1]), ax)
+        if key:
+            options = lag_over_axis(StudyInputs(self), key)
+            axes = panels(ax, 1)
+            first = dict(list(options["panels"].items())[:1])
+            curves(**options | {"panels": first, "axes": axes})
+            return axes[0]
+        axes = panels(ax, 1)
+        lag_against_noise(rows, list(dict.fromkeys(rows["estimator"])), axes=axes[0])
+        return axes[0]
 
     def _named(self, row: Mapping[str, Any]) -> dict[str, Any]:
         """Return a pooled row under the names that rows have."""

@@ -1,154 +1,340 @@
-"""Charts drawn with matplotlib, for notebooks and papers; a page has them by `drawing`.
+"""Figures: curves over an abscissa, maps, verdicts; a function each, which returns a Figure.
 
-Truth is dashed black, an estimator has the same colour everywhere, a fault is a thin vertical line,
-burn-in is shaded.
+Pages, `.plot()` in Python, notebooks, docs and the paper draw with these, and with `run_figures`.
+A page hides an estimator, and shows a value on hover, by the tags that `styles.tag` gives.
 """
 
 from __future__ import annotations
 
-import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
+from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.experiments.reporting import styles
-from flexaxis.experiments.reporting.charts import Array, Chart, Line
-from flexaxis.experiments.reporting.scales import across, upward
-from flexaxis.experiments.reporting.tables import SYMBOL
+from flexaxis.experiments.reporting.styles import (
+    MUTED,
+    TEXT,
+    Style,
+    look,
+    styled,
+    tag,
+)
+from flexaxis.experiments.reporting.tables import SYMBOL, short
 
-LONGEST = 40  # characters of a name in a legend
+if TYPE_CHECKING:
+    import pandas as pd
 
+    from flexaxis.sim.scenario import Scenario
 
-def colour(estimator: str) -> str:
-    """Return the colour of an estimator, the same in every figure; see `styles`."""
-    return styles.style(estimator).light
+Array = NDArray[np.float64]
+Looks = Mapping[str, Style]
 
-
-def _dash(style: styles.Style) -> Any:
-    """Return a line style as matplotlib takes it."""
-    lengths = [float(part) for part in style.dash.split()]
-    return (0, lengths) if lengths else "-"
-
-
-def _mark(ax: Axes, spans: Any, marks: Any) -> None:
-    for begin, end, _ in spans:
-        ax.axvspan(begin, end, color="0.5", alpha=0.12, lw=0)
-    for at, _ in marks:
-        ax.axvline(at, color="0.3", lw=0.8)
-
-
-def figure(chart: Chart) -> Figure:
-    """Draw a chart as a figure of its own, its panels below one another, the legend beside them."""
-    count = len(chart.panels)
-    found = Figure(figsize=(8.0, 0.8 + (3.6 if count == 1 else 2.6 * count)), layout="constrained")
-    axes = found.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    for place in range(count):
-        draw(chart, axes[place], panel=place).label_outer()
-    handles = {
-        label: line
-        for ax in axes
-        for line, label in zip(*ax.get_legend_handles_labels(), strict=True)
-    }
-    found.legend(
-        handles.values(), handles.keys(), loc="outside right upper", frameon=False, fontsize=8
-    )
-    return found
-
-
-def draw(
-    chart: Chart,
-    ax: Axes,
-    *,
-    panel: int = 0,
-    looks: Mapping[str, styles.Style] = MappingProxyType({}),
-) -> Axes:
-    """Draw a panel of a chart on given axes, as pages have it.
-
-    Parameters
-    ----------
-    chart : Chart
-    ax : Axes
-    panel : int
-        Which.
-    looks : mapping of str to Style, optional
-        Of those that look otherwise here than in other figures.
-    """
-    shown = chart.panels[panel]
-    for line in shown.lines:
-        _draw_line(ax, line, looks.get(line.who) or styles.style(line.who))
-    _mark(ax, chart.spans, chart.marks)
-    x, y = across(chart)[0][1], upward(shown, across(chart)[0][1])
-    ax.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear")
-    for axis, scale, limits in ((ax.xaxis, x, ax.set_xlim), (ax.yaxis, y, ax.set_ylim)):
-        limits(scale.low, scale.high)
-        axis.set_major_locator(FixedLocator([value for value, _ in scale.ticks]))
-        axis.set_major_formatter(FixedFormatter([text for _, text in scale.ticks]))
-        axis.set_minor_formatter(NullFormatter())
-    ax.grid(alpha=0.25)
-    ax.set_xlabel(typeset(chart.x))
-    ax.set_ylabel(typeset(shown.y))
-    ax.set_title(typeset(shown.title), fontsize=10, loc="left")
-    return ax
-
-
-def _draw_line(ax: Axes, line: Line, style: styles.Style) -> None:
-    """Draw a curve or points as `drawing` does: truth dashed, bounds dotted, others in style."""
-    role = _ROLES.get(line.role, {})
-    own = {"color": style.light} if line.who else {}
-    solid = {"color": "0.4", "lw": 1.3, "ls": _dash(style) if line.who else "-"}
-    look: dict[str, Any] = {**solid, **role, **own, "label": _shortened(line.label or line.who)}
-    if line.kind == "steps":
-        look["drawstyle"] = "steps-post"
-    if line.kind in {"points", "both"}:
-        look |= {"marker": style.marker if line.who else "o", "ms": 5, "capsize": 2}
-        look |= {"ls": "none"} if line.kind == "points" else {}
-        bars = [_bars(line.x, line.x_low, line.x_high), _bars(line.y, line.low, line.high)]
-        ax.errorbar(line.x, line.y, xerr=bars[0], yerr=bars[1], **look)
-        return
-    if line.low is not None and line.high is not None:
-        ax.fill_between(line.x, line.low, line.high, color=look["color"], alpha=0.18, lw=0)
-    ax.plot(line.x, line.y, **look)
-
-
+WIDE, NARROW = 650, 366  # px of a figure on a screen, and on that of a telephone
+POINTS = 240  # of a curve at the most: a pixel holds no more
+USUAL: Looks = MappingProxyType({})
 _ROLES: dict[str, dict[str, Any]] = {
-    "truth": {"color": "k", "ls": "--", "lw": 1.0},
-    "bound": {"color": "k", "ls": ":", "lw": 1.0},
-    "data": {"color": "0.4", "ls": "-"},
+    "truth": {"color": TEXT, "lw": 1.1, "ls": (0, (5, 3)), "zorder": 5},
+    "bound": {"color": TEXT, "lw": 1.1, "ls": (0, (1.5, 2))},
+    "data": {"color": MUTED, "lw": 1.0},
 }
 
 
-def _bars(values: Array, low: Array | None, high: Array | None) -> Any:
-    """Return how far intervals reach below and above some values (2, n)."""
-    if low is None or high is None:
-        return None
-    return np.maximum(0.0, np.nan_to_num([values - low, high - values]))
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Series:
+    """A curve, or points.
 
-
-def _shortened(text: str) -> str:
-    """Return a text for a legend: of a long one, such as a command, beginning and end.
-
-    Else nothing would be left of the figure beside it.
+    Attributes
+    ----------
+    x, y : (M,) array
+    low, high : (M,) array, optional
+        A band about a curve; whiskers of points.
+    estimator : str
+        Decides the look; empty for truth, bounds and data.
+    label : str
+        For the legend, where the estimator's name will not do.
+    kind : {"line", "steps", "points", "both"}
+    role : {"estimate", "truth", "bound", "data"}
+    tips : sequence of str
+        What is shown on hover of each point, or of the curve.
     """
-    rest = LONGEST // 2 - 1
-    return text if len(text) <= LONGEST else f"{text[:rest]} … {text[-rest:]}"
+
+    x: ArrayLike
+    y: ArrayLike
+    low: ArrayLike | None = None
+    high: ArrayLike | None = None
+    estimator: str = ""
+    label: str = ""
+    kind: Literal["line", "steps", "points", "both"] = "line"
+    role: Literal["estimate", "truth", "bound", "data"] = "estimate"
+    tips: Sequence[str] = ()
 
 
-def typeset(text: str) -> str:
-    """Return a text with its symbols as matplotlib sets them."""
+@styled
+def curves(
+    panels: Mapping[str, Sequence[Series]],
+    *,
+    x: str,
+    x_log: bool = False,
+    y_log: Sequence[str] = (),
+    limits: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+    window: tuple[float, float] | None = None,
+    marks: Sequence[tuple[float, str]] = (),
+    spans: Sequence[tuple[float, float, str]] = (),
+    titles: Sequence[str] = (),
+    width: float = WIDE,
+    height: float = 180,
+    axes: Sequence[Axes] | None = None,
+    looks: Looks = USUAL,
+    legend: bool = True,
+) -> Figure:
+    """Draw curves over a common abscissa, a panel below the other.
+
+    Parameters
+    ----------
+    panels : mapping of str to sequence of Series
+        By the label of the ordinate, with its unit.
+    x : str
+        Label of the abscissa, with its unit.
+    x_log : bool
+    y_log : sequence of str
+        Panels with a logarithmic ordinate.
+    limits : mapping of str to (float, float)
+        Of the ordinates of some panels.
+    window : (float, float), optional
+        Of the abscissa.
+    marks : sequence of (float, str)
+        Where something happens, and what.
+    spans : sequence of (float, float, str)
+        What is shaded, such as burn-in.
+    titles : sequence of str
+        One for each panel, or none.
+    width, height : float
+        Of the figure, and of a panel [px].
+    axes : sequence of Axes, optional
+        Where to draw, one for each panel; a new figure by default.
+    looks : mapping of str to Style
+        Of the estimators of a page.
+    legend : bool
+        Whether there is one in each panel, of what no earlier panel names.
+    """
+    if axes is None:
+        figure = Figure(figsize=(width / 96, (45 + height * len(panels)) / 96))
+        axes = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
+    named: set[str] = set()
+    for place, (ax, (label, series)) in enumerate(zip(axes, panels.items(), strict=True)):
+        for begin, end, text in spans:
+            tag(ax.axvspan(begin, end, color=MUTED, alpha=0.12, lw=0), tip=text)
+        for at, text in marks:
+            tag(ax.axvline(at, color=MUTED, lw=0.9), tip=text)
+        for order, one in enumerate(series):
+            _draw(ax, one, looks, order / max(1, len(series)))
+        ax.set_ylabel(symbols(label))
+        ax.set_title(symbols(titles[place]) if titles else "")
+        _scales(ax, x_log, label in y_log)
+        ax.set(xlim=window or ax.get_xlim(), ylim=limits.get(label) or _limits(ax))
+        lines, labels = ax.get_legend_handles_labels()
+        fresh = {text: line for line, text in zip(lines, labels, strict=True) if text not in named}
+        if legend and fresh:
+            _unparsed(ax.legend(fresh.values(), fresh.keys()))
+            named |= fresh.keys()
+    axes[-1].set_xlabel(symbols(x))
+    figure = axes[0].get_figure(root=True)
+    assert figure is not None
+    return figure
+
+
+def _draw(ax: Axes, one: Series, looks: Looks, phase: float) -> None:
+    """Draw a series; its first marker stands at a share of their distance."""
+    x, y = np.asarray(one.x, float), np.asarray(one.y, float)
+    low, high = (None if side is None else np.asarray(side, float) for side in (one.low, one.high))
+    own = _ROLES.get(one.role) or {}
+    if one.estimator:
+        own = look(one.estimator, looks) | {k: v for k, v in own.items() if k != "color"}
+    label = one.label or one.estimator or ("truth" if one.role == "truth" else "_")
+    if one.kind in ("points", "both"):
+        return _points(ax, one, own or {"color": MUTED, "marker": "o", "markersize": 4}, label)
+    if low is not None and high is not None:
+        tag(ax.fill_between(x, low, high, color=own["color"], alpha=0.14, lw=0), one.estimator)
+    if "marker" in own:
+        every = max(1, len(x) // 5)
+        own |= {"markevery": (int(phase * every), every) if one.role == "estimate" else []}
+    steps = {"drawstyle": "steps-post"} if one.kind == "steps" else {}
+    line = ax.plot(x, y, label=label, **own | steps)[0]
+    tag(line, one.estimator, one.tips[0] if one.tips else label.removeprefix("_"))
+    return None
+
+
+def _points(ax: Axes, one: Series, own: Mapping[str, Any], label: str) -> None:
+    """Draw points with whiskers; one artist a point, so that each shows its value."""
+    x, y = np.asarray(one.x, float), np.asarray(one.y, float)
+    thin = {"color": own["color"], "lw": 0.9, "alpha": 0.5}
+    dots = dict(own) | {"linestyle": ""}
+    if one.kind == "both":
+        tag(ax.plot(x, y, **dict(own) | {"marker": "", "lw": 1.4})[0], one.estimator)
+    if one.low is not None and one.high is not None:
+        for at, *ends in np.stack([x, np.asarray(one.low), np.asarray(one.high)], axis=1):
+            tag(ax.plot([at, at], ends, **thin)[0], one.estimator)
+    tips = one.tips or [f"{label.removeprefix('_')}: {short(v)} at {short(u)}" for u, v in zip(x, y)]
+    for u, v, tip in zip(x, y, tips, strict=True):
+        tag(ax.plot(u, v, **dots)[0], one.estimator, tip)
+    ax.plot([], [], label=label, **own)
+
+
+def _scales(ax: Axes, x_log: bool, y_log: bool) -> None:
+    """Set logarithmic scales with plain numbers at 1, 2 and 5."""
+    for axis, wanted in ((ax.xaxis, x_log), (ax.yaxis, y_log)):
+        if wanted:
+            plain_log(axis)
+
+
+def plain_log(axis: Any) -> None:
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 or at the decades."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 2e3 * low else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _limits(ax: Axes) -> tuple[float, float]:
+    """Return limits that show all curves of some axes; a burst does not set the scale."""
+    lines = [np.asarray(line.get_ydata(), float) for line in ax.get_lines()
+             if line.get_transform() == ax.transData]  # fmt: skip
+    spread = [np.nanpercentile(y, (2, 98)) for y in lines if len(y) > 2 and np.isfinite(y).any()]
+    low, high = ax.get_ylim()
+    if not spread or ax.get_yscale() == "log":
+        return low, high
+    room = 0.6 * (np.max(spread) - np.min(spread)) + 1e-12
+    return max(low, float(np.min(spread) - room)), min(high, float(np.max(spread) + room))
+
+
+def around(scenario: Scenario) -> dict[str, Any]:
+    """Return what a figure over the time of a scenario marks, as options of `curves`."""
+    events = {event.parameter: event for event in reversed(scenario.events())}.values()
+    spans = [(0.0, scenario.burn_in, "burn-in")] if scenario.burn_in else []
+    still = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
+    spans += [(a, b, "no excitation") for a, b in zip(still[::2], still[1::2], strict=True)]
+    marks = [(e.index * scenario.period, f"{e.parameter} changes") for e in events]
+    return {"marks": marks, "spans": spans}
+
+
+def symbols(text: str) -> str:
+    """Return a text with its symbols, such as f_m, as matplotlib sets them.
+
+    Examples
+    --------
+    >>> symbols("1/J_a / nominal")
+    '1/$J_{a}$ / nominal'
+    """
     return SYMBOL.sub(r"$\1_{\2}$", text)
 
 
-def svg(figure: Figure) -> str:
-    """Return a figure as SVG to put inside a page, the same text for the same figure."""
-    import matplotlib
+def _unparsed(legend: Any) -> Any:
+    """Return a legend whose labels are shown as typed: a name may hold a dollar sign."""
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+    return legend
 
-    buffer = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": "flexaxis", "svg.fonttype": "path"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    text = buffer.getvalue()
-    return text[text.index("<svg") :]
+
+@styled
+def lag_maps(
+    maps: Mapping[str, pd.DataFrame],
+    *,
+    x: str,
+    y: str,
+    value: str = "lag [s]",
+    width: float = WIDE,
+) -> Figure:
+    """Draw a score over two axes of a study, a map an estimator, its value in each cell.
+
+    Parameters
+    ----------
+    maps : mapping of str to DataFrame
+        By estimator: values of the ordinate down, those of the abscissa across.
+    x, y, value : str
+        Labels.
+    width : float
+        [px]
+    """
+    from matplotlib import colormaps
+    from matplotlib.colors import LogNorm
+
+    columns = 1 if width < 500 else min(3, len(maps))
+    lines = -(-len(maps) // columns)
+    high = 70 + 30 * max(len(each) for each in maps.values())
+    figure = Figure(figsize=(width / 96, (high * lines + 20) / 96))
+    axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    known = np.concatenate([each.to_numpy(float).ravel() for each in maps.values()])
+    known = known[np.isfinite(known) & (known > 0)]
+    norm, colours = LogNorm(known.min(), 1.001 * known.max()), colormaps["cividis"]
+    for ax, (name, cells) in zip(axes, maps.items(), strict=False):
+        values = np.ma.masked_invalid(cells.to_numpy(float))
+        ax.pcolormesh(values, norm=norm, cmap=colours)
+        for (row, column), cell in np.ndenumerate(values.filled(np.nan)):
+            light = np.isfinite(cell) and norm(cell) > 0.47  # from there black is easier to read
+            own = {"color": "#000000" if light else "#fffffe", "ha": "center", "va": "center"}
+            tip = f"{name}: {value} {short(cell)}"
+            if np.isfinite(cell):
+                tag(ax.text(column + 0.5, row + 0.5, short(cell), **own), name, tip)
+        ax.set_xticks(np.arange(cells.shape[1]) + 0.5, [f"{v:.4g}" for v in cells.columns])
+        ax.set_yticks(np.arange(cells.shape[0]) + 0.5, [f"{v:.4g}" for v in cells.index])
+        ax.grid(visible=False)
+        ax.set_title(name, parse_math=False)
+    for ax in axes[len(maps) :]:
+        ax.set_axis_off()
+    figure.supxlabel(symbols(x), fontsize=9)
+    figure.supylabel(symbols(y), fontsize=9)
+    return figure
+
+
+VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
+
+
+@styled
+def verdict_intervals(
+    rows: Sequence[Mapping[str, Any]],
+    *,
+    names: tuple[str, str] = ("base", "candidate"),
+    width: float = WIDE,
+    axes: Axes | None = None,
+) -> Figure:
+    """Draw changes with their intervals and margins, a line a score, the worst on top.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        ``name, verdict, change, interval, margin``; changes as shares, -0.1 is 10 % less.
+    names : (str, str)
+        Base and candidate.
+    width : float
+        [px]
+    axes : Axes, optional
+        Where to draw; a new figure by default.
+    """
+    if axes is None:
+        figure = Figure(figsize=(width / 96, (60 + 24 * max(1, len(rows))) / 96))
+        axes = figure.subplots()
+    for place, row in enumerate(rows):
+        colour, change = VERDICTS.get(row["verdict"], MUTED), 1 + row["change"]
+        low, high = (max(1 + end, 1e-3) for end in row["interval"])
+        tip = f"{row['name']}: {row['verdict']}, × {short(change)} ({short(low)}–{short(high)})"
+        margin = [1 / (1 + row["margin"]), 1 + row["margin"]]
+        axes.plot(margin, [place, place], color=MUTED, lw=7, alpha=0.25, solid_capstyle="butt")
+        tag(axes.plot([low, high], [place, place], color=colour, lw=2)[0], tip=tip)
+        tag(axes.plot(change, place, "o", color=colour)[0], tip=tip)
+    axes.axvline(1.0, color=TEXT, lw=0.9)
+    labels = [symbols(f"{row['name']}: {row['verdict']}") for row in rows]
+    axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel=f"{names[1]} / {names[0]}: less is better")
+    axes.set_yticks(range(len(rows)), labels)
+    plain_log(axes.xaxis)
+    axes.grid(axis="y", visible=False)
+    found = axes.get_figure(root=True)
+    assert found is not None
+    return found

@@ -1,169 +1,69 @@
-"""Tables: heads with units, cells with values to sort by, how values are written, what words mean.
+"""Tables: how numbers are written, cells to sort by, and the cells of pooled scores.
 
-`table.html` writes them into a page, `terminal` on a screen. Scores are defined in
+A template writes a `Table` into a page. Scores are defined in
 `flexaxis.experiments.scoring.score_table` and nowhere else.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from markupsafe import Markup, escape
 
 from flexaxis.experiments.scoring.score_table import SCORES
 
-# A letter with an index that is no part of a longer word; as in assets/dom.js.
 SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9θ]{1,3})(?![A-Za-z0-9_-])")
-_CODE = re.compile(r"`([^`]+)`")
-_SUNK = '<tspan font-style="italic">{}</tspan><tspan class="sub" dy="0.28em">{}</tspan>'
-_RISEN = '<tspan dy="-0.21em">{}</tspan>'
-
-
-@dataclass(frozen=True)
-class Column:
-    """The head of a column.
-
-    Attributes
-    ----------
-    heading : str
-        With the unit.
-    term : str
-        The word of the glossary for it, if there is one.
-    kind : {"number", "text", "command"}
-        Numbers stand to the right; a command is in the letters of a terminal.
-    more : bool or "again"
-        Whether it is shown on demand; ``"again"`` is left out on paper, for it is said elsewhere.
-    under : str
-        In small letters below the heading.
-    name : str
-        What it is called in a file, where the heading alone would not do.
-    link : str
-        The name of the place on the page that it leads to.
-    who : str
-        The estimator that it is of: with it the column is hidden.
-    down : bool
-        Whether what is large is better, and comes first.
-    """
-
-    heading: str
-    term: str = ""
-    kind: Literal["number", "text", "command"] = "number"
-    more: bool | Literal["again"] = False
-    under: str = ""
-    name: str = ""
-    link: str = ""
-    who: str = ""
-    down: bool = False
+"""A letter with an index, such as f_m, that is no part of a longer word."""
+Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What stands in a cell.
+    """A cell of a table.
 
     Attributes
     ----------
     text : str
     value : float or str, optional
-        What it is sorted by and saved as; the text where it is None, and nothing where it is "".
-    within : str
-        An interval or a remark, in small letters behind; a new line where there is one.
-    ends : pair of float or None, optional
-        The interval, to be saved.
-    mark : str
-        A sign before the text, saved beside the value.
-    link, opens : str
-        The place on the page that it leads to; the `Pick` that it opens.
-    who : str
-        The estimator that it is of: with it the cell is hidden.
+        What the cell is sorted by and saved as; its text by default.
+    small : str
+        An interval or a remark, in small letters below.
+    best : bool
+        Whether the cell is marked as the best, or not distinguishable from it.
     tone : float, optional
-        Where its value lies on the page's scale of colours, 0 to 1, so that the table is a map too.
+        Place of the value on the page's scale of colours, 0 to 1.
     """
 
     text: str
     value: float | str | None = None
-    within: str = ""
-    ends: Sequence[float | None] | None = None
-    mark: str = ""
-    link: str = ""
-    opens: str = ""
-    who: str = ""
+    small: str = ""
+    best: bool = False
     tone: float | None = None
 
 
 @dataclass(frozen=True)
-class Row:
-    """A line of a table.
-
-    Attributes
-    ----------
-    cells : sequence of Cell
-    who : str
-        The estimator that it is of: with it the row is hidden.
-    kind : str
-        A class of the style sheet: ``"changed"``, ``"lost"``, or a verdict.
-    group : str
-        The group that it belongs to, where the page can be filtered by one.
-    """
-
-    cells: Sequence[Cell]
-    who: str = ""
-    kind: str = ""
-    group: str = ""
-
-
-@dataclass(frozen=True)
 class Table:
-    """A table under a heading.
+    """A table.
 
     Attributes
     ----------
-    heading : str
-    columns : sequence of Column
-    rows : sequence of Row
-    words : str
-        What there is to know of it, below.
-    folded : str
-        What it is called where it is folded away; empty for one that is not.
+    name : str
+        What it is saved as.
+    heads : sequence of str
+        With units; a second line, in small letters, stands behind a newline.
+    rows : sequence of (str, sequence of Cell)
+        Each with the estimator that it is of, or an empty text.
+    words : sequence of str
+        What there is to know of it, a sentence each.
     """
 
-    heading: str
-    columns: Sequence[Column]
-    rows: Sequence[Row]
-    words: str = ""
-    folded: str = ""
-
-
-def scored(value: float | None, *, within: str = "", digits: int = 3) -> Cell:
-    """Return a cell with a number, to be sorted by all of its digits."""
-    return Cell(number(value, digits), "" if value is None else value, within)
-
-
-def toned(values: Sequence[float | None]) -> list[Cell]:
-    """Return cells of numbers on one scale of colours, of their logarithms."""
-    scale = [None if v is None or v <= 0 else np.log(v) for v in values]
-    known = [v for v in scale if v is not None] or [0.0]
-    low, over = min(known), (max(known) - min(known)) or 1.0
-    tones = [None if v is None else float((v - low) / over) for v in scale]
-    return [replace(scored(v), tone=tone) for v, tone in zip(values, tones, strict=True)]
-
-
-def tone_style(tone: float) -> str:
-    """Return the style of a cell of a tone; the colours read the same to the colour-blind."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
-    letters = "#000" if tone > 0.47 else "#fff"  # from there on black is easier to read
-    return f"background:{to_hex(colormaps['cividis'](tone))};color:{letters}"
-
-
-def texts(heading: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """Return a table of words."""
-    lines = [Row([Cell(text) for text in row]) for row in rows]
-    return Table(heading, [Column(head, kind="text") for head in heads], lines)
+    name: str
+    heads: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[Cell]]]
+    words: Sequence[str] = ()
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -174,83 +74,109 @@ def number(value: float | None, digits: int = 3) -> str:
     >>> number(1234.0), number(-1234.0), number(0.01234), number(None)
     ('1234', '-1234', '0.0123', '–')
     """
-    if value is None:
+    if value is None or np.isnan(value):
         return "–"
     # 120 and not 1.2e+02
     return f"{value:.0f}" if 10**digits <= abs(value) < 1e5 else f"{value:.{digits}g}"
 
 
+def short(value: float | None) -> str:
+    """Return a number with two digits, also where the second is 0: few seeds carry no third.
+
+    Examples
+    --------
+    >>> short(0.04764), short(41.67), short(1.04), short(0.0), short(None)
+    ('0.048', '42', '1.0', '0', '–')
+    """
+    if value is None or not np.isfinite(value):
+        return "–"
+    places = max(0, 1 - int(np.floor(np.log10(abs(value))))) if value else 0
+    return f"{value:.{places}f}"
+
+
+def between(values: Iterable[float | None] | None) -> str:
+    """Return the range of some numbers.
+
+    Examples
+    --------
+    >>> between([0.0382, 0.0731]), between([2.0, 2.01]), between(None)
+    ('0.038–0.073', '2.0', '–')
+    """
+    known = [v for v in values or () if v is not None and np.isfinite(v)] or [np.nan]
+    low, high = short(min(known)), short(max(known))
+    return low if low == high else f"{low}–{high}"
+
+
 def pair(interval: Sequence[float | None] | None) -> str:
-    """Return an interval for a table; an end that is not finite is said in words."""
+    """Return an interval; an end that is not finite reads "never"."""
     if interval is None:
         return ""
-    return " … ".join("never" if end is None else f"{end:.3g}" for end in interval)
+    return "–".join("never" if end is None else short(end) for end in interval)
 
 
-def settled(value: float | None, changed: bool) -> str:
-    """Return a settling time for a table; never is said in words."""
-    return number(value) if value is not None or not changed else "never"
+def scored(value: float | None, small: str = "", **more: Any) -> Cell:
+    """Return a cell with a number, sorted by all of its digits."""
+    return Cell(short(value), "" if value is None else value, small, **more)
 
 
-def symbols(text: str) -> Markup:
-    """Return text with its symbols as letter and index, such as f_m, 1/J_a, and `code` as such.
+def _of(name: str) -> Callable[[Row], Cell]:
+    def cell(row: Row) -> Cell:
+        value, interval = row.get(name), row.get(f"{name}_interval")
+        if SCORES[name].kind == "truth":
+            return Cell(f"{value} of {row.get('seeds', row.get('runs'))}", value)
+        if value is None and name == "t10" and row["changed"]:
+            return Cell("never", "")
+        return scored(value, pair(interval) if value else "")
 
-    Examples
-    --------
-    >>> symbols("1/J_a < pause_fm")
-    Markup('1/<i>J</i><sub>a</sub> &lt; pause_fm')
-    """
-    typeset = SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", str(escape(text)))
-    return Markup(_CODE.sub(r"<code>\1</code>", typeset))
-
-
-def in_svg(text: str) -> Markup:
-    """Return text for SVG with its symbols as letter and index.
-
-    Examples
-    --------
-    >>> in_svg("lag [s]")
-    Markup('lag [s]')
-    """
-    before, *parts = SYMBOL.split(text)
-    found = [escape(before)]
-    for letter, index, after in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
-        found.append(Markup(_SUNK).format(letter, index))
-        found.append(Markup(_RISEN).format(after) if after else Markup())
-    return Markup().join(found)
+    return cell
 
 
-TERMS = {score.heading: score.words for score in SCORES.values() if score.heading} | {
-    "bound": "The Cramér–Rao bound for whoever is told when the fault happens, and takes all "
-    "estimated parameters for unknown after it, with a wide prior: the mean size √(2/π)σ of a "
-    "Gaussian error on it. Not what no estimator can beat: who finds out that only one parameter "
-    "changed has a smaller one.",
-    "× bound": "Geometric mean of the lag over the mean lag of the bound, computed from the "
-    "torque of each record; who finds out that only one parameter has changed can "
-    "be below 1.",
-    "at equal noise": "Each estimator is run at several settings of its knob, and its lag "
-    "interpolated between the two on either side of the noise of the reference; at exactly that "
-    "noise it is not run.",
-    "knob": "The one option of an estimator that buys speed with noise, such as the forgetting "
-    "factor λ.",
-    "forgetting factor": "λ: the weight of a sample falls by this factor with each new one, so "
-    "that the last 1/(1−λ) samples count.",
-    "false alarms": "Changes that the estimator says it found where nothing had changed, in 1000 s "
-    "of motion.",
-    "error over bound": "Root mean square error 200 samples after the fault (1 s at 5 ms) over the "
-    "bound with all parameters unknown; below 1 knows more, for example that only one has changed.",
-    "detection": "How often, and how soon after a fault, an estimator says that something changed.",
-    "burn-in": "The time at the beginning in which estimators settle; no score counts it.",
-    "seed": "What the random parts of a run are drawn from: the same seed is the same run.",
-    "interval": "95 % interval over the seeds: Student’s t, for means with Hall’s correction for "
-    "skewness, on the jackknife’s values where lags are interpolated to equal noise; of medians by "
-    "order statistics. There is none with fewer than five seeds.",
-    "tie": "Marked ★: the best, and all that pairs on common seeds cannot tell from it at 5 %.",
-    "nominal": "The parameters of the axis as designed, on which θ is given: 1 is nominal.",
-    "scenario": "An axis, its excitation and what happens to it, frozen under a name.",
-    "fault": "A change of a physical parameter at a known time.",
-    "control": "An estimator that bounds the field and takes no part: doing nothing, or told all.",
-    "ECDF": "Share of all runs whose lag is at most so many times the bound: higher and more to "
-    "the left is better.",
+def over_bound(row: Row) -> Cell:
+    """Return the lag over that of the bound."""
+    lag, bound = row.get("lag"), row.get("lag_bound")
+    return scored(lag / bound if lag is not None and bound else None)
+
+
+def _false_alarms(row: Row) -> Cell:
+    detection = row.get("detection") or {}
+    return scored(
+        detection.get("false_alarms_per_1000_s"), pair(detection.get("false_alarms_interval"))
+    )
+
+
+COLUMNS: Mapping[str, tuple[str, Callable[[Row], Cell], str]] = {
+    "lag": ("lag [s]", _of("lag"), SCORES["lag"].words),
+    "over_bound": ("× bound", over_bound, "Lag relative to the lag of the Cramér–Rao bound."),
+    "t10": ("time to ±10 % [s]", _of("t10"), SCORES["t10"].words),
+    "std": ("std before [%]", _of("std"), SCORES["std"].words),
+    "bias": ("bias before [%]", _of("bias"), SCORES["bias"].words),
+    "std_after": ("std after [%]", _of("std_after"), SCORES["std_after"].words),
+    "score": ("score", _of("score"), SCORES["score"].words),
+    "cross_talk": ("cross-talk [%]", _of("cross_talk"), SCORES["cross_talk"].words),
+    "diverged": ("lost", _of("diverged"), SCORES["diverged"].words),
+    "false_alarms": (
+        "false alarms / 1000 s",
+        _false_alarms,
+        "Changes that the estimator reports where nothing changed, in 1000 s of motion.",
+    ),
+    "cost": (
+        "µs/sample",
+        lambda row: scored(row["cost"]["us_per_sample"]),
+        "Time of the estimator on this machine; compare within one report only.",
+    ),
 }
-"""What words of the pages mean: shown by hover and by keyboard wherever `term` marks one."""
+"""What a column of pooled scores shows: its head with the unit, its cell, and what it means."""
+
+
+def scores(name: str, rows: Sequence[Row], columns: Sequence[str]) -> Table:
+    """Return a table of pooled rows, a line a parameter and estimator."""
+    heads = ["estimator", "parameter", *(COLUMNS[each][0] for each in columns)]
+    lines = [
+        (
+            row["estimator"],
+            [Cell(row["estimator"]), Cell(row["parameter"])]
+            + [COLUMNS[each][1](row) for each in columns],
+        )
+        for row in rows
+    ]
+    return Table(name, heads, lines)

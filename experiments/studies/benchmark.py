@@ -14,9 +14,10 @@ import numpy as np
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.comparison.ranking import overall
-from flexaxis.experiments.reporting.run.page import render
-from flexaxis.experiments.reporting.study.page import write_report
-from flexaxis.experiments.results.pooled import Pooled, with_curves
+from flexaxis.experiments.reporting import run as run_report
+from flexaxis.experiments.reporting import study as study_report
+from flexaxis.experiments.reporting.inputs import AT_EQUAL_NOISE, RunInputs, StudyInputs
+from flexaxis.experiments.reporting.words import fault_names, faults_of, widest
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import kept_runs
@@ -81,7 +82,7 @@ def benchmark(
     shard: tuple[int, int] = (1, 1),
     overwrite: bool = False,
     say: Callable[[str], None] | None = None,
-) -> Pooled | None:
+) -> RunInputs | None:
     """Run what is missing, and write summary.json and report.html to the folder.
 
     Parameters
@@ -120,7 +121,7 @@ def benchmark(
 
 def finish(
     folder: Path, means: Means | None = None, *, say: Callable[[str], None] | None = None
-) -> Pooled:
+) -> RunInputs:
     """Sweep what is still to be swept, pool the rows in the folder of a run, write its report.
 
     Parameters
@@ -145,9 +146,9 @@ def finish(
         "as_set": as_set(groups, rows),
         "tradeoff": swept,
     }
-    found = with_curves(folder, summary)
+    found = RunInputs(folder, summary)
     (folder / SUMMARY).unlink(missing_ok=True)  # of another question
-    write_text(folder / REPORT, render(found))
+    write_text(folder / REPORT, run_report.render(found))
     write_json(folder / SUMMARY, summary)  # last: a folder without one is not complete
     return found
 
@@ -199,11 +200,31 @@ def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[
     with Bench(scenarios, folder / SWEEP, means) as bench:
         able = sweep.able(scenarios, wanted["estimators"], study["seeds"], bench)
         found = sweep.sweep(scenarios, able, study["seeds"], bench)
+    _keep_traces(scenarios, found, folder / SWEEP / AT_EQUAL_NOISE, study["seeds"], means)
     return asdict(found) | {
         "left_out": [name for name in wanted["estimators"] if name not in able],
         "overall": overall(found.at_excess),
         "faults": {s.name: happens(s) for s in scenarios},
+        "definitions": {s.name: s.resolved() for s in scenarios},
     }
+
+
+def _keep_traces(
+    scenarios: Sequence[Scenario],
+    found: sweep.Sweep,
+    folder: Path,
+    seeds: Sequence[int],
+    means: Means | None,
+) -> None:
+    """Run the settings nearest to equal noise once more, with what the report draws of them."""
+    if not found.matched:
+        return
+    fault = widest(faults_of(found.matched))
+    own = [row for row, name in zip(found.matched, fault_names(found.matched), strict=True)
+           if name == fault]  # fmt: skip
+    drawn = [s for s in scenarios if s.name == own[0]["scenario"]]
+    with Bench(drawn, folder, means, traced=True) as bench:
+        bench.with_failed(drawn, [row["nearest"] for row in own], seeds)
 
 
 def _failures(
@@ -256,7 +277,8 @@ def report(folder: Path, means: Means | None = None) -> Path:
         If it cannot be written.
     """
     if read_study(folder)["axes"]:
-        return write_report(Results.load(folder))
+        write_text(folder / REPORT, study_report.render(StudyInputs(Results.load(folder))))
+        return folder / REPORT
     finish(folder, means)
     return folder / REPORT
 

@@ -79,8 +79,8 @@ class Sweep:
         seeds``, ``lag_bound`` and ``lag_bound_single``.
     matched : list of dict
         One for each fault and estimator, at the std of the reference in the parameter that
-        changes: ``how`` (see `comparison.matching.Match`), ``settings, ratio, lag, lag_interval,
-        bound, over_bound, over_single, std_after, false_alarms_per_1000_s, leads``, and
+        changes: ``how`` (see `comparison.matching.Match`), ``settings, nearest, ratio, lag,
+        lag_interval, bound, over_bound, over_single, std_after, false_alarms_per_1000_s, leads``, and
         ``values`` seed by seed (ln of lag and std after; false alarms).
     at_excess : list of dict
         The same at the excess error of the reference, with ``score``.
@@ -272,6 +272,7 @@ def _row(scenario: Scenario, estimator: str, parameter: str, found: Match) -> di
         "estimator": estimator,
         "how": found.how,
         "settings": list(found.settings),
+        "nearest": found.nearest.text,
         "ratio": found.ratio,
         "lag": middle,
         "lag_interval": within and [float(np.exp(end)) for end in within],

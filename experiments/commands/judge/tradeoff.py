@@ -39,9 +39,9 @@ def main(args: argparse.Namespace) -> int:
     """Sweep, match and draw."""
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.comparison.ranking import overall
-    from flexaxis.experiments.reporting.figures import figure, svg
-    from flexaxis.experiments.reporting.run.speed import tradeoff
+    from flexaxis.experiments.reporting.run_figures import speed_noise
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
+    from flexaxis.experiments.reporting.words import faults_of, noise_of
     from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 
@@ -66,7 +66,10 @@ def main(args: argparse.Namespace) -> int:
             "overall": overall(found.at_excess),
         }
         path = args.output / "tradeoff.svg"
-        write_text(path, svg(figure(tradeoff(found.points, estimators))))
+        points = faults_of(found.points)
+        names = {name: name for name in points["fault"].unique()}
+        speed_noise(points, estimators, names, noise_of(points)).savefig(path)
         write_json(args.output / "tradeoff.json", content)
-    table = equal_noise_table(found.matched, content["overall"])
+    definitions = {s.name: s.resolved() for s in scenarios}
+    table = equal_noise_table(content, definitions, len(seeds))
     return answer(args, content | {"figure": path}, 0, path, show=lambda: show(table))

@@ -148,4 +148,4 @@ def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
         show_run(found.summary)
     options.tell_failures(failures)
     path = folder / REPORT
-    return answer(args, found.summary | {"report": path}, status, path)
+    return answer(args, found.summary | {"report": path}, status, f"report: {path}")
