@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.results.export import cube_of, frame
+from flexaxis.experiments.results.export import cube_of, export_csv, export_parquet, frame
 from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped, middle, place_of
 from flexaxis.experiments.results.source import ALL, Condition, Source, asked, having
 from flexaxis.experiments.running.folder import read_study
@@ -278,14 +278,34 @@ class Results:
     def to_xarray(self) -> xarray.Dataset:
         """Return an xarray Dataset: the numbers over scenario, estimator, axes, seed, parameter.
 
-        It is the cube that `flexaxis export --netcdf` writes.
-
         Raises
         ------
         StudyError
             If xarray is not installed.
         """
         return cube_of(self).to_xarray()
+
+    def to_csv(self, path: str | Path) -> int:
+        """Write the rows as a CSV file with a header; return their number.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+        """
+        return export_csv(self, Path(path))
+
+    def to_parquet(self, path: str | Path) -> int:
+        """Write the rows as a compressed Parquet file; return their number.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+        StudyError
+            If pyarrow is not installed.
+        """
+        return export_parquet(self, Path(path))
 
     def parts(self, columns: Sequence[str] = ()) -> Iterator[dict[str, list[Any]]]:
         """Yield columns as Python values, all or some, of so many rows as are held in memory."""

@@ -30,10 +30,10 @@ from flexaxis.sim.storage.reading import Refusal, json_value, read_text
 STUDY, TRAJECTORIES = "study.json", "trajectories"
 REPORT = "report.html"
 SUMMARY, SWEEP = "summary.json", "sweep"
-COMPLETE = (SUMMARY, "compare.json", "tradeoff.json")
+COMPLETE = (SUMMARY, "compare.json", "sweep.json")
 """What is written last: a folder without any of these is not complete."""
 SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
-MADE = (REPORT, "verdict.md", "tradeoff.svg")
+MADE = (REPORT, "verdict.md", "sweep.svg")
 
 
 Given = str | os.PathLike[str] | None

@@ -92,7 +92,7 @@ def benchmark(
         Made if it is missing. Cases that it holds are kept, and not run again.
     means : Means, optional
     shard : (int, int)
-        As in `Plan`. A share has no summary, for which all are merged; then None is returned.
+        As in `Plan`. A share has no summary, so None is returned; `run --from` reports on all.
     overwrite : bool
         Whether to remove what is there first.
     say : callable, optional

@@ -14,15 +14,18 @@ from typing import Any
 from zlib import crc32
 
 import numpy as np
-from rich.table import Table
 
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.gate.gate import look_counts, rows_of
 from flexaxis.experiments.gate.pairs import pair
-from flexaxis.experiments.gate.resampling import Pool, judged
-from flexaxis.experiments.gate.trials import (
+from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.scoring.intervals import share_interval
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.scenario import Scenario
+from tests.experiments.selftest_resampling import Pool, judged
+from tests.experiments.selftest_trials import (
     NONE,
-    NOTHING,
     SURE,
     Promise,
     Trial,
@@ -30,11 +33,6 @@ from flexaxis.experiments.gate.trials import (
     stored,
     trials,
 )
-from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.scoring.intervals import share_interval
-from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.scenario import Scenario
 
 BASES = ("rpem-forgetting", "imm")
 
@@ -189,55 +187,3 @@ def _rate(trial: Trial, looks: tuple[int, ...], comparisons: int, drawn_from: in
         done += batch
     promised = looks[-1] * drawn_from >= trial.runs
     return Rate(trial.what, looks, count, comparisons, trial.promise if promised else NONE)
-
-
-Row = Mapping[str, Any]
-
-
-def columns(rates: Sequence[Row]) -> list[str]:
-    """Return the headings: what, the seeds of each look, what is promised."""
-    return ["in % of comparisons", *dict.fromkeys(map(_seeds, rates)), "promised"]
-
-
-def _seeds(rate: Row) -> str:
-    """Return the seeds of a comparison; with an arrow where it looks more than once."""
-    first, last = rate["looks"][0], rate["looks"][-1]
-    return f"{first} seeds" if first == last else f"{first} → {last}"
-
-
-def lines(rates: Sequence[Row]) -> list[list[str]]:
-    """Return the cells of each row, with exact 95 % intervals; a broken promise is marked."""
-    groups: dict[str, list[Row]] = {}
-    for rate in rates:
-        groups.setdefault(rate["what"], []).append(rate)
-    return [[what, *map(_cell, group), _promised(group)] for what, group in groups.items()]
-
-
-def _cell(rate: Row) -> str:
-    low, high = map(_percent, rate["interval"])
-    return f"{_percent(rate['rate'])} ({low} … {high})" + ("" if rate["kept"] else " BROKEN")
-
-
-def _percent(share: float) -> str:
-    """Return per cent, to the hundredth where next to nothing is left of it or missing."""
-    percent = 100 * share
-    return f"{percent:.2f}" if percent < 5 or 95 < percent < 100 else f"{percent:.0f}"
-
-
-def _promised(group: Sequence[Row]) -> str:
-    given = [rate for rate in group if rate["promise"] != NOTHING]
-    if not given:
-        return NOTHING
-    where = "" if len(given) == len(group) else f" at {_seeds(given[0])}"
-    return f"{given[0]['promise']}{where}"
-
-
-def terminal(rates: Sequence[Row]) -> Table:
-    """Return the table for a terminal."""
-    head, *rest = columns(rates)
-    table = Table(head, box=None, padding=(0, 1, 0, 0))
-    for name in rest:
-        table.add_column(name, justify="right")
-    for row in lines(rates):
-        table.add_row(*row, style="red" if any("BROKEN" in cell for cell in row) else None)
-    return table

@@ -28,10 +28,10 @@ from flexaxis.experiments.gate.decide import (
 )
 from flexaxis.experiments.gate.gate import Question, at_equal_noise, compare
 from flexaxis.experiments.gate.pairs import LOST, ScoreRows
-from flexaxis.experiments.gate.resampling import Drawn, Judged, Pool, draw
 from flexaxis.experiments.gate.stored import compare_rows
 from flexaxis.experiments.running.bench import Bench, Runs
 from flexaxis.sim.scenario import Scenario
+from tests.experiments.selftest_resampling import Drawn, Judged, Pool, draw
 
 NOTHING = "–"  # promised
 
