@@ -7,7 +7,7 @@ are estimated nor the coefficient of the shape, and all else.
 from pathlib import Path
 
 import numpy as np
-from making import commit, table, write
+from making import VERSION, table, write
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse
@@ -49,7 +49,7 @@ def measured(name: str) -> list[str]:
 def shapes() -> str:
     """Return the table."""
     heads = ["case", "unknown besides", "lag of `glr` [s]", "bound [s]", "× bound"]
-    below = f"\n`python docs/glr_shapes.py`, commit {commit()}, seeds {SEEDS[0]} to {SEEDS[-1]}.\n"
+    below = f"\n`python docs/glr_shapes.py`, {VERSION}, seeds {SEEDS[0]} to {SEEDS[-1]}.\n"
     return table(heads, [measured(name) for name in CASES]) + below
 
 

@@ -9,7 +9,7 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.paper.claim import gather
 from flexaxis.experiments.paper.data import Size
-from flexaxis.experiments.paper.further_figures import FIGURES
+from flexaxis.experiments.paper.figures import FIGURES
 from flexaxis.experiments.paper.reproduce import decide, render
 
 pytestmark = pytest.mark.browser
