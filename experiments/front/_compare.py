@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from flexaxis._given import Scenarios, scenarios_of, seeds_of, texts_of
 from flexaxis._results import working
 from flexaxis._table import html_table, text_table
@@ -19,8 +17,6 @@ from flexaxis.experiments.running.bench import Bench
 
 if TYPE_CHECKING:
     import pandas
-
-    from flexaxis.experiments.gate.verdicts import Verdict
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,12 +68,12 @@ class Comparison:
         Axes
         """
         from flexaxis._draw import panels
+        from flexaxis.experiments.reporting.compare import changes
         from flexaxis.experiments.reporting.figures import verdict_intervals
 
-        shown = [v for v in ordered(self.found.verdicts) if v.interval is not None]
         axes = panels(ax, 1)[0]
         names = (self.base, self.candidate)
-        verdict_intervals([_line(v) for v in shown], names=names, axes=axes)
+        verdict_intervals(changes(self.found.as_dict()), names=names, axes=axes)
         return axes
 
     def _said(self) -> list[str]:
@@ -97,17 +93,6 @@ class Comparison:
         more = "".join(f"<p>{escape(line)}</p>" for line in others)
         rows = self._cells()
         return f"<p><b>{escape(first)}</b></p>{html_table(COLUMNS, rows, len(rows))}{more}"
-
-
-def _line(v: Verdict) -> dict[str, Any]:
-    name, scale = f"{v.metric.replace('_', ' ')} {v.parameter}", v.scale or 1.0
-    interval = np.maximum(np.array(v.interval) / scale, DRAWN)
-    return {"name": name, "where": v.scenario, "word": v.verdict, "interval": interval,
-            "change": max((v.change or 0.0) / scale, DRAWN),
-            "margin": (v.margin or 0.0) / scale}  # fmt: skip
-
-
-DRAWN = -0.99  # of a change as a share: a difference may be less than all of the base
 
 
 def compare(

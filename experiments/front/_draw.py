@@ -69,8 +69,9 @@ def over_time(
     """
     found = panels(axes, len(series))
     fresh = not any(ax.lines for ax in found)
-    shown = {label: [s for s in each if fresh or s.role != "truth"]
-             for label, each in series.items()}  # fmt: skip
+    shown = {
+        label: [s for s in each if fresh or s.role != "truth"] for label, each in series.items()
+    }
     around: dict[str, Any] = {}
     if scenario and fresh:
         around = figures.around(scenario)

@@ -1,4 +1,4 @@
-"""The page of a comparison: the verdict first, then changes with their intervals, then all scores."""
+"""The page of a comparison: the verdict first, changes with intervals, all scores."""
 
 from __future__ import annotations
 
@@ -47,13 +47,15 @@ def changes(verdict: Row) -> list[dict[str, Any]]:
         if row["change"] is None or row["interval"] is None:
             continue
         scale = row["scale"] or 1.0
-        found.append({
-            "name": f"{row['metric']} of {row['parameter']}, {row['scenario']}",
-            "verdict": row["verdict"],
-            "change": row["change"] / scale,
-            "interval": [end / scale for end in row["interval"]],
-            "margin": (row["margin"] or 0.0) / scale,
-        })  # fmt: skip
+        found.append(
+            {
+                "name": f"{row['metric']} of {row['parameter']}, {row['scenario']}",
+                "verdict": row["verdict"],
+                "change": row["change"] / scale,
+                "interval": [end / scale for end in row["interval"]],
+                "margin": (row["margin"] or 0.0) / scale,
+            }
+        )
     return found
 
 
@@ -61,9 +63,13 @@ def _worst(worst: Row, looks: Any) -> Markup:
     series = [Series(x=worst["time"], y=worst[side], estimator=side) for side in SIDES]
     series.append(Series(x=worst["time"], y=worst["truth"], role="truth"))
     return page.drawn(
-        curves, "worst run", {f"{worst['parameter']} / nominal": series}, x="time [s]",
-        height=280, looks=looks,
-    )  # fmt: skip
+        curves,
+        "worst run",
+        {f"{worst['parameter']} / nominal": series},
+        x="time [s]",
+        height=280,
+        looks=looks,
+    )
 
 
 def _table(verdict: Row) -> Table:

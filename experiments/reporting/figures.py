@@ -179,9 +179,9 @@ def _points(ax: Axes, one: Series, own: Mapping[str, Any], label: str) -> None:
     if one.low is not None and one.high is not None:
         for at, *ends in np.stack([x, np.asarray(one.low), np.asarray(one.high)], axis=1):
             tag(ax.plot([at, at], ends, **thin)[0], one.estimator)
-    tips = one.tips or [f"{label.removeprefix('_')}: {short(v)} at {short(u)}" for u, v in zip(x, y)]
-    for u, v, tip in zip(x, y, tips, strict=True):
-        tag(ax.plot(u, v, **dots)[0], one.estimator, tip)
+    for place, (u, v) in enumerate(zip(x, y, strict=True)):
+        usual = f"{label.removeprefix('_')}: {short(v)} at {short(u)}"
+        tag(ax.plot(u, v, **dots)[0], one.estimator, one.tips[place] if one.tips else usual)
     ax.plot([], [], label=label, **own)
 
 
@@ -205,8 +205,11 @@ def plain_log(axis: Any) -> None:
 
 def _limits(ax: Axes) -> tuple[float, float]:
     """Return limits that show all curves of some axes; a burst does not set the scale."""
-    lines = [np.asarray(line.get_ydata(), float) for line in ax.get_lines()
-             if line.get_transform() == ax.transData]  # fmt: skip
+    lines = [
+        np.asarray(line.get_ydata(), float)
+        for line in ax.get_lines()
+        if line.get_transform() == ax.transData
+    ]
     spread = [np.nanpercentile(y, (2, 98)) for y in lines if len(y) > 2 and np.isfinite(y).any()]
     low, high = ax.get_ylim()
     if not spread or ax.get_yscale() == "log":
@@ -322,8 +325,9 @@ def verdict_intervals(
         figure = Figure(figsize=(width / 96, (60 + 24 * max(1, len(rows))) / 96))
         axes = figure.subplots()
     for place, row in enumerate(rows):
-        colour, change = VERDICTS.get(row["verdict"], MUTED), 1 + row["change"]
-        low, high = (max(1 + end, 1e-3) for end in row["interval"])
+        # A difference may be less than all of the base: it ends at the edge of the scale.
+        change, low, high = (max(1 + end, 0.01) for end in (row["change"], *row["interval"]))
+        colour = VERDICTS.get(row["verdict"], MUTED)
         tip = f"{row['name']}: {row['verdict']}, × {short(change)} ({short(low)}–{short(high)})"
         margin = [1 / (1 + row["margin"]), 1 + row["margin"]]
         axes.plot(margin, [place, place], color=MUTED, lw=7, alpha=0.25, solid_capstyle="butt")

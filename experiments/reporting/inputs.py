@@ -145,8 +145,11 @@ class StudyInputs:
     @cached_property
     def numeric(self) -> list[str]:
         """Axes of several numbers, those of a fault first."""
-        found = [axis for axis, seen in self.values.items()
-                 if len(seen) > 1 and all(isinstance(v, int | float) for v in seen)]  # fmt: skip
+        found = [
+            axis
+            for axis, seen in self.values.items()
+            if len(seen) > 1 and all(isinstance(v, int | float) for v in seen)
+        ]
         return sorted(found, key=lambda axis: not axis.startswith("fault"))
 
     def options(self, axes: Sequence[str] = ()) -> list[str]:
@@ -168,9 +171,16 @@ class StudyInputs:
         """Return pooled rows over some axes, with the estimator and its options as `estimator`."""
         options = self.options(axes)
         by = ["base"] * scenario + ["method", *options, *axes]
-        rows = pd.DataFrame(self.results.pooled(by, bins={a: self._edges(a) for a in by
-                                                          if len(self.values.get(a, ())) > MANY
-                                                          and a in self.numeric}))  # fmt: skip
+        rows = pd.DataFrame(
+            self.results.pooled(
+                by,
+                bins={
+                    a: self._edges(a)
+                    for a in by
+                    if len(self.values.get(a, ())) > MANY and a in self.numeric
+                },
+            )
+        )
         if rows.empty:
             return rows
         names = [_named(row, options) for row in rows.to_dict("records")]
@@ -194,15 +204,24 @@ class StudyInputs:
             columns = groups.columns(i)
             if np.isnan(columns["detection.alarms"]).all():
                 continue
-            sums = {n: np.nansum(columns[n]) for n in ("detection.missed", "detection.faults",
-                                                       "detection.false_alarms", "seconds")}  # fmt: skip
+            sums = {
+                n: np.nansum(columns[n])
+                for n in (
+                    "detection.missed",
+                    "detection.faults",
+                    "detection.false_alarms",
+                    "seconds",
+                )
+            }
             delays = columns["detection.delay"]
-            rows.append({
-                **key,
-                "delay": np.nanmean(delays) if np.isfinite(delays).any() else np.nan,
-                "missed": 100 * sums["detection.missed"] / max(1.0, sums["detection.faults"]),
-                "false": 3600 * sums["detection.false_alarms"] / sums["seconds"],
-            })  # fmt: skip
+            rows.append(
+                {
+                    **key,
+                    "delay": np.nanmean(delays) if np.isfinite(delays).any() else np.nan,
+                    "missed": 100 * sums["detection.missed"] / max(1.0, sums["detection.faults"]),
+                    "false": 3600 * sums["detection.false_alarms"] / sums["seconds"],
+                }
+            )
         return pd.DataFrame(rows)
 
     def isolation(self) -> pd.DataFrame:
@@ -212,7 +231,9 @@ class StudyInputs:
         for key, rows in zip(groups.keys, groups.rows, strict=True):
             for entry in json.loads(key["isolation"] or "[]"):
                 names = entry["named"]
-                word = "missed" if names is None else "several" if len(names) > 1 else "".join(names)
+                word = (
+                    "missed" if names is None else "several" if len(names) > 1 else "".join(names)
+                )
                 counts[key["method"], entry["fault"], word or "unexplained"] += len(rows)
         if not counts:
             return pd.DataFrame()
@@ -229,9 +250,13 @@ def _named(row: Mapping[str, Any], options: Sequence[str]) -> str:
     >>> _named({"method": "ekf", "ekf.walk": 0.5, "imm.walk": None}, ["ekf.walk", "imm.walk"])
     'ekf[walk=0.5]'
     """
-    texts = [f"{key.rpartition('.')[2]}={row[key]:.3g}" if isinstance(row[key], float)
-             else f"{key.rpartition('.')[2]}={row[key]}" for key in options
-             if not pd.isna(row[key])]  # fmt: skip
+    texts = [
+        f"{key.rpartition('.')[2]}={row[key]:.3g}"
+        if isinstance(row[key], float)
+        else f"{key.rpartition('.')[2]}={row[key]}"
+        for key in options
+        if not pd.isna(row[key])
+    ]
     name, _, rest = str(row["method"]).partition("[")
     inside = ",".join(filter(None, [rest.removesuffix("]"), *texts]))
     return f"{name}[{inside}]" if inside else name

@@ -75,12 +75,17 @@ def equal_noise_table(summary: Row) -> Table:
         lines.append((who, [Cell(who, small=note), *own, *score]))
     heads = [f"{happens}: lag [s]\n{fault}" for fault, happens in fault_words(summary).items()]
     rest = ["score\n0–100"] * bool(overall)
-    return Table("lag at equal noise", ["estimator", *heads, *rest], lines, [
-        "★ fastest, or not distinguishable from it; below each lag: × bound, 95 % interval.",
-        f"Equal noise: each estimator is tuned to the noise of {REFERENCE} before the fault. "
-        "≤, ≥: no setting is as noisy, or as quiet; the lag is at most, or at least, this.",
-        "Score: 0 never reacts, 100 reaches the bound; at equal noise of all parameters together.",
-    ])  # fmt: skip
+    return Table(
+        "lag at equal noise",
+        ["estimator", *heads, *rest],
+        lines,
+        [
+            "★ fastest, or not distinguishable from it; below each lag: × bound, 95 % interval.",
+            f"Equal noise: each estimator is tuned to the noise of {REFERENCE} before the fault. "
+            "≤, ≥: no setting is as noisy, or as quiet; the lag is at most, or at least, this.",
+            "Score: 0 never reacts, 100 reaches the bound; at equal noise of all parameters together.",
+        ],
+    )
 
 
 def _matched(row: Row | None, few: bool) -> Cell:
@@ -102,8 +107,7 @@ def fault_words(summary: Row) -> dict[str, str]:
     """Return what the faults compared at equal noise are called, by their names."""
     swept = summary["tradeoff"]
     rows = dict(zip(words.fault_names(swept["matched"]), swept["matched"], strict=True))
-    known = {name: entry["definition"] for name, entry in summary["scenarios"].items()}
-    known |= swept.get("definitions", {})
+    known = swept.get("definitions", {})
     return {
         fault: words.happens(known[row["scenario"]]) if row["scenario"] in known else fault
         for fault, row in rows.items()
@@ -119,14 +123,20 @@ def overview(inputs: RunInputs, order: Sequence[str]) -> Table:
     for scenario in inputs.summary["scenarios"]:
         here = [row for row in rows if row["scenario"] == scenario]
         own = [_default([r for r in here if r["estimator"] == name], wrong) for name in names]
-        code = Cell(words.happens(inputs.summary["scenarios"][scenario]["definition"]),
-                    small=scenario)  # fmt: skip
+        code = Cell(
+            words.happens(inputs.summary["scenarios"][scenario]["definition"]), small=scenario
+        )
         lines.append(("", [code, Cell(track_of(inputs.scenarios[scenario])), *own]))
-    return Table("lag at default settings", ["scenario", "track", *names], lines, [
-        "Lag [s] of the parameter that changes; below it bias ± std before the fault [%].",
-        "*: the bias before the fault is more than half of its size, so the lag says nothing.",
-        "At default settings the noise differs: do not rank by lag.",
-    ])  # fmt: skip
+    return Table(
+        "lag at default settings",
+        ["scenario", "track", *names],
+        lines,
+        [
+            "Lag [s] of the parameter that changes; below it bias ± std before the fault [%].",
+            "*: the bias before the fault is more than half of its size, so the lag says nothing.",
+            "At default settings the noise differs: do not rank by lag.",
+        ],
+    )
 
 
 def _default(rows: Sequence[Row], wrong: set[tuple[str, str, str]]) -> Cell:
@@ -154,11 +164,23 @@ class _Drawing:
         points = words.faults_of(swept["points"])
         panels = [dict(list(faults.items())[:FIRST]), dict(list(faults.items())[FIRST:])]
         return {
-            "over_bound": draw(run_figures.over_bound, "lag over its bound", matched, order, faults),
-            "speed": [draw(run_figures.speed_noise, f"lag against noise {i}", points, order, part,
-                           words.noise_of(points)) for i, part in enumerate(panels) if part],
+            "over_bound": draw(
+                run_figures.over_bound, "lag over its bound", matched, order, faults
+            ),
+            "speed": [
+                draw(
+                    run_figures.speed_noise,
+                    f"lag against noise {i}",
+                    points,
+                    order,
+                    part,
+                    words.noise_of(points),
+                )
+                for i, part in enumerate(panels)
+                if part
+            ],
             **self.at_fault(matched, order, faults),
-        }  # fmt: skip
+        }
 
     def at_fault(
         self, matched: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str]
@@ -168,10 +190,16 @@ class _Drawing:
         first = matched[matched["fault"] == fault].iloc[0]
         scenario, parameter = self.inputs.scenarios[first["scenario"]], first["parameter"]
         settings = matched[matched["fault"] == fault].set_index("estimator").get("nearest", {})
-        equal = {who: self.inputs.at_equal_noise(scenario.name, settings[who])
-                 for who in order if who in settings}  # fmt: skip
-        traces = equal if all(equal.values()) and equal else {
-            who: self.inputs.traces(scenario.name, who) for who in order}  # fmt: skip
+        equal = {
+            who: self.inputs.at_equal_noise(scenario.name, settings[who])
+            for who in order
+            if who in settings
+        }
+        traces = (
+            equal
+            if all(equal.values()) and equal
+            else {who: self.inputs.traces(scenario.name, who) for who in order}
+        )
         runs = {who: estimates(own, scenario, parameter) for who, own in traces.items() if own}
         if not runs or not scenario.events():
             return {"estimates": "", "widest": "", "kept": False}
@@ -180,10 +208,15 @@ class _Drawing:
         true = np.interp(time, scenario.times, truth(scenario, parameter))
         leaders, _ = words.leading(matched, order)
         figure = page.drawn(
-            run_figures.at_fault, "estimates around the fault",
-            {who: values for who, (_, values) in runs.items()}, time - at, true,
-            label=symbols(parameter), first=leaders, looks=self.looks,
-        )  # fmt: skip
+            run_figures.at_fault,
+            "estimates around the fault",
+            {who: values for who, (_, values) in runs.items()},
+            time - at,
+            true,
+            label=symbols(parameter),
+            first=leaders,
+            looks=self.looks,
+        )
         kept = traces is equal
         return {"estimates": figure, "widest": faults[fault], "code": fault, "kept": kept}
 
@@ -199,8 +232,14 @@ class _Drawing:
             f"{r.estimator} on {r.scenario}: lag {short(r.lag)} s, std {short(r.std)} %"
             for r in rows.itertuples()
         ]
-        return page.drawn_once(run_figures.lag_against_noise, "default settings", rows,
-                               self.order, looks=self.looks, legend=False)  # fmt: skip
+        return page.drawn_once(
+            run_figures.lag_against_noise,
+            "default settings",
+            rows,
+            self.order,
+            looks=self.looks,
+            legend=False,
+        )
 
     def shares(self) -> list[tuple[str, str, Markup]]:
         """Return how often each estimator comes how near to the bound, a figure a track."""
@@ -214,8 +253,13 @@ class _Drawing:
             rows = rows.astype(object).where(rows.notna(), None)
             result = ecdf(rows.to_dict("records"), able) if set(able) - {*CONTROLS} else None
             if result:
-                figure = page.drawn_once(run_figures.shares, f"share of runs {name}",
-                                         result.ratios, result.problems, looks=self.looks)  # fmt: skip
+                figure = page.drawn_once(
+                    run_figures.shares,
+                    f"share of runs {name}",
+                    result.ratios,
+                    result.problems,
+                    looks=self.looks,
+                )
                 found.append((name, about, figure))
         return found
 
@@ -256,25 +300,39 @@ class _Drawing:
                 continue
             at = scenario.events()[0].index * scenario.period if moves else 0.0
             windows = [(at - 0.1, at + 1.0)] * moves + [(0.0, scenario.duration)]
-            able = {who: own for who, own in traces.items()
-                    if name in next(iter(own.values())).names}  # fmt: skip
+            able = {
+                who: own for who, own in traces.items() if name in next(iter(own.values())).names
+            }
             for i, window in enumerate(windows):
-                series = [_median(who, own, scenario, name, window, who in (*self.order[:1],
-                          REFERENCE)) for who, own in reversed(able.items())]  # fmt: skip
-                figures.append(self._small(f"{scenario.name} {name} {i}", scenario, name,
-                                           series, window))  # fmt: skip
+                series = [
+                    _median(who, own, scenario, name, window, who in (*self.order[:1], REFERENCE))
+                    for who, own in reversed(able.items())
+                ]
+                figures.append(
+                    self._small(f"{scenario.name} {name} {i}", scenario, name, series, window)
+                )
         return figures
 
     def _small(
-        self, label: str, scenario: Scenario, name: str, series: list[Series],
+        self,
+        label: str,
+        scenario: Scenario,
+        name: str,
+        series: list[Series],
         window: tuple[float, float],
-    ) -> Markup:  # fmt: skip
+    ) -> Markup:
         true = _thinned(scenario.times, truth(scenario, name), window)
         series = [*series, Series(x=true[0], y=true[1], role="truth", kind="steps")]
         return page.drawn_once(
-            curves, label, {f"{name} / nominal": series}, x="time [s]", window=window,
-            looks=self.looks, legend=False, **around(scenario),
-        )  # fmt: skip
+            curves,
+            label,
+            {f"{name} / nominal": series},
+            x="time [s]",
+            window=window,
+            looks=self.looks,
+            legend=False,
+            **around(scenario),
+        )
 
     def single_runs(
         self, scenario: Scenario, runs: pd.DataFrame, traces: Mapping[str, Any]
@@ -291,27 +349,36 @@ class _Drawing:
         first = first.sort_values("estimator", key=lambda names: names.map(place), kind="stable")
         worst = first.drop_duplicates("estimator")
         if len(self.inputs.runs) > MANY:
-            middle = [group.iloc[[0, len(group) // 2]] for _, group in
-                      first.groupby("estimator", sort=False)]  # fmt: skip
+            middle = [
+                group.iloc[[0, len(group) // 2]]
+                for _, group in first.groupby("estimator", sort=False)
+            ]
             first = pd.concat(middle).drop_duplicates(["estimator", "seed"])
         lines = [(row["estimator"], _single(row, traces)) for row in _records(first)]
         heads = ["estimator", "seed", *(tables.COLUMNS[n][0] for n in SINGLE), "lost", "findings"]
         shown = first[first["changed"] == 1].assign(
-            tip=[f"{r.estimator}, seed {r.seed}: lag {short(r.lag)} s, std {short(r.std)} %"
-                 for r in first[first["changed"] == 1].itertuples()])  # fmt: skip
+            tip=[
+                f"{r.estimator}, seed {r.seed}: lag {short(r.lag)} s, std {short(r.std)} %"
+                for r in first[first["changed"] == 1].itertuples()
+            ]
+        )
         return {
             "points": page.drawn_once(
-                run_figures.lag_against_noise, f"single runs {scenario.name}", shown, self.order,
-                looks=self.looks, legend=False,
-            ) if shown["lag"].gt(0).any() else Markup(),
+                run_figures.lag_against_noise,
+                f"single runs {scenario.name}",
+                shown,
+                self.order,
+                looks=self.looks,
+                legend=False,
+            )
+            if shown["lag"].gt(0).any()
+            else Markup(),
             "worst": self._worst(scenario, worst, traces),
             "runs": Table(f"{scenario.name} runs", heads, lines),
             "command": _command(scenario, _records(worst)[0]),
-        }  # fmt: skip
+        }
 
-    def _worst(
-        self, scenario: Scenario, worst: pd.DataFrame, traces: Mapping[str, Any]
-    ) -> Markup:
+    def _worst(self, scenario: Scenario, worst: pd.DataFrame, traces: Mapping[str, Any]) -> Markup:
         """Return the worst run of each estimator over time, on the parameter that changes."""
         name, window, series = worst.iloc[0]["parameter"], (0.0, scenario.duration), []
         for row in _records(worst)[::-1]:
@@ -331,17 +398,30 @@ class _Drawing:
         place = {who: i for i, who in enumerate(self.order)}
         points = [p for p in self.summary["tradeoff"]["points"] if p["scenario"] == name]
         points.sort(key=lambda p: (place[p["estimator"]], p["factor"]))
-        heads = ["estimator", "setting", "parameter", "lag [s]", "std before [%]",
-                 "std after [%]", "lost"]  # fmt: skip
+        heads = [
+            "estimator",
+            "setting",
+            "parameter",
+            "lag [s]",
+            "std before [%]",
+            "std after [%]",
+            "lost",
+        ]
         lines = [
-            (p["estimator"], [
-                Cell(p["estimator"]), Cell(p["setting"]), Cell(p["parameter"]),
-                scored(p["lag"], pair(p["lag_interval"])),
-                scored(p["std"], pair(p["std_interval"])), scored(p["std_after"]),
-                Cell(f"{p['diverged']} of {p['seeds']}", p["diverged"]),
-            ])
+            (
+                p["estimator"],
+                [
+                    Cell(p["estimator"]),
+                    Cell(p["setting"]),
+                    Cell(p["parameter"]),
+                    scored(p["lag"], pair(p["lag_interval"])),
+                    scored(p["std"], pair(p["std_interval"])),
+                    scored(p["std_after"]),
+                    Cell(f"{p['diverged']} of {p['seeds']}", p["diverged"]),
+                ],
+            )
             for p in points
-        ]  # fmt: skip
+        ]
         return self.about(self.inputs.scenarios[name]) | {
             "table": Table(f"{name} settings", heads, lines)
         }
@@ -361,11 +441,10 @@ def _thinned(time: Any, values: Any, window: tuple[float, float]) -> tuple[Any, 
 
 
 def _median(
-    who: str, traces: Mapping[int, Any], scenario: Scenario, name: str,
-    window: tuple[float, float], band: bool,
-) -> Series:  # fmt: skip
+    who: str, runs: tuple[Any, Any], window: tuple[float, float], *, band: bool
+) -> Series:
     """Return the median of the runs of an estimator, with 10 to 90 % of them if asked."""
-    time, values = estimates(traces, scenario, name)
+    time, values = runs
     low, middle, high = np.percentile(values, [10, 50, 90], axis=0)
     sides = {"low": _thinned(time, low, window)[1], "high": _thinned(time, high, window)[1]}
     x, y = _thinned(time, middle, window)
@@ -383,8 +462,10 @@ def _single(row: Row, traces: Mapping[str, Any]) -> list[Cell]:
 def _found(trace: Any) -> str:
     """Return what a run reported, in words."""
     findings = trace.detail.findings if trace is not None else ()
-    texts = [f"{each['time']:.2f} s {', '.join(each['parameters']) or 'unexplained'}"
-             for each in findings[:3]]  # fmt: skip
+    texts = [
+        f"{each['time']:.2f} s {', '.join(each['parameters']) or 'unexplained'}"
+        for each in findings[:3]
+    ]
     more = [f"{len(findings) - 3} more"] * (len(findings) > 3)
     return "; ".join([*texts, *more]) or "–"
 
@@ -394,5 +475,16 @@ def _command(scenario: Scenario, row: Row) -> str:
     import shlex
 
     seed = row["seed"]
-    return shlex.join(["flexaxis", "run", scenario.name, "--estimator", row["estimator"],
-                       "--seeds", f"{seed}:{seed + 1}", "-o", "results/one"])  # fmt: skip
+    return shlex.join(
+        [
+            "flexaxis",
+            "run",
+            scenario.name,
+            "--estimator",
+            row["estimator"],
+            "--seeds",
+            f"{seed}:{seed + 1}",
+            "-o",
+            "results/one",
+        ]
+    )

@@ -102,8 +102,14 @@ def over_bound(
         for fault, text in faults.items():
             ax.plot([], [], color=MUTED, label=text, **shape[fault])
         anchor = (-0.3, 1) if narrow else (-0.01, 1)
-        ax.legend(loc="lower left", bbox_to_anchor=anchor, ncols=1 if narrow else 3,
-                  handletextpad=0.1, columnspacing=1.2, borderpad=0.2)  # fmt: skip
+        ax.legend(
+            loc="lower left",
+            bbox_to_anchor=anchor,
+            ncols=1 if narrow else 3,
+            handletextpad=0.1,
+            columnspacing=1.2,
+            borderpad=0.2,
+        )
     return figure
 
 
@@ -148,8 +154,13 @@ def at_fault(
         for place, (who, values) in reversed(list(enumerate(runs.items()))):
             part = np.percentile(values[:, inside], [10, 50, 90], axis=0)
             band = who in first or who == REFERENCE
-            phase = place / len(runs)
-            _median(ax, time[inside], part, who, change, looks, phase, band, who == noted)
+            own = look(who, looks)
+            own["markersize"] = 6.5 if own["marker"] == "*" else 4
+            every = max(1, len(inside) // 5)
+            own |= {"markevery": (place * every // len(runs), every), "zorder": 3 + band}
+            _median(ax, time[inside], (part, change), own, who, band)
+            if who == noted:
+                _note(ax, time[inside], (part[1], change), own["color"], who)
         ax.plot(time[inside], truth[inside], color=TEXT, lw=1.1, ls=(0, (5, 3)), zorder=5)
         ax.set_title(title, color=MUTED, weight="normal")
     axes[0].set_ylim(*sorted((1 - 0.12 * change, 1 + 1.22 * change)))
@@ -162,29 +173,34 @@ def at_fault(
 
 
 def _median(
-    ax: Axes, time: Array, part: Array, who: str, change: float, looks: Looks,
-    phase: float, band: bool, noted: bool,
-) -> None:  # fmt: skip
-    """Draw the median of some runs, its band, and when it has covered 90 % of the fault."""
-    low, middle, high = part
-    own = look(who, looks, ms=6.5 if look(who, looks)["marker"] == "*" else 4)
+    ax: Axes, time: Array, runs: tuple[Array, float], own: Row, who: str, band: bool
+) -> None:
+    """Draw the median of some runs, and their band."""
+    (low, middle, high), change = runs
     if band:
         tag(ax.fill_between(time, low, high, color=own["color"], alpha=0.14, lw=0), who)
-    reached = np.flatnonzero((middle - 1) / change > 0.9)[:1]
-    words = f"90 % after {short(time[reached[0]])} s" if len(reached) else "not there yet"
-    every = max(1, len(time) // 5)
-    own |= {"markevery": (int(phase * every), every), "zorder": 3 + band}
-    tag(ax.plot(time, middle, **own)[0], who, f"{who}, median: {words}")
-    if not (noted and len(reached)):
+    tag(ax.plot(time, middle, **own)[0], who, f"{who}, median: {_reached(time, middle, change)[1]}")
+
+
+def _reached(time: Array, middle: Array, change: float) -> tuple[Array, str]:
+    """Return the first sample at which 90 % of a change are reached, if any, and words."""
+    first = np.flatnonzero((middle - 1) / change > 0.9)[:1]
+    return first, f"90 % after {short(time[first[0]])} s" if len(first) else "not there yet"
+
+
+def _note(ax: Axes, time: Array, median: tuple[Array, float], colour: str, who: str) -> None:
+    """Write beside a curve when it has covered 90 % of the fault."""
+    first, words = _reached(time, *median)
+    if not len(first):
         return
-    x = time[reached[0]]
+    x, y = time[first[0]], median[0][first[0]]
     place: dict[str, Any] = {"xytext": (14, -46), "textcoords": "offset points"}
     if time[-1] > 1:
         share = ("data", "axes fraction")
         place = {"xytext": (x, 0.3), "textcoords": share, "ha": "center"}
     arrow = {"arrowstyle": "-", "color": MUTED, "lw": 0.8}
-    text = ax.annotate(f"{who}:\n{words}", (x, middle[reached[0]]), parse_math=False,
-                       color=own["color"], fontsize=8.5, arrowprops=arrow, **place)  # fmt: skip
+    place |= {"parse_math": False, "color": colour, "fontsize": 8.5, "arrowprops": arrow}
+    text = ax.annotate(f"{who}:\n{words}", (x, y), **place)
     text.set_in_layout(False)  # or the layout makes room for it
     tag(text, who)
 
@@ -299,13 +315,28 @@ def lag_against_noise(
         low, high = np.array(ends, float).T if ends else (None, None)
         if len(own):
             tips = own["tip"].tolist() if "tip" in own else ()
-            series.append(Series(x=own["std"], y=own["lag"], estimator=who, kind="points",
-                                 low=low, high=high, tips=tips))  # fmt: skip
+            series.append(
+                Series(
+                    x=own["std"],
+                    y=own["lag"],
+                    estimator=who,
+                    kind="points",
+                    low=low,
+                    high=high,
+                    tips=tips,
+                )
+            )
     return curves(
-        {"lag [s]": series}, x="std before the fault [% of nominal]", x_log=True,
-        y_log=["lag [s]"], width=width, height=280, looks=looks, legend=legend,
+        {"lag [s]": series},
+        x="std before the fault [% of nominal]",
+        x_log=True,
+        y_log=["lag [s]"],
+        width=width,
+        height=280,
+        looks=looks,
+        legend=legend,
         axes=None if axes is None else [axes],
-    )  # fmt: skip
+    )
 
 
 @styled
@@ -336,10 +367,24 @@ def shares(
         y = np.r_[0.0, np.arange(1, len(each) + 1), len(each)] / problems
         kept = np.unique(np.linspace(0, len(x) - 1, POINTS).round().astype(int))
         tip = f"{who}: {100 * np.sum(each <= 2) / problems:.0f} % "
-        series.append(Series(x=x[kept], y=y[kept], estimator=who, kind="steps",
-                             tips=[tip + "of the runs within twice the bound"]))  # fmt: skip
+        series.append(
+            Series(
+                x=x[kept],
+                y=y[kept],
+                estimator=who,
+                kind="steps",
+                tips=[tip + "of the runs within twice the bound"],
+            )
+        )
     return curves(
-        {"share of runs": series}, x="lag / Cramér–Rao bound", x_log=True,
-        limits={"share of runs": (0.0, 1.02)}, marks=[(1.0, "bound")], window=ends,
-        width=width, height=280, looks=looks, legend=False,
-    )  # fmt: skip
+        {"share of runs": series},
+        x="lag / Cramér–Rao bound",
+        x_log=True,
+        limits={"share of runs": (0.0, 1.02)},
+        marks=[(1.0, "bound")],
+        window=ends,
+        width=width,
+        height=280,
+        looks=looks,
+        legend=False,
+    )

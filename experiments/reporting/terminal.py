@@ -12,7 +12,7 @@ from rich.table import Table
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.comparison.mismatch import misled
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, CONTROLS, REFERENCE, too_few
-from flexaxis.experiments.reporting import words
+from flexaxis.experiments.reporting import tables, words
 from flexaxis.experiments.reporting.tables import COLUMNS, Cell, pair, short
 from flexaxis.sim.scenario import stored_scenario
 
@@ -36,14 +36,15 @@ def show(table: Table) -> None:
     Console(width=console.width if console.is_terminal else WIDE).print(table)
 
 
-def show_table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, caption: str) -> None:
+def show_table(table: tables.Table, *, caption: str) -> None:
     """Print a table of texts, as wide as the terminal; a row that begins with ✗ is red."""
-    table = Table(box=None, padding=(0, 1, 0, 0), caption=caption)
-    for place, head in enumerate(heads):
-        table.add_column(escape(head), ratio=int(place > 0) or None, no_wrap=place == 0)
-    for row in rows:
-        table.add_row(*map(escape, row), style="bold red" if row[0] == "✗" else None)
-    Console().print(table)
+    shown = Table(box=None, padding=(0, 1, 0, 0), caption=caption)
+    for place, head in enumerate(table.heads):
+        shown.add_column(escape(head), ratio=int(place > 0) or None, no_wrap=place == 0)
+    for _, cells in table.rows:
+        texts = [cell.text for cell in cells]
+        shown.add_row(*map(escape, texts), style="bold red" if texts[0] == "✗" else None)
+    Console().print(shown)
 
 
 def show_run(summary: Row) -> None:
@@ -56,26 +57,25 @@ def show_run(summary: Row) -> None:
     """
     swept = summary.get("tradeoff") or {}
     if swept.get("matched"):
-        known = {name: entry["definition"] for name, entry in summary["scenarios"].items()}
-        show(equal_noise_table(swept, known, len(summary["seeds"])))
-    scenarios = {name: stored_scenario(entry["definition"], source=name)
-                 for name, entry in summary["scenarios"].items()}  # fmt: skip
+        show(equal_noise_table(swept, len(summary["seeds"])))
+    scenarios = {
+        name: stored_scenario(entry["definition"], source=name)
+        for name, entry in summary["scenarios"].items()
+    }
     show(default_table(summary["rows"], misled(summary["rows"], scenarios)))
 
 
-def equal_noise_table(swept: Row, definitions: Mapping[str, Any] | None, seeds: int) -> Table:
+def equal_noise_table(swept: Row, seeds: int) -> Table:
     """Return the lags at equal noise, a line a fault and estimator, and the overall scores.
 
     Parameters
     ----------
     swept : mapping
-        With ``matched`` and ``overall``, as in a summary.
-    definitions : mapping, optional
-        Of scenarios, to say what happens in them.
+        With ``matched``, ``overall`` and ``definitions``, as in a summary.
     seeds : int
     """
     few, names = too_few(swept["matched"]), words.fault_names(swept["matched"])
-    known = {**(definitions or {}), **swept.get("definitions", {})}
+    known = swept.get("definitions", {})
     count = len(dict.fromkeys(names))
     table = _table(
         f"Lag at equal noise: who follows a fault fastest?  ({count} faults × {seeds} seeds)",
@@ -118,8 +118,11 @@ def default_table(
     changed = {(row["scenario"], row["estimator"]) for row in rows if row["changed"]}
     shown = [r for r in rows if r["changed"] or (r["scenario"], r["estimator"]) not in changed]
     heads = [COLUMNS[name][0] if name in COLUMNS else "not settled" for name in DEFAULT]
-    table = _table("Default settings: the noise differs, so do not rank by lag", DEFAULT_LEGEND,
-                   ("estimator", "parameter", *heads))  # fmt: skip
+    table = _table(
+        "Default settings: the noise differs, so do not rank by lag",
+        DEFAULT_LEGEND,
+        ("estimator", "parameter", *heads),
+    )
     for name in dict.fromkeys(row["scenario"] for row in shown):
         table.add_row(f"[bold]{escape(name)}[/]")
         here = [row for row in shown if row["scenario"] == name]
@@ -132,8 +135,14 @@ def default_table(
 
 
 def _table(title: str, legend: str, heads: Sequence[str]) -> Table:
-    table = Table(box=None, padding=(0, 1, 0, 0), title=title, title_justify="left",
-                  caption=legend, caption_justify="left")  # fmt: skip
+    table = Table(
+        box=None,
+        padding=(0, 1, 0, 0),
+        title=title,
+        title_justify="left",
+        caption=legend,
+        caption_justify="left",
+    )
     for place, head in enumerate(heads):
         side = "right" if place else "left"
         table.add_column(escape(head), justify=side, no_wrap=bool(place), overflow="fold")
@@ -153,8 +162,12 @@ def _by_lag(row: Row) -> float:
 def _text(name: str, row: Row, rows: Sequence[Row]) -> str:
     """Return the text of a score; cross-talk is the largest of the other parameters."""
     if name == "cross_talk":
-        others = [r["cross_talk"] for r in rows if r["cross_talk"] is not None
-                  and (r["scenario"], r["estimator"]) == (row["scenario"], row["estimator"])]  # fmt: skip
+        others = [
+            r["cross_talk"]
+            for r in rows
+            if r["cross_talk"] is not None
+            and (r["scenario"], r["estimator"]) == (row["scenario"], row["estimator"])
+        ]
         return short(max(others, default=None))
     if name == "never_settled":
         return str(row[name]) if row["changed"] else "–"

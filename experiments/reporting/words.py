@@ -100,10 +100,11 @@ def fault_names(rows: Sequence[Row]) -> list[str]:
     for row in rows:
         several.setdefault(row["scenario"], set()).add(row["parameter"])
     return [
-        f"{row['scenario']}: {row['parameter']}" if len(several[row["scenario"]]) > 1
+        f"{row['scenario']}: {row['parameter']}"
+        if len(several[row["scenario"]]) > 1
         else row["scenario"]
         for row in rows
-    ]  # fmt: skip
+    ]
 
 
 def faults_of(rows: Sequence[Row]) -> pd.DataFrame:
@@ -146,28 +147,35 @@ def noise_of(points: pd.DataFrame) -> dict[str, float]:
 
 def title(summary: Row) -> str:
     """Return the answer of a run in a sentence: special cases, else who is faster by how much."""
-    rows = [r for r in (summary.get("tradeoff") or {}).get("matched", ())
-            if r["estimator"] not in CONTROLS]  # fmt: skip
+    rows = [
+        r
+        for r in (summary.get("tradeoff") or {}).get("matched", ())
+        if r["estimator"] not in CONTROLS
+    ]
     if not rows:
         return f"{summary['title']}: nothing was compared at equal noise"
-    matched, seeds = faults_of(rows), len(summary["seeds"])
+    matched = faults_of(rows)
+    names = list(matched["estimator"].unique())
     if matched["lag"].isna().all():
         return "No estimator survived: every run was lost"
     if few := too_few(rows):
         return f"{summary['title']}: {few}"
-    names = list(matched["estimator"].unique())
     if len(names) == 1:
         ratio = between(matched["over_bound"])
         return f"{names[0]} takes {ratio} times the shortest lag that theory allows"
+    return _fastest(matched, summary)
+
+
+def _fastest(matched: pd.DataFrame, summary: Row) -> str:
+    """Return who is fastest, in how many faults or by how much."""
     first, count = leading(matched, order_of(summary))
     if not first:
-        return f"{seeds} seeds cannot tell the estimators apart"
+        return f"{len(summary['seeds'])} seeds cannot tell the estimators apart"
     if times := _faster(matched, first):
-        verb = "tracks" if len(first) == 1 else "track"
-        return f"{listed(first)} {verb} a fault {times} times faster than {REFERENCE}, at equal noise"
-    verb = "is" if len(first) == 1 else "are"
-    faults = matched["fault"].nunique()
-    return f"{listed(first)} {verb} fastest in {count} of {faults} faults, at equal noise"
+        who = f"{listed(first)} track{'s' * (len(first) == 1)}"
+        return f"{who} a fault {times} times faster than {REFERENCE}, at equal noise"
+    who = f"{listed(first)} {'is' if len(first) == 1 else 'are'}"
+    return f"{who} fastest in {count} of {matched['fault'].nunique()} faults, at equal noise"
 
 
 def _faster(matched: pd.DataFrame, first: Sequence[str]) -> str:
@@ -186,8 +194,11 @@ def _faster(matched: pd.DataFrame, first: Sequence[str]) -> str:
 
 def points(summary: Row) -> list[str]:
     """Return what stands under the title, a sentence a fact; nothing if the title says it all."""
-    rows = [r for r in (summary.get("tradeoff") or {}).get("matched", ())
-            if r["estimator"] not in CONTROLS]  # fmt: skip
+    rows = [
+        r
+        for r in (summary.get("tradeoff") or {}).get("matched", ())
+        if r["estimator"] not in CONTROLS
+    ]
     matched, order = faults_of(rows), order_of(summary)
     if matched.empty or matched["estimator"].nunique() == 1 or too_few(rows):
         return []
@@ -195,8 +206,11 @@ def points(summary: Row) -> list[str]:
     if not first:
         return []
     faults, wins = matched["fault"].nunique(), matched[matched["leads"]].groupby("estimator").size()
-    ties = [f" {name} ties in {wins[name]} of {faults}."
-            for name in order if name in wins.index and name not in first]  # fmt: skip
+    ties = [
+        f" {name} ties in {wins[name]} of {faults}."
+        for name in order
+        if name in wins.index and name not in first
+    ]
     same = f" (no significant difference, {len(summary['seeds'])} seeds)" if len(first) > 1 else ""
     where = f" in {count} of {faults} faults" if count < faults else ""
     near = matched.groupby("estimator")["over_bound"].agg(list)
@@ -244,8 +258,10 @@ def _biased(here: Sequence[Row], bad: Sequence[Row], definition: Definition) -> 
     verb = "are" if len(names) > 1 and good and not few else "is"
     if off:
         more = f"; {lost} of {runs} runs are lost" if lost else ""
-        return (f"{where}, {who} {verb} off by {between(off)} % even before the fault "
-                f"(default settings){more}.")  # fmt: skip
+        return (
+            f"{where}, {who} {verb} off by {between(off)} % even before the fault "
+            f"(default settings){more}."
+        )
     return f"{where}, {lost} of {runs} runs of {who} are lost (default settings)."
 
 

@@ -80,8 +80,8 @@ class Sweep:
     matched : list of dict
         One for each fault and estimator, at the std of the reference in the parameter that
         changes: ``how`` (see `comparison.matching.Match`), ``settings, nearest, ratio, lag,
-        lag_interval, bound, over_bound, over_single, std_after, false_alarms_per_1000_s, leads``, and
-        ``values`` seed by seed (ln of lag and std after; false alarms).
+        lag_interval, bound, over_bound, over_single, std_after, false_alarms_per_1000_s, leads``,
+        and ``values`` seed by seed (ln of lag and std after; false alarms).
     at_excess : list of dict
         The same at the excess error of the reference, with ``score``.
     """

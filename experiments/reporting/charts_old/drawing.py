@@ -14,7 +14,6 @@ import numpy as np
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
-from flexaxis.experiments.reporting import styles
 from flexaxis.experiments.reporting.charts_old import marks
 from flexaxis.experiments.reporting.charts_old.charts import Chart, Line
 from flexaxis.experiments.reporting.charts_old.scales import Scale, across, upward

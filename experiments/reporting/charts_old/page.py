@@ -1,6 +1,7 @@
 """Every page is made here: one environment of templates, one base, one style sheet, one script.
 
-A page extends `reporting/charts_old/templates/page.html`; a template is named by its path in `experiments`.
+A page extends `reporting/charts_old/templates/page.html`; a template is named by its path in
+`experiments`.
 """
 
 from __future__ import annotations
@@ -22,7 +23,13 @@ from flexaxis.experiments.reporting import styles
 from flexaxis.experiments.reporting.charts_old import marks
 from flexaxis.experiments.reporting.charts_old.charts import ChartError, Pick
 from flexaxis.experiments.reporting.charts_old.drawing import drawn, swatch
-from flexaxis.experiments.reporting.charts_old.tables import TERMS, number, pair, symbols, tone_style
+from flexaxis.experiments.reporting.charts_old.tables import (
+    TERMS,
+    number,
+    pair,
+    symbols,
+    tone_style,
+)
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -75,8 +82,7 @@ def _completed(text: str, content: Mapping[str, Any]) -> str:
     found = styles.assigned(unescape(name) for name in names)
     aside = [name for name in content.get("aside", ()) if name in found]
     rules = marks.rules(found) + "".join(
-        f"\nhtml:not(.scripted) svg .{marks.css_class(name)} {{ display: none; }}"
-        for name in aside
+        f"\nhtml:not(.scripted) svg .{marks.css_class(name)} {{ display: none; }}" for name in aside
     )
     terms = {**TERMS, **content.get("glossary", {})}
     data = {
