@@ -72,8 +72,7 @@ class Comparison:
         from flexaxis.experiments.reporting.figures import verdict_intervals
 
         axes = panels(ax, 1)[0]
-        names = (self.base, self.candidate)
-        verdict_intervals(changes(self.found.as_dict()), names=names, axes=axes)
+        verdict_intervals(changes(self.found.as_dict()), axes=axes)
         return axes
 
     def _said(self) -> list[str]:

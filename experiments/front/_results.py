@@ -112,27 +112,24 @@ class Results(kept.Results):
         import pandas as pd
 
         from flexaxis._draw import panels
-        from flexaxis.experiments.reporting.figures import curves
-        from flexaxis.experiments.reporting.inputs import StudyInputs
-        from flexaxis.experiments.reporting.run_figures import lag_against_noise
-        from flexaxis.experiments.reporting.study import lag_over_axis
+        from flexaxis.experiments.reporting.figures import curves, lag_against_noise
+        from flexaxis.experiments.reporting.study import over_axis
 
         if x and x not in self.axes:
             known = unknown("axis", x, self.axes) if self.axes else f"axis {x!r}: nothing was swept"
             raise FlexaxisError(f"{known}; leave it out for lag against noise")
-        key = x or next(iter(self.axes), "")
         rows = pd.DataFrame([self._named(row) for row in self.pooled(["base", "method"])])
         rows = rows[rows["changed"] & rows["lag"].notna()]
         if rows.empty:
             raise FlexaxisError("no lag to draw: nothing changes here that is estimated")
-        if key:
-            options = lag_over_axis(StudyInputs(self), key)
-            axes = panels(ax, 1)
+        axes = panels(ax, 1)
+        if key := x or next(iter(self.axes), ""):
+            options = over_axis(self, key, "lag")
             first = dict(list(options["panels"].items())[:1])
             curves(**options | {"panels": first, "axes": axes})
-            return axes[0]
-        axes = panels(ax, 1)
-        lag_against_noise(rows, list(dict.fromkeys(rows["estimator"])), axes=axes[0])
+        else:
+            rows["setting"] = rows["estimator"] + " on " + rows["scenario"]
+            lag_against_noise(rows, list(rows["estimator"].unique()), axes=axes)
         return axes[0]
 
     def _named(self, row: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import rich.table
 
 from flexaxis.experiments.building.code import digest
@@ -24,26 +26,11 @@ from flexaxis.experiments.gate.wording import (
     row_command,
     worst,
 )
-from flexaxis.experiments.reporting import page
-from flexaxis.experiments.reporting.charts import Chart
-from flexaxis.experiments.reporting.run.over_time import trajectories
-from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
-from flexaxis.experiments.scoring.curves import curve_of
+from flexaxis.experiments.reporting.compare import render
+from flexaxis.experiments.reporting.inputs import estimates, truth
 from flexaxis.experiments.storage.files import REPORT, write_json, write_text, writing
 from flexaxis.experiments.storage.traces import Traces
 from flexaxis.sim.scenario import Scenario
-
-KINDS = {WORSE: "bad", UNDECIDED: "maybe", BETTER: ""}  # of the box with the verdict
-_COLUMNS = (
-    Column("scenario", term="scenario", kind="text"),
-    Column("score", kind="text"),
-    Column("base"),
-    Column("candidate"),
-    Column("change [%]"),
-    Column("interval [%]", kind="text"),
-    Column("verdict", kind="text"),
-    Column("to look at it", kind="command", more=True),
-)
 
 
 def comparison_page(
@@ -68,63 +55,40 @@ def comparison_page(
     traces : Traces
         Estimates of the runs.
     """
-    focus = worst(found)
-    chart = _chart(found, focus, {s.name: s for s in scenarios}, traces)
-    rows = [_row(v, row_command(found, v, sources)) for v in ordered(found.verdicts)]
-    content = {
-        "found": found,
+    focus, verdicts = worst(found), ordered(found.verdicts)
+    verdict = found.as_dict() | {
         "headline": headline(found),
-        "kind": KINDS.get(found.verdict, "neutral"),
-        "meaning": meaning(found),
-        "knobs": knobs(found),
-        "table": Table("All scores", _COLUMNS, rows, explanation(found)),
-        "charts": [] if chart is None else [chart],
-        "again": row_command(found, focus, sources),
+        "advice": [text for text in (meaning(found), knobs(found)) if text],
+        "columns": COLUMNS,
+        "rows": [asdict(v) | {"text": list(cells(v))} for v in verdicts],
+        "legend": explanation(found).split("\n"),
+        "worst": {
+            "scenario": focus.worst_scenario,
+            "seed": focus.worst_seed,
+            "command": row_command(found, focus, sources),
+        },
         "command": command,
     }
-    return page.render("gate/templates/compare.html", content)
+    return render(verdict, _worst(found, focus, {s.name: s for s in scenarios}, traces))
 
 
-def _row(v: Verdict, again: str) -> Row:
-    scenario, score, base, candidate, change, interval, verdict = cells(v)
-    size = None if v.change is None else 100 * v.change / (v.scale or 1.0)
-    return Row(
-        [
-            Cell(scenario),
-            Cell(score),
-            Cell(base, v.base),
-            Cell(candidate, v.candidate),
-            Cell(change, size),
-            Cell(interval),
-            Cell(verdict, v.verdict),
-            Cell(again),
-        ],
-        kind=v.verdict,
-        group=v.scenario,
-    )
-
-
-def _chart(
+def _worst(
     found: Comparison, focus: Verdict, scenarios: Mapping[str, Scenario], traces: Traces
-) -> Chart | None:
+) -> dict[str, Any] | None:
     """Return both runs on the worst seed over time."""
     scenario = scenarios.get(focus.worst_scenario)
     if scenario is None:
         return None
-    curves = []
+    parameter = focus.parameter or scenario.identify[0]
+    runs: dict[str, Any] = {"parameter": parameter}
     for side, text in (("base", found.base), ("candidate", found.candidate)):
         one = traces.find(scenario.hash, text).get(focus.worst_seed or 0)
-        if one is None:
+        if one is None or parameter not in one.names:
             return None
-        each = [one.curve], [one.detail.near]
-        curves.append(curve_of(scenario, f"{side}: {text}", one.names, *each))
-    said = cells(focus)
-    where = f"Both runs on {scenario.name}, seed {focus.worst_seed}; truth dashed."
-    return replace(
-        trajectories(curves, scenario, name="worst"),
-        title="Where the candidate compares worst",
-        words=f"{said[1]}: {said[-1]}. {where}",
-    )
+        runs["time"], values = estimates({0: one}, scenario, parameter)
+        runs[side] = values[0]
+    true = truth(scenario, parameter)
+    return runs | {"truth": np.interp(runs["time"], scenario.times, true)}
 
 
 JSON, MARKDOWN = "compare.json", "verdict.md"

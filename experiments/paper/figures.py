@@ -27,7 +27,7 @@ from flexaxis.experiments.paper.model_measures import (
     torque_lines,
     torque_peaks,
 )
-from flexaxis.experiments.reporting.figures import WIDE, Series, curves
+from flexaxis.experiments.reporting.figures import Series, curves
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def _level(ends: ArrayLike, y: float, **more: Any) -> Series:
     return Series(x=ends, y=[y, y], role="bound", **more)
 
 
-def fig3(e: Evidence, *, width: float = WIDE) -> Figure:
+def fig3(e: Evidence) -> Figure:
     """Draw the spectrum of the torque in closed loop."""
     omega, amplitude = torque_lines(e.data)
     peaks = list(torque_peaks(e).values())
@@ -50,16 +50,14 @@ def fig3(e: Evidence, *, width: float = WIDE) -> Figure:
     return curves(
         {y: [Series(x=omega, y=amplitude, role="data", label="torque"), at]},
         x="frequency [rad/s]",
-        limits={y: (0.0, 1.15 * float(amplitude.max()))},
+        limits={y: (0.0, 1.15 * float(amplitude.max())), "frequency [rad/s]": (0.0, 220.0)},
         marks=[*((peak, "peak of the paper") for peak in PEAKS), (edge, "30 Hz")],
         spans=[(0.0, 70.0, f"{low_energy(e):.1f} % of the energy")],
-        window=(0.0, 220.0),
-        width=width,
         height=300,
     )
 
 
-def fig4(e: Evidence, *, width: float = WIDE) -> Figure:
+def fig4(e: Evidence) -> Figure:
     """Draw the Bode diagrams of the axis, the identified physical model and an ARX model."""
     omega = np.geomspace(20, 400, 600)
     true, *models = bode_responses(e, omega).items()
@@ -75,11 +73,14 @@ def fig4(e: Evidence, *, width: float = WIDE) -> Figure:
             for label, values in panels.items()
         },
         x="frequency [rad/s]",
-        x_log=True,
-        limits={"gain [dB]": (-12, 38), "phase [°]": (-200, 90), "off by [dB]": (-0.3, 0.3)},
+        logs=["frequency [rad/s]"],
+        limits={
+            "frequency [rad/s]": (20.0, 400.0),
+            "gain [dB]": (-12, 38),
+            "phase [°]": (-200, 90),
+            "off by [dB]": (-0.3, 0.3),
+        },
         spans=[(20.0, BAND[0], "little torque"), (BAND[1], 400.0, "no torque")],
-        window=(20.0, 400.0),
-        width=width,
     )
 
 
@@ -105,7 +106,7 @@ def bode_responses(e: Evidence, omega: Array) -> dict[str, NDArray[np.complex128
     }
 
 
-def fig5(e: Evidence, *, width: float = WIDE) -> Figure:
+def fig5(e: Evidence) -> Figure:
     """Draw |G_θ|² of the three parameters, and the torque that it weighs."""
     omega, model = np.linspace(1, 220, 1000), e.data.parametrization
     _, slopes = frequency_response(model, model.theta, omega, period=e.data.scenario.period)
@@ -119,14 +120,12 @@ def fig5(e: Evidence, *, width: float = WIDE) -> Figure:
     return curves(
         {"|G_θ|²": gains, "torque² [N² m²]": [torque]},
         x="frequency [rad/s]",
-        y_log=["|G_θ|²"],
-        limits={"|G_θ|²": (1e-6, 1e8)},
-        window=(0.0, 220.0),
-        width=width,
+        logs=["|G_θ|²"],
+        limits={"|G_θ|²": (1e-6, 1e8), "frequency [rad/s]": (0.0, 220.0)},
     )
 
 
-def estimates(method: str, e: Evidence, *, width: float = WIDE) -> Figure:
+def estimates(method: str, e: Evidence) -> Figure:
     """Draw estimates, on the same axes for each method."""
     time, runs = e.data.scenario.times[::STEP], e.convergence.runs[method]
     t63, panels = times(e.data, runs, 0.37), {}
@@ -142,11 +141,10 @@ def estimates(method: str, e: Evidence, *, width: float = WIDE) -> Figure:
         x="time [s]",
         limits=dict.fromkeys(panels, (0.88, 1.4)),
         titles=[f"63 % after {t63[parameter]:.2g} s" for parameter in e.data.names],
-        width=width,
     )
 
 
-def diagonal(method: str, theory: str, e: Evidence, *, width: float = WIDE) -> Figure:
+def diagonal(method: str, theory: str, e: Evidence) -> Figure:
     """Draw diag P of the first run beside theory, on the same axes for each method."""
     time, runs = e.data.scenario.times[STRIDE - 1 :: STRIDE], e.convergence.runs[method]
     steady = by_name(e, np.diag(steady_P(e.convergence.Q, **runs.adaptation)))
@@ -155,9 +153,7 @@ def diagonal(method: str, theory: str, e: Evidence, *, width: float = WIDE) -> F
         series.append(Series(x=time, y=runs.P[0, :, i], estimator=parameter))
         series.append(_level(time[[0, -1]], value, estimator=parameter, label=theory))
     y = "diagonal of P"
-    return curves(
-        {y: series}, x="time [s]", y_log=[y], limits={y: (1.5e-6, 2e-3)}, width=width, height=300
-    )
+    return curves({y: series}, x="time [s]", logs=[y], limits={y: (1.5e-6, 2e-3)}, height=300)
 
 
 FIGURES: Mapping[str, Callable[..., Figure]] = {

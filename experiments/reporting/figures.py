@@ -1,7 +1,8 @@
-"""Figures: curves over an abscissa, maps, verdicts; a function each, which returns a Figure.
+"""Every figure of flexaxis: a function each, which returns a matplotlib Figure.
 
-Pages, `.plot()` in Python, notebooks, docs and the paper draw with these, and with `run_figures`.
-A page hides an estimator, and shows a value on hover, by the tags that `styles.tag` gives.
+Pages, `.plot()` in Python, notebooks, docs and the paper draw with these. A page hides an
+estimator, and shows a value on hover, by the tags that `styles.tag` gives to artists. Figures are
+430 px wide: letters are readable on a telephone, and a screen shows several side by side.
 """
 
 from __future__ import annotations
@@ -12,34 +13,28 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from flexaxis.experiments.reporting.styles import (
-    MUTED,
-    TEXT,
-    Style,
-    look,
-    styled,
-    tag,
-)
-from flexaxis.experiments.reporting.tables import SYMBOL, short
+from flexaxis.experiments.comparison.ranking import REFERENCE
+from flexaxis.experiments.reporting.styles import BACK, MUTED, SOFT, TEXT, Style, look, styled, tag
+from flexaxis.experiments.reporting.tables import SYMBOL, between, short
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from flexaxis.sim.scenario import Scenario
 
-Array = NDArray[np.float64]
 Looks = Mapping[str, Style]
-
-WIDE, NARROW = 650, 366  # px of a figure on a screen, and on that of a telephone
-POINTS = 240  # of a curve at the most: a pixel holds no more
 USUAL: Looks = MappingProxyType({})
-_ROLES: dict[str, dict[str, Any]] = {
+MARKERS = "oD^sv<"  # of faults, where estimators have a row each
+ROLES: dict[str, dict[str, Any]] = {
     "truth": {"color": TEXT, "lw": 1.1, "ls": (0, (5, 3)), "zorder": 5},
     "bound": {"color": TEXT, "lw": 1.1, "ls": (0, (1.5, 2))},
+    "single": {"color": MUTED, "lw": 1.1, "ls": (0, (6, 2, 1, 2))},
     "data": {"color": MUTED, "lw": 1.0},
 }
 
@@ -54,24 +49,30 @@ class Series:
     low, high : (M,) array, optional
         A band about a curve; whiskers of points.
     estimator : str
-        Decides the look; empty for truth, bounds and data.
+        Decides the look.
     label : str
         For the legend, where the estimator's name will not do.
+    role : {"", "truth", "bound", "single", "data"}
+        What is of no estimator; `single` is the bound of a parameter that changes alone.
     kind : {"line", "steps", "points", "both"}
-    role : {"estimate", "truth", "bound", "data"}
     tips : sequence of str
-        What is shown on hover of each point, or of the curve.
+        What is shown on hover, of each point or of the curve.
     """
 
-    x: ArrayLike
-    y: ArrayLike
-    low: ArrayLike | None = None
-    high: ArrayLike | None = None
+    x: Any
+    y: Any
+    low: Any = None
+    high: Any = None
     estimator: str = ""
     label: str = ""
+    role: str = ""
     kind: Literal["line", "steps", "points", "both"] = "line"
-    role: Literal["estimate", "truth", "bound", "data"] = "estimate"
     tips: Sequence[str] = ()
+
+
+def new(height: float) -> Figure:
+    """Return an empty figure of a height [px]."""
+    return Figure(figsize=(430 / 96, height / 96))
 
 
 @styled
@@ -79,15 +80,12 @@ def curves(
     panels: Mapping[str, Sequence[Series]],
     *,
     x: str,
-    x_log: bool = False,
-    y_log: Sequence[str] = (),
-    limits: Mapping[str, tuple[float, float]] = MappingProxyType({}),
-    window: tuple[float, float] | None = None,
+    logs: Sequence[str] = (),
+    limits: Mapping[str, Any] = MappingProxyType({}),
     marks: Sequence[tuple[float, str]] = (),
     spans: Sequence[tuple[float, float, str]] = (),
     titles: Sequence[str] = (),
-    width: float = WIDE,
-    height: float = 180,
+    height: float = 190,
     axes: Sequence[Axes] | None = None,
     looks: Looks = USUAL,
     legend: bool = True,
@@ -100,21 +98,18 @@ def curves(
         By the label of the ordinate, with its unit.
     x : str
         Label of the abscissa, with its unit.
-    x_log : bool
-    y_log : sequence of str
-        Panels with a logarithmic ordinate.
+    logs : sequence of str
+        Labels of the axes with a logarithmic scale.
     limits : mapping of str to (float, float)
-        Of the ordinates of some panels.
-    window : (float, float), optional
-        Of the abscissa.
+        By the labels of axes.
     marks : sequence of (float, str)
         Where something happens, and what.
     spans : sequence of (float, float, str)
         What is shaded, such as burn-in.
     titles : sequence of str
         One for each panel, or none.
-    width, height : float
-        Of the figure, and of a panel [px].
+    height : float
+        Of a panel [px].
     axes : sequence of Axes, optional
         Where to draw, one for each panel; a new figure by default.
     looks : mapping of str to Style
@@ -123,109 +118,288 @@ def curves(
         Whether there is one in each panel, of what no earlier panel names.
     """
     if axes is None:
-        figure = Figure(figsize=(width / 96, (45 + height * len(panels)) / 96))
+        figure = new(45 + height * len(panels))
         axes = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
-    named: set[str] = set()
-    for place, (ax, (label, series)) in enumerate(zip(axes, panels.items(), strict=True)):
+    named: dict[str, Any] = {}
+    for i, (ax, (label, series)) in enumerate(zip(axes, panels.items(), strict=True)):
         for begin, end, text in spans:
             tag(ax.axvspan(begin, end, color=MUTED, alpha=0.12, lw=0), tip=text)
         for at, text in marks:
             tag(ax.axvline(at, color=MUTED, lw=0.9), tip=text)
-        for order, one in enumerate(series):
-            _draw(ax, one, looks, order / max(1, len(series)))
-        ax.set_ylabel(symbols(label))
-        ax.set_title(symbols(titles[place]) if titles else "")
-        _scales(ax, x_log, label in y_log)
-        ax.set(xlim=window or ax.get_xlim(), ylim=limits.get(label) or _limits(ax))
-        lines, labels = ax.get_legend_handles_labels()
-        fresh = {text: line for line, text in zip(lines, labels, strict=True) if text not in named}
-        if legend and fresh:
-            _unparsed(ax.legend(fresh.values(), fresh.keys()))
-            named |= fresh.keys()
+        for place, one in enumerate(series):
+            _draw(ax, one, looks, place / len(series))
+        ax.set(ylabel=symbols(label), title=symbols(titles[i]) if titles else "")
+        for axis, name in ((ax.xaxis, x), (ax.yaxis, label)):
+            if name in logs:
+                logarithmic(axis)
+        ax.set(xlim=limits.get(x), ylim=limits.get(label, _limits(ax)))
+        shown = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+        if legend and (fresh := {k: line for k, line in shown.items() if k not in named}):
+            for text in ax.legend(fresh.values(), fresh.keys()).get_texts():
+                text.set_parse_math(False)  # a name may hold a dollar sign
+        named |= shown
     axes[-1].set_xlabel(symbols(x))
-    figure = axes[0].get_figure(root=True)
-    assert figure is not None
-    return figure
+    return axes[0].get_figure(root=True)
 
 
 def _draw(ax: Axes, one: Series, looks: Looks, phase: float) -> None:
     """Draw a series; its first marker stands at a share of their distance."""
-    x, y = np.asarray(one.x, float), np.asarray(one.y, float)
-    low, high = (None if side is None else np.asarray(side, float) for side in (one.low, one.high))
-    own = _ROLES.get(one.role) or {}
-    if one.estimator:
-        own = look(one.estimator, looks) | {k: v for k, v in own.items() if k != "color"}
-    label = one.label or one.estimator or ("truth" if one.role == "truth" else "_")
-    if one.kind in ("points", "both"):
-        return _points(ax, one, own or {"color": MUTED, "marker": "o", "markersize": 4}, label)
-    if low is not None and high is not None:
-        tag(ax.fill_between(x, low, high, color=own["color"], alpha=0.14, lw=0), one.estimator)
-    if "marker" in own:
+    who, own = one.estimator, dict(ROLES.get(one.role, {"color": MUTED, "marker": "o", "ms": 4}))
+    label = one.label or who or one.role or "_"
+    if who:
+        usual = look(who, looks)
+        own = own | {"color": usual["color"]} if one.role else usual
+    x, y, pointed = (
+        np.asarray(one.x, float),
+        np.asarray(one.y, float),
+        one.kind in ("points", "both"),
+    )
+    if one.low is not None and pointed:
+        tag(ax.vlines(x, one.low, one.high, color=own["color"], lw=0.9, alpha=0.5), who)
+    elif one.low is not None:
+        tag(ax.fill_between(x, one.low, one.high, color=own["color"], alpha=0.14, lw=0), who)
+    if pointed:
+        for u, v, tip in zip(x, y, one.tips or [""] * len(x), strict=True):
+            usual_tip = f"{label}: {short(v)} at {short(u)}"
+            tag(ax.plot(u, v, **own | {"ls": "", "label": "_"})[0], who, tip or usual_tip)
+    line: dict[str, Any] = {"drawstyle": "steps-post"} if one.kind == "steps" else {}
+    if pointed:
+        ax.plot([], [], **own | {"label": label})
+        line = {"marker": "", "label": "_", "ls": own.get("ls", "-") if one.kind == "both" else ""}
+    elif not one.role:
         every = max(1, len(x) // 5)
-        own |= {"markevery": (int(phase * every), every) if one.role == "estimate" else []}
-    steps = {"drawstyle": "steps-post"} if one.kind == "steps" else {}
-    line = ax.plot(x, y, label=label, **own | steps)[0]
-    tag(line, one.estimator, one.tips[0] if one.tips else label.removeprefix("_"))
-    return None
+        line["markevery"] = (int(phase * every), every)
+    tag(ax.plot(x, y, **{"label": label} | own | line)[0], who, (*one.tips, label)[0])
 
 
-def _points(ax: Axes, one: Series, own: Mapping[str, Any], label: str) -> None:
-    """Draw points with whiskers; one artist a point, so that each shows its value."""
-    x, y = np.asarray(one.x, float), np.asarray(one.y, float)
-    thin = {"color": own["color"], "lw": 0.9, "alpha": 0.5}
-    dots = dict(own) | {"linestyle": ""}
-    if one.kind == "both":
-        tag(ax.plot(x, y, **dict(own) | {"marker": "", "lw": 1.4})[0], one.estimator)
-    if one.low is not None and one.high is not None:
-        for at, *ends in np.stack([x, np.asarray(one.low), np.asarray(one.high)], axis=1):
-            tag(ax.plot([at, at], ends, **thin)[0], one.estimator)
-    for place, (u, v) in enumerate(zip(x, y, strict=True)):
-        usual = f"{label.removeprefix('_')}: {short(v)} at {short(u)}"
-        tag(ax.plot(u, v, **dots)[0], one.estimator, one.tips[place] if one.tips else usual)
-    ax.plot([], [], label=label, **own)
-
-
-def _scales(ax: Axes, x_log: bool, y_log: bool) -> None:
-    """Set logarithmic scales with plain numbers at 1, 2 and 5."""
-    for axis, wanted in ((ax.xaxis, x_log), (ax.yaxis, y_log)):
-        if wanted:
-            plain_log(axis)
-
-
-def plain_log(axis: Any) -> None:
-    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 or at the decades."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
+def logarithmic(axis: Any) -> None:
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5, or at the decades of many."""
     getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
     low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 2e3 * low else (1.0,)))
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 2e3 * low else (1,)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def _limits(ax: Axes) -> tuple[float, float]:
     """Return limits that show all curves of some axes; a burst does not set the scale."""
-    lines = [
-        np.asarray(line.get_ydata(), float)
-        for line in ax.get_lines()
-        if line.get_transform() == ax.transData
-    ]
-    spread = [np.nanpercentile(y, (2, 98)) for y in lines if len(y) > 2 and np.isfinite(y).any()]
+    lines = [np.asarray(line.get_ydata(), float) for line in ax.get_lines()]
+    known = [np.nanpercentile(y, (2, 98)) for y in lines if len(y) > 2 and np.isfinite(y).any()]
     low, high = ax.get_ylim()
-    if not spread or ax.get_yscale() == "log":
+    if not known or ax.get_yscale() == "log":
         return low, high
-    room = 0.6 * (np.max(spread) - np.min(spread)) + 1e-12
-    return max(low, float(np.min(spread) - room)), min(high, float(np.max(spread) + room))
+    room = 0.6 * np.ptp(known) + 1e-12
+    return max(low, np.min(known) - room), min(high, np.max(known) + room)
 
 
 def around(scenario: Scenario) -> dict[str, Any]:
     """Return what a figure over the time of a scenario marks, as options of `curves`."""
-    events = {event.parameter: event for event in reversed(scenario.events())}.values()
-    spans = [(0.0, scenario.burn_in, "burn-in")] if scenario.burn_in else []
-    still = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
-    spans += [(a, b, "no excitation") for a, b in zip(still[::2], still[1::2], strict=True)]
-    marks = [(e.index * scenario.period, f"{e.parameter} changes") for e in events]
-    return {"marks": marks, "spans": spans}
+    events = {event.parameter: event for event in reversed(scenario.events())}
+    edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
+    still = [(a, b, "no excitation") for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return {
+        "marks": [(e.index * scenario.period, f"{e.parameter} changes") for e in events.values()],
+        "spans": [(0.0, scenario.burn_in, "burn-in"), *still],
+    }
+
+
+@styled
+def over_bound(
+    matched: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str], *, looks: Looks = USUAL
+) -> Figure:
+    """Draw lag over bound: a row an estimator, a dot a fault, 95 % intervals, the bound at 1.
+
+    Parameters
+    ----------
+    matched : DataFrame
+        ``fault, estimator, lag, lag_interval, bound, over_bound``, at equal noise.
+    order : sequence of str
+        Estimators from top to bottom.
+    faults : mapping of str to str
+        What each fault is called.
+    looks : mapping of str to Style
+    """
+    figure = new(44 * len(order) + 95)
+    ax, count = figure.subplots(), len(faults)
+    shapes = dict(zip(faults, MARKERS if count <= len(MARKERS) else "o" * count, strict=False))
+    small: dict[str, Any] = {"color": MUTED, "fontsize": 8.5, "ha": "right", "va": "center"}
+    for place, who in enumerate(order):
+        ax.axhspan(place - 0.5, place + 0.5, color=BACK if place % 2 else SOFT, lw=0)
+        own, colour = matched[matched["estimator"] == who], look(who, looks)["color"]
+        for row in own.to_dict("records"):
+            y = place + 0.5 * (list(faults).index(row["fault"]) + 0.5) / count - 0.25
+            ends = row["lag_interval"] or (np.nan, np.nan)
+            tip = f"{who}, {faults[row['fault']]}: lag {short(row['lag'])} s ({between(ends)} s), "
+            tip += f"{short(row['over_bound'])} × bound"
+            tag(ax.hlines(y, *np.divide(ends, row["bound"]), color=colour, alpha=0.65), who, tip)
+            dot = ax.plot(row["over_bound"], y, shapes[row["fault"]], color=colour, mec=BACK, ms=6)
+            tag(dot[0], who, tip)
+        text = f"{between(own['over_bound'])} ×"
+        tag(ax.text(1, place, text, transform=ax.get_yaxis_transform(), **small), who)
+    ax.axvline(1, color=TEXT, lw=1.2)
+    logarithmic(ax.xaxis)
+    ax.set(xlabel="lag / Cramér–Rao bound (1)", ylim=(len(order) - 0.5, -0.5))
+    ax.set_xlim(min(0.72, ax.get_xlim()[0]), 3 * ax.get_xlim()[1])
+    ax.set_yticks(range(len(order)), order, parse_math=False)
+    for label, who in zip(ax.get_yticklabels(), order, strict=True):
+        tag(label, who)
+    ax.grid(axis="y", visible=False)
+    for fault, shape in shapes.items() if count <= len(MARKERS) else ():
+        ax.plot([], [], shape, color=MUTED, label=faults[fault])
+    figure.legend(loc="outside upper left", ncols=2, handletextpad=0.1, columnspacing=1)
+    return figure
+
+
+def speed_noise(
+    swept: pd.DataFrame,
+    order: Sequence[str],
+    faults: Mapping[str, str],
+    *,
+    looks: Looks = USUAL,
+    legend: bool = True,
+) -> Figure:
+    """Draw lag against the noise before the fault, a line an estimator, and both bounds.
+
+    Parameters
+    ----------
+    swept : DataFrame
+        ``fault, estimator, setting, factor, lag, lag_interval, std, lag_bound,
+        lag_bound_single``, a row a setting.
+    order : sequence of str
+    faults : mapping of str to str
+        What each fault is called; a panel each.
+    looks : mapping of str to Style
+    legend : bool
+    """
+    panels: dict[str, list[Series]] = {}
+    for fault in faults:
+        own = swept[(swept["fault"] == fault) & (swept["lag"] > 0) & (swept["std"] > 0)]
+        usual = own[(own["estimator"] == REFERENCE) & (own["factor"] == 1)]
+        own = own.assign(x=own["std"] / (usual if len(usual) else own)["std"].median())
+        series = [points(own[own["estimator"] == w].sort_values("factor"), "x", "lag", w)
+                  for w in reversed(order)]  # fmt: skip
+        for role, name in (("bound", "lag_bound"), ("single", "lag_bound_single")):
+            bound, ends = own[name].astype(float).median(), own["x"].agg(["min", "max"])
+            series.append(
+                Series(x=ends, y=[bound, bound], role=role, tips=[f"{role} {short(bound)} s"])
+            )
+        panels[f"lag [s]{' ' * len(panels)}"] = series
+    x = f"noise before the fault / that of {REFERENCE}"
+    return curves(panels, x=x, logs=[x, *panels], titles=list(faults.values()), height=165,
+                  marks=[(1.0, "read off in the table")], looks=looks, legend=legend)  # fmt: skip
+
+
+def points(rows: pd.DataFrame, x: str, y: str, estimator: str, **options: Any) -> Series:
+    """Return columns of rows as points with the intervals of the second, on a line."""
+    kept = rows[rows[y].notna()]
+    spans = kept.get(f"{y}_interval", [None] * len(kept))
+    ends = np.array([s if isinstance(s, list | tuple) else (np.nan, np.nan) for s in spans], float)
+    low, high = ends.reshape(-1, 2).T
+    tips = [
+        f"{row.get('setting', estimator)}: {y} {short(row[y])} at {short(row[x])}"
+        for row in kept.to_dict("records")
+    ]
+    return Series(x=kept[x], y=kept[y], low=low, high=high, estimator=estimator, tips=tips,
+                  **{"kind": "both"} | options)  # fmt: skip
+
+
+def lag_against_noise(rows: pd.DataFrame, order: Sequence[str], **options: Any) -> Figure:
+    """Draw lag against noise, a point a row: single runs, or faults at default settings.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        ``estimator, setting, lag, std``; `setting` is what is shown on hover.
+    order : sequence of str
+    **options
+        As of `curves`.
+    """
+    able, x = rows[(rows["lag"] > 0) & (rows["std"] > 1e-9)], "std before the fault [% of nominal]"
+    series = [points(able[able["estimator"] == w], "std", "lag", w, kind="points") for w in order]
+    return curves({"lag [s]": series}, x=x, logs=[x, "lag [s]"], height=280, **options)
+
+
+def shares(ratios: Mapping[str, Any], problems: int, **options: Any) -> Figure:
+    """Draw the share of runs with a lag of at most so many times the bound.
+
+    Parameters
+    ----------
+    ratios : mapping of str to ndarray
+        lag / bound of the runs that reached anything, increasing, by estimator.
+    problems : int
+        Number of runs, those that reached nothing among them.
+    **options
+        As of `curves`.
+    """
+    end, series = 1.1 * np.concatenate([*ratios.values(), [2.0]]).max(), []
+    for who, each in ratios.items():
+        x, y = np.r_[each, end], np.r_[1 : len(each) + 1, len(each)] / problems
+        part = slice(None, None, max(1, len(x) // 240))
+        tip = (
+            f"{who}: {100 * np.sum(each <= 2) / problems:.0f} % of the runs within twice the bound"
+        )
+        series.append(Series(x=x[part], y=y[part], estimator=who, kind="steps", tips=[tip]))
+    x, y = "lag / Cramér–Rao bound", "share of runs"
+    return curves({y: series}, x=x, logs=[x], limits={y: (0.0, 1.02)}, marks=[(1.0, "bound")],
+                  height=280, **options)  # fmt: skip
+
+
+@styled
+def score_map(cells: pd.DataFrame, *, title: str, x: str, y: str) -> Figure:
+    """Draw a score of an estimator over two axes of a study, its value in each cell.
+
+    Parameters
+    ----------
+    cells : DataFrame
+        Values of the ordinate down, those of the abscissa across.
+    title, x, y : str
+    """
+    figure, values = new(90 + 32 * len(cells)), np.ma.masked_invalid(cells.to_numpy(float))
+    ax, norm = figure.subplots(), LogNorm(values.min(), 1.001 * values.max())
+    ax.pcolormesh(values, norm=norm, cmap=colormaps["cividis"])
+    for (row, column), value in np.ndenumerate(values.filled(np.nan)):
+        letters = "#000000" if norm(value) > 0.47 else "#fffffe"  # from there black reads easier
+        ax.text(column + 0.5, row + 0.5, short(value), color=letters, ha="center", va="center")
+    ax.set_xticks(np.arange(cells.shape[1]) + 0.5, [f"{v:.4g}" for v in cells.columns])
+    ax.set_yticks(np.arange(cells.shape[0]) + 0.5, [f"{v:.4g}" for v in cells.index])
+    ax.set(xlabel=symbols(x), ylabel=symbols(y))
+    ax.set_title(title, parse_math=False)
+    ax.grid(visible=False)
+    return figure
+
+
+VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
+
+
+@styled
+def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = None) -> Figure:
+    """Draw changes with their intervals and margins, a line a score, in the order of the rows.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        ``name, verdict, change, interval, margin``; changes as shares, -0.1 is 10 % less.
+    axes : Axes, optional
+        Where to draw; a new figure by default.
+    """
+    ax = axes or new(60 + 24 * len(rows)).subplots()
+    for place, row in enumerate(rows):
+        # A difference may be less than all of the base: it ends at the edge of the scale.
+        change, low, high = (max(1 + end, 0.01) for end in (row["change"], *row["interval"]))
+        colour, margin = VERDICTS.get(row["verdict"], MUTED), 1 + row["margin"]
+        ax.hlines(place, 1 / margin, margin, color=MUTED, lw=7, alpha=0.25)
+        ax.hlines(place, low, high, color=colour, lw=2)
+        dot = ax.plot(change, place, "o", color=colour)[0]
+        tag(
+            dot,
+            tip=f"{row['name']}: {row['verdict']}, × {short(change)} ({short(low)}–{short(high)})",
+        )
+    ax.axvline(1.0, color=TEXT, lw=0.9)
+    ax.set(ylim=(len(rows) - 0.4, -0.6), xlabel="candidate / base: less is better")
+    ax.set_yticks(range(len(rows)), [symbols(f"{row['name']}: {row['verdict']}") for row in rows])
+    logarithmic(ax.xaxis)
+    ax.grid(axis="y", visible=False)
+    return ax.get_figure(root=True)
 
 
 def symbols(text: str) -> str:
@@ -237,108 +411,3 @@ def symbols(text: str) -> str:
     '1/$J_{a}$ / nominal'
     """
     return SYMBOL.sub(r"$\1_{\2}$", text)
-
-
-def _unparsed(legend: Any) -> Any:
-    """Return a legend whose labels are shown as typed: a name may hold a dollar sign."""
-    for text in legend.get_texts():
-        text.set_parse_math(False)
-    return legend
-
-
-@styled
-def lag_maps(
-    maps: Mapping[str, pd.DataFrame],
-    *,
-    x: str,
-    y: str,
-    value: str = "lag [s]",
-    width: float = WIDE,
-) -> Figure:
-    """Draw a score over two axes of a study, a map an estimator, its value in each cell.
-
-    Parameters
-    ----------
-    maps : mapping of str to DataFrame
-        By estimator: values of the ordinate down, those of the abscissa across.
-    x, y, value : str
-        Labels.
-    width : float
-        [px]
-    """
-    from matplotlib import colormaps
-    from matplotlib.colors import LogNorm
-
-    columns = 1 if width < 500 else min(3, len(maps))
-    lines = -(-len(maps) // columns)
-    high = 70 + 30 * max(len(each) for each in maps.values())
-    figure = Figure(figsize=(width / 96, (high * lines + 20) / 96))
-    axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
-    known = np.concatenate([each.to_numpy(float).ravel() for each in maps.values()])
-    known = known[np.isfinite(known) & (known > 0)]
-    norm, colours = LogNorm(known.min(), 1.001 * known.max()), colormaps["cividis"]
-    for ax, (name, cells) in zip(axes, maps.items(), strict=False):
-        values = np.ma.masked_invalid(cells.to_numpy(float))
-        ax.pcolormesh(values, norm=norm, cmap=colours)
-        for (row, column), cell in np.ndenumerate(values.filled(np.nan)):
-            light = np.isfinite(cell) and norm(cell) > 0.47  # from there black is easier to read
-            own = {"color": "#000000" if light else "#fffffe", "ha": "center", "va": "center"}
-            tip = f"{name}: {value} {short(cell)}"
-            if np.isfinite(cell):
-                tag(ax.text(column + 0.5, row + 0.5, short(cell), **own), name, tip)
-        ax.set_xticks(np.arange(cells.shape[1]) + 0.5, [f"{v:.4g}" for v in cells.columns])
-        ax.set_yticks(np.arange(cells.shape[0]) + 0.5, [f"{v:.4g}" for v in cells.index])
-        ax.grid(visible=False)
-        ax.set_title(name, parse_math=False)
-    for ax in axes[len(maps) :]:
-        ax.set_axis_off()
-    figure.supxlabel(symbols(x), fontsize=9)
-    figure.supylabel(symbols(y), fontsize=9)
-    return figure
-
-
-VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
-
-
-@styled
-def verdict_intervals(
-    rows: Sequence[Mapping[str, Any]],
-    *,
-    names: tuple[str, str] = ("base", "candidate"),
-    width: float = WIDE,
-    axes: Axes | None = None,
-) -> Figure:
-    """Draw changes with their intervals and margins, a line a score, the worst on top.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        ``name, verdict, change, interval, margin``; changes as shares, -0.1 is 10 % less.
-    names : (str, str)
-        Base and candidate.
-    width : float
-        [px]
-    axes : Axes, optional
-        Where to draw; a new figure by default.
-    """
-    if axes is None:
-        figure = Figure(figsize=(width / 96, (60 + 24 * max(1, len(rows))) / 96))
-        axes = figure.subplots()
-    for place, row in enumerate(rows):
-        # A difference may be less than all of the base: it ends at the edge of the scale.
-        change, low, high = (max(1 + end, 0.01) for end in (row["change"], *row["interval"]))
-        colour = VERDICTS.get(row["verdict"], MUTED)
-        tip = f"{row['name']}: {row['verdict']}, × {short(change)} ({short(low)}–{short(high)})"
-        margin = [1 / (1 + row["margin"]), 1 + row["margin"]]
-        axes.plot(margin, [place, place], color=MUTED, lw=7, alpha=0.25, solid_capstyle="butt")
-        tag(axes.plot([low, high], [place, place], color=colour, lw=2)[0], tip=tip)
-        tag(axes.plot(change, place, "o", color=colour)[0], tip=tip)
-    axes.axvline(1.0, color=TEXT, lw=0.9)
-    labels = [symbols(f"{row['name']}: {row['verdict']}") for row in rows]
-    axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel=f"{names[1]} / {names[0]}: less is better")
-    axes.set_yticks(range(len(rows)), labels)
-    plain_log(axes.xaxis)
-    axes.grid(axis="y", visible=False)
-    found = axes.get_figure(root=True)
-    assert found is not None
-    return found

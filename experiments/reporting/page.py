@@ -10,7 +10,7 @@ import html
 import io
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -20,106 +20,70 @@ import matplotlib as mpl
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
-from flexaxis.experiments.reporting.figures import NARROW, WIDE
-from flexaxis.experiments.reporting.styles import (
-    NINE,
-    SETTINGS,
-    VARIABLES,
-    Style,
-    assigned,
-    look,
-    styled,
-)
-from flexaxis.experiments.reporting.tables import SYMBOL, between, number, short
+from flexaxis.experiments.reporting import tables
+from flexaxis.experiments.reporting.figures import Looks
+from flexaxis.experiments.reporting.styles import NINE, SETTINGS, VARIABLES, assigned, look, styled
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 _TAG = re.compile(r"""<g id=(?:"([^"]*)"|'([^']*)')>""")
-_UNNAMED = re.compile(
-    r' id="(?:figure|axes|patch|line2d|text|matplotlib|xtick|ytick|legend|QuadMesh|Poly|Line|Fill)'
-    r'[\w.]*"'
-)
+_UNNAMED = re.compile(r' id="(?:[a-z]+_|[A-Z][A-Za-z]+_|xtick|ytick|legend|matplotlib)[\w.]*"')
 
 
-def render(template: str, **content: Any) -> str:
+def render(template: str, *, looks: Looks, **content: Any) -> str:
     """Return a page as HTML.
 
     Parameters
     ----------
     template : str
         Path in `flexaxis.experiments`, such as ``"reporting/templates/run.html"``. It extends
-        ``reporting/templates/page.html``, which needs a `title`, and `looks` of the estimators
-        that the page can hide.
+        ``reporting/templates/page.html``, which needs a `title`.
+    looks : mapping of str to Style
+        Of the estimators that the page can hide, from `looks_of`.
     **content
         What the template names. Text is escaped; a name that is missing is an error.
     """
-    looks: Mapping[str, Style] = content.setdefault("looks", {})
-    content["swatches"] = {name: swatch(name, looks) for name in looks}
-    return environment().get_template(template).render(styles=NINE, **content)
+    swatches = {name: _swatch(name, looks) for name in looks}
+    page = environment().get_template(template)
+    return page.render(styles=NINE, looks=looks, swatches=swatches, **content)
 
 
-def looks_of(names: Any) -> dict[str, Style]:
+def looks_of(names: Iterable[str]) -> Looks:
     """Return the looks of the estimators of a page, in the order of their names."""
-    found = assigned(names)
-    return {name: found[name] for name in dict.fromkeys(names)}
+    unique = dict.fromkeys(names)
+    looks = assigned(unique)
+    return {name: looks[name] for name in unique}
 
 
 def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -> Markup:
-    """Return a figure twice, for wide screens and for narrow ones: letters keep their size.
-
-    Parameters
-    ----------
-    draw : callable
-        A function of `figures` or `run_figures` with the keyword `width`.
-    label : str
-        What the figure shows, for those who cannot see it.
-    *args, **options
-        For `draw`.
-    """
-    sizes = (("wide", WIDE), ("narrow", NARROW))
-    return Markup("").join(
-        svg(draw(*args, width=width, **options), f"{slug(label)}-{kind}", label, kind)
-        for kind, width in sizes
-    )
-
-
-def drawn_once(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -> Markup:
-    """Return a figure once, small enough for every screen; several stand side by side."""
-    return svg(draw(*args, width=430, **options), slug(label), label, "small")
-
-
-def svg(figure: Figure, name: str, label: str = "", kind: str = "") -> Markup:
     """Return a figure as SVG for a page.
 
     Parameters
     ----------
-    figure : Figure
-    name : str
-        Prefix of its ids, which no other figure of the page has.
+    draw : callable
+        A function of `figures`.
     label : str
-        What it shows; a figure without one is decoration.
-    kind : str
-        Class of the element.
+        What the figure shows, for those who cannot see it; no other on the page has the same.
+    *args, **options
+        For `draw`.
     """
+    return svg(draw(*args, **options), slug(label), f'role="img" aria-label="{escape(label)}"')
+
+
+def svg(figure: Figure, name: str, attributes: str) -> Markup:
+    """Return a figure as SVG; its ids begin with a name that no other figure has."""
     buffer = io.StringIO()
     with mpl.rc_context(SETTINGS):
-        metadata = {"Date": None, "Creator": None, "Format": None, "Type": None}
-        figure.savefig(buffer, format="svg", transparent=True, metadata=metadata)
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue()
-    text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
     text = re.sub(r"(\.\d\d)\d+", r"\1", text)  # hundredths of a point
     text = re.sub("|".join(VARIABLES), lambda match: f"var(--{VARIABLES[match[0]]})", text)
     text = _UNNAMED.sub("", _TAG.sub(_opened, text))
     text = re.sub(r'( id="|url\(#|href="#)', rf"\g<1>{name}-", text)
     text = re.sub(r"\s*\n\s*", "\n", text).replace("'DejaVu Sans'", "system-ui")
-    width = re.search(r'viewBox="0 0 ([\d.]+)', text)
-    assert width is not None
-    about = f'role="img" aria-label="{html.escape(label)}"' if label else 'aria-hidden="true"'
-    # Points to pixels; a figure may grow by 15 %.
-    head = f'<svg class="{kind}" {about} style="max-width:{float(width[1]) * 4 / 3 * 1.15:.0f}px" '
-    return Markup(re.sub(r"^<svg .*?(?=viewBox=)", head, text, count=1, flags=re.DOTALL))
+    return Markup(re.sub(r"^.*?<svg .*?(?=viewBox=)", f"<svg {attributes} ", text, flags=re.DOTALL))
 
 
 def _opened(match: re.Match[str]) -> str:
@@ -128,29 +92,29 @@ def _opened(match: re.Match[str]) -> str:
     if not text.startswith("["):
         return match[0]
     estimator, tip = json.loads(text)
-    title = f"<title>{html.escape(tip)}</title>" if tip else ""
+    title = f"<title>{escape(tip)}</title>" if tip else ""
     return f'<g class="{css_class(estimator)}">{title}' if estimator else f"<g>{title}"
 
 
 @styled
-def swatch(estimator: str, looks: Mapping[str, Style]) -> Markup:
+def _swatch(estimator: str, looks: Looks) -> Markup:
     """Return a piece of the line of an estimator with its marker."""
     figure = Figure(figsize=(32 / 96, 13 / 96), layout="none")
     ax = figure.add_axes((0, 0, 1, 1), xlim=(0, 1), ylim=(0, 1))
     ax.set_axis_off()
-    ax.plot([0.02, 0.5, 0.98], [0.5] * 3, **look(estimator, looks, markevery=[1]))
-    return svg(figure, f"swatch-{slug(estimator)}", kind="swatch")
+    ax.plot([0.02, 0.5, 0.98], [0.5] * 3, **look(estimator, looks) | {"markevery": [1]})
+    return svg(figure, f"swatch-{slug(estimator)}", 'class="swatch" aria-hidden="true"')
 
 
 def slug(text: str) -> str:
-    """Return a text as it may stand in an id."""
-    return re.sub(r"\W+", "-", text).strip("-")
+    """Return a text as it may stand in an id; two texts have different ones."""
+    plain = re.sub(r"\W+", "-", text).strip("-")
+    return plain if plain == text else f"{plain}-{crc32(text.encode()):x}"
 
 
 def css_class(estimator: str) -> str:
     """Return the class of an estimator in a page."""
-    name = slug(estimator)
-    return f"est-{name}" if name == estimator else f"est-{name}-{crc32(estimator.encode()):x}"
+    return f"est-{slug(estimator)}"
 
 
 def symbols(text: str) -> Markup:
@@ -161,17 +125,8 @@ def symbols(text: str) -> Markup:
     >>> symbols("1/J_a < f_m")
     Markup('1/<i>J</i><sub>a</sub> &lt; <i>f</i><sub>m</sub>')
     """
-    typeset = SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", str(escape(text)))
+    typeset = tables.SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", str(escape(text)))
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", typeset))
-
-
-def tone(value: float) -> str:
-    """Return the style of a cell with a tone, 0 to 1; the colour-blind see the same order."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
-    letters = "#000" if value > 0.47 else "#fff"  # from there on black is easier to read
-    return f"background:{to_hex(colormaps['cividis'](value))};color:{letters}"
 
 
 @cache
@@ -179,16 +134,14 @@ def environment() -> Environment:
     """Return the environment of all templates."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
-    def source(template: str) -> str:
-        return (files("flexaxis.experiments") / template).read_text(encoding="utf-8")
-
-    found = Environment(
+    folder = files("flexaxis.experiments")
+    loader = FunctionLoader(lambda name: (folder / name).read_text(encoding="utf-8"))
+    environment = Environment(
         autoescape=True,
-        undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        loader=FunctionLoader(source),
+        undefined=StrictUndefined,
+        loader=loader,
     )
-    found.filters |= {"symbols": symbols, "slug": slug, "css_class": css_class, "tone": tone}
-    found.filters |= {"number": number, "short": short, "between": between}
-    return found
+    environment.filters |= {"symbols": symbols, "slug": slug, "css_class": css_class}
+    return environment

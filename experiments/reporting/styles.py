@@ -144,11 +144,11 @@ def look(estimator: str, looks: Mapping[str, Style], **more: Any) -> dict[str, A
     dash = [float(part) / 1.5 for part in own.dash.split()]  # matplotlib scales by the width
     return {
         "color": own.light,
-        "linestyle": (0, tuple(dash)) if dash else "-",
+        "ls": (0, tuple(dash)) if dash else "-",
         "marker": own.marker,
-        "markerfacecolor": BACK if own.hollow else own.light,
-        "markersize": 8 if own.marker == "*" else 5,
-        "markeredgewidth": 1.2 if own.hollow else 0.7,
+        "mfc": BACK if own.hollow else own.light,
+        "ms": 8 if own.marker == "*" else 5,
+        "mew": 1.2 if own.hollow else 0.7,
     } | more
 
 

@@ -6,20 +6,15 @@ All of them are computed. Terminal and page use the same.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.comparison.ranking import CONTROLS, REFERENCE, too_few
 from flexaxis.experiments.reporting.tables import between, short
-from flexaxis.experiments.running.study import ALL
-from flexaxis.sim.law_parameters import LAW_UNITS
-from flexaxis.sim.parameters import PARAMETER_UNITS
 
 Row = Mapping[str, Any]
-Definition = Mapping[str, Any]
 
 PARAMETERS = {
     "k_T": "torque constant",
@@ -46,6 +41,7 @@ BESIDE = {
     "cogging": "cogging",
     "stiffening": "a stiffening gear",
 }
+KINDS = {"ramp": ", gradually", "thermal": ", slowly", "intermittent": ", now and then"}
 BIASED = 10.0  # bias [% of nominal] from which an estimate is called wrong
 
 
@@ -70,199 +66,119 @@ def change(fault: Row) -> str:
     """
     name, factor = PARAMETERS.get(fault["parameter"], fault["parameter"]), fault["factor"]
     size = f"× {factor:g}" if factor >= 4 else f"{100 * (factor - 1):+.0f} %".replace("-", "−")
-    how = {
-        "step": "",
-        "ramp": f" over {fault.get('over', 0):g} s",
-        "thermal": ", slowly",
-        "intermittent": ", intermittent",
-        "profile": " along a profile",
-    }
-    return f"{name} {size}{how.get(fault.get('kind', 'step'), '')}"
+    return f"{name} {size}{KINDS.get(fault['kind'], '')}"
 
 
-def unmodelled(definition: Definition) -> str:
+def unmodelled(definition: Row) -> str:
     """Return what an axis has that the linear model lacks, as a list; empty if nothing."""
-    names = [words for key, words in BESIDE.items() if definition.get(key)]
-    return listed(list(dict.fromkeys(names)))
+    return listed(list(dict.fromkeys(BESIDE[key] for key in BESIDE if definition.get(key))))
 
 
-def happens(definition: Definition) -> str:
+def happens(definition: Row) -> str:
     """Return what happens in a scenario, such as "motor friction +50 %, beside dry friction"."""
-    words = ", ".join(change(fault) for fault in definition.get("fault") or ()) or "no fault"
-    beside = unmodelled(definition)
-    words += f", beside {beside}" if beside else ""
-    return words + ", by encoder" * bool((definition.get("encoder") or {}).get("counts"))
-
-
-def fault_names(rows: Sequence[Row]) -> list[str]:
-    """Return the name of the fault of each row: its scenario, and what changes if several do."""
-    several: dict[str, set[str]] = {}
-    for row in rows:
-        several.setdefault(row["scenario"], set()).add(row["parameter"])
-    return [
-        f"{row['scenario']}: {row['parameter']}"
-        if len(several[row["scenario"]]) > 1
-        else row["scenario"]
-        for row in rows
-    ]
-
-
-def faults_of(rows: Sequence[Row]) -> pd.DataFrame:
-    """Return rows of a sweep as a DataFrame with `fault`, numbers as floats."""
-    table = pd.DataFrame(rows)
-    if table.empty:
-        return table
-    columns = ("lag", "bound", "over_bound", "std", "lag_bound", "lag_bound_single")
-    kinds = {name: float for name in columns if name in table}
-    return table.astype(kinds).assign(fault=fault_names(rows))
+    faults = ", ".join(map(change, definition.get("fault") or ())) or "no fault"
+    beside, encoder = unmodelled(definition), (definition.get("encoder") or {}).get("counts")
+    return f"{faults}{f', beside {beside}' * bool(beside)}{', by encoder' * bool(encoder)}"
 
 
 def order_of(summary: Row) -> list[str]:
     """Return the estimators of a run in the order of its ranking, others behind."""
-    swept = summary.get("tradeoff") or {"overall": [], "points": [], "matched": []}
-    names = [row["estimator"] for part in ("overall", "points", "matched") for row in swept[part]]
-    return list(dict.fromkeys([*names, *summary["estimators"]]))
+    ranked = (summary.get("tradeoff") or {}).get("overall", ())
+    return list(dict.fromkeys([*(row["estimator"] for row in ranked), *summary["estimators"]]))
 
 
-def leading(matched: pd.DataFrame, order: Sequence[str]) -> tuple[list[str], int]:
-    """Return who is fastest, or tied, in most faults, and in how many; nobody if all are."""
-    count = matched[matched["leads"]].groupby("estimator").size()
-    first = [name for name in order if count.get(name, 0) == count.max()] if len(count) else []
-    everyone = len(first) == matched["estimator"].nunique()
-    return ([], 0) if everyone or not first else (first, int(count.max()))
+def faults_of(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return rows of a sweep as a DataFrame, with the name of their `fault`."""
+    found = pd.DataFrame(rows)
+    if rows:
+        found["fault"] = found["scenario"] + ": " + found["parameter"]
+        found["lag"] = found["lag"].astype(float)
+    return found
+
+
+def fault_words(swept: Row) -> dict[str, str]:
+    """Return what the faults of a sweep are called, by name."""
+    definitions, rows = swept["definitions"], swept["matched"]
+    return {f"{r['scenario']}: {r['parameter']}": happens(definitions[r["scenario"]]) for r in rows}
 
 
 def widest(matched: pd.DataFrame) -> str:
     """Return the fault at which the lags of estimators at equal noise differ most."""
-    lags = matched.pivot(index="fault", columns="estimator", values="lag")
-    return str((lags.max(axis=1) / lags.min(axis=1)).fillna(0).idxmax())
+    lags = matched.groupby("fault")["lag"].agg(["max", "min"])
+    return str((lags["max"] / lags["min"]).fillna(0).idxmax())
 
 
-def noise_of(points: pd.DataFrame) -> dict[str, float]:
-    """Return the std of the reference at its default by fault; the median of all without it."""
-    usual = points[(points["estimator"] == REFERENCE) & (points["factor"] == 1)]
-    median = points.groupby("fault")["std"].median().to_dict()
-    return median | usual.set_index("fault")["std"].to_dict()
-
-
-def title(summary: Row) -> str:
-    """Return the answer of a run in a sentence: special cases, else who is faster by how much."""
-    rows = [
-        r
-        for r in (summary.get("tradeoff") or {}).get("matched", ())
-        if r["estimator"] not in CONTROLS
-    ]
-    if not rows:
-        return f"{summary['title']}: nothing was compared at equal noise"
+def answer(summary: Row) -> tuple[str, list[str]]:
+    """Return the answer of a run in a sentence, and what stands below it, a sentence a fact."""
+    rows = [row for row in (summary.get("tradeoff") or {}).get("matched", ())
+            if row["estimator"] not in CONTROLS]  # fmt: skip
     matched = faults_of(rows)
-    names = list(matched["estimator"].unique())
+    if not rows or (few := too_few(rows)):
+        return f"{summary['title']}: {few if rows else 'nothing was compared at equal noise'}", []
     if matched["lag"].isna().all():
-        return "No estimator survived: every run was lost"
-    if few := too_few(rows):
-        return f"{summary['title']}: {few}"
-    if len(names) == 1:
-        ratio = between(matched["over_bound"])
-        return f"{names[0]} takes {ratio} times the shortest lag that theory allows"
-    return _fastest(matched, summary)
+        return "No estimator survived: every run was lost", []
+    near = matched.groupby("estimator")["over_bound"].agg(between)
+    if len(near) == 1:
+        return f"{near.index[0]} takes {near.iloc[0]} times the shortest lag that theory allows", []
+    wins = matched[matched["leads"]].groupby("estimator").size()
+    first = [name for name in order_of(summary) if wins.get(name, 0) == wins.max()]
+    if not first or len(first) == len(near):
+        return f"{len(summary['seeds'])} seeds cannot tell the estimators apart", []
+    count, faults = wins.max(), matched["fault"].nunique()
+    same = f" (no significant difference, {len(summary['seeds'])} seeds)" * (len(first) > 1)
+    where = f" in {count} of {faults} faults" * bool(count < faults)
+    ties = [f" {name} ties in {n} of {faults}." for name, n in wins.items() if name not in first]
+    facts = [f"Fastest{where}: {listed(first)}{same}.{''.join(ties)}",
+             f"{first[0]} takes {near[first[0]]} times the shortest lag that theory allows"]  # fmt: skip
+    if REFERENCE in near and REFERENCE not in first:
+        facts[1] += f"; {REFERENCE}, the paper’s method, {near[REFERENCE]} times"
+    return _title(matched, first, f"in {count} of {faults} faults"), [facts[0], f"{facts[1]}."]
 
 
-def _fastest(matched: pd.DataFrame, summary: Row) -> str:
-    """Return who is fastest, in how many faults or by how much."""
-    first, count = leading(matched, order_of(summary))
-    if not first:
-        return f"{len(summary['seeds'])} seeds cannot tell the estimators apart"
-    if times := _faster(matched, first):
-        who = f"{listed(first)} track{'s' * (len(first) == 1)}"
-        return f"{who} a fault {times} times faster than {REFERENCE}, at equal noise"
-    who = f"{listed(first)} {'is' if len(first) == 1 else 'are'}"
-    return f"{who} fastest in {count} of {matched['fault'].nunique()} faults, at equal noise"
+def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
+    """Return how many times faster than the reference some estimators are, or that they lead."""
+    one = len(first) == 1
+    lags = matched[matched["how"] == "matched"].pivot(index="estimator", columns="fault")["lag"]
+    lags = lags.reindex([REFERENCE, *first])
+    ratios = (lags.iloc[0] / lags.iloc[1:]).stack().dropna()
+    if REFERENCE in first or ratios.empty or ratios.min() < 1.05:
+        return f"{listed(first)} {'is' if one else 'are'} fastest {where}, at equal noise"
+    ends = dict.fromkeys(f"{r:.0f}" if r >= 3 else short(r) for r in (ratios.min(), ratios.max()))
+    times = f"{' to '.join(ends)} times faster than {REFERENCE}, at equal noise"
+    return f"{listed(first)} track{'s' * one} a fault {times}"
 
 
-def _faster(matched: pd.DataFrame, first: Sequence[str]) -> str:
-    """Return how many times faster than the reference some estimators are; empty if unknown."""
-    equal = matched[matched["how"] == "matched"]
-    lags = equal.pivot(index="estimator", columns="fault", values="lag")
-    if REFERENCE in first or REFERENCE not in lags.index:
-        return ""
-    ratios = (lags.loc[REFERENCE] / lags.reindex(first)).to_numpy().ravel()
-    ratios = ratios[np.isfinite(ratios)]
-    if not len(ratios) or ratios.min() < 1.05:
-        return ""
-    ends = [f"{r:.0f}" if r >= 3 else short(r) for r in (ratios.min(), ratios.max())]
-    return " to ".join(dict.fromkeys(ends))
-
-
-def points(summary: Row) -> list[str]:
-    """Return what stands under the title, a sentence a fact; nothing if the title says it all."""
-    rows = [
-        r
-        for r in (summary.get("tradeoff") or {}).get("matched", ())
-        if r["estimator"] not in CONTROLS
-    ]
-    matched, order = faults_of(rows), order_of(summary)
-    if matched.empty or matched["estimator"].nunique() == 1 or too_few(rows):
-        return []
-    first, count = leading(matched, order)
-    if not first:
-        return []
-    faults, wins = matched["fault"].nunique(), matched[matched["leads"]].groupby("estimator").size()
-    ties = [
-        f" {name} ties in {wins[name]} of {faults}."
-        for name in order
-        if name in wins.index and name not in first
-    ]
-    same = f" (no significant difference, {len(summary['seeds'])} seeds)" if len(first) > 1 else ""
-    where = f" in {count} of {faults} faults" if count < faults else ""
-    near = matched.groupby("estimator")["over_bound"].agg(list)
-    far = f"{first[0]} takes {between(near[first[0]])} times the shortest lag that theory allows"
-    if REFERENCE in near.index and REFERENCE not in first:
-        far += f"; {REFERENCE}, the paper’s method, {between(near[REFERENCE])} times"
-    known = [f"{far}."] if np.isfinite(near[first[0]]).any() else []
-    return [f"Fastest{where}: {listed(first)}{same}.{''.join(ties)}", *known]
-
-
-def warning(rows: Iterable[Row], scenarios: Mapping[str, Row]) -> tuple[str, str] | None:
+def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str] | None:
     """Return the one line not to be missed, and its scenario.
 
-    That is where the largest share of the estimators is biased before the fault, or lost.
+    It is of the scenario in which the largest share of the estimators is biased or lost.
 
     Parameters
     ----------
-    rows : iterable of mapping
+    rows : sequence of mapping
         Pooled, at default settings.
     scenarios : mapping of str to mapping
         With their `definition`.
     """
-    able = [r for r in rows if r["changed"] and r["estimator"] not in CONTROLS]
-    worst: tuple[float, str, str] | None = None
-    for name in dict.fromkeys(row["scenario"] for row in able):
-        here = [row for row in able if row["scenario"] == name]
-        bad = [r for r in here if abs(r["bias"] or 0.0) > BIASED or r["diverged"]]
-        share = len(bad) / len(here)
-        if bad and (worst is None or share > worst[0]):
-            worst = share, _biased(here, bad, scenarios[name]["definition"]), name
-    return worst and worst[1:]
-
-
-def _biased(here: Sequence[Row], bad: Sequence[Row], definition: Definition) -> str:
-    """Return who is biased, or lost, in a scenario."""
-    names = list(dict.fromkeys(row["estimator"] for row in bad))
-    good = list(dict.fromkeys(r["estimator"] for r in here if r["estimator"] not in names))
-    few = 0 < len(good) < 3 and len(names) > 1
-    who = f"every estimator but {listed(good)}" if few else listed(names)
+    able = pd.DataFrame([r for r in rows if r["changed"] and r["estimator"] not in CONTROLS])
+    if able.empty:
+        return None
+    able["off"] = able["bias"].astype(float).abs()
+    able["bad"] = (able["off"] > BIASED) | (able["diverged"] > 0)
+    name = able.groupby("scenario", sort=False)["bad"].mean().idxmax()
+    here, definition = able[able["scenario"] == name], scenarios[str(name)]["definition"]
+    bad, good = (here[here["bad"] == side]["estimator"].tolist() for side in (True, False))
+    if not bad:
+        return None
+    who = f"every estimator but {listed(good)}" if 0 < len(good) < 3 <= len(bad) else listed(bad)
     who = who if good else "every estimator"
-    beside = unmodelled(definition)
-    where = f"With {beside} that the model lacks" if beside else f"With {happens(definition)}"
-    lost, runs = sum(row["diverged"] for row in bad), sum(row["seeds"] for row in bad)
-    off = [abs(row["bias"]) for row in bad if abs(row["bias"] or 0.0) > BIASED]
-    verb = "are" if len(names) > 1 and good and not few else "is"
-    if off:
-        more = f"; {lost} of {runs} runs are lost" if lost else ""
-        return (
-            f"{where}, {who} {verb} off by {between(off)} % even before the fault "
-            f"(default settings){more}."
-        )
-    return f"{where}, {lost} of {runs} runs of {who} are lost (default settings)."
+    beside, lost = unmodelled(definition), here["diverged"].sum()
+    where = f"{beside} that the model lacks" if beside else happens(definition)
+    what = [f"off by {between(here['off'][here['off'] > BIASED])} % even before the fault"]
+    what = what * bool((here["off"] > BIASED).any())
+    what += [f"lost in {lost} of {here['seeds'].sum()} runs"] * bool(lost)
+    verb = "are" if who == listed(bad) and len(bad) > 1 else "is"
+    return f"With {where}, {who} {verb} {listed(what)} (default settings).", str(name)
 
 
 def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
@@ -279,104 +195,55 @@ def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
         text = row["error"].partition(": ")[2]
         if not text.startswith(row["estimator"]):  # else it names estimator and case itself
             text = f"{row['estimator']} failed on {where}: {row['error']}"
-        alike = _SAMPLE.sub("", row["error"].replace(where, ""))[:60]
+        alike = re.sub(r", sample \d+( \([^)]*\))?", "", row["error"].replace(where, ""))[:60]
         kinds.setdefault((row["estimator"], alike), []).append(text)
     return [(texts[0], len(texts)) for texts in kinds.values()]
 
 
-_SAMPLE = re.compile(r", sample \d+( \([^)]*\))?")
-
-
-_FAULT = re.compile(r"fault\[(\d+)\]\.(\w+)")
-_OF_FAULT = {
+AXES = {
     "factor": "{} after the fault / before",
-    "at": "time of the fault of {} [s]",
+    "at": "time of the fault [s]",
     "over": "time over which {} changes [s]",
-    "time_constant": "time constant of the change of {} [s]",
-    "on": "time with the fault of {} [s]",
-    "off": "time without the fault of {} [s]",
-    "until": "end of the fault of {} [s]",
-    "parameter": "parameter that changes",
-    "kind": "kind of fault",
-}
-_KEYS = {
     "duration": "length of the run [s]",
     "period": "sampling period [s]",
     "start": "first estimate / nominal",
-    "burn_in": "burn-in [s]",
     "noise.speed": "noise of the speed, 1σ [rad/s]",
     "noise.angle": "noise of the angle, 1σ [rad]",
-    "noise.torque": "noise of the torque, 1σ [N m]",
     "encoder.counts": "counts of the encoder in a turn",
     "delay.measurement": "delay of the measurement [samples]",
-    "delay.torque": "delay of the torque [s]",
-    "filter.speed": "time constant of the filter of the speed [s]",
-    "controller.Kp": "position gain [1/s]",
     "controller.Kv": "speed gain [N m s/rad]",
-    "controller.Ki": "integral gain [1/s]",
-    "controller.tau": "time constant of the controller [s]",
-    "controller.rate": "rate of the controller [Hz]",
-    "excitation.low": "lower end of the excitation [Hz]",
     "excitation.high": "upper end of the excitation [Hz]",
-    "excitation.period": "period of the excitation [s]",
     "excitation.rms": "size of the reference, rms [rad]",
-    "excitation.reach": "reach of the moves [rad]",
-    "excitation.move": "time of a move [s]",
-    "excitation.dwell": "rest after a move [s]",
     "friction.coulomb": "Coulomb friction [N m]",
     "backlash.gear": "gap of the gear [rad]",
     "cogging.amplitude": "cogging, amplitude [N m]",
-    "cogging.poles": "periods of cogging in a turn",
-    "stiffening.gear": "cubic over linear stiffness of the gear [1/rad²]",
     "saturation.torque": "limit of the torque [N m]",
-    "told.noise": "noise as told, 1σ [rad/s]",
-    "told.torque_limit": "limit of the torque as told [N m]",
-    "told.poles": "periods of cogging as told",
-}
-_OPTIONS = {
     "forgetting": "forgetting factor λ",
-    "regularization": "regularisation μ",
     "drift": "size of the drift Δ",
 }
+"""What swept keys are called; the other keys stand as they are."""
 
 
 def axis_words(key: str, study: Row) -> str:
-    """Return what a swept key is called: words with the unit, else the key.
+    """Return what a swept key is called, with its unit where it is one of `AXES`.
 
     Parameters
     ----------
     key : str
         Such as ``"fault[0].factor"`` or ``"rpem-forgetting.forgetting"``.
     study : mapping
-        As in study.json: its estimators, and the definitions of its scenarios.
+        With the definitions of its scenarios.
 
     Examples
     --------
-    >>> axis_words("noise.speed", {})
-    'noise of the speed, 1σ [rad/s]'
-    >>> axis_words("ekf.forgetting", {"estimators": ["ekf"]})
-    'forgetting factor λ of ekf'
+    >>> axis_words("noise.speed", {}), axis_words("controller.Ki", {})
+    ('noise of the speed, 1σ [rad/s]', 'controller.Ki')
     """
-    if key in _KEYS:
-        return _KEYS[key]
-    if fault := _FAULT.fullmatch(key):
-        return _of_fault(int(fault[1]), fault[2], study) or key
     table, _, name = key.rpartition(".")
-    if table == "parameters" and name in (units := PARAMETER_UNITS | dict(LAW_UNITS)):
-        return f"{name} [{units[name]}]"
-    if table == "told":
-        return f"{name} as told / true nominal"
-    if table == ALL or any(table == text.partition("[")[0] for text in study.get("estimators", ())):
-        whose = "" if table == ALL else f" of {table}"
-        return f"{_OPTIONS.get(name, name.replace('_', ' '))}{whose}"
-    return key
-
-
-def _of_fault(place: int, name: str, study: Row) -> str | None:
-    """Return the words of a key of a fault; of one whose parameter is swept too, without it."""
-    if name not in _OF_FAULT:
-        return None
-    faults = [entry["definition"].get("fault", ()) for entry in study.get("scenarios", ())]
-    named = {each[place].get("parameter") for each in faults if len(each) > place}
-    fixed = len(named) == 1 and f"fault[{place}].parameter" not in study.get("axes", ())
-    return _OF_FAULT[name].format(named.pop() if fixed else f"parameter {place + 1}")
+    if not table.startswith("fault["):
+        return AXES.get(
+            key, AXES.get(name, key) if table.startswith(("estimator", "rpem")) else key
+        )
+    faults = [s["definition"].get("fault") or [{}] for s in study["scenarios"]]
+    parameters = {PARAMETERS.get(fault[0].get("parameter"), "parameter") for fault in faults}
+    return AXES.get(name, key).format(listed(sorted(parameters)))

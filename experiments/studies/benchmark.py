@@ -16,8 +16,8 @@ from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
-from flexaxis.experiments.reporting.inputs import AT_EQUAL_NOISE, RunInputs, StudyInputs
-from flexaxis.experiments.reporting.words import fault_names, faults_of, widest
+from flexaxis.experiments.reporting.inputs import AT_EQUAL_NOISE, RunInputs
+from flexaxis.experiments.reporting.words import faults_of, widest
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import kept_runs
@@ -217,14 +217,13 @@ def _keep_traces(
     means: Means | None,
 ) -> None:
     """Run the settings nearest to equal noise once more, with what the report draws of them."""
-    if not found.matched:
+    matched = faults_of(found.matched)
+    if matched.empty:
         return
-    fault = widest(faults_of(found.matched))
-    own = [row for row, name in zip(found.matched, fault_names(found.matched), strict=True)
-           if name == fault]  # fmt: skip
-    drawn = [s for s in scenarios if s.name == own[0]["scenario"]]
+    own = matched[matched["fault"] == widest(matched)]
+    drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
     with Bench(drawn, folder, means, traced=True) as bench:
-        bench.with_failed(drawn, [row["nearest"] for row in own], seeds)
+        bench.with_failed(drawn, own["nearest"].tolist(), seeds)
 
 
 def _failures(
@@ -277,7 +276,7 @@ def report(folder: Path, means: Means | None = None) -> Path:
         If it cannot be written.
     """
     if read_study(folder)["axes"]:
-        write_text(folder / REPORT, study_report.render(StudyInputs(Results.load(folder))))
+        write_text(folder / REPORT, study_report.render(Results.load(folder)))
         return folder / REPORT
     finish(folder, means)
     return folder / REPORT

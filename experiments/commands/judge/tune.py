@@ -76,9 +76,9 @@ def _sweep(args: argparse.Namespace) -> int:
     """Sweep the knobs, match the noise and draw."""
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.comparison.ranking import overall
-    from flexaxis.experiments.reporting.run_figures import speed_noise
+    from flexaxis.experiments.reporting.figures import speed_noise
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
-    from flexaxis.experiments.reporting.words import faults_of, noise_of
+    from flexaxis.experiments.reporting.words import fault_words, faults_of
     from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 
@@ -96,11 +96,9 @@ def _sweep(args: argparse.Namespace) -> int:
         ranking = overall(swept.at_excess)
         content = {"command": command, "seeds": seeds, "reference": reference()}
         content |= asdict(swept) | {"overall": ranking}
-        content["definitions"] = {s.name: s.resolved() for s in scenarios}
+        content |= {"definitions": {s.name: s.resolved() for s in scenarios}}
         path = folder / "sweep.svg"
-        points = faults_of(swept.points)
-        names = {name: name for name in points["fault"].unique()}
-        speed_noise(points, estimators, names, noise_of(points)).savefig(path)
+        speed_noise(faults_of(swept.points), estimators, fault_words(content)).savefig(path)
         write_json(folder / "sweep.json", content)
     table = equal_noise_table(content, len(seeds))
     return answer(args, content | {"figure": path}, 0, path, show=lambda: show(table))

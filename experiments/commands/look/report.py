@@ -35,12 +35,11 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _of_study(args: argparse.Namespace, path: Path) -> int:
-    from flexaxis.experiments.reporting.inputs import StudyInputs
     from flexaxis.experiments.reporting.study import render
     from flexaxis.experiments.results.results import Results
 
     results = Results.load(args.folder)
-    write_text(path, render(StudyInputs(results)))
+    write_text(path, render(results))
     if args.json:
         return answer(args, {"rows": results.pooled(), "report": path})
     print(f"report: {path}")
