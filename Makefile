@@ -55,7 +55,7 @@ format: $(VENV)/.check
 	$(BIN)/ruff check --fix .
 
 docs-tables: $(VENV)/.test
-	for name in tables demo friction drives control_suite glr glr_shapes; do \
+	for name in tables demo friction drives control_suite glr; do \
 	  $(BIN)/python docs/$$name.py || exit 1; done
 
 docs-speed: $(VENV)/.peers

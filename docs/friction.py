@@ -55,14 +55,12 @@ MOTIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 }
 """Motions by name: a scenario of the catalogue, and what of it is changed."""
 
-KNOWN = ("fm_step", "coulomb05_fm_step", "coulomb_fm_step", "coulomb2_fm_step", "lugre_fm_step",
-         "lugre_soft_fm_step", "lugre_stribeck_fm_step", "real_coulomb_fm_step",
-         "real_lugre_fm_step", "coulomb_fc_step", "encoder_coulomb_fm_step", "wg_fm_step",
-         "wg_fc_step", "coulomb_moves_fm_step")  # fmt: skip
-UNKNOWN = ("directional_fm_step", "position_fm_step", "load_friction_fm_step", "power_fm_step",
-           "wrong_poles_fm_step")  # fmt: skip
-SCENARIOS = tuple(f"{name}-v1" for name in (*KNOWN, *UNKNOWN))
-ESTIMATORS = ("rpem-forgetting", "rpem-friction")
+FRICTION = ("fm_step", "coulomb_fm_step", "lugre_fm_step", "lugre_stribeck_fm_step",
+            "real_coulomb_fm_step", "real_lugre_fm_step", "coulomb_fc_step",
+            "encoder_coulomb_fm_step", "wg_fm_step", "wg_fc_step", "coulomb_moves_fm_step",
+            "load_friction_fm_step")  # fmt: skip
+SCENARIOS = tuple(f"{name}-v1" for name in FRICTION)
+ESTIMATORS = ("rpem-forgetting",)
 
 
 def accuracy() -> str:

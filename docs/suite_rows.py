@@ -34,9 +34,9 @@ WHO = {
 
 @cache
 def summary(*words: str) -> Any:
-    """Return the summary of a run of these words, in `results/docs/FIRST_WORD`.
+    """Return the summary of `flexaxis run` with these words, in `results/docs/FIRST_WORD`.
 
-    Rows that are there are of the same code, else the run refuses them: `--overwrite` them then.
+    A run that is there is completed; one of other code is refused, and has to be removed first.
     """
     folder = ROOT / "results" / "docs" / words[0]
     if main(["run", *words, "-o", str(folder)]) > 1:

@@ -52,10 +52,8 @@ def test_imports_follow_the_arrows(path):
         assert "flexaxis" not in names, "the front door is for users: nobody inside uses it"
     assert ours <= MAY_IMPORT[folder] | {folder}
     place = path.relative_to(ROOT).as_posix()
-    if "flexaxis.sim.plant.import_mujoco" in {n.rpartition(".")[0] for n in names}:
-        assert place in KNOW_MUJOCO
     if "mujoco" in {n.split(".")[0] for n in names}:
-        assert place == "sim/plant/import_mujoco.py", "which sees to it that nothing else is run"
+        assert place in KNOW_MUJOCO
     if folder == "estimators":
         import sys
 

@@ -13,7 +13,6 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.covariance import bound, project
 from flexaxis.estimators.filters.design import Design, at_least_zero
 from flexaxis.estimators.filters.fault_monitor import (
-    HEEDS_ALL,
     HEEDS_LOST,
     HEEDS_NOTHING,
     check_residual,
@@ -70,7 +69,7 @@ def measurement_records(
     p = len(design.theta0)
     tuning = record(
         forgetting=design.forgetting,
-        inflation=1 / design.fading,  # of each element of P
+        inflation=1 / design.forgetting,  # of P
         drift=design.drift,
         regularization=design.regularization,
         lower=design.lower,
@@ -102,9 +101,8 @@ def measurement_records(
         samples=0.0,  # that R̂ is the mean of
         signal=0.0,  # mean square of ŷ
     )
-    once = len(design.theta0) > design.tracked  # something is learnt, and never forgotten
-    tracks = HEEDS_LOST if clip > 0 else HEEDS_NOTHING
-    more, sensor = monitor_records(design.period, HEEDS_ALL if once else tracks)
+    heeds = HEEDS_LOST if clip > 0 else HEEDS_NOTHING
+    more, sensor = monitor_records(design.period, heeds)
     return joined(tuning, more), joined(state, sensor)
 
 
@@ -239,10 +237,9 @@ def predict(tuning, state):
     """Time update of P, eq. (9) or (10), and regularisation, eq. (12)."""
     P, column = state["P"], state["gain"]  # the gain has done its work and lends its place
     p = len(P)
-    inflation = tuning["inflation"]
     for i in range(p):
         for j in range(p):
-            P[i, j] = inflation[i, j] * P[i, j] + tuning["drift"][i, j]
+            P[i, j] = tuning["inflation"] * P[i, j] + tuning["drift"][i, j]
     for axis in range(p):  # (12) measures every parameter once, with weight μ
         mu = tuning["regularization"][axis]
         if mu > 0.0:

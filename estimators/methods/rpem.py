@@ -5,12 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.filters.design import (
-    Design,
-    at_least_zero,
-    covariance_matrix,
-    make_design,
-)
+from flexaxis.estimators.filters.design import covariance_matrix, make_design
 from flexaxis.estimators.filters.filter import CompiledFilter, Trace, trace
 from flexaxis.estimators.filters.forgetful import adaptation
 from flexaxis.estimators.filters.prediction_error import CEILING, predict, read_claim
@@ -34,7 +29,7 @@ class Rpem(CompiledFilter):
         trajectory the sensitivities are then propagated.
     identify : sequence of str, optional
         Parameters to estimate, or their inverses; the model's own choice by default. All others
-        stay at the model's nominal values, but for those that are learnt.
+        stay at the model's nominal values.
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
@@ -74,16 +69,6 @@ class Rpem(CompiledFilter):
         that, but for what P(0) or a reset allows. Until R̂ is known P_ii ≤ 100 P(0)_ii. It changes
         nothing, to the last bit, until it acts, as in a long standstill; infinite for the paper's
         method as it is.
-    learn : sequence of str
-        Parameters that are learnt once: of what is known of them nothing is forgotten, and they do
-        not drift. ``theta0``, ``P0``, ``bounds`` and ``scale`` are given for them too, behind the
-        others.
-    scale : (p,) array_like, optional
-        Size that each parameter may have, where one of a law starts at zero; θ(0) by default.
-    settle : float
-        Time before which nothing of the linear model is learnt once [s]: what is tracked, and the
-        state, come first from where they start, or their errors are learnt as structure for ever.
-        What laws have is learnt at once, or what is tracked goes wrong without it.
 
     Attributes
     ----------
@@ -93,8 +78,6 @@ class Rpem(CompiledFilter):
         The box in use.
     theta, psi : (p,) arrays
         The estimate, and the gradient of ŷ at the estimate before.
-    learnt : dict of str to (float, float)
-        Value and claimed standard deviation of what is learnt once.
     P : (p, p) array
         P(t+1|t), for a noise variance of one; set it to reset the filter after a known change.
     covariance : (p, p) array
@@ -138,9 +121,6 @@ class Rpem(CompiledFilter):
         state_correction: bool = False,
         robust: float = 0.0,
         ceiling: float = CEILING,
-        learn: Sequence[str] = (),
-        scale: ArrayLike | None = None,
-        settle: float = 0.0,
     ) -> None:
         design = make_design(
             model,
@@ -155,8 +135,6 @@ class Rpem(CompiledFilter):
             bounds=bounds,
             output=output,
             x0=x0,
-            learn=learn,
-            scale=scale,
         )
         loop, tuning, start = adaptation(
             design,
@@ -164,13 +142,9 @@ class Rpem(CompiledFilter):
             robust=robust,
             ceiling=ceiling,
             correct=state_correction,
-            tuning=_settling(design, settle),
-            state={"taken": 0},
+            tuning={},
+            state=None,
         )
-        if settle:
-            waits = tuning["known_before"][0] > 0.0
-            start["P"][0, waits] = start["P"][0, :, waits] = 0.0
-            start["claim"] = start["P"]
         super().__init__(loop, tuning, start, design, read_claim, restarts=True)
 
     @property
@@ -223,27 +197,7 @@ class Rpem(CompiledFilter):
         return trace(self, u, y, valid)
 
 
-def _settling(design: Design, settle: float) -> dict[str, ArrayLike]:
-    """Return what `_begin_to_learn` needs of tuning."""
-    seconds = at_least_zero("settle", settle, "seconds before anything is learnt once")
-    known = np.diag(design.P0).copy()
-    known[: design.tracked] = 0.0
-    known[np.array(design.model.additive)] = 0.0
-    return {"settled": round(seconds / design.period), "known_before": known}
-
-
-@inlined
-def _begin_to_learn(tuning, state):
-    """Let P know what was known of what is learnt once, as soon as the rest has settled."""
-    state["taken"] += 1
-    if state["taken"] == tuning["settled"]:
-        for i in range(len(tuning["known_before"])):
-            if tuning["known_before"][i] > 0.0:
-                state["P"][i, i] = state["claim"][i, i] = tuning["known_before"][i]
-
-
 @inlined
 def _adapt(tuning, state, valid):
     """Do the time update of the paper, in a gap as well."""
     predict(tuning, state)
-    _begin_to_learn(tuning, state)

@@ -94,31 +94,6 @@ def advance(pattern: Pattern) -> Compiled:
     return Compiled("\n".join((_at_once if some else _in_parts)(pattern)), inline=True, fused=True)
 
 
-@remembered
-def convey(pattern: Pattern) -> Compiled:
-    """
-    Return ``convey(M, X, inputs, weights, order, substeps)``, `inlined`: points over a sample.
-
-    As `advance`, but the lanes are points, each with its own entries M (entries, lanes) and its own
-    torque ``inputs`` (lanes,).
-
-    Parameters
-    ----------
-    pattern : Pattern
-    """
-    points = _Lanes(pattern, [f"b + {j}" for j in range(PART)], own=True)
-    held = [f"h{j} = inputs[b + {j}]" for j in range(PART)]
-    lines = [
-        HEAD.format("convey", "inputs"),
-        f" for b in range(0, X.shape[1], {PART}):",
-        *_shifted(2, points.begin(pattern.reset)),
-        "  for _ in range(substeps):",
-        *_shifted(3, held + points.series()),
-        *_shifted(2, points.end() + points.output()),
-    ]
-    return Compiled("\n".join(lines), inline=True, fused=True)
-
-
 def _at_once(pattern: Pattern) -> list[str]:
     sloped = [(entry, a) for entry, a in _entries(pattern) if a]
     lanes = _Lanes(pattern, [str(a) for a in range(1 + pattern.p)], sloped)
@@ -180,8 +155,6 @@ class _Lanes:
         Where the value of a state's k-th power is.
     moves : str
         What is 0 where the first lane is the value, 1 where it is a derivative; "" if it has none.
-    own : bool
-        Whether each lane has its own entries.
     """
 
     def __init__(
@@ -192,21 +165,16 @@ class _Lanes:
         *,
         value: str = "v{}_0",
         moves: str = "",
-        own: bool = False,
     ) -> None:
         self.pattern, self.lanes, self.sloped = pattern, lanes, sloped
-        self.value, self.moves, self.own = value, moves, own
+        self.value, self.moves = value, moves
         self.places = [(i, j) for i in range(pattern.n) for j in range(len(lanes))]
 
     def begin(self, reset: Sequence[int] = ()) -> list[str]:
         """Read states and entries."""
         lines = [f"x{i}_{j} = {0.0 if i in reset else f'X[{i}, {self.lanes[j]}]'}"
                  for i, j in self.places]  # fmt: skip
-        for k in range(len(self.pattern.entries)):
-            if self.own:
-                lines += [f"m{k}_{j} = M[{k}, {lane}]" for j, lane in enumerate(self.lanes)]
-            else:
-                lines.append(f"m{k} = M[{k}, 0]")
+        lines += [f"m{k} = M[{k}, 0]" for k in range(len(self.pattern.entries))]
         # By a factor, as numba takes far longer to compile a branch for each entry.
         moves = [f" * {self.moves}" * (not j and bool(self.moves)) for j in range(len(self.lanes))]
         lines += [f"s{k}_{j} = M[{k}, {self.lanes[j]}]{moves[j]}" for k, j in self.sloped]
@@ -239,8 +207,7 @@ class _Lanes:
             if i != row:
                 continue
             held = column == self.pattern.n
-            factor = f"m{k}_{j}" if self.own else f"m{k}"
-            products.append(f"{factor} * " + (f"h{j}" if held else f"{state}{column}_{j}"))
+            products.append(f"m{k} * " + (f"h{j}" if held else f"{state}{column}_{j}"))
             if (k, j) in self.sloped:
                 value = f"x{column}_0" if state == "x" else self.value.format(column)
                 products.append(f"s{k}_{j} * " + ("h" if held else value))

@@ -22,7 +22,7 @@ from flexaxis.experiments.scoring.summary import POOLED
 from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import CASE, COLUMNS, axis_kind
 from flexaxis.sim.errors import unknown
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 
 if TYPE_CHECKING:
     import xarray
@@ -255,7 +255,7 @@ class Results:
         """Return the scenario of a row; None where study.json does not tell it."""
         if "bases" not in self._shared:
             self._shared["bases"] = [
-                stored_scenario(entry["definition"], source=entry["definition"]["name"])
+                scenario_from(entry["definition"], source=entry["definition"]["name"])
                 for entry in self.study.get("scenarios", ())
             ]
         axes, key = (self.source.texts[int(self.column(n)[row])] for n in ("axes", "hash"))

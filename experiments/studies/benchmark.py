@@ -40,7 +40,7 @@ from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.traces import Traces
 from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def finish(
         As for `benchmark`.
     """
     study = read_study(folder)
-    scenarios = [stored_scenario(s["definition"], source=str(folder)) for s in study["scenarios"]]
+    scenarios = [scenario_from(s["definition"], source=str(folder)) for s in study["scenarios"]]
     swept = _sweep(study, folder, means)
     if say:
         say("pooling scores and drawing the report …")
@@ -196,7 +196,7 @@ def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[
     wanted = study.get("tradeoff") or {"scenarios": []}
     if not wanted["scenarios"]:
         return None
-    scenarios = [stored_scenario(s, source=str(folder)) for s in wanted["scenarios"]]
+    scenarios = [scenario_from(s, source=str(folder)) for s in wanted["scenarios"]]
     with Bench(scenarios, folder / SWEEP, means) as bench:
         able = sweep.able(scenarios, wanted["estimators"], study["seeds"], bench)
         found = sweep.sweep(scenarios, able, study["seeds"], bench)
