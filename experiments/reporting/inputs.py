@@ -22,7 +22,7 @@ from flexaxis.experiments.scoring.parameter_names import nominal_theta, theta_ov
 from flexaxis.experiments.scoring.summary import Case
 from flexaxis.experiments.storage.files import SUMMARY, SWEEP, OutputError, json_table
 from flexaxis.experiments.storage.traces import Traces
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 
 AT_EQUAL_NOISE = "equal_noise"
 """Folder, in that of the sweep, with the runs at the settings nearest to equal noise."""
@@ -56,7 +56,7 @@ class RunInputs:
         """The scenarios of the run, then those that were only swept."""
         known = {n: entry["definition"] for n, entry in self.summary["scenarios"].items()}
         swept = (self.summary.get("tradeoff") or {}).get("definitions", {})
-        return {n: stored_scenario(e, source=n) for n, e in ({**known, **swept}).items()}
+        return {n: scenario_from(e, source=n) for n, e in ({**known, **swept}).items()}
 
     @cached_property
     def runs(self) -> pd.DataFrame:

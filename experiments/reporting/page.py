@@ -78,11 +78,15 @@ def svg(figure: Figure, name: str, attributes: str) -> Markup:
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
-    text = re.sub(r"(\.\d\d)\d+", r"\1", text)  # hundredths of a point
+    # Hundredths of a point, tenths in curves: glyphs are scaled by hundredths.
+    text = re.sub(r"(\.\d\d)\d+", r"\1", text)
+    text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d)\d", r"\1", path[0]), text)
     text = re.sub("|".join(VARIABLES), lambda match: f"var(--{VARIABLES[match[0]]})", text)
     text = _UNNAMED.sub("", _TAG.sub(_opened, text))
     text = re.sub(r'( id="|url\(#|href="#)', rf"\g<1>{name}-", text)
-    text = re.sub(r"\s*\n\s*", "\n", text).replace("'DejaVu Sans'", "system-ui")
+    text = (
+        re.sub(r"\s*\n\s*", "\n", text).replace("'DejaVu Sans'", "system-ui").replace("xlink:", "")
+    )
     return Markup(re.sub(r"^.*?<svg .*?(?=viewBox=)", f"<svg {attributes} ", text, flags=re.DOTALL))
 
 
@@ -103,7 +107,8 @@ def _swatch(estimator: str, looks: Looks) -> Markup:
     ax = figure.add_axes((0, 0, 1, 1), xlim=(0, 1), ylim=(0, 1))
     ax.set_axis_off()
     ax.plot([0.02, 0.5, 0.98], [0.5] * 3, **look(estimator, looks) | {"markevery": [1]})
-    return svg(figure, f"swatch-{slug(estimator)}", 'class="swatch" aria-hidden="true"')
+    name = f"swatch-{slug(estimator)}"
+    return svg(figure, name, f'class="swatch" id="{name}" aria-hidden="true"')
 
 
 def slug(text: str) -> str:

@@ -151,14 +151,16 @@ class Drawing:
             estimators = [who for who in self.looks if who not in misfits]
             result = ecdf(own, estimators)
             if result and estimators:
-                yield f"Share of runs against the bound: {track}", self.draw(
-                    figures.shares, f"share of runs, {track}", result.ratios, result.problems)  # fmt: skip
+                figure = self.draw(figures.shares, f"share of runs, {track}", result.ratios,
+                                   result.problems)  # fmt: skip
+                yield f"Share of runs against the bound: {track}", figure
 
     def section(self, name: str, rows: pd.DataFrame) -> dict[str, Any]:
         """Return what the report shows of a scenario."""
         scenario, own = self.inputs.scenarios[name], rows[rows["scenario"] == name]
-        section: dict[str, Any] = {"scenario": scenario, "happens": words.happens(scenario.resolved()),
-                   "figures": [], "table": None, "runs": None}  # fmt: skip
+        happens = words.happens(scenario.resolved())
+        section: dict[str, Any] = {"scenario": scenario, "happens": happens, "figures": [],
+                                   "table": None, "runs": None}  # fmt: skip
         if own.empty:
             points = words.faults_of(self.summary["tradeoff"]["points"])
             heads = {"estimator": "estimator", "setting": "setting", "lag": "lag [s]",
@@ -213,7 +215,7 @@ class Drawing:
 def _inside(time: Any, window: tuple[float, float]) -> Any:
     """Return which samples of a window are drawn: one a pixel at most."""
     inside = np.flatnonzero((time >= window[0]) & (time <= window[1]))
-    return inside[:: max(1, len(inside) // 240)]
+    return inside[:: max(1, len(inside) // 200)]
 
 
 def _found(trace: Any) -> str:

@@ -66,7 +66,7 @@ def _cell(row: Mapping[str, Any], column: str) -> Cell:
     if isinstance(value, str):
         return Cell(value)
     small = between(interval) if isinstance(interval, list | tuple) and value else ""
-    return Cell(short(value), "" if pd.isna(value) else value, small)
+    return Cell(short(value), "" if pd.isna(value) else number(value, 4), small)
 
 
 def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from flexaxis.experiments.comparison.mismatch import misled
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, REFERENCE, too_few
 from flexaxis.experiments.reporting import tables, words
 from flexaxis.experiments.reporting.tables import between, short
-from flexaxis.sim.scenario import stored_scenario
+from flexaxis.sim.scenario import scenario_from
 
 WIDE = 200  # columns where there is no terminal, as in the log of a build: no name is cut
 NOTES = {RECOMMENDED: " (recommended)", "frozen": " (never moves)"}
@@ -65,7 +65,7 @@ def show_run(summary: Mapping[str, Any]) -> None:
     """
     if (summary.get("tradeoff") or {}).get("matched"):
         show(equal_noise_table(summary["tradeoff"], len(summary["seeds"])))
-    scenarios = {name: stored_scenario(entry["definition"], source=name)
+    scenarios = {name: scenario_from(entry["definition"], source=name)
                  for name, entry in summary["scenarios"].items()}  # fmt: skip
     show(default_table(summary["rows"], misled(summary["rows"], scenarios)))
 

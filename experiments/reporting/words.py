@@ -128,17 +128,19 @@ def answer(summary: Row) -> tuple[str, list[str]]:
     same = f" (no significant difference, {len(summary['seeds'])} seeds)" * (len(first) > 1)
     where = f" in {count} of {faults} faults" * bool(count < faults)
     ties = [f" {name} ties in {n} of {faults}." for name, n in wins.items() if name not in first]
-    facts = [f"Fastest{where}: {listed(first)}{same}.{''.join(ties)}",
-             f"{first[0]} takes {near[first[0]]} times the shortest lag that theory allows"]  # fmt: skip
+    facts = f"Fastest{where}: {listed(first)}{same}.{''.join(ties)}"
+    far = f"{first[0]} takes {near[first[0]]} times the shortest lag that theory allows"
     if REFERENCE in near and REFERENCE not in first:
-        facts[1] += f"; {REFERENCE}, the paper’s method, {near[REFERENCE]} times"
-    return _title(matched, first, f"in {count} of {faults} faults"), [facts[0], f"{facts[1]}."]
+        far += f"; {REFERENCE}, the paper’s method, {near[REFERENCE]} times"
+    return _title(matched, first, f"in {count} of {faults} faults"), [facts, f"{far}."]
 
 
 def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
     """Return how many times faster than the reference some estimators are, or that they lead."""
     one = len(first) == 1
-    lags = matched[matched["how"] == "matched"].pivot(index="estimator", columns="fault")["lag"]
+    lags = matched[matched["how"] == "matched"].pivot(
+        index="estimator", columns="fault", values="lag"
+    )
     lags = lags.reindex([REFERENCE, *first])
     ratios = (lags.iloc[0] / lags.iloc[1:]).stack().dropna()
     if REFERENCE in first or ratios.empty or ratios.min() < 1.05:

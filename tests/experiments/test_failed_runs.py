@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.comparison.ranking import leaders
-from flexaxis.experiments.reporting.terminal import score_table
+from flexaxis.experiments.reporting.terminal import default_table
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.scoring.summary import columns_of, pool_columns
@@ -70,7 +70,7 @@ def test_who_raises_is_lost_from_the_first_sample_on(short, tmp_path):
     as_set = {row["estimator"]: row for row in found.summary["as_set"]}
     assert as_set[coward]["diverged"] == len(seeds) and None not in as_set[coward]["values"]["lag"]
     assert leaders({name: row["values"]["lag"] for name, row in as_set.items()})[0] == plain
-    assert score_table(found.summary["rows"]).row_count == 3
+    assert default_table(found.summary["rows"]).row_count == 3
 
 
 def test_who_is_slower_on_every_seed_and_leaves_the_hard_ones_out_does_not_lead():
