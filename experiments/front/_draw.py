@@ -33,8 +33,8 @@ def panels(axes: Any, count: int) -> list[Axes]:
         from matplotlib import pyplot
 
         size = (8.0, max(4.0, 1.0 + 1.6 * count))
-        _, found = pyplot.subplots(count, 1, sharex=True, squeeze=False, figsize=size)
-        return list(found[:, 0])
+        _, grid = pyplot.subplots(count, 1, sharex=True, squeeze=False, figsize=size)
+        return list(grid[:, 0])
     found = list(np.ravel(np.asarray(axes, object)))
     if len(found) != count:
         raise FlexaxisError(

@@ -91,7 +91,6 @@ def render(e: Evidence, claims: Sequence[Claim], command: str) -> str:
         "about": lambda *words, but=None: _about(claims, words, but),
         "figures": {n: page.drawn(f, CAPTIONS[n][0], e) for n, f in FIGURES.items()},
         "captions": CAPTIONS,
-        "looks": {},
         "title": "The paper, reproduced and checked",
         "seeds": [record.seed for record in e.data.nominal],
         "runs": {"long": len(e.data.long), "few": len(e.data.pause)},
@@ -102,7 +101,7 @@ def render(e: Evidence, claims: Sequence[Claim], command: str) -> str:
         "table": claims_table(claims),
         "written": in_words,
     }
-    return page.render("paper/templates/paper.html", **content)
+    return page.render("paper/templates/paper.html", looks={}, **content)
 
 
 def claims_table(claims: Sequence[Claim]) -> Table:

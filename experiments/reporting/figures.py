@@ -21,7 +21,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.reporting.styles import BACK, MUTED, SOFT, TEXT, Style, look, styled, tag
-from flexaxis.experiments.reporting.tables import SYMBOL, between, short
+from flexaxis.experiments.reporting.tables import SYMBOL, between, number, short
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,6 +68,9 @@ class Series:
     role: str = ""
     kind: Literal["line", "steps", "points", "both"] = "line"
     tips: Sequence[str] = ()
+
+
+PLAIN: Any = "none"  # no layout engine
 
 
 def new(height: float) -> Figure:
@@ -121,7 +124,7 @@ def curves(
         high = 60 + height * len(panels)
         # Margins are the same in all figures: a layout engine would take half of the time.
         room = {"left": 0.15, "right": 0.97, "bottom": 44 / high, "top": 1 - 18 / high}
-        figure = Figure(figsize=(430 / 96, high / 96), layout="none")
+        figure = Figure(figsize=(430 / 96, high / 96), layout=PLAIN)
         axes = list(
             figure.subplots(len(panels), sharex=True, squeeze=False, gridspec_kw=room)[:, 0]
         )
@@ -137,14 +140,21 @@ def curves(
         for axis, name in ((ax.xaxis, x), (ax.yaxis, label)):
             if name in logs:
                 logarithmic(axis)
-        ax.set(xlim=limits.get(x), ylim=limits.get(label, _limits(ax)))
+        pointed = any(one.kind in ("points", "both") for one in series)
+        ax.set(xlim=limits.get(x), ylim=limits.get(label, None if pointed else _limits(ax)))
         shown = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
         if legend and (fresh := {k: line for k, line in shown.items() if k not in named}):
-            for text in ax.legend(fresh.values(), fresh.keys()).get_texts():
-                text.set_parse_math(False)  # a name may hold a dollar sign
+            for entry in ax.legend(fresh.values(), fresh.keys()).get_texts():
+                entry.set_parse_math(False)  # a name may hold a dollar sign
         named |= shown
     axes[-1].set_xlabel(symbols(x))
-    return axes[0].get_figure(root=True)
+    return _of(axes[0])
+
+
+def _of(ax: Axes) -> Figure:
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    return figure
 
 
 def _draw(ax: Axes, one: Series, looks: Looks, phase: float) -> None:
@@ -246,8 +256,6 @@ def over_bound(
     ax.set(xlabel="lag / Cramér–Rao bound (1)", ylim=(len(order) - 0.5, -0.5))
     ax.set_xlim(min(0.72, ax.get_xlim()[0]), 3 * ax.get_xlim()[1])
     ax.set_yticks(range(len(order)), order, parse_math=False)
-    for label, who in zip(ax.get_yticklabels(), order, strict=True):
-        tag(label, who)
     ax.grid(axis="y", visible=False)
     for fault, shape in shapes.items() if count <= len(MARKERS) else ():
         ax.plot([], [], shape, color=MUTED, label=faults[fault])
@@ -350,7 +358,9 @@ def shares(ratios: Mapping[str, Any], problems: int, **options: Any) -> Figure:
 
 
 @styled
-def score_map(cells: pd.DataFrame, *, title: str, x: str, y: str) -> Figure:
+def score_map(
+    cells: pd.DataFrame, *, title: str, x: str, y: str, limits: tuple[float, float]
+) -> Figure:
     """Draw a score of an estimator over two axes of a study, its value in each cell.
 
     Parameters
@@ -358,15 +368,17 @@ def score_map(cells: pd.DataFrame, *, title: str, x: str, y: str) -> Figure:
     cells : DataFrame
         Values of the ordinate down, those of the abscissa across.
     title, x, y : str
+    limits : (float, float)
+        Of the colours, the same in maps that are compared.
     """
     figure, values = new(90 + 32 * len(cells)), np.ma.masked_invalid(cells.to_numpy(float))
-    ax, norm = figure.subplots(), LogNorm(values.min(), 1.001 * values.max())
+    ax, norm = figure.subplots(), LogNorm(limits[0], 1.001 * limits[1])
     ax.pcolormesh(values, norm=norm, cmap=colormaps["cividis"])
     for (row, column), value in np.ndenumerate(values.filled(np.nan)):
         letters = "#000000" if norm(value) > 0.47 else "#fffffe"  # from there black reads easier
         ax.text(column + 0.5, row + 0.5, short(value), color=letters, ha="center", va="center")
-    ax.set_xticks(np.arange(cells.shape[1]) + 0.5, [f"{v:.4g}" for v in cells.columns])
-    ax.set_yticks(np.arange(cells.shape[0]) + 0.5, [f"{v:.4g}" for v in cells.index])
+    ax.set_xticks(np.arange(cells.shape[1]) + 0.5, map(number, cells.columns))
+    ax.set_yticks(np.arange(cells.shape[0]) + 0.5, map(number, cells.index))
     ax.set(xlabel=symbols(x), ylabel=symbols(y))
     ax.set_title(title, parse_math=False)
     ax.grid(visible=False)
@@ -404,7 +416,7 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
     ax.set_yticks(range(len(rows)), [symbols(f"{row['name']}: {row['verdict']}") for row in rows])
     logarithmic(ax.xaxis)
     ax.grid(axis="y", visible=False)
-    return ax.get_figure(root=True)
+    return _of(ax)
 
 
 def symbols(text: str) -> str:

@@ -21,7 +21,7 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from flexaxis.experiments.reporting import tables
-from flexaxis.experiments.reporting.figures import Looks
+from flexaxis.experiments.reporting.figures import PLAIN, Looks
 from flexaxis.experiments.reporting.styles import NINE, SETTINGS, VARIABLES, assigned, look, styled
 
 if TYPE_CHECKING:
@@ -78,16 +78,21 @@ def svg(figure: Figure, name: str, attributes: str) -> Markup:
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
-    # Hundredths of a point, tenths in curves: glyphs are scaled by hundredths.
-    text = re.sub(r"(\.\d\d)\d+", r"\1", text)
-    text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d)\d", r"\1", path[0]), text)
-    text = re.sub("|".join(VARIABLES), lambda match: f"var(--{VARIABLES[match[0]]})", text)
     text = _UNNAMED.sub("", _TAG.sub(_opened, text))
+    text = re.sub(r"<[^>]+>", _shorter, text)
+    text = re.sub("|".join(VARIABLES), lambda match: f"var(--{VARIABLES[match[0]]})", text)
     text = re.sub(r'( id="|url\(#|href="#)', rf"\g<1>{name}-", text)
     text = (
         re.sub(r"\s*\n\s*", "\n", text).replace("'DejaVu Sans'", "system-ui").replace("xlink:", "")
     )
     return Markup(re.sub(r"^.*?<svg .*?(?=viewBox=)", f"<svg {attributes} ", text, flags=re.DOTALL))
+
+
+def _shorter(element: re.Match[str]) -> str:
+    """Return an element with hundredths of a point; a path has tenths, and lines without an L."""
+    text = re.sub(r"(\.\d\d)\d+", r"\1", element[0])
+    path = text.startswith("<path")
+    return re.sub(r"\nL(?= )", "", re.sub(r"(\.\d)\d", r"\1", text)) if path else text
 
 
 def _opened(match: re.Match[str]) -> str:
@@ -103,7 +108,7 @@ def _opened(match: re.Match[str]) -> str:
 @styled
 def _swatch(estimator: str, looks: Looks) -> Markup:
     """Return a piece of the line of an estimator with its marker."""
-    figure = Figure(figsize=(32 / 96, 13 / 96), layout="none")
+    figure = Figure(figsize=(32 / 96, 13 / 96), layout=PLAIN)
     ax = figure.add_axes((0, 0, 1, 1), xlim=(0, 1), ylim=(0, 1))
     ax.set_axis_off()
     ax.plot([0.02, 0.5, 0.98], [0.5] * 3, **look(estimator, looks) | {"markevery": [1]})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -113,22 +113,11 @@ class Drawing:
                 yield self.over_time(scenario, parameter, traces, window, "at equal noise")
 
     def over_time(
-        self, scenario: Any, name: str, traces: Mapping[str, Any], window: tuple[float, float],
-        label: str,
-    ) -> Markup:  # fmt: skip
-        """Return estimates over time, their medians; the first and the reference have bands."""
-        series = []
-        for who in [each for each in list(self.looks)[::-1] if traces.get(each)]:
-            time, runs = estimates(traces[who], scenario, name)
-            kept = _inside(time, window)
-            low, middle, high = np.percentile(runs[:, kept], [10, 50, 90], axis=0)
-            band = who in (next(iter(self.looks)), REFERENCE) and len(runs) > 1
-            series.append(figures.Series(
-                x=time[kept], y=middle, low=low if band else None, high=high if band else None,
-                estimator=who, tips=[who]))  # fmt: skip
-        kept = _inside(scenario.times, window)
-        true = truth(scenario, name)[kept]
-        series.append(figures.Series(x=scenario.times[kept], y=true, role="truth", kind="steps"))
+        self, scenario: Any, name: str, traces: Any, window: tuple[float, float], label: str
+    ) -> Markup:
+        """Return estimates over time; the first estimator and the reference have bands."""
+        ordered = {who: traces[who] for who in list(self.looks)[::-1] if traces.get(who)}
+        series = medians(ordered, scenario, name, window, banded=(*list(self.looks)[:1], REFERENCE))
         text = f"{name} of {scenario.name}, {window[0]:.4g} to {window[1]:.4g} s, {label}"
         return self.draw(figures.curves, text, {f"{name} / nominal": series}, x="time [s]",
                          limits={"time [s]": window}, **figures.around(scenario))  # fmt: skip
@@ -212,10 +201,40 @@ class Drawing:
         }  # fmt: skip
 
 
+def medians(
+    traces: Mapping[str, Any], scenario: Any, name: str, window: tuple[float, float],
+    *, banded: Sequence[str],
+) -> list[figures.Series]:  # fmt: skip
+    """Return the median estimates of some estimators in a window, and the truth.
+
+    Parameters
+    ----------
+    traces : mapping of str to mapping
+        Traces by estimator and seed.
+    scenario : Scenario
+    name : str
+        What is estimated.
+    window : (float, float)
+        [s]
+    banded : sequence of str
+        Estimators with a band of 10 to 90 % of the runs.
+    """
+    series = []
+    for who, own in traces.items():
+        time, runs = estimates(own, scenario, name)
+        kept = _inside(time, window)
+        low, middle, high = np.percentile(runs[:, kept], [10, 50, 90], axis=0)
+        band = {"low": low, "high": high} if who in banded and len(runs) > 1 else {}
+        series.append(figures.Series(x=time[kept], y=middle, estimator=who, **band))
+    kept, true = _inside(scenario.times, window), truth(scenario, name)
+    true = figures.Series(x=scenario.times[kept], y=true[kept], role="truth", kind="steps")
+    return [*series, true]
+
+
 def _inside(time: Any, window: tuple[float, float]) -> Any:
     """Return which samples of a window are drawn: one a pixel at most."""
     inside = np.flatnonzero((time >= window[0]) & (time <= window[1]))
-    return inside[:: max(1, len(inside) // 200)]
+    return inside[:: max(1, len(inside) // 150)]
 
 
 def _found(trace: Any) -> str:

@@ -115,15 +115,15 @@ def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
     """Yield a heading and a map of the lag an estimator, over two axes each."""
     for y, x in list(combinations(numeric_axes(results), 2))[:MAPS]:
         labels = {k: words.axis_words(axis, results.study) for k, axis in (("x", x), ("y", y))}
-        rows, heading = (
-            _changed(pooled(results, [x, y])),
-            f"lag [s] over {' and '.join(labels.values())}",
-        )
+        rows = _changed(pooled(results, [x, y]))
+        heading = f"lag [s] over {' and '.join(labels.values())}"
         if len(rows):
+            maps = rows.pivot_table("lag", ["estimator", y], x)
+            ends = maps.min(axis=None), maps.max(axis=None)
             yield heading, [
-                page.drawn(score_map, f"{who}: {heading}", own.pivot_table("lag", y, x)[::-1],
-                           title=str(who), **labels)
-                for who, own in rows.groupby("estimator", sort=False)
+                page.drawn(score_map, f"{who}: {heading}", maps.loc[who][::-1],
+                           title=str(who), limits=ends, **labels)
+                for who in rows["estimator"].unique()
             ]  # fmt: skip
 
 

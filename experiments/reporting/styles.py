@@ -72,7 +72,7 @@ VARIABLES = {TEXT: "text", MUTED: "muted", LINE: "line", SOFT: "soft", BACK: "ba
 VARIABLES |= {style.light.lower(): f"style-{style.place}" for style in NINE}
 """Names of the variables of the style sheet that stand for the colours of a figure."""
 
-SETTINGS: dict[str, Any] = {
+SETTINGS: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "flexaxis",  # or two builds of a page differ
     "font.family": "DejaVu Sans",
@@ -109,7 +109,8 @@ SETTINGS: dict[str, Any] = {
 }
 
 
-P, R = ParamSpec("P"), TypeVar("R")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def styled(draw: Callable[P, R]) -> Callable[P, R]:

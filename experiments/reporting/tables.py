@@ -118,4 +118,4 @@ def between(values: Iterable[float | None] | None) -> str:
     values = () if values is None else values
     known = [v for v in values if v is not None and np.isfinite(v)] or [np.nan]
     low, high = short(min(known)), short(max(known))
-    return low if low == high else f"{low}–{high}"
+    return low if low == high else f"{low} … {high}" if "-" in low else f"{low}–{high}"

@@ -10,7 +10,7 @@ import pytest
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.results import pooled
+from flexaxis.experiments.reporting.inputs import RunInputs
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.study import Study
@@ -86,9 +86,10 @@ def test_any_executor_will_do(short):
 
 def test_a_folder_holds_what_the_report_needs(short, tmp_path):
     made = benchmark(plan(short), tmp_path)
-    read = pooled.load(tmp_path)
+    read = RunInputs.of(tmp_path)
     assert read.summary == json.loads(json.dumps(made.summary))
-    np.testing.assert_array_equal(read.curves[0].median, made.curves[0].median)
+    traces = [inputs.traces(short.name, "rpem-forgetting") for inputs in (read, made)]
+    np.testing.assert_array_equal(traces[0][0].curve, traces[1][0].curve)
     assert {f.name for f in tmp_path.iterdir()} == {
         "study.json",
         "scores.sqlite",
@@ -96,7 +97,7 @@ def test_a_folder_holds_what_the_report_needs(short, tmp_path):
         "report.html",
     }
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert '<figure class="chart"' in page and "rpem-forgetting" in page
+    assert '<svg role="img"' in page and "rpem-forgetting" in page
     assert "src=" not in page.partition("<script>")[0]
 
 
@@ -191,11 +192,12 @@ def test_a_run_goes_on_where_it_was_stopped(short, tmp_path):
     assert sum(counted) == 12
     benchmark(whole, tmp_path / "b")
     assert without_cost(tmp_path / "a") == without_cost(tmp_path / "b")
-    summaries = [pooled.load(tmp_path / name) for name in "ab"]
+    summaries = [RunInputs.of(tmp_path / name) for name in "ab"]
     rows = [[{k: v for k, v in row.items() if k != "cost"} for row in s.summary["rows"]]
             for s in summaries]  # fmt: skip
     assert rows[0] == rows[1]
-    np.testing.assert_array_equal(summaries[0].curves[1].high, summaries[1].curves[1].high)
+    ((first, *_), (second, *_)) = (s.traces(short.name, "ekf").values() for s in summaries)
+    np.testing.assert_array_equal(first.curve, second.curve)
 
 
 def test_a_folder_that_cannot_be_written_is_found_first(short, tmp_path):

@@ -299,15 +299,6 @@ def test_any_class_with_a_knob_is_tuned(capsys, monkeypatch, tmp_path):
     assert "no knob to turn" in capsys.readouterr().err
 
 
-def test_who_is_in_no_row_at_equal_noise_is_named():
-    from flexaxis.experiments.reporting.run.first import not_compared
-
-    swept = {"matched": [{"estimator": "ekf"}], "left_out": ["mine.py:Breaks"]}
-    told = not_compared(swept, ["ekf", "frozen", "mine.py:Blind", "mine.py:Breaks"])
-    assert len(told) == 2 and "mine.py:Blind" in told[0] and "mine.py:Breaks" in told[1]
-    assert not any("ekf" in text or "frozen" in text for text in told)
-
-
 def test_estimate_is_a_host_too(capsys, short):
     from flexaxis.sim.simulate import simulate
 

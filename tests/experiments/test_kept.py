@@ -13,7 +13,7 @@ import pandas
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.results.pooled import load
+from flexaxis.experiments.reporting.inputs import RunInputs
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means, run_study
@@ -74,9 +74,11 @@ def test_the_summary_is_of_what_was_asked_for(short, tmp_path):
     ]
     assert Results.load(tmp_path / "one").cases == 2
     assert Results.load(tmp_path / "one", whole=True).cases == 3 + 10
-    assert load(tmp_path / "one").summary == found
-    both = [load(tmp_path / name).curves for name in ("one", "two")]
-    np.testing.assert_array_equal(both[0][0].high, both[1][0].high)
+    assert RunInputs.of(tmp_path / "one").summary == found
+    one, two = (RunInputs.of(tmp_path / name).traces("short", "rpem-forgetting")
+                for name in ("one", "two"))  # fmt: skip
+    assert one.keys() == two.keys()
+    np.testing.assert_array_equal(one[0].curve, two[0].curve)
 
 
 def test_a_run_again_runs_nothing_and_says_so(short_toml, tmp_path, capsys):

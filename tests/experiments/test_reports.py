@@ -148,7 +148,7 @@ def test_speed_against_noise_is_measured_by_the_reference():
                and n.get_label() == "ekf"]  # fmt: skip
     curve = next(n for n in ax.lines if len(n.get_xdata()) == 3)
     np.testing.assert_allclose(curve.get_xydata(), [[0.5, 2], [1, 1], [2, 0.5]])
-    assert line.get_color() == styles.style("ekf").light and ax.get_title() == "w"
+    assert line.get_color() == styles.style("ekf").light and ax.get_title(loc="left") == "w"
     assert [n.get_ydata()[0] for n in ax.lines if n.get_label() == "bound"] == [0.04]
 
 
@@ -172,7 +172,7 @@ def test_shares_reach_what_was_reached():
 
 def test_a_map_writes_its_values():
     cells = pd.DataFrame([[0.1, 1.0], [np.nan, 10.0]], index=[1.0, 2.0], columns=[3.0, 4.0])
-    drawn = figures.score_map(cells, title="$a$", x="x", y="f_m")
+    drawn = figures.score_map(cells, title="$a$", x="x", y="f_m", limits=(0.1, 10.0))
     assert {t.get_text() for t in drawn.axes[0].texts} == {"0.10", "1.0", "–", "10"}
 
 
@@ -222,6 +222,13 @@ def test_a_figure_of_a_page_has_classes_titles_and_variables():
     assert page.css_class("a[b=1]") != page.css_class("a[b=-1]")
     again = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks, legend=False)
     assert html == again
+
+
+def test_numbers_that_are_read_keep_their_digits():
+    series = [Series(x=[0, 1, 2], y=[1.001, 1.002, 1.003], tips=["0.98765"])]
+    html = page.drawn(figures.curves, "f", {"y": series}, x="x")
+    assert "<title>0.98765</title>" in html and re.search(r">1\.00[12]\d*</text>", html)
+    assert not re.search(r'[ "]-?\d+\.\d{3,}[ "]', html)
 
 
 def test_the_script_is_short_and_asks_for_nothing():

@@ -94,7 +94,7 @@ def _sweep(args: argparse.Namespace) -> int:
     ):
         swept = sweep(scenarios, estimators, seeds, bench)
         ranking = overall(swept.at_excess)
-        content = {"command": command, "seeds": seeds, "reference": reference()}
+        content: dict[str, Any] = {"command": command, "seeds": seeds, "reference": reference()}
         content |= asdict(swept) | {"overall": ranking}
         content |= {"definitions": {s.name: s.resolved() for s in scenarios}}
         path = folder / "sweep.svg"

@@ -144,6 +144,7 @@ def _run(
 
 
 def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int:
+    from flexaxis.experiments.reporting.study import title
     from flexaxis.experiments.results.results import Results
     from flexaxis.experiments.running.folder import done
     from flexaxis.experiments.studies.benchmark import report
@@ -158,4 +159,6 @@ def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int
     told |= {"run": run, "failed": len(failures)}
     words = f"{counted} of {_several(total, 'case')} done, {run} of them just now"
     options.tell_failures(failures)
-    return answer(args, told, status, words, path)
+    if plan.shard[1] > 1:
+        return answer(args, told, status, words, path)
+    return answer(args, told, status, words, title(Results.load(folder)), f"report: {path}")
