@@ -16,11 +16,11 @@ from scipy.stats import spearmanr
 from suite_rows import HOME, SEEDS, WHO, changed, said
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.comparison.matching import Setting, match
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.running.case import track_of
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.scoring.score_table import rows as scores
 from flexaxis.experiments.studies.knobs import with_knob
 from flexaxis.experiments.studies.sweep import FACTORS

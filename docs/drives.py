@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from suite_rows import GEARED, HOME, WHO, changed, said
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.scoring.bounds import jump_bound
 from flexaxis.experiments.scoring.parameter_names import nominal_theta
 from flexaxis.experiments.scoring.true_model import with_structure

@@ -11,8 +11,8 @@ from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.figures import around, curves
 from flexaxis.experiments.reporting.run import medians
+from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 
 PICTURE = Path(__file__).parent / "images" / "fm_step.png"
 SEEDS = tuple(range(1000, 1030))
@@ -22,9 +22,9 @@ def main() -> None:
     """Run, and draw."""
     scenario = find_scenario("fm_step-v1")
     study = Study("fm_step", (scenario,), ("rpem-forgetting", RECOMMENDED), SEEDS)
-    with tempfile.TemporaryDirectory() as place:
-        run = benchmark(Benchmark(study, title="fm_step", command=__file__), Path(place))
-        traces = {who: run.traces(scenario.name, who) for who in study.estimators}
+    with tempfile.TemporaryDirectory() as place, Runner(Path(place), jobs=2) as runner:
+        results = runner.run(study, traces=True)
+        traces = {who: results.traces(scenario.hash, who) for who in study.estimators}
     window = (5.0, 20.0)
     panels = {
         f"{name} / nominal": medians(traces, scenario, name, window, banded=study.estimators)

@@ -110,7 +110,7 @@ knobs = {
 } | {"glr": [f"glr[walk={7e-4 * t:g}]" for t in turns]}
 every = [text for texts in knobs.values() for text in texts]
 results = fx.benchmark(every, scenarios="fm_step-v1", seeds=6)
-rows = {row["estimator"]: row for row in results.scores() if row["parameter"] == "f_m"}
+rows = results.scores().query("parameter == 'f_m'").set_index("estimator").to_dict("index")
 
 figure, ax = plt.subplots(figsize=(8, 4), layout="constrained")
 for name, texts in knobs.items():

@@ -6,14 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.away import Away, there
-from flexaxis.experiments.building.crashes import EstimatorCrash
-from flexaxis.experiments.building.estimator_text import Spec, build
-from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.conformance.requirements import RULES, Rule
 from flexaxis.experiments.conformance.subject import Subject
 from flexaxis.experiments.running.cache import RecordCache, records
+from flexaxis.experiments.running.estimators import Spec, build
+from flexaxis.experiments.running.user_code import EstimatorCrash, reported
 
 DURATION = 12.0  # s, 2400 samples; the fault is at 10 s
 
@@ -51,7 +49,7 @@ def check(
     return found
 
 
-def _subject(spec: Spec, store: RecordCache | None) -> Subject | Away:
+def _subject(spec: Spec, store: RecordCache | None) -> Subject:
     problems = []
     for name in ("fm_step-v1", "encoder_fm_step-v1"):  # whichever output it reads
         scenario = find_scenario(name).override({"name": "check", "duration": DURATION})
@@ -61,16 +59,14 @@ def _subject(spec: Spec, store: RecordCache | None) -> Subject | Away:
             problems.append(error)
             continue
         asked = scenario, records(scenario, [0], store)[0][0], store
-        if not isinstance(spec.make, Away):
-            return Subject(spec, *asked)
-        return spec.make(Subject, spec, *asked)
+        return Subject(spec, *asked)
     raise problems[0]
 
 
-def _result(rule: Rule, subject: Subject | Away, text: str) -> RuleResult:
+def _result(rule: Rule, subject: Subject, text: str) -> RuleResult:
     try:
-        with hosted(text, "on the record of the check"):
-            holds, seen = there(rule.look, subject)
+        with reported(text, "on the record of the check"):
+            holds, seen = rule.look(subject)
     except EstimatorCrash as error:
         seen = str(error).partition(" crashed ")[2]
         return RuleResult(rule.name, False, f"it crashed {seen}", rule.reason, rule.hint, True)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.protocol import Estimator, run_estimator
-from flexaxis.experiments.building.estimator_text import Spec, build
 from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.estimators import Spec, build
 from flexaxis.experiments.scoring.parameter_names import known_names, nominal_theta, theta_over_time
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario

@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from flexaxis.experiments.building.code import names_code
 from flexaxis.experiments.demo.live_axis import EXCITATION, FACTORS, KINDS, LIMITS
 from flexaxis.experiments.demo.racer import NAMES, Racer
 from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
+from flexaxis.experiments.running.estimators import names_code
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.parameters import PARAMETER_NAMES, preset
 from flexaxis.sim.storage.reading import read_text, toml_tables

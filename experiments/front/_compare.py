@@ -13,7 +13,7 @@ from flexaxis._table import html_table, text_table
 from flexaxis.experiments.gate import gate
 from flexaxis.experiments.gate.pairs import parse_margins
 from flexaxis.experiments.gate.wording import COLUMNS, cells, headline, knobs, meaning, ordered
-from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.studies.bench import Bench
 
 if TYPE_CHECKING:
     import pandas
@@ -135,15 +135,13 @@ def compare(
         If they have nothing in common; with `match_std` if one has no knob, or cannot be as noisy
         as the reference.
     """
-    first, second = (texts_of([one], jobs=jobs)[0] for one in (base, candidate))
+    first, second = (texts_of([one])[0] for one in (base, candidate))
     wanted = parse_margins([f"{name}={value!r}" for name, value in (margins or {}).items()])
-    question, left_out = gate.ask(
-        first, second, scenarios_of(scenarios), seeds_of(seeds), wanted, max_seeds
-    )
-    most = question.most(match_std=match_std)
-    about = f"at most {most} case{'s'[: most != 1]}"
-    with (
-        working(about, most, jobs=jobs, time_limit=time_limit) as means,
-        Bench(question.scenarios, means=means) as bench,
-    ):
-        return Comparison(gate.compare(question, bench, match_std=match_std), left_out)
+    everywhere, common = scenarios_of(scenarios), seeds_of(seeds)
+    most = 2 * len(everywhere) * max(max_seeds, len(common))
+    with working(f"at most {most} cases", most, jobs=jobs, time_limit=time_limit) as runner:
+        question, left_out = gate.ask(
+            first, second, everywhere, common, wanted, max_seeds, runner=runner
+        )
+        found = gate.compare(question, Bench(runner), match_std=match_std)
+    return Comparison(found, left_out)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +15,8 @@ from flexaxis._records import Recording
 from flexaxis._table import html_table, text_table
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.experiments.running.estimate import run_on, true_values
-from flexaxis.experiments.storage.files import needed
+from flexaxis.experiments.files import optional_package
+from flexaxis.experiments.running.estimate import run_on, true_values, write_estimates
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario
 
@@ -73,7 +74,9 @@ class Estimate:
         """
         if self._again is None:
             return None
-        return run_on(self._again(), self.record)[1]
+        estimator, record = self._again(), self.record
+        y = getattr(record, estimator.output)
+        return run_on(estimator, record.torque, y, record.valid)[1]
 
     @cached_property
     def truth(self) -> Mapping[str, Array]:
@@ -138,7 +141,21 @@ class Estimate:
         along = {"time": ("time", self.time, {"units": "s"}),
                  "estimate": np.array(self.names, object)}  # fmt: skip
         about = {"estimator": self.estimator, "record_hash": self.record.hash}
-        return needed("xarray").Dataset({"theta": (names, self.theta, said)}, along, about)
+        return optional_package("xarray").Dataset(
+            {"theta": (names, self.theta, said)}, along, about
+        )
+
+    def save(self, path: str | Path, *, covariance: bool = True) -> None:
+        """Write the estimates to a NetCDF-4 file, with the covariance that is claimed.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        about = {"estimator": self.estimator, "record_hash": self.record.hash}
+        known = self.covariance if covariance else None
+        write_estimates(Path(path), self.time, self.theta, self.names, about, covariance=known)
 
     def _lines(self) -> list[list[str]]:
         found = []

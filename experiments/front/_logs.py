@@ -136,10 +136,10 @@ def track(
     start : float
         θ(0) over what was identified.
     """
-    from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.logs.pages.track_page import estimates_chart, residual_chart
     from flexaxis.experiments.logs.track import default_estimator
     from flexaxis.experiments.logs.track import track as tracked
+    from flexaxis.experiments.running.estimators import parse
 
     record, known = _record(log), _axis(axis)
     text = estimator or default_estimator(known)

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexaxis._given import scenarios_of, seed_of
 from flexaxis._table import html_table
-from flexaxis.experiments.storage.files import needed
+from flexaxis.experiments.files import optional_package
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import Record, load_record
 from flexaxis.sim.scenario import Scenario, scenario_from
@@ -111,7 +111,7 @@ class Recording(Record):
             along["parameter"] = np.array(self.parameter_names, object)
         about = {"scenario": self.scenario.get("name", ""), "hash": self.hash}
         about |= {} if self.seed is None else {"seed": self.seed}
-        return needed("xarray").Dataset(found, along, about)
+        return optional_package("xarray").Dataset(found, along, about)
 
     def _repr_html_(self) -> str:
         head = f"<b>{self.scenario.get('name', 'record')}</b>"

@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.estimator_text import written_options
 from flexaxis.experiments.comparison.matching import MATCHED, Match, Noise, Setting, match, plain
+from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.gate.pairs import Paired, Pairs
-from flexaxis.experiments.running.bench import Bench, Runs
-from flexaxis.experiments.running.work import Row
-from flexaxis.experiments.storage.files import StudyError
+from flexaxis.experiments.running.estimators import written_options
+from flexaxis.experiments.studies.bench import Bench, Row, Runs
 from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.tuning import (
     EXCESS,

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from flexaxis.experiments.building.ready import readable
 from flexaxis.experiments.catalogue.find import find_suite, suite_names
 from flexaxis.experiments.gate.decide import ALPHA, SAME, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, at_one_noise, work
@@ -19,7 +18,8 @@ from flexaxis.experiments.gate.verdicts import (
     newly_lost,
     overall,
 )
-from flexaxis.experiments.running.bench import Bench, Runs, check_failures
+from flexaxis.experiments.running.run import Runner, check_failures
+from flexaxis.experiments.studies.bench import Bench, Runs
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -240,7 +240,7 @@ def compare(question: Question, bench: Bench, *, match_std: bool = False) -> Com
         base, candidate = (rows_of(runs, text) for text in both)
         for side in (base, candidate):
             if side["failed"].all():  # a crash, and no verdict
-                check_failures(side.to_dict("records"))
+                check_failures(side)
         paired = pair(base, candidate, question.margins)
         paired = replace(paired, lacking=(*question.lacking, *paired.lacking))
         unmatched: tuple[tuple[str, str], ...] = ()
@@ -269,12 +269,14 @@ def ask(  # noqa: PLR0917
     seeds: Sequence[int],
     margins: Mapping[str, float],
     max_seeds: int = 0,
+    *,
+    runner: Runner,
 ) -> tuple[Question, dict[str, str]]:
     """Return a question on the scenarios that both can read, and why others are left out.
 
-    Parameters as in `Question`.
+    Parameters as in `Question`; the runner makes the estimators.
     """
-    left = {side: readable(scenarios, [text])[1]
+    left = {side: runner.misfits(scenarios, [text])
             for side, text in (("base", base), ("candidate", candidate))}  # fmt: skip
     alone = tuple(
         Lack(name, side, len(seeds), unreadable=True)

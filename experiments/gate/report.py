@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import rich.table
 
-from flexaxis.experiments.building.code import digest
+from flexaxis.experiments.files import REPORT, write_json, write_text, writing
 from flexaxis.experiments.gate.decide import BETTER, UNDECIDED, WORSE
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.verdicts import Verdict
@@ -28,8 +28,7 @@ from flexaxis.experiments.gate.wording import (
 )
 from flexaxis.experiments.reporting.compare import render
 from flexaxis.experiments.reporting.inputs import estimates, truth
-from flexaxis.experiments.storage.files import REPORT, write_json, write_text, writing
-from flexaxis.experiments.storage.traces import Traces
+from flexaxis.experiments.reporting.old_results import Traces
 from flexaxis.sim.scenario import Scenario
 
 
@@ -167,10 +166,8 @@ def write(
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / MARKDOWN, markdown(found))
-    codes = {text: digest(text) for text in (found.base, found.candidate)}
-    text = comparison_page(
-        found, scenarios, sources=sources or {}, command=command, traces=Traces(folder, codes)
-    )
+    traces = Traces(folder if (folder / ROWS).exists() else None)
+    text = comparison_page(found, scenarios, sources=sources or {}, command=command, traces=traces)
     write_text(folder / REPORT, text)
     # Last: a folder that has none is not complete.
     write_json(folder / JSON, found.as_dict() | {"command": command})

@@ -6,22 +6,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.comparison.matching import SPREADS
+from flexaxis.experiments.files import SUMMARY, OutputError, StudyError, json_table
 from flexaxis.experiments.gate.decide import ALPHA
 from flexaxis.experiments.gate.gate import Comparison
-from flexaxis.experiments.gate.pairs import LOST, ScoreRows, pair, table
+from flexaxis.experiments.gate.pairs import ScoreRows, pair, table
 from flexaxis.experiments.gate.verdicts import judge
-from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.storage.files import STUDY, SUMMARY, OutputError, json_table
-from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.reporting.old_results import Results
+from flexaxis.experiments.running.store import ROWS
+from flexaxis.experiments.studies.bench import nested
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
-
-KEYS = ("scenario", "hash", "seed", "parameter", "changed", "failed")
 
 
 def is_run(name: str) -> bool:
     """Whether a name is the folder of a finished run."""
-    return Path(name).is_dir() and bool(row_files(Path(name)))
+    return (Path(name) / ROWS).exists()
 
 
 def compare_runs(
@@ -94,21 +92,16 @@ def compare_rows(
 
 
 def _load(folder: Path) -> tuple[dict[str, Any], Results]:
-    results = Results(folder, {"axes": ()})
     try:
-        summary = json_table(folder / SUMMARY, OutputError)
-        summary["versions"].items()
-        len(results)  # damaged rows are found here
-        return summary, results
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        if (folder / STUDY).is_file() and json_table(folder / STUDY, OutputError).get("axes"):
+        results = Results.load(folder)
+        if results.axes:
             raise OutputError(
                 f"{folder} is a study: runs are compared, or two estimators on a scenario, as in "
                 "`flexaxis compare --base A --candidate B FILE.toml` (docs/studies.md)"
-            ) from error
-        raise OutputError(
-            f"{folder} holds no complete result (rows and {SUMMARY} are needed): {error}"
-        ) from error
+            )
+        return json_table(folder / SUMMARY, OutputError), results
+    except (StudyError, OSError) as error:
+        raise OutputError(f"{folder} holds no complete result: {error}") from error
 
 
 def _rows(
@@ -118,9 +111,8 @@ def _rows(
     where: dict[str, Any] = {"estimator": estimator}
     if seeds is not None:
         where["seed"] = list(seeds)
-    beside = [SPREADS[metric][0] for metric in metrics if metric in SPREADS]
-    columns = dict.fromkeys((*KEYS, *LOST, *metrics, *beside))
-    return table(Rows(results.select(where), tuple(columns)))
+    del metrics
+    return table(nested(results.select(where).frame))
 
 
 def _check_versions(
@@ -147,7 +139,7 @@ def _check_hashes(base: Path, candidate: Path, old: ScoreRows, new: ScoreRows) -
 
 
 def _chosen(folder: Path, given: str | None, results: Results) -> str:
-    names = results.codes("estimator")[1]
+    names = list(results.frame["estimator"].unique())
     if given in names:
         return str(given)
     if given is None and len(names) == 1:

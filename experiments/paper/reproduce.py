@@ -9,6 +9,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 
+from flexaxis.experiments.files import write_json, write_text, writing
 from flexaxis.experiments.paper.claim import SHARES, Claim, Evidence, Measured, gather
 from flexaxis.experiments.paper.claims import CHECKS
 from flexaxis.experiments.paper.data import Size
@@ -16,7 +17,6 @@ from flexaxis.experiments.paper.figures import CAPTIONS, FIGURES
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.tables import Cell, Table
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.storage.files import write_json, write_text, writing
 
 CLAIMS, PAGE = "claims.json", "index.html"
 

@@ -14,25 +14,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running.folder import read_study
+from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import is_option
 from flexaxis.experiments.scoring.curves import CURVE_STEP, near_fault
 from flexaxis.experiments.scoring.parameter_names import nominal_theta, theta_over_time
 from flexaxis.experiments.scoring.summary import Case
-from flexaxis.experiments.storage.files import SUMMARY, SWEEP, OutputError, json_table
-from flexaxis.experiments.storage.traces import Traces
 from flexaxis.sim.scenario import Scenario, scenario_from
-
-AT_EQUAL_NOISE = "equal_noise"
-"""Folder, in that of the sweep, with the runs at the settings nearest to equal noise."""
 
 
 @dataclass(frozen=True)
 class RunInputs:
-    """A finished run: its folder, and what stands in its summary.json."""
+    """A finished run: its results, and what stands in its summary.json."""
 
-    folder: Path
+    results: Results
     summary: dict[str, Any]
 
     @classmethod
@@ -41,42 +35,29 @@ class RunInputs:
 
         Raises
         ------
-        OutputError
+        StudyError, OutputError
             If it holds no finished run.
         """
-        if not (folder / SUMMARY).exists():
-            raise OutputError(
-                f"{folder} holds no complete result of a run: {SUMMARY} is missing. Make one with "
-                "`flexaxis run … -o FOLDER`"
-            )
-        return cls(folder, json_table(folder / SUMMARY, OutputError))
+        results = Results.load(folder)
+        return cls(results, results.summary)
 
     @cached_property
     def scenarios(self) -> dict[str, Scenario]:
         """The scenarios of the run, then those that were only swept."""
         known = {n: entry["definition"] for n, entry in self.summary["scenarios"].items()}
-        swept = (self.summary.get("tradeoff") or {}).get("definitions", {})
-        return {n: scenario_from(e, source=n) for n, e in ({**known, **swept}).items()}
+        known |= (self.summary.get("tradeoff") or {}).get("definitions", {})
+        return {name: scenario_from(each, source=name) for name, each in known.items()}
 
     @cached_property
     def runs(self) -> pd.DataFrame:
         """A row a scenario, estimator, seed and parameter, of runs that did not fail."""
-        rows = Results.load(self.folder).ran().to_dataframe()
-        rows["over_bound"] = rows["lag"] / rows["lag_bound"]
-        return rows[rows["error"].isna()]
+        rows = self.results.frame
+        rows = rows[rows["error"].isna()]
+        return rows.assign(over_bound=rows["lag"] / rows["lag_bound"])
 
-    def traces(self, scenario: str, estimator: str, part: str = "") -> Mapping[int, Case]:
-        """Return what the runs of an estimator are drawn from, by seed; `part` as a folder."""
-        codes = read_study(self.folder).get("code", {})
-        folder = self.folder / part
-        if not folder.is_dir():
-            return {}
-        traces = Traces(folder, codes, self.summary["seeds"])
-        return traces.find(self.scenarios[scenario].hash, estimator)
-
-    def at_equal_noise(self, scenario: str, setting: str) -> Mapping[int, Case]:
-        """Return the same of the setting nearest to equal noise; nothing where it was not kept."""
-        return self.traces(scenario, setting, f"{SWEEP}/{AT_EQUAL_NOISE}")
+    def traces(self, scenario: str, setting: str) -> Mapping[int, Case]:
+        """Return what the runs of an estimator are drawn from, by seed; empty if not kept."""
+        return self.results.traces(self.scenarios[scenario].hash, setting)
 
 
 def estimates(traces: Mapping[int, Case], scenario: Scenario, parameter: str) -> Any:
@@ -102,8 +83,9 @@ def truth(scenario: Scenario, parameter: str) -> Any:
 
 def numeric_axes(results: Results) -> list[str]:
     """Return the axes of a study with several numbers, those of a fault first."""
-    several = [a for a, seen in results.values().items()
-               if len(seen) > 1 and not any(isinstance(v, str | None) for v in seen)]  # fmt: skip
+    axes = results.frame[list(results.axes)]
+    several = [a for a in axes if axes[a].nunique() > 1 and pd.to_numeric(
+        axes[a], errors="coerce").notna().sum() == axes[a].notna().sum()]  # fmt: skip
     return sorted(several, key=lambda axis: not axis.startswith("fault"))
 
 
@@ -111,9 +93,7 @@ def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
     """Return pooled rows over some axes; an estimator is named with its swept options."""
     names = tuple(results.study["estimators"])
     options = [a for a in results.axes if is_option(a, names) and a not in axes]
-    rows = pd.DataFrame(results.pooled([*by, "method", *options, *axes])).rename(
-        columns={"base": "scenario", "method": "estimator"}
-    )
+    rows = results.scores(*by, "estimator", *options, *axes)
     for option in options:
         text = rows[option].map(lambda v, o=option: f"[{o.rpartition('.')[2]}={v}]")
         rows["estimator"] += text.where(rows[option].notna(), "")

@@ -105,7 +105,7 @@ class Drawing:
         """Yield the estimates around a fault: five seconds, and half a second."""
         scenario = self.inputs.scenarios[matched["scenario"].iloc[0]]
         parameter = matched["parameter"].iloc[0]
-        traces = {row["estimator"]: self.inputs.at_equal_noise(scenario.name, row["nearest"])
+        traces = {row["estimator"]: self.inputs.traces(scenario.name, row["nearest"])
                   for row in matched.to_dict("records") if "nearest" in row}  # fmt: skip
         at = scenario.events()[0].index * scenario.period
         for window in ((at - 0.1, at + 0.5), (at - 1.0, at + 5.0)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import combinations
 from typing import Any
@@ -13,8 +13,7 @@ from markupsafe import Markup
 from flexaxis.experiments.reporting import page, tables, words
 from flexaxis.experiments.reporting.figures import Series, curves, points, score_map
 from flexaxis.experiments.reporting.inputs import numeric_axes, pooled
-from flexaxis.experiments.results.finds import finds
-from flexaxis.experiments.results.results import Results
+from flexaxis.experiments.running.results import Results
 
 MAPS, LINES = 3, 300  # pairs of axes with maps; lines of the table
 SHOWN = ("lag", "over_bound", "t10", "std", "bias", "score", "diverged")
@@ -22,15 +21,19 @@ LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]",
           "false_alarms_per_hour": "false alarms / h"}  # fmt: skip
 
 
-def render(results: Results) -> str:
-    """Return the report of a study as HTML."""
-    axes, study, failures = numeric_axes(results), results.study, results.failures()
+def render(results: Results, found: Sequence[Any] = ()) -> str:
+    """Return the report of a study as HTML; `found` is what `studies.finds` found."""
+    axes, study, failures = (
+        numeric_axes(results),
+        results.study,
+        results.failures.to_dict("records"),
+    )
     table = _table(results)
     looks = page.looks_of(name for name, _ in table.rows)
     draw = partial(page.drawn, looks=looks, legend=False)
     answers = [over_axis(results, axis, "score", "false_alarms_per_hour") for axis in axes[:1]]
     further = [over_axis(results, axis, "lag", "std") for axis in axes]
-    shown = [*answers, *further, *_finds(results)]
+    shown = [*answers, *further, *_finds(found)]
     return page.render(
         "reporting/templates/study.html",
         title=title(results),
@@ -102,9 +105,9 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
     return {"panels": panels, "x": x, "logs": [x] * bool(wide), "height": 230}
 
 
-def _finds(results: Results) -> Iterator[dict[str, Any]]:
+def _finds(found: Sequence[Any]) -> Iterator[dict[str, Any]]:
     """Yield how often faults are found within 1 s over their size, beside what chance finds."""
-    rows = pd.DataFrame([vars(each) for each in finds(results)])
+    rows = pd.DataFrame([vars(each) for each in found])
     for (base, parameter), own in rows.groupby(["base", "parameter"]) if len(rows) else ():
         series = [points(line, "size", "share", str(who)) for who, line in own.groupby("estimator")]
         yield {"panels": {f"share of {parameter} found": series}, "x": f"size of the fault, {base}",
@@ -129,7 +132,7 @@ def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
 
 def _table(results: Results) -> tables.Table:
     """Return pooled scores at each point, what changed first."""
-    rows = tables.flat(pooled(results, results.axes, "base").to_dict("records"))
+    rows = tables.flat(pooled(results, results.axes, "scenario").to_dict("records"))
     rows = rows.sort_values("changed", ascending=False, kind="stable").head(LINES)
     heads = {"estimator": "estimator", "scenario": "scenario"}
     heads |= {axis: words.axis_words(axis, results.study) for axis in results.axes}

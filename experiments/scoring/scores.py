@@ -56,7 +56,7 @@ class Track:
     failed : bool
         Whether the estimator raised something, or its process died: then it has no estimates.
     tracking : mapping, optional
-        What the estimates are worth to the controller, as `running.adapted.tracking` has it.
+        What the estimates are worth to the controller, as `scoring.recovered.tracking` has it.
     memo : dict
         What several scores are made of, computed once.
     """

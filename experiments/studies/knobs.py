@@ -10,7 +10,7 @@ from typing import Any
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.knob import Knob, make_knob
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.estimator_text import parse
+from flexaxis.experiments.running.estimators import parse
 
 
 def with_knob(name: str, factor: float) -> str | None:

@@ -24,12 +24,12 @@ from flexaxis.experiments.comparison.matching import (
     match,
 )
 from flexaxis.experiments.comparison.ranking import REFERENCE, mark
-from flexaxis.experiments.running.bench import Bench, Runs
+from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
 from flexaxis.experiments.scoring.pooling import mean
 from flexaxis.experiments.scoring.summary import columns_of, pool_group
 from flexaxis.experiments.scoring.windows import windows
-from flexaxis.experiments.storage.files import StudyError
+from flexaxis.experiments.studies.bench import Bench, Runs
 from flexaxis.experiments.studies.knobs import with_knob
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario

@@ -12,12 +12,12 @@ import numpy as np
 from flexaxis.estimators.knob import Knob
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
-from flexaxis.experiments.building.code import piped
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
-from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.files import write_text
+from flexaxis.experiments.running.user_code import PIPE
 from flexaxis.experiments.scoring.summary import pool_group
-from flexaxis.experiments.storage.files import write_text
+from flexaxis.experiments.studies.bench import Bench
 from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
@@ -258,7 +258,7 @@ def _middle(values: Sequence[float]) -> float:
 def _how_to_have_one(name: str) -> str:
     if name in REGISTRY:
         return ""
-    if piped(name):
+    if name.startswith(PIPE):
         return ": a program takes no options, so write a class that starts it, and gives it one"
     return '; name the option in its class: knob = "1-lam", where λ is turned in 1−λ'
 

@@ -8,8 +8,8 @@ import pytest
 from flexaxis.estimators.glr.contest import LEAD, TOGETHER, Contest
 from flexaxis.estimators.glr.mixture import _between
 from flexaxis.estimators.offline.structure import with_laws
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.sim.simulate import simulate

@@ -18,9 +18,9 @@ import numpy as np
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.gate.gate import look_counts, rows_of
 from flexaxis.experiments.gate.pairs import pair
-from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.scoring.intervals import share_interval
+from flexaxis.experiments.studies.bench import Bench
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 from tests.experiments.selftest_resampling import Pool, judged
@@ -107,7 +107,7 @@ def self_test(
     planted: str | None = PLANTED,
     seeds: Sequence[int] = POOL,
     comparisons: int = 4000,
-    means: Means | None = None,
+    runner: Runner | None = None,
     advance: Callable[[float], None] | None = None,
 ) -> list[Rate]:
     """Return how often the gate raises a false alarm, and how often it finds what is there.
@@ -124,7 +124,7 @@ def self_test(
         The pool. A comparison has at most half of it.
     comparisons : int
         Drawn for each rate.
-    means : Means, optional
+    runner : Runner, optional
         With what the pool is run; its `advance` is called with the cases.
     advance : callable, optional
         Called with what is done after that, as in `work`.
@@ -141,7 +141,8 @@ def self_test(
             f"{2 * LOOKS[0][-1]}, better {len(POOL)}"
         )
     names = (*bases, *(() if planted is None else (planted,)))
-    with Bench(scenarios, means=means) as bench, Bench(scenarios, means=means, repeat=1) as again:
+    with runner or Runner() as used:
+        bench, again = Bench(used), Bench(used, repeat=1)
         runs, repeated = bench.runs(scenarios, names, seeds), again.runs(scenarios, bases, seeds)
         first = {name: rows_of(runs, name) for name in names}
         once = list(stored(first[bases[0]], margins))

@@ -29,7 +29,7 @@ from flexaxis.experiments.gate.decide import (
 from flexaxis.experiments.gate.gate import Question, at_equal_noise, compare
 from flexaxis.experiments.gate.pairs import LOST, ScoreRows
 from flexaxis.experiments.gate.stored import compare_rows
-from flexaxis.experiments.running.bench import Bench, Runs
+from flexaxis.experiments.studies.bench import Bench, Runs
 from flexaxis.sim.scenario import Scenario
 from tests.experiments.selftest_resampling import Drawn, Judged, Pool, draw
 
@@ -289,7 +289,8 @@ class _Slower(Bench):
     """A bench on which one estimator lags more than it does, and is as noisy."""
 
     def __init__(self, bench: Bench) -> None:
-        self._bench = bench
+        super().__init__(bench.runner)
+        object.__setattr__(self, "_bench", bench)
 
     def runs(
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]

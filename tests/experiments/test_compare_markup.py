@@ -7,10 +7,10 @@ from html import unescape
 import pytest
 from markdown_it import MarkdownIt
 
+from flexaxis.experiments.files import SUMMARY
 from flexaxis.experiments.gate.report import markdown
 from flexaxis.experiments.gate.stored import compare_runs
 from flexaxis.experiments.gate.wording import COLUMNS
-from flexaxis.experiments.storage.files import SUMMARY
 
 NAMES = [
     "fm_step-v1",

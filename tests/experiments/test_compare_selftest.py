@@ -251,11 +251,12 @@ def test_a_planted_comparison_of_rows_breaks_a_promise(monkeypatch, name, value,
 @pytest.mark.slow
 def test_equal_noise_is_promised(short, monkeypatch):
     """One gate that reads nothing off at equal noise, and one that never says worse."""
+    from engine_cases import BenchHere
+
     from flexaxis.experiments.gate.equal_noise import EqualNoise
     from flexaxis.experiments.gate.gate import Comparison
-    from flexaxis.experiments.running.bench import Bench
 
-    with Bench([short]) as bench:
+    with BenchHere() as bench:
 
         def tried():
             return dict(certain.equal_noise([short], MARGINS, range(1000, 1032), bench))

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from flexaxis.experiments.files import STUDY, SUMMARY
 from flexaxis.experiments.gate.report import write
 from flexaxis.experiments.gate.stored import compare_runs
 from flexaxis.experiments.gate.wording import headline, meaning
 from flexaxis.experiments.scoring.score_table import MARGINS
-from flexaxis.experiments.storage.files import STUDY, SUMMARY
 from flexaxis.sim.errors import FlexaxisError
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from engine_cases import BenchHere
 
 from flexaxis.experiments.comparison.statistics import half_width
 from flexaxis.experiments.gate.gate import Comparison, Question, compare
@@ -14,7 +15,6 @@ from flexaxis.experiments.gate.pairs import pair, parse_margins, table
 from flexaxis.experiments.gate.report import markdown, write
 from flexaxis.experiments.gate.verdicts import by_metric, judge
 from flexaxis.experiments.gate.wording import cells, headline, meaning, row_command, worst
-from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.score_table import MARGINS
 from flexaxis.sim.errors import FlexaxisError
 
@@ -231,16 +231,16 @@ def test_seeds_are_added_until_it_is_decided():
 
 def test_one_seed_is_refused():
     with pytest.raises(FlexaxisError, match="at least 2 seeds"):
-        compare(Question("a", "b", [], [1], MARGINS), Bench([]))
+        compare(Question("a", "b", [], [1], MARGINS), BenchHere())
     with pytest.raises(FlexaxisError, match="--max-seeds 4 is less than the 8 seeds"):
-        compare(Question("a", "b", [], range(8), MARGINS, max_seeds=4), Bench([]))
+        compare(Question("a", "b", [], range(8), MARGINS, max_seeds=4), BenchHere())
 
 
 def test_a_comparison_end_to_end(short, tmp_path):
     """On simulated records: 8 s with a fault at 6 s; λ = .98 is four times as fast and noisier."""
     fast = "rpem-forgetting[forgetting=0.98]"
     question = Question("rpem-forgetting", fast, [short], range(6), MARGINS)
-    with Bench([short], tmp_path, traced=True) as bench:
+    with BenchHere(tmp_path, traced=True) as bench:
         found = compare(question, bench)
     words = by_metric(found.verdicts)
     assert words["lag"] == "better" and words["std"] == "worse" and found.status() == 1
@@ -257,7 +257,7 @@ def test_a_comparison_end_to_end(short, tmp_path):
 
 def test_an_estimator_is_the_same_as_itself(short):
     found = compare(
-        Question("rpem-drift", "rpem-drift", [short], range(3), MARGINS), Bench([short])
+        Question("rpem-drift", "rpem-drift", [short], range(3), MARGINS), BenchHere()
     )
     assert found.verdict == "same" and "rpem-drift" in markdown(found)
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.conformance.check import check
 from flexaxis.experiments.conformance.requirements import RULES
 from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.estimators import parse
 
 OF_ALL = ("Spread", "Largest", "Smallest", "Mean", "Median", "Torque", "Crest", "Correlation")
 CONTROLS = str(Path(__file__).with_name("wrong.py"))

@@ -7,16 +7,16 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+from engine_cases import BenchHere
 
 import flexaxis as fx
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import known_P
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.gate import equal_noise, gate
 from flexaxis.experiments.gate.equal_noise import SEEDS
-from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.studies.tuning import EXCESS, TOLERANCE, Trials
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -195,14 +195,14 @@ def test_one_scenario_that_cannot_be_matched_does_not_refuse_the_others(monkeypa
     where = [fm.override({"name": name}) for name in ("one", apart, "two")]
     monkeypatch.setattr(equal_noise, "_what", lambda *_: (EXCESS, where, ("before",)))
     monkeypatch.setattr(equal_noise, "Trials", Apart)
-    found = equal_noise.at_one_noise("rpem-forgetting", "ekf", where, Bench([]), range(2))
+    found = equal_noise.at_one_noise("rpem-forgetting", "ekf", where, BenchHere(), range(2))
     assert found.left_out == ("before", apart)
     assert found.candidate.value == pytest.approx(1 / 30, rel=0.01)
     assert found.as_dict()["left_out"] == ["before", apart]
     alone = [where[1]]
     monkeypatch.setattr(equal_noise, "_what", lambda *_: (EXCESS, alone, ()))
     with pytest.raises(FlexaxisError, match=r"--match-std.*ekf"):
-        equal_noise.at_one_noise("rpem-forgetting", "ekf", alone, Bench([]), range(2))
+        equal_noise.at_one_noise("rpem-forgetting", "ekf", alone, BenchHere(), range(2))
 
 
 def test_seeds_bound_the_tuning_too(monkeypatch, short):
@@ -212,7 +212,8 @@ def test_seeds_bound_the_tuning_too(monkeypatch, short):
     monkeypatch.setattr(equal_noise, "_what", lambda *_: (EXCESS, [short], ()))
     monkeypatch.setattr(equal_noise, "Trials", Apart)
     for seeds, most in ((range(1000, 1004), 4), (range(1000, 1064), 16)):
-        gate.at_equal_noise(gate.Question("rpem-forgetting", "ekf", [short], seeds, {}), Bench([]))
+        question = gate.Question("rpem-forgetting", "ekf", [short], seeds, {})
+        gate.at_equal_noise(question, BenchHere())
         assert asked[-1] == tuple(range(most))
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.sim.simulate import simulate
 

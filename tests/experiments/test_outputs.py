@@ -7,7 +7,7 @@ import h5netcdf
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.storage.files import OutputError, spare, write_json, write_text
+from flexaxis.experiments.files import OutputError, check_not_input, write_json, write_text
 from flexaxis.sim.record import load_record
 from flexaxis.sim.simulate import simulate
 
@@ -113,9 +113,9 @@ def test_the_default_of_another_command_is_no_input_either(here, capsys):
 
 
 def test_what_is_not_there_cannot_be_lost(here):
-    spare(["fm_step-v1", None, "", "x" * 5000], "fm_step-v1", None, "new.nc")
+    check_not_input(["fm_step-v1", None, "", "x" * 5000], "fm_step-v1", None, "new.nc")
     with pytest.raises(OutputError, match=r"rec\.nc is read"):
-        spare(["missing", "rec.nc"], "new.nc", "rec.nc")
+        check_not_input(["missing", "rec.nc"], "new.nc", "rec.nc")
 
 
 def test_what_cannot_be_written_is_one_line_that_names_the_file(tmp_path):

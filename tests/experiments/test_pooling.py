@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.pooling import rmse, settles, spread, spread_at_a_time
@@ -330,7 +330,7 @@ def test_what_a_score_lacks_is_said_with_what_to_do(changes, advice):
 def test_a_row_has_all_scores_and_a_pooled_one_those_that_pool(short):
     (record,) = simulate(short, [0])
     found = run_case(short, record, parse("frozen"))
-    assert list(found.rows[0])[5:-1] == ["parameter", "changed", *SCORES]
+    assert list(found.rows[0])[4:-1] == ["parameter", "changed", *SCORES]
     whole = pool_group([found.rows], short)[2]
     assert {s.name for s in SCORES.values() if s.pool} <= set(whole)
 

@@ -6,9 +6,9 @@ with other random numbers, so agreement within 15 and 20 % also checks the plant
 
 import numpy as np
 import pytest
+from engine_cases import BenchHere
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.summary import pool_group
 
 SEEDS = range(1000, 1060)
@@ -23,7 +23,7 @@ STD = (0.121, 0.048, 0.307)  # % of nominal: k_T, 1/J_a, f_m
 def test_forgetting_of_0995(name, column, lag):
     scenario = find_scenario(name)
     text = "rpem-forgetting[forgetting=0.995]"
-    (runs,) = Bench([scenario]).runs([scenario], [text], SEEDS).values()
+    (runs,) = BenchHere().runs([scenario], [text], SEEDS).values()
     lags = [run[column]["lag"] for run in runs]
     pooled = pool_group(runs, scenario)
     std = [row["std"] for row in pooled]

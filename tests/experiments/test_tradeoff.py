@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from engine_cases import BenchHere
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.comparison.matching import Setting, match
 from flexaxis.experiments.comparison.ranking import overall
-from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.reporting.figures import figure
+from flexaxis.experiments.reporting.run.speed import tradeoff
 from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.studies.knobs import with_knob
 from flexaxis.experiments.studies.sweep import settings, sweep, texts
@@ -135,7 +137,7 @@ def test_the_interval_counts_how_well_the_match_itself_is_known(n):
 
 def test_the_reference_is_matched_with_itself(short):
     found = sweep(
-        [short], ["rpem-forgetting", "frozen"], [0, 1], Bench([short]), factors=(0.5, 1.0, 2.0)
+        [short], ["rpem-forgetting", "frozen"], [0, 1], BenchHere(), factors=(0.5, 1.0, 2.0)
     )
     mine, still = found.matched
     assert mine["how"] == "matched" and mine["estimator"] == "rpem-forgetting"
@@ -162,7 +164,7 @@ class Timid:
 
 def test_a_sweep_that_does_not_reach_is_widened(short):
     own = f"{__file__}:Timid"
-    found = sweep([short], [own], [0, 1, 2], Bench([short]))
+    found = sweep([short], [own], [0, 1, 2], BenchHere())
     factors = {p["factor"] for p in found.points}
     assert {16.0, 64.0} <= factors  # its noise at the default is a thousandth of the reference's
     (mine,) = found.matched
@@ -177,7 +179,7 @@ def test_what_a_first_sweep_runs():
 
 def test_two_names_for_one_setting_are_run_once_and_both_ranked(short):
     twice = "rpem-forgetting[forgetting=0.995]"
-    found = sweep([short], ["rpem-forgetting", twice], [0, 1], Bench([short]), factors=(1.0, 2.0))
+    found = sweep([short], ["rpem-forgetting", twice], [0, 1], BenchHere(), factors=(1.0, 2.0))
     one, other = found.matched
     assert {one["estimator"], other["estimator"]} == {"rpem-forgetting", twice}
     assert one["lag"] == pytest.approx(other["lag"], rel=1e-9)
@@ -189,7 +191,7 @@ def test_who_does_not_estimate_what_changes_is_in_no_fault_and_harms_nobody(shor
         [short, ramp],
         ["rpem-forgetting", f"{__file__}:Timid"],
         [0],
-        Bench([short, ramp]),
+        BenchHere(),
         factors=(1.0,),
     )
     mine = {r["scenario"] for r in found.matched if r["estimator"].endswith("Timid")}
@@ -200,7 +202,7 @@ def test_who_does_not_estimate_what_changes_is_in_no_fault_and_harms_nobody(shor
 def test_a_setting_that_another_name_is_widened_to_is_run_once(short):
     """One named with that very value: its runs may not stand twice among those of the other."""
     own = f"{__file__}:Timid"
-    found = sweep([short], [f"{own}[gain=1.6e-06]", own], [0, 1], Bench([short]), factors=(1.0,))
+    found = sweep([short], [f"{own}[gain=1.6e-06]", own], [0, 1], BenchHere(), factors=(1.0,))
     assert {p["seeds"] for p in found.points} == {2}
     assert len({p["setting"] for p in found.points if p["factor"] == 16.0}) == 1
 
@@ -213,9 +215,28 @@ def test_without_a_fault_there_is_nothing_to_compare(capsys):
 
 @pytest.mark.slow
 def test_false_alarms_are_a_rate(short):
-    found = sweep([short], ["glr"], [0, 1], Bench([short]), factors=(1.0,))
+    found = sweep([short], ["glr"], [0, 1], BenchHere(), factors=(1.0,))
     (row,) = found.matched
     assert row["values"]["false_alarms"] == [0.0, 0.0] and row["false_alarms_per_1000_s"] == 0.0
+
+
+def test_the_figure_holds_every_estimator_and_the_bounds():
+    points = [
+        {"scenario": "s", "parameter": "f_m", "estimator": e, "lag": 1 / r, "std": r,
+         "lag_interval": None, "lag_bound": 0.1, "lag_bound_single": 0.05, "factor": r}
+        for e in ("a", "b") for r in (0.5, 2.0)
+    ]  # fmt: skip
+    labels = figure(tradeoff(points, ["a", "b"])).axes[0].get_legend_handles_labels()[1]
+    assert sorted(labels) == ["a", "b", "bound, all θ unknown", "bound, only this θ unknown"]
+
+
+def test_a_panel_on_which_nothing_can_be_shown():
+    one = {"scenario": "s", "parameter": "f_m", "estimator": "frozen", "lag": None, "std": 0.0,
+           "lag_interval": None, "lag_bound": 0.1, "lag_bound_single": 0.05,
+           "factor": 1.0}  # fmt: skip
+    drawn = figure(tradeoff([one], ["frozen"]))
+    drawn.canvas.draw()  # ticks are looked for
+    assert drawn.axes[0].get_legend_handles_labels()[1][0].startswith("bound")
 
 
 @pytest.mark.slow
@@ -235,4 +256,4 @@ def test_the_command(tmp_path, capsys):
     assert (tmp_path / "sweep.svg").exists() and (tmp_path / "sweep.json").exists()
     assert main(words) == 0
     shown = capsys.readouterr().out
-    assert "torque constant −10 %  (kt_step-v1: k_T)" in shown and "overall score" in shown
+    assert "kt_step-v1, k_T" in shown and "score at equal excess error" in shown

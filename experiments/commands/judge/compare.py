@@ -28,8 +28,8 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer, at_most, say
-from flexaxis.experiments.running.seeds import MOST, parse_seeds
-from flexaxis.experiments.storage.files import SUMMARY, spare
+from flexaxis.experiments.files import SUMMARY, check_not_input
+from flexaxis.experiments.seeds import MOST_SEEDS, parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
@@ -49,7 +49,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="as for `run` (default: the suite's number, 32)",
     )
     parser.add_argument(
-        "--max-seeds", type=at_most(MOST), metavar="N", help="add seeds up to N while undecided"
+        "--max-seeds",
+        type=at_most(MOST_SEEDS),
+        metavar="N",
+        help="add seeds up to N while undecided",
     )
     parser.add_argument(
         "--margin",
@@ -97,24 +100,21 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
     from flexaxis.experiments.gate.gate import SUITE, ask, compare, default_seeds
     from flexaxis.experiments.gate.report import write
-    from flexaxis.experiments.running.bench import Bench
+    from flexaxis.experiments.studies.bench import Bench
 
     names = args.names or [SUITE]
     seeds = parse_seeds(args.seeds or str(default_seeds(names)))
-    question, left_out = ask(
-        args.base, args.candidate, select(names).scenarios, seeds, margins, args.max_seeds or 0
-    )
-    for name, reason in left_out.items():
-        say(f"{name} is left out: {reason}")
+    scenarios, command, folder = select(names).scenarios, options.line(args), _output(args)
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
-    most = question.most(match_std=args.match_std)
-    command, folder = options.line(args), _output(args)
-    how = {"overwrite": args.overwrite, "traced": True, "about": {"command": command}}
-    with (
-        options.working(args, f"at most {most} case{'s'[: most != 1]}", most) as (means, _),
-        Bench(question.scenarios, folder, means, **how) as bench,
-    ):
-        found = compare(question, bench, match_std=args.match_std)
+    most = 2 * len(scenarios) * max(args.max_seeds or 0, len(seeds))
+    about = f"{most} cases, and more to tune them" if args.match_std else f"at most {most} cases"
+    with options.working(args, about, most, folder) as (runner, _):
+        question, left_out = ask(
+            args.base, args.candidate, scenarios, seeds, margins, args.max_seeds or 0, runner=runner
+        )
+        for name, reason in left_out.items():
+            say(f"{name} is left out: {reason}")
+        found = compare(question, Bench(runner, traced=True), match_std=args.match_std)
         path = write(folder, found, question.scenarios, sources=sources, command=command)
     return _told(args, found, path, sources)
 
@@ -128,7 +128,7 @@ def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.gate.stored import compare_runs
 
     base, candidate = map(Path, args.names)
-    spare(args.names, _output(args))
+    check_not_input(args.names, _output(args))
     if (_output(args) / SUMMARY).exists():
         raise FlexaxisError(f"{_output(args)} holds a run: choose another folder with -o")
     seeds = parse_seeds(args.seeds) if args.seeds else None

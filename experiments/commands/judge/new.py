@@ -16,7 +16,7 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands.answers import answer
-from flexaxis.experiments.storage.files import write_text
+from flexaxis.experiments.files import write_text
 from flexaxis.sim.errors import FlexaxisError
 
 HELP = "write a working template of an own estimator"

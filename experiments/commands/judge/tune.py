@@ -29,8 +29,8 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
-from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.files import OutputError, write_json
+from flexaxis.experiments.files import OutputError, write_json
+from flexaxis.experiments.seeds import parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def _sweep(args: argparse.Namespace) -> int:
     from flexaxis.experiments.reporting.figures import speed_noise
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
     from flexaxis.experiments.reporting.words import fault_words, faults_of
-    from flexaxis.experiments.running.bench import Bench
+    from flexaxis.experiments.studies.bench import Bench
     from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 
     scenarios, *_ = select(args.sweep)
@@ -87,12 +87,8 @@ def _sweep(args: argparse.Namespace) -> int:
     seeds = parse_seeds(args.seeds or "16")
     command, folder = options.line(args), args.output or Path("results/sweep")
     most = len(texts(settings(estimators, factors=TURNS))) * len(scenarios) * len(seeds)
-    how = {"overwrite": args.overwrite, "about": {"command": command}}
-    with (
-        options.working(args, f"at most {most} cases", most) as (means, _),
-        Bench(scenarios, folder, means, **how) as bench,
-    ):
-        swept = sweep(scenarios, estimators, seeds, bench)
+    with options.working(args, f"at most {most} cases", most, folder) as (runner, _):
+        swept = sweep(scenarios, estimators, seeds, Bench(runner))
         ranking = overall(swept.at_excess)
         content: dict[str, Any] = {"command": command, "seeds": seeds, "reference": reference()}
         content |= asdict(swept) | {"overall": ranking}
@@ -106,14 +102,13 @@ def _sweep(args: argparse.Namespace) -> int:
 
 def _tune(args: argparse.Namespace) -> int:
     """Tune and print."""
-    from flexaxis.experiments.building.crashes import no_room
-    from flexaxis.experiments.running.bench import Bench
+    from flexaxis.experiments.running.user_code import is_of_the_machine
+    from flexaxis.experiments.studies.bench import Bench
     from flexaxis.experiments.studies.tuning import (
         Trials,
         forget,
         match_noise,
         save,
-        tuning_scenario,
     )
 
     names, path = _names(args), _file(args)
@@ -122,16 +117,14 @@ def _tune(args: argparse.Namespace) -> int:
     missed: list[str] = []
     folder = args.output or Path("results") / "tune" / _folder("all" if args.all else names[0])
     # How many cases it takes is not known: the progress is that of the settings found.
-    work = options.working(args, f"{len(names)} to tune", len(names), by_case=False)
-    with (
-        work as (means, advance),
-        Bench([tuning_scenario()], folder, means, overwrite=args.overwrite) as bench,
-    ):
+    work = options.working(args, f"{len(names)} to tune", len(names), folder, by_case=False)
+    with work as (runner, advance):
         for name in names:
             try:
-                tuned = match_noise(name, Trials(parse_seeds(seeds), bench, args.match))
+                trials = Trials(parse_seeds(seeds), Bench(runner), args.match)
+                tuned = match_noise(name, trials)
             except FlexaxisError as error:
-                if not args.all or no_room(error):
+                if not args.all or is_of_the_machine(error):
                     raise
                 print(error, file=sys.stderr)  # the others can still be tuned
                 missed.append(name)
@@ -177,11 +170,11 @@ def _names(args: argparse.Namespace) -> list[str]:
 def _file(args: argparse.Namespace) -> Path | None:
     """Return where to write; refuse what cannot be, before the tuning, which takes long."""
     from flexaxis.estimators import tuned
-    from flexaxis.experiments.building.guest import is_guest
+    from flexaxis.experiments.running.estimators import names_code
 
     if args.save is None:
         return None
-    if args.save is True and args.estimator and is_guest(args.estimator[0]):
+    if args.save is True and args.estimator and names_code(args.estimator[0]):
         raise FlexaxisError(
             "--save without a file writes to that of the registry, which your estimator is not "
             "in: give a file, --save mine.toml"

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
-from flexaxis.experiments.storage.files import REPORT, as_written, spare, write_text
+from flexaxis.experiments.files import REPORT, SUMMARY, check_not_input, write_text
 
 HELP = "write report.html again from the results in a folder"
 
@@ -24,22 +25,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
-    from flexaxis.experiments.running.folder import read_study
-    from flexaxis.experiments.studies.benchmark import inputs
+    from flexaxis.experiments.running.results import Results
+    from flexaxis.experiments.running.store import ROWS
 
     path = args.output or args.folder / REPORT
-    spare(inputs(args.folder), path)
-    study = read_study(args.folder)
-    with as_written(args.folder):
-        return (_of_study if study["axes"] else _of_run)(args, path)
-
-
-def _of_study(args: argparse.Namespace, path: Path) -> int:
-    from flexaxis.experiments.reporting.study import render
-    from flexaxis.experiments.results.results import Results
-
+    check_not_input([args.folder / ROWS, args.folder / SUMMARY], path)
     results = Results.load(args.folder)
-    write_text(path, render(results))
+    return _of_study(args, path, results) if results.axes else _of_run(args, path)
+
+
+def _of_study(args: argparse.Namespace, path: Path, results: Any) -> int:
+    from flexaxis.experiments.reporting.study import render
+    from flexaxis.experiments.studies.finds import finds
+
+    write_text(path, render(results, finds(results)))
     if args.json:
         return answer(args, {"rows": results.pooled(), "report": path})
     print(f"report: {path}")

@@ -1,6 +1,6 @@
 """Reproduce the paper: every figure, every claim checked on MuJoCo data, and a page with the story.
 
-The folder gets index.html, claims.json, and fig3 to fig9 and figA to figE as .svg and .png. Exit
+The folder gets index.html, claims.json, and fig3 to fig9 as .svg and .png. Exit
 status 1 if a claim does not hold.
 
 example:

@@ -6,31 +6,30 @@ from typing import Any
 
 from flexaxis.sim.errors import FlexaxisError
 
-FIRST = 1000  # 0–99 are for tuning; what is reported is on others
-END = 2**63  # the columns of a result hold signed integers of 64 bits
-MOST = 100_000  # of them a std is known to 0.2 %; more is a slip
+FIRST = 1000
+"""The first seed that is reported on; 0 to 99 are for tuning."""
+END = 2**63
+MOST_SEEDS = 100_000
 
 
 def parse_seeds(text: str, *, what: str = "--seeds") -> list[int]:
-    """Return the seeds that "N" (1000 … 1000+N−1) or "A:B" (A … B−1) stands for.
+    """Return the seeds of "N" (1000 … 1000+N−1) or "A:B" (A … B−1).
 
     Parameters
     ----------
     text : str
     what : str
-        What it was given as, for the message.
+        Name of the option, for the message.
 
     Raises
     ------
     FlexaxisError
-        If it is neither, or empty, or more than `MOST` or beyond `END`.
+        If it is neither, or has too many seeds.
 
     Examples
     --------
-    >>> parse_seeds("3")
-    [1000, 1001, 1002]
-    >>> parse_seeds("5:7")
-    [5, 6]
+    >>> parse_seeds("3"), parse_seeds("5:7")
+    ([1000, 1001, 1002], [5, 6])
     """
     first, colon, last = text.partition(":")
     try:
@@ -48,25 +47,22 @@ def parse_seeds(text: str, *, what: str = "--seeds") -> list[int]:
 
 
 def check_number(number: int, *, what: str = "seeds") -> None:
-    """Refuse a number of seeds that nobody means; `what` stands before the message.
+    """Refuse too many seeds; `what` is the name in the message.
 
     Raises
     ------
     FlexaxisError
     """
-    if number > MOST:
-        raise FlexaxisError(f"{what}: at most {MOST} seeds, of which a std is known to 0.2 %")
+    if number > MOST_SEEDS:
+        raise FlexaxisError(f"{what}: at most {MOST_SEEDS} seeds, which fix a std to 0.2 %")
 
 
 def check_seed(seed: Any, *, what: str = "seed") -> None:
-    """Refuse what is no number of a run; `what` stands before it in the message.
+    """Refuse a seed that is no whole number from 0 to 2^63 − 1.
 
     Raises
     ------
     FlexaxisError
-        If it is no whole number from 0 on, or beyond `END`.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise FlexaxisError(f"{what} {seed!r}: give a whole number from 0 on")
-    if seed >= END:
-        raise FlexaxisError(f"{what} of {len(str(seed))} digits: give one below 2^63")
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < END:
+        raise FlexaxisError(f"{what} {str(seed)[:40]}: give a whole number from 0 to 2^63 - 1")

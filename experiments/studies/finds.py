@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from flexaxis.experiments.results.results import Results
+from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import SIZE
 from flexaxis.experiments.scoring.detection import WITHIN
 from flexaxis.experiments.scoring.intervals import rate_interval, share_interval
@@ -91,8 +91,8 @@ def finds(results: Results, *, within: float = 1.0, per_hour: float = PER_HOUR) 
     for size in filter(SIZE.fullmatch, results.axes):
         table = _table(results, size, within)
         twins = table[table["size"] == 1.0]
-        for (base, estimator), own in twins.groupby(["base", "estimator"], sort=False):
-            everyone = table[(table["base"] == base) & (table["estimator"] == estimator)]
+        for (base, estimator), own in twins.groupby(["scenario", "setting"], sort=False):
+            everyone = table[(table["scenario"] == base) & (table["setting"] == estimator)]
             found += _finds(everyone, own, size, per_hour)
     return found
 
@@ -105,14 +105,12 @@ def _table(results: Results, size: str, within: float) -> pd.DataFrame:
         "calm": "moved.calm", "watched": "moved.watched", "alarms": "detection.alarms",
         "false": "detection.false_alarms", "exposure": "detection.calm",
     }  # fmt: skip
-    names = ["base", "estimator", "parameter", *numbers.values(), *results.axes]
-    parts = results.ran().parts(names)
-    stored = pd.concat([pd.DataFrame(part, dtype=object) for part in parts], ignore_index=True)
-    found = stored[["base", "estimator", "parameter"]].assign(
-        **{name: pd.to_numeric(stored[column]) for name, column in numbers.items()}
+    stored = results.frame[results.frame["parameter"] != ""].reset_index(drop=True)
+    found = stored[["scenario", "setting", "parameter"]].assign(
+        **{name: stored[column] for name, column in numbers.items()}
     )
     axes = zip(*(stored[axis] for axis in others), strict=True)
-    found["point"] = [json.dumps(values) for values in axes] if others else ""
+    found["point"] = [json.dumps(values, default=str) for values in axes] if others else ""
     found["size"] = pd.to_numeric(stored[size])
     found["changing"] = list(_changing(results, size, stored))
     found["seen"] = found["after"] <= within
@@ -130,7 +128,7 @@ def _changing(results: Results, size: str, rows: pd.DataFrame) -> Iterator[str]:
     }
     axis = f"{fault}.parameter"
     swept = rows[axis] if axis in results.axes else [None] * len(rows)
-    for base, other in zip(rows["base"], swept, strict=True):
+    for base, other in zip(rows["scenario"], swept, strict=True):
         yield meant(other or written.get(base, ""))
 
 
@@ -154,9 +152,9 @@ def _finds(own: pd.DataFrame, twins: pd.DataFrame, axis: str, per_hour: float) -
         yes = hit[mine.index]
         yield Finds(
             axis=axis,
-            base=str(mine["base"].iloc[0]),
+            base=str(mine["scenario"].iloc[0]),
             parameter=parameter,
-            estimator=str(mine["estimator"].iloc[0]),
+            estimator=str(mine["setting"].iloc[0]),
             size=float(value),
             share=float(yes.mean()),
             share_interval=share_interval(yes, mine["seed"], mine["point"]),
