@@ -102,12 +102,9 @@ def test_a_circle_is_seen_inside_functions_but_not_of_types(tmp_path):
 # and in the lines above. What users come for stands side by side in the last but one.
 WAY = (
     ("scoring",),
-    ("storage",),
     ("comparison",),
     ("catalogue",),
-    ("building",),
     ("running",),
-    ("results",),
     ("reporting",),
     ("studies",),
     ("gate", "paper", "logs", "demo"),

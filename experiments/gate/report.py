@@ -29,6 +29,7 @@ from flexaxis.experiments.gate.wording import (
 from flexaxis.experiments.reporting.compare import render
 from flexaxis.experiments.reporting.inputs import estimates, truth
 from flexaxis.experiments.reporting.old_results import Traces
+from flexaxis.experiments.running.store import ROWS
 from flexaxis.sim.scenario import Scenario
 
 
