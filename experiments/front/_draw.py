@@ -13,8 +13,7 @@ from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.run.over_time import around as over_time_of
 from flexaxis.experiments.reporting.scales import Scale, upward
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.law_parameters import LAW_UNITS
-from flexaxis.sim.parameters import PARAMETER_UNITS
+from flexaxis.sim.parameters import LAW_UNITS, PARAMETER_UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -148,5 +148,3 @@ def with_curves(folder: Path, summary: dict[str, Any]) -> Pooled:
 def load(folder: Path) -> Pooled:
     """Return what was pooled in the folder of a run."""
     return with_curves(folder, json_table(folder / SUMMARY, OutputError))
-
-

@@ -234,7 +234,8 @@ def equal_noise_table(
     Parameters
     ----------
     matched, overall : sequence of mapping
-        As from a `flexaxis.experiments.studies.sweep.Sweep`, and from `comparison.ranking.overall`.
+        As from `flexaxis.experiments.comparison.sweep.Sweep`, and from
+        `comparison.ranking.overall`.
     """
     few = too_few(matched)
     caption = EQUAL.format(few or BEST)

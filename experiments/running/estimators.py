@@ -41,11 +41,11 @@ from flexaxis.experiments.running.user_code import (
 )
 from flexaxis.experiments.scoring.parameter_names import check_model, known_names, started_nominal
 from flexaxis.models_mjcf import DEFAULT
+from flexaxis.sim.conflicts import estimated_problems
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
+from flexaxis.sim.files import shown, toml_tables
+from flexaxis.sim.parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.storage.reading import shown, toml_tables
-from flexaxis.sim.tables.problems import estimated_problems
 
 GROUP = "flexaxis.estimators"
 KEPT = 48  # built estimators of the registry in a process
@@ -380,7 +380,7 @@ def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
     """Refuse an estimator that cannot read a scenario, or whose estimates cannot be scored."""
     names, besides = tuple(estimator.names), (*LAW_NAMES, *ESTIMATED_ONLY)
     if names != scenario.identify:
-        problems = estimated_problems(names, scenario.model_dump(), key="names", besides=besides)
+        problems = estimated_problems(names, scenario, key="names", besides=besides)
         if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
             raise EstimatorError("\n".join(lines))
     if not known_names(scenario, names):

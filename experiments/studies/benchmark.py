@@ -13,6 +13,7 @@ import numpy as np
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
+from flexaxis.experiments.comparison import sweep
 from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.files import REPORT, SUMMARY, write_json, write_text
 from flexaxis.experiments.reporting.old_results import Results as ReportResults
@@ -24,9 +25,7 @@ from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.scoring.scores import failed_track, relative_error
 from flexaxis.experiments.scoring.summary import of_trajectories
-from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
-from flexaxis.experiments.studies.bench import Bench
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 
@@ -156,9 +155,8 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
     if not wanted["scenarios"]:
         return None
     scenarios = [scenario_from(s, source="sweep") for s in wanted["scenarios"]]
-    bench = Bench(runner)
-    able = sweep.able(scenarios, wanted["estimators"], seeds, bench)
-    found = sweep.sweep(scenarios, able, seeds, bench)
+    able = sweep.able(scenarios, wanted["estimators"], seeds, runner.rows)
+    found = sweep.sweep(scenarios, able, seeds, runner.rows)
     left_out = [name for name in wanted["estimators"] if name not in able]
     failures: list[dict[str, Any]] = []
     if left_out:

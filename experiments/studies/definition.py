@@ -20,11 +20,11 @@ from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_optio
 from flexaxis.experiments.running.user_code import names_code
 from flexaxis.experiments.seeds import END, parse_seeds
 from flexaxis.experiments.studies.design import MOST, Span, listed, product, sample
+from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
+from flexaxis.sim.files import read_toml
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.storage.reading import read_toml
 from flexaxis.sim.tables.config import Config, Word
-from flexaxis.sim.tables.problems import explain
 
 Problem = tuple[str, str]
 DRAWN = ("sobol", "latin")

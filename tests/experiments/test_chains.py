@@ -29,7 +29,7 @@ def chain(name):
 
 def linearised(q, name):
     """A and B of twists and speeds, from the accelerations of the plant in unit states."""
-    model = Plant([q], period=T, substeps=5, model=name).model(0)
+    model = Plant([q], period=T, substeps=5, model=name)._batch.get_model(0)
     data, n = mujoco.MjData(model), model.nv
     mujoco.mj_forward(model, data)
     lengths = np.zeros((model.ntendon, n))

@@ -22,7 +22,7 @@ from flexaxis.experiments.scoring.parameter_names import (
 )
 from flexaxis.experiments.scoring.score_table import rows
 from flexaxis.experiments.scoring.scores import Track
-from flexaxis.experiments.scoring.summary import pool_group
+from flexaxis.experiments.scoring.summary import pool_rows
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.simulate import simulate
@@ -138,7 +138,7 @@ def test_who_does_not_estimate_what_changes_is_shown_as_well():
     scenario = made(ASKED, FAULT)
     (record,) = simulate(scenario, [0])
     cases = [run_case(scenario, record, spec(name)) for name in ("Asks", "Tracks")]
-    table = score_table([row for case in cases for row in pool_group([case.rows], scenario)])
+    table = score_table([row for case in cases for row in pool_rows(case.rows, scenario)])
     estimators, parameters = (list(column.cells) for column in table.columns[:2])
     assert [name.split(":")[-1] for name in estimators[1:]] == ["Asks"] * 3 + ["Tracks"]
     assert parameters[1:] == [*LINEAR, "f_c"]

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from flexaxis.estimators import RECOMMENDED
-from flexaxis.experiments.catalogue.card import happens, in_a_line
+from flexaxis.experiments.catalogue.card import in_a_line
 from flexaxis.experiments.comparison import mismatch, ranking
 from flexaxis.experiments.comparison.mismatch import track_of
 from flexaxis.experiments.files import SUMMARY, StudyError
@@ -144,7 +144,7 @@ def _content(run: Run) -> dict[str, Any]:
         "failures": failures_in_words(summary.get("failures", [])),
         "answers": first.answers(summary),
         "by_fault": _by_fault(run),
-        "findings": ranking.in_words(summary["as_set"]),
+        "findings": [],
         "equal": equal,
         "equal_noise": tables.equal_noise(equal) if equal else None,
         "board": list(_on_the_board(run, equal)),
@@ -164,9 +164,7 @@ def _by_fault(run: Run) -> list[str]:
     swept = run.summary.get("tradeoff")
     if not swept:
         return []
-    words = {name: happens(scenario) for name, scenario in run.scenarios.items()}
-    found = ranking.answers(swept["matched"], swept["faults"] | words)
-    return found + first.not_compared(swept, run.summary["estimators"])
+    return first.not_compared(swept, run.summary["estimators"])
 
 
 def _on_the_board(run: Run, equal: Mapping[str, Any] | None) -> Iterable[Chart]:
@@ -296,9 +294,8 @@ def _mismatch(run: Run) -> list[dict[str, Any]]:
             if known_structure(run.scenarios[name]) == known
         }
         if part:
-            words = mismatch.mismatch_in_words(rows, run.summary["as_set"], [*part], wrong)
             table = tables.matrix(title.lower(), part, estimators, cells, wrong)
-            found.append({"title": title, "words": words, "table": table})
+            found.append({"title": title, "table": table})
     return found
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from flexaxis.experiments.comparison import ranking
-from flexaxis.experiments.comparison.ecdf import Ecdf, ecdf
 from flexaxis.experiments.comparison.mismatch import TRACKS, track_of
+from flexaxis.experiments.comparison.ranking import Ecdf, ecdf
 from flexaxis.experiments.reporting.charts import Chart, Kind, Line, Panel, ends
 from flexaxis.sim.scenario import Scenario
 
@@ -45,7 +45,7 @@ def tradeoff(points: Sequence[Row], order: Sequence[str], *, name: str = "tradeo
     Parameters
     ----------
     points : sequence of mapping
-        As in `flexaxis.experiments.studies.sweep.Sweep`.
+        As in `flexaxis.experiments.comparison.sweep.Sweep`.
     order : sequence of str
         Estimators, the best first.
     name : str

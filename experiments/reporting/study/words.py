@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from flexaxis.experiments.running.study import ALL
-from flexaxis.sim.law_parameters import LAW_UNITS
-from flexaxis.sim.parameters import PARAMETER_UNITS
+from flexaxis.sim.parameters import LAW_UNITS, PARAMETER_UNITS
 
 _FAULT = re.compile(r"fault\[(\d+)\]\.(\w+)")
 _OF_FAULT = {
