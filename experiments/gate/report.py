@@ -119,7 +119,9 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
     clauses += [f"noise of {p} at {s} is not matched" for s, p in c.unmatched]
     clauses += [f"{k.side} lacks {k.cases} cases of {k.scenario}" for k in c.paired.lacking]
     clauses += [f"{side} failed in {n} runs" for side, n in c.paired.failed.items() if n]
-    clauses += [_lost_sentence(row) for row in shown if _lost(row)]
+    told = [row for row in shown if _lost(row) and (row["newly"] or row["regained"])]
+    told = told or [row for row in shown if _lost(row) and c.verdict == SAME]
+    clauses += [_lost_sentence(row) for row in told]
     scores = [row for row in shown if row["metric"] not in LOST]
     own = [row for row in scores if row["verdict"] == c.verdict]
     if c.verdict in {WORSE, BETTER} and own:
@@ -135,9 +137,10 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
 
 
 def _lost_sentence(row: Row) -> str:
-    both = zip((row["newly"], row["regained"]), WORDS[row["metric"]], strict=True)
+    words = WORDS[row["metric"]]
+    both = zip((row["newly"], row["regained"]), words, strict=True)
     parts = [f"{count:.0f} {word}" for count, word in both if count]
-    same = f"the same {row['base']:.0f} are lost on both sides"
+    same = f"the same {row['base']:.0f} {words[0].removeprefix('newly ')} on both sides"
     return f"of {row['runs']} runs, {' and '.join(parts) or same}"
 
 

@@ -171,7 +171,10 @@ def test_a_lost_run_counts_once_and_has_no_pair():
     assert row(found, "never_settled")["candidate"] == 0 and found.verdict == "worse"
     assert row(found, "lag")["pairs"] == 12
     alike = compared(side(diverged=gone), side(diverged=gone))
-    assert alike.verdict == "same" and "the same 20 are lost" in as_dict(alike)["headline"]
+    assert (
+        alike.verdict == "same"
+        and "the same 20 diverge on both sides" in as_dict(alike)["headline"]
+    )
     assert compared(side(diverged=True), side(diverged=True)).verdict == "undecided"
 
 
