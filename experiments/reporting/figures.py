@@ -141,7 +141,10 @@ def curves(
             if name in logs:
                 logarithmic(axis)
         pointed = any(one.kind in ("points", "both") for one in series)
-        ax.set(xlim=limits.get(x), ylim=limits.get(label, None if pointed else _limits(ax)))
+        ax.autoscale()  # the axes may have limits from an earlier call
+        ax.set_ylim(limits.get(label) or (ax.get_ylim() if pointed else _limits(ax)))
+        if x in limits:
+            ax.set_xlim(limits[x])
         shown = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
         if legend and (fresh := {k: line for k, line in shown.items() if k not in named}):
             for entry in ax.legend(fresh.values(), fresh.keys()).get_texts():

@@ -128,8 +128,10 @@ def test_a_burst_does_not_set_the_scale():
 
 def test_curves_are_added_to_axes_that_have_some():
     ax = Figure().subplots()
-    for name in ("ekf", "glr"):
-        figures.curves({"y": [Series(x=[0, 1, 2], y=[0, 1, 2], estimator=name)]}, x="x", axes=[ax])
+    for name, high in (("ekf", 2), ("glr", 20)):
+        one = Series(x=[0, 1, high], y=[0, 1, high], estimator=name)
+        figures.curves({"y": [one]}, x="x", axes=[ax])
+    assert ax.get_ylim()[1] >= 20 and ax.get_xlim()[1] >= 20
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["ekf", "glr"]
 
 
