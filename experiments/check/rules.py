@@ -295,7 +295,7 @@ def covariance(subject: Subject) -> Seen:
     if getattr(estimator, "covariance", None) is None:
         return None, "it claims none"
     for k, _ in enumerate(steps(estimator, subject.u, subject.y)):
-        C = np.asarray(estimator.covariance, float)  # type: ignore[attr-defined]
+        C = np.asarray(estimator.covariance, float)  # type: ignore[attr-defined, type-var]
         if C.shape != (p, p) or not np.isfinite(C).all() or C.diagonal().min() < 0:
             return False, f"sample {k}: no finite matrix ({p}, {p}) of variances above 0: {C}"
         scale = np.sqrt(np.maximum(C.diagonal(), np.finfo(float).tiny))

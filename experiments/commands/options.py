@@ -229,7 +229,7 @@ def go_on(args: argparse.Namespace, done: int) -> str:
 
 def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
     """Say on stderr which estimators failed where, and why: each kind of failure once."""
-    from flexaxis.experiments.reporting.terminal import failures_in_words as in_words
+    from flexaxis.experiments.reporting.words import failures_in_words as in_words
 
     for text, count in in_words(failures):
         say(f"{text} (and {count - 1} like it)" if count > 1 else text)

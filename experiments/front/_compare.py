@@ -62,10 +62,13 @@ class Comparison:
         -------
         Axes
         """
-        from flexaxis import _draw
+        from flexaxis._draw import panels
+        from flexaxis.experiments.reporting.compare import changes
+        from flexaxis.experiments.reporting.figures import verdict_intervals
 
-        rows = [row for row in self.content["rows"] if row["interval"] is not None]
-        return _draw.changes([_line(row) for row in rows], ax, (self.base, self.candidate))
+        axes = panels(ax, 1)[0]
+        verdict_intervals(changes(self.content), axes=axes)
+        return axes
 
     def __repr__(self) -> str:
         c = self.content
@@ -79,18 +82,6 @@ class Comparison:
         table = html_table(c["columns"], rows, len(rows))
         lines = [f"<p>{escape(line)}</p>" for line in (*c["advice"], *c["legend"])]
         return f"<p><b>{escape(c['headline'])}</b></p>{table}{''.join(lines)}"
-
-
-def _line(row: Mapping[str, Any]) -> dict[str, Any]:
-    name, scale = f"{row['metric'].replace('_', ' ')} {row['parameter']}", row["scale"] or 1.0
-    return {
-        "name": name, "where": row["scenario"], "word": row["verdict"],
-        "interval": [max(end / scale, DRAWN) for end in row["interval"]],
-        "change": max(row["change"] / scale, DRAWN), "margin": row["margin"] / scale,
-    }  # fmt: skip
-
-
-DRAWN = -0.99  # of a change as a share: a difference may be less than all of the base
 
 
 def compare(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -102,22 +102,23 @@ class Estimate:
         Axes, or ndarray of Axes
         """
         from flexaxis._draw import over_time, unit_of
-        from flexaxis.experiments.reporting.charts import Line
+        from flexaxis.experiments.reporting.figures import Series
 
         for name in names:
             if name not in self.names:
                 raise EstimatorError(unknown("parameter", name, self.names))
         sure = self.covariance if band else None
-        curves: dict[str, list[Line]] = {}
+        curves: dict[str, list[Series]] = {}
         for name in names or self.names:
             i = self.names.index(name)
-            line = Line(who=self.estimator, label=label, x=self.time, y=self.theta[:, i])
+            own, band_of = self.theta[:, i], {}
             if sure is not None:
                 two = 2 * np.sqrt(sure[:, i, i])
-                line = replace(line, low=line.y - two, high=line.y + two)
-            lines = curves[f"{name} [{unit_of(name)}]"] = [line]
+                band_of = {"low": own - two, "high": own + two}
+            one = Series(estimator=self.estimator, label=label, x=self.time, y=own, **band_of)
+            curves[f"{name} [{unit_of(name)}]"] = lines = [one]
             if (true := self.truth.get(name)) is not None:
-                lines.insert(0, Line(role="truth", label="truth", x=self.time, y=true))
+                lines.insert(0, Series(role="truth", x=self.time, y=true))
         return over_time(curves, ax, self.record.definition)
 
     def to_dataframe(self) -> pandas.DataFrame:

@@ -55,7 +55,7 @@ class Recording(Record):
         Axes, or ndarray of Axes
         """
         from flexaxis._draw import over_time
-        from flexaxis.experiments.reporting.charts import Line
+        from flexaxis.experiments.reporting.figures import Series
 
         read = self.scenario.get("output", "speed")
         usual = ("torque", read if read in self.signals else self.signals[-1])
@@ -66,7 +66,7 @@ class Recording(Record):
         beside = any(each.lines for each in np.ravel(ax if ax is not None else []))
         who = label if beside else "A"  # alone it is unbroken; beside others by its name
         curves = {f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]":
-                  [Line(who=who, label=label, x=self.time, y=getattr(self, name))]
+                  [Series(estimator=who, label=label, x=self.time, y=getattr(self, name))]
                   for name in signals or usual}  # fmt: skip
         return over_time(curves, ax, self.definition)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -85,26 +84,26 @@ class Results(kept.Results):
         FlexaxisError
             If no such key is swept.
         """
-        from flexaxis._draw import drawn
-        from flexaxis.experiments.reporting.charts import Chart
-        from flexaxis.experiments.reporting.run.speed import as_set
-        from flexaxis.experiments.reporting.study.charts import degradation
+        from flexaxis._draw import panels
+        from flexaxis.experiments.reporting.figures import curves, lag_against_noise
+        from flexaxis.experiments.reporting.study import over_axis
 
         if x and x not in self.axes:
             known = unknown("axis", x, self.axes) if self.axes else f"axis {x!r}: nothing was swept"
             raise FlexaxisError(f"{known}; leave it out for lag against noise")
-        key = x or next(iter(self.axes), "")
-        chart: Chart | None
-        if key:
-            rows = [r | {"who": r["estimator"]} for r in self.pooled("estimator", key)
-                    if r["changed"]]  # fmt: skip
-            chart = degradation([r for r in rows if r["lag"] is not None], key, label=key)
-        else:
-            rows = self.pooled("scenario", "estimator")
-            chart = as_set(rows, list(dict.fromkeys(row["estimator"] for row in rows)))
-        if chart is None or not chart.panels:
+        rows = self.scores("scenario", "estimator")
+        rows = rows[rows["changed"].astype(bool) & rows["lag"].notna()]
+        if rows.empty:
             raise FlexaxisError("no lag to draw: nothing changes here that is estimated")
-        return drawn(replace(chart, panels=chart.panels[:1]), ax)
+        axes = panels(ax, 1)
+        if key := x or next(iter(self.axes), ""):
+            options = over_axis(self, key, "lag")
+            first = dict(list(options["panels"].items())[:1])
+            curves(**options | {"panels": first, "axes": axes})
+        else:
+            rows["setting"] = rows["estimator"] + " on " + rows["scenario"]
+            lag_against_noise(rows, list(rows["estimator"].unique()), axes=axes)
+        return axes[0]
 
     def __repr__(self) -> str:
         names = ", ".join(self.study.get("estimators", ()))

@@ -17,8 +17,12 @@ from flexaxis.experiments.files import REPORT, write_json, write_text
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.verdict import BETTER, ORDER, SAME, SILENT, SLIGHT, UNDECIDED, WORSE
-from flexaxis.experiments.reporting import page
+from flexaxis.experiments.reporting.compare import render
+from flexaxis.experiments.reporting.inputs import estimates, truth
+from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.running.store import ROWS
 from flexaxis.experiments.scoring.score_table import METRICS
+from flexaxis.sim.scenario import Scenario
 
 Row = Mapping[str, Any]
 
@@ -249,10 +253,49 @@ def markdown(content: Mapping[str, Any]) -> str:
     return "\n\n".join([*head, sides, "\n".join(f"| {line} |" for line in lines), legend]) + "\n"
 
 
-def write(folder: Path, content: Mapping[str, Any]) -> Path:
-    """Write compare.json, verdict.md and report.html to a folder; return the report."""
+def worst_run(
+    folder: Path, content: Mapping[str, Any], scenario: Scenario
+) -> dict[str, Any] | None:
+    """Return the estimates of both sides in the worst run, None if no traces are stored.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the comparison, which holds the traces.
+    content : mapping
+        As from `as_dict`.
+    scenario : Scenario
+        The scenario of the worst run.
+
+    Returns
+    -------
+    dict or None
+        ``parameter``, and over nominal ``time, base, candidate, truth`` (M,).
+    """
+    if not (folder / ROWS).exists():
+        return None
+    rows = [row for row in content["rows"] if row["worst_scenario"] == scenario.name]
+    parameter = next((row["parameter"] for row in rows if row["parameter"]), scenario.identify[0])
+    results, runs = Results.load(folder, whole=True), {"parameter": parameter}
+    for side in ("base", "candidate"):
+        case = results.traces(scenario.hash, content[side]).get(content["worst"]["seed"])
+        if case is None or parameter not in case.names:
+            return None
+        runs["time"], values = estimates({0: case}, scenario, parameter)
+        runs[side] = values[0]
+    return runs | {"truth": np.interp(runs["time"], scenario.times, truth(scenario, parameter))}
+
+
+def write(folder: Path, content: Mapping[str, Any], scenarios: Sequence[Scenario] = ()) -> Path:
+    """Write compare.json, verdict.md and report.html to a folder; return the report.
+
+    The page shows the worst run over time if it is of one of the scenarios.
+    """
+    known = {scenario.name: scenario for scenario in scenarios}
+    scenario = known.get(content["worst"]["scenario"])
+    worst = scenario and worst_run(folder, content, scenario)
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "verdict.md", markdown(content))
-    write_text(folder / REPORT, page.render("gate/templates/compare.html", {"c": content}))
+    write_text(folder / REPORT, render(content, worst))
     write_json(folder / "compare.json", dict(content))  # last: a folder without it is not complete
     return folder / REPORT

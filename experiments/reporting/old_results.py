@@ -9,10 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from flexaxis.experiments.files import SUMMARY, OutputError, json_table
 from flexaxis.experiments.running import results as new
-from flexaxis.experiments.scoring.curves import Curve, curve_of
-from flexaxis.sim.scenario import scenario_from
 
 Bins = Mapping[str, Sequence[float]]
 NAMES = {"base": "scenario", "method": "estimator", "estimator": "setting"}
@@ -117,34 +114,3 @@ class Traces:
         if self.folder is None:
             return {}
         return new.Results.load(self.folder, whole=True).traces(key, estimator)
-
-
-@dataclass(frozen=True)
-class Pooled:
-    """What the report of a run is made of."""
-
-    summary: dict[str, Any]
-    curves: list[Curve]
-    folder: Path
-
-    @property
-    def rows(self) -> Rows:
-        """The rows behind."""
-        return Rows(Results.load(self.folder))
-
-
-def with_curves(folder: Path, summary: dict[str, Any]) -> Pooled:
-    """Return what a summary says with the trajectories of the runs."""
-    traces = Results.load(folder)
-    curves = []
-    for name, text in dict.fromkeys((r["scenario"], r["estimator"]) for r in summary["rows"]):
-        scenario = scenario_from(summary["scenarios"][name]["definition"], source=str(folder))
-        if known := list(traces.traces(scenario.hash, text).values()):
-            runs, near = [t.curve for t in known], [t.detail.near for t in known]
-            curves.append(curve_of(scenario, text, known[0].names, runs, near))
-    return Pooled(summary, curves, folder)
-
-
-def load(folder: Path) -> Pooled:
-    """Return what was pooled in the folder of a run."""
-    return with_curves(folder, json_table(folder / SUMMARY, OutputError))

@@ -16,10 +16,11 @@ from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.comparison import sweep
 from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.files import REPORT, SUMMARY, write_json, write_text
-from flexaxis.experiments.reporting.old_results import Results as ReportResults
-from flexaxis.experiments.reporting.old_results import with_curves
-from flexaxis.experiments.reporting.run.page import render
-from flexaxis.experiments.reporting.study.page import write_report
+from flexaxis.experiments.reporting import run as run_report
+from flexaxis.experiments.reporting import study as study_report
+from flexaxis.experiments.reporting.finds import finds
+from flexaxis.experiments.reporting.inputs import RunInputs
+from flexaxis.experiments.reporting.words import faults_of, widest
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
@@ -118,7 +119,7 @@ def finish(results: Results, runner: Runner, *, say: Callable[[str], object] | N
         "tradeoff": swept,
     }
     (results.folder / SUMMARY).unlink(missing_ok=True)  # of another question
-    write_text(results.folder / REPORT, render(with_curves(results.folder, summary)))
+    write_text(results.folder / REPORT, run_report.render(RunInputs(results, summary)))
     write_json(results.folder / SUMMARY, summary)  # last: a folder without one is not complete
 
 
@@ -157,6 +158,7 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
     scenarios = [scenario_from(s, source="sweep") for s in wanted["scenarios"]]
     able = sweep.able(scenarios, wanted["estimators"], seeds, runner.rows)
     found = sweep.sweep(scenarios, able, seeds, runner.rows)
+    _keep_traces(scenarios, found, seeds, runner)
     left_out = [name for name in wanted["estimators"] if name not in able]
     failures: list[dict[str, Any]] = []
     if left_out:
@@ -168,7 +170,20 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
         "failures": failures,
         "overall": overall(found.at_excess),
         "faults": {s.name: happens(s) for s in scenarios},
+        "definitions": {s.name: s.resolved() for s in scenarios},
     }
+
+
+def _keep_traces(
+    scenarios: Sequence[Scenario], found: sweep.Sweep, seeds: Sequence[int], runner: Runner
+) -> None:
+    """Run the settings nearest to equal noise once more, with what the report draws of them."""
+    matched = faults_of(found.matched)
+    if matched.empty:
+        return
+    own = matched[matched["fault"] == widest(matched)]
+    drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
+    runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
 
 
 def _summary(study: Mapping[str, Any], pooled: list[dict[str, Any]]) -> dict[str, Any]:
@@ -205,8 +220,9 @@ def report(folder: Path, runner: Runner) -> Path:
     StudyError, OutputError
         If the folder is of neither, or cannot be written.
     """
-    results = ReportResults.load(folder)
+    results = Results.load(folder)
     if results.axes:
-        return write_report(results)
+        write_text(folder / REPORT, study_report.render(results, finds(results)))
+        return folder / REPORT
     finish(results, runner)
     return folder / REPORT

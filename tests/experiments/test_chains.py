@@ -10,11 +10,11 @@ from flexaxis.experiments.catalogue.card import reference_card
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.demo.view import model_of, poses, scene
+from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running.cache import SIGNALS, RecordCache, records
 from flexaxis.experiments.running.study import Study, units
 from flexaxis.experiments.scoring.bounds import limits
 from flexaxis.models_mjcf import MODEL_NAMES
-from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.simulate import simulate
@@ -173,5 +173,5 @@ def test_without_a_model_nothing_is_estimated_and_no_bound_is_taken(unknown, tmp
     assert "estimators have no model two_mass" in capsys.readouterr().err
     assert limits(unknown, unknown.identify, record.torque)[2].lag_bound is None
     assert reference_card(unknown)["bound"].startswith("none")
-    with pytest.raises(ScenarioError, match="estimators have no model two_mass"):
+    with pytest.raises(StudyError, match="estimators have no model two_mass"):
         units(Study("s", (unknown,), ("frozen",), (0,)))

@@ -10,7 +10,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import in_a_line, reference_card
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.reporting.terminal import score_table
+from flexaxis.experiments.reporting.terminal import default_table
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.estimators import Spec, build, parse
 from flexaxis.experiments.scoring.excess import information
@@ -138,7 +138,7 @@ def test_who_does_not_estimate_what_changes_is_shown_as_well():
     scenario = made(ASKED, FAULT)
     (record,) = simulate(scenario, [0])
     cases = [run_case(scenario, record, spec(name)) for name in ("Asks", "Tracks")]
-    table = score_table([row for case in cases for row in pool_rows(case.rows, scenario)])
+    table = default_table([row for case in cases for row in pool_rows(case.rows, scenario)])
     estimators, parameters = (list(column.cells) for column in table.columns[:2])
     assert [name.split(":")[-1] for name in estimators[1:]] == ["Asks"] * 3 + ["Tracks"]
     assert parameters[1:] == [*LINEAR, "f_c"]

@@ -13,8 +13,6 @@ from flexaxis.experiments.comparison.matching import Setting, match
 from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.comparison.sweep import settings, sweep, texts
 from flexaxis.experiments.comparison.tune import with_knob
-from flexaxis.experiments.reporting.figures import figure
-from flexaxis.experiments.reporting.run.speed import tradeoff
 from flexaxis.experiments.scoring.intervals import mean_interval
 
 COMMON = np.random.default_rng(0).standard_normal(12)
@@ -224,25 +222,6 @@ def test_false_alarms_are_a_rate(short):
     assert row["values"]["false_alarms"] == [0.0, 0.0] and row["false_alarms_per_1000_s"] == 0.0
 
 
-def test_the_figure_holds_every_estimator_and_the_bounds():
-    points = [
-        {"scenario": "s", "parameter": "f_m", "estimator": e, "lag": 1 / r, "std": r,
-         "lag_interval": None, "lag_bound": 0.1, "lag_bound_single": 0.05, "factor": r}
-        for e in ("a", "b") for r in (0.5, 2.0)
-    ]  # fmt: skip
-    labels = figure(tradeoff(points, ["a", "b"])).axes[0].get_legend_handles_labels()[1]
-    assert sorted(labels) == ["a", "b", "bound, all θ unknown", "bound, only this θ unknown"]
-
-
-def test_a_panel_on_which_nothing_can_be_shown():
-    one = {"scenario": "s", "parameter": "f_m", "estimator": "frozen", "lag": None, "std": 0.0,
-           "lag_interval": None, "lag_bound": 0.1, "lag_bound_single": 0.05,
-           "factor": 1.0}  # fmt: skip
-    drawn = figure(tradeoff([one], ["frozen"]))
-    drawn.canvas.draw()  # ticks are looked for
-    assert drawn.axes[0].get_legend_handles_labels()[1][0].startswith("bound")
-
-
 @pytest.mark.slow
 def test_the_command(tmp_path, capsys):
     words = ["tune", "rpem-forgetting", "--sweep", "kt_step-v1", "--seeds", "2",
@@ -260,4 +239,4 @@ def test_the_command(tmp_path, capsys):
     assert (tmp_path / "sweep.svg").exists() and (tmp_path / "sweep.json").exists()
     assert main(words) == 0
     shown = capsys.readouterr().out
-    assert "kt_step-v1, k_T" in shown and "score at equal excess error" in shown
+    assert "torque constant −10 %  (kt_step-v1: k_T)" in shown and "overall score" in shown

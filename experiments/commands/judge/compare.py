@@ -21,6 +21,7 @@ example:
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,7 @@ from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
+    from flexaxis.sim.scenario import Scenario
 
 HELP = "say whether an estimator got better or worse, with an exit status"
 
@@ -113,7 +115,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
             args.base, args.candidate, scenarios, seeds, runner, margins=margins,
             max_seeds=args.max_seeds or 0, match_std=args.match_std, traces=True,
         )  # fmt: skip
-    return _answer(args, comparison, sources)
+    return _answer(args, comparison, sources, scenarios)
 
 
 def _margins(args: argparse.Namespace) -> dict[str, float]:
@@ -144,16 +146,21 @@ def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
         *map(Path, args.names), margins=margins, estimators=(args.base, args.candidate),
         seeds=parse_seeds(args.seeds) if args.seeds else None,
     )  # fmt: skip
-    return _answer(args, comparison, {})
+    return _answer(args, comparison, {}, ())
 
 
-def _answer(args: argparse.Namespace, comparison: Comparison, sources: dict[str, str]) -> int:
+def _answer(
+    args: argparse.Namespace,
+    comparison: Comparison,
+    sources: dict[str, str],
+    scenarios: Sequence[Scenario],
+) -> int:
     from flexaxis.experiments.gate.report import as_dict, terminal_table, write
     from flexaxis.experiments.reporting.terminal import show
 
     status = comparison.status(strict=args.strict)
     content = as_dict(comparison, sources=sources) | {"command": options.line(args)}
-    path = write(_output(args), content)
+    path = write(_output(args), content, scenarios)
     look = [f"Look at the worst run: {content['worst']['command']}"] if status in (1, 3) else []
 
     def shown() -> None:

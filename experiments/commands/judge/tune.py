@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
-from flexaxis.experiments.files import OutputError, write_json, write_text
+from flexaxis.experiments.files import OutputError, write_json
 from flexaxis.experiments.seeds import parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
@@ -77,9 +77,9 @@ def _sweep(args: argparse.Namespace) -> int:
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.comparison.ranking import overall
     from flexaxis.experiments.comparison.sweep import TURNS, reference, settings, sweep, texts
-    from flexaxis.experiments.reporting.figures import figure, svg
-    from flexaxis.experiments.reporting.run.speed import tradeoff
+    from flexaxis.experiments.reporting.figures import speed_noise
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
+    from flexaxis.experiments.reporting.words import fault_words, faults_of
 
     scenarios, *_ = select(args.sweep)
     estimators = list(dict.fromkeys(args.estimator)) or [*SWEPT]
@@ -89,12 +89,13 @@ def _sweep(args: argparse.Namespace) -> int:
     with options.working(args, f"at most {most} cases", most, folder) as (runner, _):
         swept = sweep(scenarios, estimators, seeds, runner.rows)
         ranking = overall(swept.at_excess)
-        content = {"command": command, "seeds": seeds, "reference": reference()}
+        content: dict[str, Any] = {"command": command, "seeds": seeds, "reference": reference()}
         content |= asdict(swept) | {"overall": ranking}
+        content |= {"definitions": {s.name: s.resolved() for s in scenarios}}
         path = folder / "sweep.svg"
-        write_text(path, svg(figure(tradeoff(swept.points, estimators))))
+        speed_noise(faults_of(swept.points), estimators, fault_words(content)).savefig(path)
         write_json(folder / "sweep.json", content)
-    table = equal_noise_table(swept.matched, ranking)
+    table = equal_noise_table(content, len(seeds))
     return answer(args, content | {"figure": path}, 0, path, show=lambda: show(table))
 
 

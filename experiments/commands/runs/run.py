@@ -151,4 +151,4 @@ def _answer(args: argparse.Namespace, folder: Path, summary: dict[str, Any]) -> 
         show_run(summary)
     options.tell_failures(failures)
     path = folder / REPORT
-    return answer(args, summary | {"report": path}, status, path)
+    return answer(args, summary | {"report": path}, status, f"report: {path}")

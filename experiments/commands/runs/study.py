@@ -60,6 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Read, plan, run and report."""
+    from flexaxis.experiments.reporting.study import title
     from flexaxis.experiments.studies.benchmark import report
     from flexaxis.experiments.studies.definition import load_study
 
@@ -84,7 +85,10 @@ def main(args: argparse.Namespace) -> int:
     content = {"folder": folder, "report": path, "cases": results.cases, "of": total}
     content |= {"run": runner.done, "failed": len(failures)}
     words = f"{results.cases} of {total} cases done, {runner.done} of them just now"
-    return answer(args, content, options.failed(failures, args.remarks), words, path)
+    status = options.failed(failures, args.remarks)
+    if shard != (1, 1):
+        return answer(args, content, status, words, path)
+    return answer(args, content, status, words, title(results), f"report: {path}")
 
 
 def _plan(args: argparse.Namespace, study: Study, folder: Path) -> int:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.experiments.reporting.charts import Chart, Line, Panel
+from flexaxis.experiments.reporting.charts_old.charts import Chart, Line, Panel
 
 Array = NDArray[np.float64]
 Tick = tuple[float, str]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.experiments.reporting.charts import Line
-from flexaxis.experiments.reporting.scales import Scale
+from flexaxis.experiments.reporting.charts_old.charts import Line
+from flexaxis.experiments.reporting.charts_old.scales import Scale
 
 Array = NDArray[np.float64]
 

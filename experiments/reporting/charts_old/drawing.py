@@ -14,11 +14,11 @@ import numpy as np
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
-from flexaxis.experiments.reporting import styles
-from flexaxis.experiments.reporting.charts import Chart, Line
-from flexaxis.experiments.reporting.scales import Scale, across, upward
-from flexaxis.experiments.reporting.shapes import UNITS, path, places, runs, units
-from flexaxis.experiments.reporting.tables import in_svg, symbols
+from flexaxis.experiments.reporting.charts_old import marks
+from flexaxis.experiments.reporting.charts_old.charts import Chart, Line
+from flexaxis.experiments.reporting.charts_old.scales import Scale, across, upward
+from flexaxis.experiments.reporting.charts_old.shapes import UNITS, path, places, runs, units
+from flexaxis.experiments.reporting.charts_old.tables import in_svg, symbols
 
 Array = NDArray[np.float64]
 
@@ -55,12 +55,12 @@ def swatch(who: str, *, kind: str = "line", role: str = "") -> Markup:
     line = "" if kind == "points" and not who else '<path d="M1,6H29"/>'
     marked = who or kind in {"points", "both"}
     mark = f'<use href="#{_marker(who)}" x="15" y="6"/>' if marked else ""
-    css = f"swatch line {role} {styles.css_class(who)}"
+    css = f"swatch line {role} {marks.css_class(who)}"
     return Markup(f'<svg class="{css}" viewBox="0 0 30 12" aria-hidden="true">{line}{mark}</svg>')
 
 
 def _marker(who: str) -> str:
-    return f"mark-{styles.css_class(who)}" if who else "mark"
+    return f"mark-{marks.css_class(who)}" if who else "mark"
 
 
 def _legend(chart: Chart) -> str:
@@ -191,7 +191,7 @@ def _band(line: Line, x: Scale, y: Scale) -> str:
         f"{path(a[run], high[run])}{path(a[run][::-1], low[run][::-1]).replace('M', 'L', 1)}Z"
         for run in runs(a, low, high)
     ]
-    css = styles.css_class(line.who)
+    css = marks.css_class(line.who)
     return f'<path class="band {css}" data-who="{escape(line.who)}" d="{"".join(parts)}"/>'
 
 
@@ -215,7 +215,7 @@ def _group(line: Line, role: str, inside: str, more: str = "") -> str:
     said = escape(line.label or line.who or line.role)
     pick = f' data-pick="{escape(line.pick)}"' if line.pick else ""
     return (
-        f'<g class="line {role} {styles.css_class(line.who)}" data-who="{escape(line.who)}" '
+        f'<g class="line {role} {marks.css_class(line.who)}" data-who="{escape(line.who)}" '
         f'data-said="{said}"{pick}{more}>{inside}</g>'
     )
 
@@ -249,7 +249,7 @@ def _markers(line: Line, x: Scale, y: Scale, role: str) -> str:
     if line.kind not in {"points", "both"}:
         if not line.who or there.sum() < 2 or line.kind == "steps" or line.role == "bound":
             return ""
-        at = (np.arange(SPARSE) + styles.phase(line.who)) / SPARSE
+        at = (np.arange(SPARSE) + marks.phase(line.who)) / SPARSE
         at = at[(at >= a[there].min()) & (at <= a[there].max())]
         a, b = at, np.interp(at, a[there], b[there])
     elif len(line.x) > MANY:
