@@ -311,8 +311,9 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
 
     That is nominal parameters (off by `start`, with those of the data sheet), period, and, if its
     constructor has such keywords, `identify`, `output`, `noise` (if the data sheet has it) and
-    `torque` (of a nominal run, to compute P(0)). Estimators of the registry are kept and reset,
-    because building one takes as long as running it; code of users is built for each run.
+    `torque` (of a nominal run, to compute P(0)). Estimators of the registry are kept, and copies
+    of them are returned, because building one takes as long as running it; code of users is built
+    for each run.
 
     Raises
     ------
@@ -338,6 +339,7 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
         _built[key] = estimator
         while len(_built) > KEPT:
             _built.popitem(last=False)
+        return estimator.copy()  # type: ignore[no-any-return]
     return estimator  # type: ignore[no-any-return]
 
 

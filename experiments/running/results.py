@@ -271,9 +271,9 @@ class Results:
         return json_table((self.folder or Path()) / SUMMARY, OutputError)
 
     def to_csv(self, path: str | Path) -> None:
-        """Write the rows as CSV, without columns that are empty."""
+        """Write the rows as CSV; a column that is defined in no row is there and empty."""
         with new_file(Path(path)) as part:
-            self.frame.dropna(axis=1, how="all").to_csv(part, index=False)
+            self.frame.to_csv(part, index=False)
 
     def to_parquet(self, path: str | Path) -> None:
         """Write the rows as Parquet; needs pyarrow."""

@@ -109,6 +109,10 @@ class Plant:
         self._time: Array = self._batch.bind("time")
         self.set_parameters(parameters)
 
+    def model(self, run: int) -> mujoco.MjModel:
+        """Return a copy of the engine's model of one run, to look into."""
+        return self._batch.get_model(run)
+
     def set_parameters(self, parameters: Sequence[AxisParameters] | Array) -> None:
         """Change the parameters of the runs from now on; angles and speeds stay.
 

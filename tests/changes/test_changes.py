@@ -30,14 +30,17 @@ def scenario(flexaxis, name, text):
     return flexaxis("show", f"{name}.toml")
 
 
+def stored_rows(flexaxis, folder):
+    """Return the rows of a results folder."""
+    with (flexaxis.place / folder / "scores.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
 def ran(flexaxis, name):
-    """Run a scenario, and return the page on it, and its rows as they are exported."""
+    """Run a scenario, and return its report and its rows."""
     flexaxis("run", name, *ONE, "-o", f"{name}.run")
-    flexaxis("report", f"{name}.run")
     page = (flexaxis.place / f"{name}.run" / "report.html").read_text(encoding="utf-8")
-    flexaxis("export", f"{name}.run", "--csv", f"{name}.csv")
-    with (flexaxis.place / f"{name}.csv").open(encoding="utf-8") as file:
-        return page, {row["parameter"]: row for row in csv.DictReader(file)}
+    return page, {row["parameter"]: row for row in stored_rows(flexaxis, f"{name}.run")}
 
 
 def simulated(flexaxis, name):
@@ -188,10 +191,8 @@ def test_score(flexaxis):
     shown = flexaxis("run", "short.toml", *names, "--seeds", "2", "-o", "run")
     assert "most %" in shown
     run = flexaxis.place / "run"
-    flexaxis("export", "run", "--jsonl", "rows.jsonl")
-    rows = (flexaxis.place / "rows.jsonl").read_text(encoding="utf-8").splitlines()
-    row = json.loads(rows[-1])
-    assert row["largest"] >= row["std"] > 0
+    row = stored_rows(flexaxis, "run")[-1]
+    assert float(row["largest"]) >= float(row["std"]) > 0
     pooled = json.loads((run / "summary.json").read_text(encoding="utf-8"))["rows"][-1]
     assert pooled["largest"] > 0 and pooled["largest_interval"] is None  # of two seeds
     page = (run / "report.html").read_text(encoding="utf-8")
@@ -200,9 +201,7 @@ def test_score(flexaxis):
     study = 'scenario = "short.toml"\nestimators = ["rpem-forgetting"]\nseeds = 1\n'
     (flexaxis.place / "small.toml").write_text(f"{study}[sweep]\nstart = [1.0, 1.1]", "utf-8")
     flexaxis("study", "small.toml", "--jobs", "1", "-o", "small")
-    flexaxis("export", "small", "--csv", "small.csv")
-    with (flexaxis.place / "small.csv").open(encoding="utf-8") as file:
-        assert all(float(line["largest"]) > 0 for line in csv.DictReader(file))
+    assert all(float(row["largest"]) > 0 for row in stored_rows(flexaxis, "small"))
 
     sides = ["--base", "rpem-forgetting", "--candidate", "rpem-forgetting[forgetting=0.9]"]
     more = ["--seeds", "6", "--margin", "largest=5%", "--jobs", "1", "--json", "-o", "compared"]
