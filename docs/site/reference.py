@@ -158,7 +158,7 @@ def score_page() -> str:
     """Return all scores of the table, each with its unit and how it is pooled."""
     parts = [
         "# All scores",
-        "The table `SCORES`, from which rows, summaries, reports and exports are made. Why they "
+        "The table `SCORES`, from which rows, summaries, reports and files are made. Why they "
         "are as they are: [Scores](../scores.md).",
     ]
     rows = [[f"[`{s.name}`](#{s.name})", s.unit or "", s.better or ""] for s in SCORES.values()]

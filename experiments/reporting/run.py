@@ -11,6 +11,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from flexaxis.estimators import RECOMMENDED
+from flexaxis.experiments.catalogue.card import in_a_line
 from flexaxis.experiments.comparison.mismatch import TRACKS, misled, track_of
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, REFERENCE, ecdf
 from flexaxis.experiments.reporting import figures, page, tables, words
@@ -147,8 +148,10 @@ class Drawing:
         """Return what the report shows of a scenario."""
         scenario, own = self.inputs.scenarios[name], rows[rows["scenario"] == name]
         happens = words.happens(scenario.resolved())
-        section: dict[str, Any] = {"scenario": scenario, "happens": happens, "figures": [],
-                                   "table": None, "runs": None}  # fmt: skip
+        section: dict[str, Any] = {
+            "scenario": scenario, "happens": happens, "line": in_a_line(scenario),
+            "figures": [], "table": None, "runs": None,
+        }  # fmt: skip
         if own.empty:
             points = words.faults_of(self.summary["tradeoff"]["points"])
             heads = {"estimator": "estimator", "setting": "setting", "lag": "lag [s]",
