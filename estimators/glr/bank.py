@@ -23,7 +23,7 @@ and only where no finer level has them.
 
 import numpy as np
 
-from flexaxis.estimators.glr.dictionary import pair_columns, pull_columns
+from flexaxis.estimators.glr.cogging import pair_columns, pull_columns
 from flexaxis.estimators.models.compiler import inlined
 
 PER_LEVEL = 8

@@ -7,7 +7,7 @@ from flexaxis.estimators.filters.joint import correct, look, start_sample
 from flexaxis.estimators.filters.loop import over_sample
 from flexaxis.estimators.filters.noise import judge, show
 from flexaxis.estimators.glr.bank import carry_columns, mean_of, open_slots, weigh
-from flexaxis.estimators.glr.dictionary import begin_columns, begin_sums, look_for_shapes
+from flexaxis.estimators.glr.cogging import begin_columns, begin_sums, look_for_waves
 from flexaxis.estimators.glr.records import NEVER
 from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.models.discretisation import Pattern
@@ -23,7 +23,7 @@ def glr_loop(pattern: Pattern) -> Compiled:
     samples again, a stated number at a time; what a pass leaves of it, ``left``, the next one has.
     """
     over = over_sample(pattern)
-    search = look_for_shapes if pattern.laws else _nothing
+    search = look_for_waves if pattern.laws else _nothing
 
     def run(tunings, states, banks, u, y, valid, estimates, trace):  # noqa: PLR0917
         tuning, bank = tunings[0], banks[0]
@@ -59,7 +59,7 @@ def glr_loop(pattern: Pattern) -> Compiled:
 
 @inlined
 def _nothing(tuning, state, bank):
-    """Look for no shapes: a model without laws has none."""
+    """Look for no waves: a model without laws has no torque to look for."""
 
 
 @inlined

@@ -128,29 +128,6 @@ def lengths(
     )
 
 
-@dataclass(frozen=True)
-class Dictionary:
-    """
-    The shapes of friction that are looked for in the first seconds.
-
-    Attributes
-    ----------
-    waves : int
-        In a turn, of the fastest; 0 where no shape is looked for.
-    load : int
-        The state that says how large the load is.
-    load_size : float
-        How far it moves, rms.
-    softness : float
-        The speed by which dry friction changes its sign [rad/s].
-    """
-
-    waves: int = 0
-    load: int = 0
-    load_size: float = 1.0
-    softness: float = 1.0
-
-
 def glr_records(  # noqa: PLR0917
     design: Design,
     pattern: Pattern,
@@ -159,7 +136,7 @@ def glr_records(  # noqa: PLR0917
     alarm: float,
     groups: Sequence[tuple[Sequence[int], Sequence[float]]],
     tracked: int,
-    dictionary: Dictionary,
+    waves: int,
 ) -> tuple[Record, Record, Record]:
     """
     Return tuning (1,), states (2,) and bank (1,) of `loop.glr_loop`.
@@ -177,7 +154,8 @@ def glr_records(  # noqa: PLR0917
         As for `flexaxis.estimators.filters.constrained.told_records`.
     tracked : int
         The first so many of θ are estimates.
-    dictionary : Dictionary
+    waves : int
+        In a turn, of the fastest cogging that is looked for; 0 for none.
     """
     tuning, start = ekf_records(design, pattern, rests=True)
     told, drawn = told_records(tracked, groups)
@@ -194,11 +172,10 @@ def glr_records(  # noqa: PLR0917
         misfit_share=1.0 / timing.memory,
         period=design.period,
         mean_speed=np.array(find_signal(design.output).mean_speed(design.period)),
-        **vars(dictionary)
-        | {"waves": min(dictionary.waves, (PER_LEVEL * timing.levels * q - 2) // 4)},
+        waves=min(waves, PER_LEVEL * timing.levels * q // 2),
     )
     P = start["P"].shape[1:]
-    searches = record(searching=int(dictionary.waves > 0))
+    searches = record(searching=int(waves > 0))
     bank = joined(
         _again(pattern, p, timing), _hypotheses(pattern, p, q, timing, P), searches, drawn
     )
@@ -206,7 +183,7 @@ def glr_records(  # noqa: PLR0917
 
 
 def _hypotheses(pattern: Pattern, p: int, q: int, timing: Timing, P: tuple[int, ...]) -> Record:
-    """Return the bank of q jumps at each onset, and what the dictionary has in its place before."""
+    """Return the bank of q jumps at each onset; before, the waves that are looked for."""
     slots, m, n = PER_LEVEL * timing.levels, pattern.p, pattern.p - p
     H = slots * q
     return record(

@@ -156,11 +156,11 @@ def with_angle(model: Model) -> Model:
     )
 
 
-def with_shape(model: Model) -> Model:
-    """Return an axis with friction of the motor of one more shape, which is its last law."""
-    named = {"shape_sin": 0.0, "shape_cos": 0.0, "shape_n": 10.0}
-    model = model if "angle_motor" in model.states else with_angle(model)
-    return replace(model, laws=(*model.laws, SHAPE), nominal=dict(model.nominal) | named)
+def with_cogging(model: Model, poles: float) -> Model:
+    """Return an axis without an angle with cogging of so many poles, which is its last law."""
+    model = with_angle(model)
+    cogging = {"c_sin": 0.0, "c_cos": 0.0, "poles": poles}
+    return replace(model, laws=(*model.laws, COGGING), nominal=dict(model.nominal) | cogging)
 
 
 def real_axis(nominal: Mapping[str, float]) -> Model:
