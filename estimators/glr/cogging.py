@@ -11,16 +11,13 @@ is clear, becomes a law of cogging in a filter that begins where this one is.
 import numpy as np
 
 from flexaxis.estimators.filters.loop import Record
-from flexaxis.estimators.glr.workspace import Workspace
 from flexaxis.estimators.models.compiler import inlined
-from flexaxis.estimators.models.laws import LAWS
 
 ALARM = 20.0  # nats by which a wave explains more than it costs: three times those of a jump, as
 # it stays for good, and as friction that is still being learnt makes columns wrong
 UNKNOWN = 3  # numbers that a wave has: two coefficients, and how many there are in a turn
 FASTEST = 2.0  # radians that a wave may turn in a period at the rms speed; torques of faster ones
 # are gone from their mean over the period
-POLES = list(LAWS["sinusoid"].roles).index("poles")
 
 
 @inlined
@@ -118,37 +115,3 @@ def strongest_wave(bank: Record, waves: int, variance: float) -> tuple[int, floa
     gain = 0.5 * n * np.log(chi2 / left) - 0.5 * UNKNOWN * np.log(n) - np.log(waves)
     best = int(np.argmax(gain))
     return (best + 1, *size[best].tolist()) if gain[best] > ALARM else None
-
-
-def take_up(plain: Workspace, rich: Workspace, wave: tuple[int, float, float]) -> None:
-    """
-    Let a filter with a law of cogging begin where another one is.
-
-    Parameters
-    ----------
-    plain : Workspace
-        After the first seconds.
-    rich : Workspace
-        As before the first sample. Its parameters are those of the other and, as the last two,
-        sine and cosine of cogging, which is its last law; the angle of the motor is one more state.
-    wave : (waves, sine, cosine)
-    """
-    rich.tuning["law_value"][0, -1, POLES] = wave[0]
-    share(plain.bank, rich.bank)
-    share(plain.states, rich.states)
-    was, now, p = plain.states[0], rich.states[0], plain.p
-    n, angle = len(was["gain"]) - p, rich.angle
-    rows = np.arange(n) + (np.arange(n) >= angle)
-    whole = np.r_[np.arange(p), rich.p + rows]
-    now["P"][np.ix_(whole, whole)] = was["P"][:, : p + n]
-    now["theta"][: rich.p] = np.r_[was["theta"][:p], wave[1:] / rich.design.scale[p:]]
-    now["X"][rows, 0], now["X"][-1, 0] = was["X"][:n, 0], was["X"][-1, 0]
-    now["X"][angle, 0] = plain.bank["angle"][0]
-    rich.bank["mixed"][0] = now["theta"][: rich.p]
-
-
-def share(source: Record, target: Record) -> None:
-    """Copy what two records have in common: fields of the same shape."""
-    for name in target.dtype.names or ():
-        if name in (source.dtype.names or ()) and source[name].shape == target[name].shape:
-            target[name] = source[name]

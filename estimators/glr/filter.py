@@ -9,13 +9,13 @@ from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.filters.filter import RecursiveEstimator
 from flexaxis.estimators.filters.joint import with_state
-from flexaxis.estimators.glr.cogging import share, strongest_wave, take_up
+from flexaxis.estimators.glr.cogging import strongest_wave
 from flexaxis.estimators.glr.comparison import ALARM, Comparison
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
 from flexaxis.estimators.glr.loop import glr_loop
 from flexaxis.estimators.glr.mixture import beliefs, hypotheses, mean
 from flexaxis.estimators.glr.records import Jumps, Timing, glr_records
-from flexaxis.estimators.glr.workspace import Kit, Workspace
+from flexaxis.estimators.glr.workspace import Kit, Workspace, share, take_up
 from flexaxis.estimators.models.axes import COGGING
 from flexaxis.estimators.models.discretisation import split
 from flexaxis.estimators.protocol import Finding

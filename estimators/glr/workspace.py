@@ -10,6 +10,7 @@ from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.loop import Record
 from flexaxis.estimators.glr.records import NEVER, Jumps, Timing
 from flexaxis.estimators.models.compiler import Compiled
+from flexaxis.estimators.models.laws import LAWS
 
 Array = NDArray[np.float64]
 
@@ -148,3 +149,40 @@ class Kit(NamedTuple):
         tuning, states, bank = self.records
         records = tuning, states.copy(), bank.copy(), states
         return Workspace(self.design, self.jumps, self.timing, *records, self.angle)
+
+
+POLES = list(LAWS["sinusoid"].roles).index("poles")
+
+
+def take_up(plain: Workspace, rich: Workspace, wave: tuple[int, float, float]) -> None:
+    """
+    Let a filter with a law of cogging begin where another one is.
+
+    Parameters
+    ----------
+    plain : Workspace
+        After the first seconds.
+    rich : Workspace
+        As before the first sample. Its parameters are those of the other and, as the last two,
+        sine and cosine of cogging, which is its last law; the angle of the motor is one more state.
+    wave : (waves, sine, cosine)
+    """
+    rich.tuning["law_value"][0, -1, POLES] = wave[0]
+    share(plain.bank, rich.bank)
+    share(plain.states, rich.states)
+    was, now, p = plain.states[0], rich.states[0], plain.p
+    n, angle = len(was["gain"]) - p, rich.angle
+    rows = np.arange(n) + (np.arange(n) >= angle)
+    whole = np.r_[np.arange(p), rich.p + rows]
+    now["P"][np.ix_(whole, whole)] = was["P"][:, : p + n]
+    now["theta"][: rich.p] = np.r_[was["theta"][:p], wave[1:] / rich.design.scale[p:]]
+    now["X"][rows, 0], now["X"][-1, 0] = was["X"][:n, 0], was["X"][-1, 0]
+    now["X"][angle, 0] = plain.bank["angle"][0]
+    rich.bank["mixed"][0] = now["theta"][: rich.p]
+
+
+def share(source: Record, target: Record) -> None:
+    """Copy what two records have in common: fields of the same shape."""
+    for name in target.dtype.names or ():
+        if name in (source.dtype.names or ()) and source[name].shape == target[name].shape:
+            target[name] = source[name]
