@@ -19,19 +19,19 @@ difference of the two estimates, as of any mixture.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.loop import Record, record
 from flexaxis.estimators.models.compiler import inlined
 
 LEVEL = 0.95  # of χ², at which what was told and what was learnt weigh the same
 SETTLED = 1e-9  # of a variance, below which nothing is left of it
 
 
-def told_records(
+def told_arrays(
     tracked: int, groups: Sequence[tuple[Sequence[int], Sequence[float]]]
-) -> tuple[Record, Record]:
+) -> dict[str, NDArray]:
     """
-    Return what `draw_estimates` needs of tuning and state.
+    Return what `draw_estimates` needs, by name.
 
     Parameters
     ----------
@@ -53,67 +53,70 @@ def told_records(
         members[row, : len(indices)] = np.searchsorted(union, indices)
         values[row, : len(indices)] = told
         limit[row] = chi2.ppf(LEVEL, len(indices))
-    tuning = record(union=union, members=members, told=values, limit=limit)
-    state = record(
-        given=np.zeros(len(union)),
-        given_P=np.zeros((len(union), len(union))),
-        given_between=np.zeros((len(union), len(union))),
-        told_mean=np.zeros(len(union)),
-        told_P=np.zeros((len(union), len(union))),
-        column=np.zeros(len(union)),
-        told_share=np.zeros(len(limit)),
-    )
-    return tuning, state
+    q, square = np.zeros(len(union)), np.zeros((len(union), len(union)))
+    return {
+        "union": union,
+        "members": members,
+        "told": values,
+        "limit": limit,
+        "given": q,
+        "given_P": square,
+        "given_between": square,
+        "told_mean": q,
+        "told_P": square,
+        "column": q,
+        "told_share": np.zeros(len(limit)),
+    }
 
 
 @inlined
-def draw_estimates(tuning, state, P, theta, estimates):
+def draw_estimates(bank, P, theta, estimates):
     """
     Write estimates (q,) given what was told, as far as the data do not contradict it.
 
     θ (p,) and P are what is thought without it. Of all that is given, ``given_P + given_between``
     is the covariance.
     """
-    union, given, given_P = tuning["union"], state["given"], state["given_P"]
+    union, given, given_P = bank.union, bank.given, bank.given_P
     for a in range(len(union)):
         given[a] = theta[union[a]]
         for b in range(a + 1):
             given_P[a, b] = given_P[b, a] = P[union[a], union[b]]
-    state["given_between"][:] = 0.0
-    for g in range(len(state["told_share"])):
-        state["told_share"][g] = _draw(tuning, state, g)
+    bank.given_between[:] = 0.0
+    for g in range(len(bank.told_share)):
+        bank.told_share[g] = _draw(bank, g)
     for i in range(len(estimates)):
         estimates[i] = given[i]
 
 
 @inlined
-def _draw(tuning, state, g):
+def _draw(bank, g):
     """
     Draw what is thought towards one group as it was told, and return how far.
 
     The group is a measurement without noise of one parameter after the other; what varies no more
     given those before is as it was told already.
     """
-    given, P, between = state["given"], state["given_P"], state["given_between"]
-    mean, C, column = state["told_mean"], state["told_P"], state["column"]
+    given, P, between = bank.given, bank.given_P, bank.given_between
+    mean, C, column = bank.told_mean, bank.told_P, bank.column
     for a in range(len(given)):
         mean[a] = given[a]
         for b in range(len(given)):
             C[a, b] = P[a, b]
     square = 0.0
-    for i in range(tuning["members"].shape[1]):
-        m = tuning["members"][g, i]
+    for i in range(bank.members.shape[1]):
+        m = bank.members[g, i]
         if m < 0 or C[m, m] <= SETTLED * P[m, m]:
             continue
         for a in range(len(given)):
             column[a] = C[a, m]
-        e, variance = tuning["told"][g, i] - mean[m], column[m]
+        e, variance = bank.told[g, i] - mean[m], column[m]
         square += e**2 / variance
         for a in range(len(given)):
             mean[a] += column[a] * e / variance
             for b in range(len(given)):
                 C[a, b] -= column[a] * column[b] / variance
-    share = 1.0 / (1.0 + np.exp(min(0.5 * (square - tuning["limit"][g]), 100.0)))
+    share = 1.0 / (1.0 + np.exp(min(0.5 * (square - bank.limit[g]), 100.0)))
     for a in range(len(given)):
         for b in range(len(given)):
             apart = (mean[a] - given[a]) * (mean[b] - given[b])

@@ -10,8 +10,8 @@ is clear, becomes a law of cogging in a filter that begins where this one is.
 
 import numpy as np
 
-from flexaxis.estimators.filters.loop import Record
-from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.models.compiler import fused, inlined
+from flexaxis.estimators.models.memory import Memory
 
 ALARM = 20.0  # nats by which a wave explains more than it costs: three times those of a jump, as
 # it stays for good, and as friction that is still being learnt makes columns wrong
@@ -21,65 +21,64 @@ FASTEST = 2.0  # radians that a wave may turn in a period at the rms speed; torq
 
 
 @inlined
-def look_for_waves(tuning, state, bank):
+def look_for_waves(bank, state):
     """Write what each torque was in the last sample, and what a torque does."""
-    pull, push = bank["pull"], bank["push"]
-    speed, read = state["mean"][0, 0], state["prediction"]
-    if not np.isnan(state["innovation"]):  # where the model is wrong, its angle soon is
-        read += state["innovation"]
-    now, before = tuning["mean_speed"]
-    bank["angle"] += tuning["period"] * (now * read + before * bank["read"])
-    bank["read"] = read
-    angle = bank["angle"] + 0.5 * tuning["period"] * speed
-    for i in range(len(push)):  # friction of the motor, the first law, brakes where cogging drives
-        push[i] = -state["response"][0, i, 0] * tuning["law_steps"]
+    b, now, axis = bank.now[0], state.now[0], state.axis
+    speed, read = axis.lanes[1, 0, 0], now["prediction"]  # w̄ of friction, the first law
+    if not np.isnan(now["innovation"]):  # where the model is wrong, its angle soon is
+        read += now["innovation"]
+    mean = b["mean_speed"]
+    b["angle"] += b["period"] * (mean[0] * read + mean[1] * b["read"])
+    b["read"] = read
+    angle = b["angle"] + 0.5 * b["period"] * speed
     sine, cosine, s, c = 0.0, 1.0, np.sin(angle), np.cos(angle)
-    for k in range(tuning["waves"]):
+    for k in range(len(bank.pull) // 2):
         sine, cosine = sine * c + cosine * s, cosine * c - sine * s
-        pull[2 * k], pull[2 * k + 1] = sine, cosine
+        bank.pull[2 * k], bank.pull[2 * k + 1] = sine, cosine
 
 
-@inlined
-def pull_columns(bank, root):
-    """Add what the torques do to the columns, and to the output."""
-    push, pull, phi, moved = bank["push"], bank["pull"], bank["phi"], bank["moved"]
-    seen = push[-1] * root
-    for c in range(len(phi)):
-        phi[c] += seen * pull[c]
-    for i in range(len(moved)):
-        for c in range(len(phi)):
-            moved[i, c] += push[i] * pull[c]
+@fused
+def carry_waves(bank, axis, G):
+    """Take the columns over the last sample, with what the torques did in it."""
+    moved, pull = bank.wave_moved, bank.pull
+    np.dot(G, bank.wave_D, moved)
+    for i in range(len(moved)):  # friction brakes where cogging drives
+        k = i if i < len(moved) - 1 else axis.response.shape[1] - 1
+        push = -axis.response[0, k, 0] * axis.sizes[0]["steps"]
+        for c in range(len(pull)):
+            moved[i, c] += push * pull[c]
 
 
-@inlined
-def pair_columns(bank, z):
+@fused
+def pair_waves(bank, root, z):
     """Keep what sine and cosine of a wave have in common, and how e repeats."""
-    phi, cross = bank["phi"], bank["cross"]
-    for c in range(len(phi) - 1):
-        cross[c] += phi[c] * phi[c + 1]
-    bank["repeated"] += z * bank["z_before"]
-    bank["z_before"] = z
+    if root > 0.0:
+        b, seen = bank.now[0], bank.wave_moved[-1]
+        for k in range(len(bank.cross)):
+            bank.cross[k] += (seen[2 * k] * root) * (seen[2 * k + 1] * root)
+        b["repeated"] += z * b["z_before"]
+        b["z_before"] = z
 
 
 @inlined
-def begin_columns(bank):
+def begin_waves(bank):
     """Forget all torques: the axis begins to move."""
-    bank["D"][:] = 0.0
-    bank["angle"], bank["read"] = 0.0, 0.0
+    bank.wave_D[:] = 0.0
+    bank.now[0]["angle"] = bank.now[0]["read"] = 0.0
     begin_sums(bank)
 
 
 @inlined
 def begin_sums(bank):
     """Forget all evidence: the filter is no longer thrown about, as by its first samples."""
-    bank["J"][:] = 0.0
-    bank["d"][:] = 0.0
-    bank["cross"][:] = 0.0
-    bank["repeated"], bank["z_before"] = 0.0, 0.0
-    bank["chi2"], bank["used"] = 0.0, 0.0
+    b = bank.now[0]
+    bank.wave_J[:] = 0.0
+    bank.wave_d[:] = 0.0
+    bank.cross[:] = 0.0
+    b["repeated"] = b["z_before"] = b["chi2"] = b["used"] = 0.0
 
 
-def strongest_wave(bank: Record, waves: int, variance: float) -> tuple[int, float, float] | None:
+def strongest_wave(bank: Memory, variance: float) -> tuple[int, float, float] | None:
     """
     Return how many waves in a turn explain the first seconds best, with their sine and cosine.
 
@@ -90,9 +89,7 @@ def strongest_wave(bank: Record, waves: int, variance: float) -> tuple[int, floa
 
     Parameters
     ----------
-    bank : record
-    waves : int
-        Number of waves in a turn of the fastest one.
+    bank : Memory
     variance : float
         Of coefficients [(N m)²].
 
@@ -101,12 +98,12 @@ def strongest_wave(bank: Record, waves: int, variance: float) -> tuple[int, floa
     (waves, sine, cosine) or None
         Coefficients in N m; None where no wave is clear.
     """
-    chi2, used = float(bank["chi2"]), float(bank["used"])
+    chi2, used, waves = float(bank["chi2"]), float(bank["used"]), len(bank["cross"])
     if not waves or used < UNKNOWN or not chi2 > 0:
         return None
-    J, d = (bank[name][: 2 * waves].reshape(waves, 2) for name in ("J", "d"))
+    J, d = (bank[name].reshape(waves, 2) for name in ("wave_J", "wave_d"))
     A = np.eye(2) * (J + max(1.0, chi2 / used) / variance)[:, None]
-    A[:, 0, 1] = A[:, 1, 0] = bank["cross"][: 2 * waves : 2]
+    A[:, 0, 1] = A[:, 1, 0] = bank["cross"]
     size = np.linalg.solve(A, d[..., None])[..., 0]
     explained = np.minimum((size * d).sum(axis=1), (1 - 1 / used) * chi2)
     left = chi2 - explained

@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.filters.filter import RecursiveEstimator
-from flexaxis.estimators.filters.joint import with_state
+from flexaxis.estimators.filters.joint import joint_arrays
 from flexaxis.estimators.glr.cogging import strongest_wave
 from flexaxis.estimators.glr.comparison import ALARM, Comparison
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
-from flexaxis.estimators.glr.loop import glr_loop
+from flexaxis.estimators.glr.loop import glr
 from flexaxis.estimators.glr.mixture import beliefs, hypotheses, mean
-from flexaxis.estimators.glr.records import Jumps, Timing, glr_records
-from flexaxis.estimators.glr.workspace import Kit, Workspace, share, take_up
+from flexaxis.estimators.glr.records import Jumps, Timing, bank_of
+from flexaxis.estimators.glr.workspace import Kit, Workspace, take_up
 from flexaxis.estimators.models.axes import COGGING
-from flexaxis.estimators.models.discretisation import split
+from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.protocol import Finding
 
 Array = NDArray[np.float64]
@@ -95,27 +95,26 @@ class Glr(RecursiveEstimator):
             for name, value in group.items()
         }
         groups = [[names.index(name) for name in group] for group in told if group]
-        pattern = with_state(split(design.model)[0])
-        records = glr_records(
+        arrays = joint_arrays(design, rests=True)
+        arrays["drift"] = np.diag(jumps.walk)
+        bank = bank_of(
             design,
-            pattern,
             jumps,
             timing,
-            ALARM,
-            [(g, [values[i] for i in g]) for g in groups],
-            tracked,
-            waves,
+            alarm=ALARM,
+            groups=[(g, [values[i] for i in g]) for g in groups],
+            tracked=tracked,
+            waves=waves,
         )
-        loop = glr_loop(pattern)
         at = {
             tuple(names.index(n) for n in levels): tuple(names.index(n) for n in of)
             for levels, of in shapes.items()
         }
-        self._plain = Kit(design, jumps, timing, values, dict(fixable), at, records, loop, angle)
+        states = Memory(arrays, times=2)
+        self._plain = Kit(design, jumps, timing, values, dict(fixable), at, states, bank, angle)
         self._rich = richer._plain if richer else None
         self.reset()
-        loop.prepare(lambda: self.run(np.zeros(1), np.zeros(1)))  # now, not in the first step
-        self.reset()
+        self.run([], [])  # what it compiles it compiles now, not in the first step
 
     def _start(self) -> None:
         self._before: list[Finding] = []
@@ -184,9 +183,9 @@ class Glr(RecursiveEstimator):
             data, not drawn to what was told.
         """
         scale, p = self._work.design.scale, self._work.p
-        state, cogging = self._work.states[0], COGGING.names if self.cogging else ()
+        states, cogging = self._work.states, COGGING.names if self.cogging else ()
         all_of = self._named(
-            state["theta"][:p] * scale, state["P"][:p, :p] * np.outer(scale, scale)
+            states["theta"][0] * scale, states["P"][0, :p, :p] * np.outer(scale, scale)
         )
         found: dict[str, dict[str, float]] = {"nominal": {}, "deviations": {}}
         for name, (value, deviation) in all_of.items():
@@ -204,20 +203,23 @@ class Glr(RecursiveEstimator):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        done = 0
-        while done < len(u) or (self._work.busy and self._work.bank["left"][0] > 0):
+        done, running = 0, True
+        while running:
             rest, work = slice(done, None), self._work
             given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
             self.alarm = self.alarm and not len(given[0])
-            done += self._kit.loop(work.tuning, work.states, work.bank, *given)
+            states, bank = work.states, work.bank
+            done += glr(states.block, states.at, bank.block, bank.at, *given)
             self._attend()
             if done and not np.isfinite(estimates[done - 1]).all():  # it has just begun anew
                 estimates[done - 1] = self._work.states["theta"][0, : len(self.names)]
+            work = self._work
+            running = done < len(u) or (work.busy and bool(work.bank["left"] > 0))
         estimates *= self._plain.design.scale[: len(self.names)]
 
     def _attend(self) -> None:
         """Do what is due after a sample."""
-        work, bank = self._work, self._work.bank[0]
+        work, bank = self._work, self._work.bank
         if work.states["anew"][0] > 0:
             self._begin_anew()
         elif work.caught_up and not bank["awake"]:
@@ -237,32 +239,31 @@ class Glr(RecursiveEstimator):
     def _take_up_cogging(self) -> bool:
         """Go on with a filter that knows of cogging if the first seconds show it."""
         work, rich, wave = self._work, self._rich, None
-        if rich and work.bank["searching"][0]:
-            variance = float(rich.design.scale[-1]) ** 2
-            wave = strongest_wave(work.bank[0], int(work.tuning["waves"][0]), variance)
+        if rich and work.bank["searching"]:
+            variance = float(rich.design.scale[-2]) ** 2
+            wave = strongest_wave(work.bank, variance)
         if rich and wave:
             richer = rich.begin()
             take_up(work, richer, wave)
             self._kit = rich
             self._begin_at(self._origin, richer)
             self.cogging = wave[0]
-        for name in ("searching", "D", "J", "d"):
-            self._work.bank[name] = 0
+        self._work.bank["searching"] = 0
         return wave is not None
 
     def _begin_anew(self) -> None:
         """Wait for the state after a sensor that did not follow; begin anew if all is lost."""
         work, p = self._work, self._work.p
-        P, begin = work.states["P"][0], work.begin[0]["P"]
-        if work.states["anew"][0] < 2 and work.bank["awake"][0]:
+        P, begin = work.states["P"][0], work.begin["P"][0]
+        if work.states["anew"][0] < 2 and work.bank["awake"]:
             P[:, p:] = P[p:] = 0.0
             P[p:, p:] = begin[p:, p:]
             work.states["anew"][0] = 0.0
             self._comparison.forget()
             work.empty()
             return
-        begin_anew(work.tuning, work.states[:1], work.begin[:1])
-        states, taken = work.states[:1].copy(), int(work.bank["taken"][0])
+        begin_anew(work.states, work.begin)
+        numbers, taken = work.states["now"].copy(), int(work.bank["taken"])
         self._before, self._kit = list(self.findings), self._plain
         self._begin_at(self._origin + taken, self._plain.begin())
-        share(states, self._work.states[:1])
+        self._work.states["now"] = numbers

@@ -133,12 +133,13 @@ def glr(
     told_laws = isinstance(nominal, Model) or {"mu_m", "poles"} & model.nominal.keys()
     if not learns or told_laws:  # no cogging is looked for
         return made(model)
-    return made(model, richer=made(with_cogging(model, 1.0)))
+    return made(model, richer=made(with_cogging(model), beside=("poles",)))
 
 
 def _made(
     model: Model,
     richer: Glr | None = None,
+    beside: Sequence[str] = (),
     *,
     problem: Problem,
     told: Sequence[str],
@@ -154,13 +155,13 @@ def _made(
     budget: int,
     commissioning: float | None,
 ) -> Glr:
-    """Return the filter for a model, and what it goes on with where it finds cogging."""
+    """Return the filter for a model that learns some parameters besides."""
     period, torque = problem.period, problem.torque
     inverses = (f"1/{p}" for p in model.parameters if p not in model.law_parameters)
     may = (*model.parameters, *inverses)
     track = names_of("track", track, (*may, *TRACKED))
     tracked = (*problem.identify, *(n for n in track if is_left(model, n, problem.identify)))
-    learnt = learnt_of(model, tracked, learn)
+    learnt = (*learnt_of(model, tracked, learn), *beside)
     names = (*tracked, *learnt)
     which = (*tracked, *_suspects(model, suspects, tracked, learnt, may))
     model = without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])

@@ -6,14 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.filters.design import (
-    Design,
     at_least_zero,
     covariance_matrix,
     make_design,
 )
 from flexaxis.estimators.filters.filter import CompiledFilter, Trace, trace
-from flexaxis.estimators.filters.forgetful import adaptation
-from flexaxis.estimators.filters.prediction_error import CEILING, predict, read_claim
+from flexaxis.estimators.filters.forgetful import LOOP, PAPER
+from flexaxis.estimators.filters.prediction_error import CEILING, predict, read_claim, recursion
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.model import Model
 
@@ -158,31 +157,33 @@ class Rpem(CompiledFilter):
             learn=learn,
             scale=scale,
         )
-        loop, tuning, start = adaptation(
+        seconds = at_least_zero("settle", settle, "seconds before anything is learnt once")
+        start = recursion(
             design,
-            _adapt,
             robust=robust,
             ceiling=ceiling,
             correct=state_correction,
-            tuning=_settling(design, settle),
-            state={"taken": 0},
+            rule=PAPER,
+            settled=round(seconds / period),
         )
         if settle:
-            waits = tuning["known_before"][0] > 0.0
-            start["P"][0, waits] = start["P"][0, :, waits] = 0.0
+            waits = ~np.array(design.model.additive)
+            waits[: design.tracked] = False
+            start["known_before"][waits] = np.diag(design.P0)[waits]
+            start["P"][waits] = start["P"][:, waits] = 0.0
             start["claim"] = start["P"]
-        super().__init__(loop, tuning, start, design, read_claim, restarts=True)
+        super().__init__(LOOP, start, design, read_claim)
 
     @property
     def P(self) -> Array:  # noqa: D102
-        return self.state["P"][0] * np.outer(self._design.scale, self._design.scale)
+        return self.state["P"] * np.outer(self._design.scale, self._design.scale)
 
     @P.setter
     def P(self, value: ArrayLike) -> None:
         squares = np.outer(self._design.scale, self._design.scale)
         given = covariance_matrix("P", value, len(squares)) / squares
-        self.state["P"][0] = self.state["claim"][0] = given
-        self.state["granted"][0] = np.diag(given)
+        self.state["P"] = self.state["claim"] = given
+        self.state["granted"] = np.diag(given)
 
     def restart(self, P: ArrayLike) -> None:
         """
@@ -198,52 +199,42 @@ class Rpem(CompiledFilter):
             What is known of the new θ, for a noise variance of one.
         """
         self.P = P
-        self.state["X"][0, :, 1:] = 0.0
+        self.state["X"][:, 1:] = 0.0
 
     @property
     def noise_variance(self) -> float:
         """R̂, the variance of the output noise: as given, or as estimated so far."""
-        return float(self.state["noise"][0])
+        return float(self.state["noise"])
 
     @property
     def signal_power(self) -> float:
         """Mean square of ŷ, with the memory of R̂."""
-        return float(self.state["signal"][0])
+        return float(self.state["signal"])
 
     @property
     def psi(self) -> Array:  # noqa: D102
-        return self.state["psi"][0] / self._design.scale
+        return self.state["psi"] / self._design.scale
 
     @property
     def epsilon(self) -> float:  # noqa: D102
-        return float(self.state["epsilon"][0])
+        return float(self.state["epsilon"])
 
     def trace(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
         """Do as ``run`` and keep residual, gradient and P of every sample."""
         return trace(self, u, y, valid)
 
 
-def _settling(design: Design, settle: float) -> dict[str, ArrayLike]:
-    """Return what `_begin_to_learn` needs of tuning."""
-    seconds = at_least_zero("settle", settle, "seconds before anything is learnt once")
-    known = np.diag(design.P0).copy()
-    known[: design.tracked] = 0.0
-    known[np.array(design.model.additive)] = 0.0
-    return {"settled": round(seconds / design.period), "known_before": known}
-
-
 @inlined
-def _begin_to_learn(tuning, state):
-    """Let P know what was known of what is learnt once, as soon as the rest has settled."""
-    state["taken"] += 1
-    if state["taken"] == tuning["settled"]:
-        for i in range(len(tuning["known_before"])):
-            if tuning["known_before"][i] > 0.0:
-                state["P"][i, i] = state["claim"][i, i] = tuning["known_before"][i]
+def adapt(state):
+    """
+    Do the time update of the paper, eq. (9), (10) and (12), in a gap as well.
 
-
-@inlined
-def _adapt(tuning, state, valid):
-    """Do the time update of the paper, in a gap as well."""
-    predict(tuning, state)
-    _begin_to_learn(tuning, state)
+    As soon as the rest has settled, P knows what was known of what is learnt once.
+    """
+    predict(state)
+    now, known = state.now[0], state.known_before
+    now["taken"] += 1.0
+    if now["taken"] == now["settled"]:
+        for i in range(len(known)):
+            if known[i] > 0.0:
+                state.P[i, i] = state.claim[i, i] = known[i]

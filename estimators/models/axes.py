@@ -156,10 +156,10 @@ def with_angle(model: Model) -> Model:
     )
 
 
-def with_cogging(model: Model, poles: float) -> Model:
-    """Return an axis without an angle with cogging of so many poles, which is its last law."""
+def with_cogging(model: Model) -> Model:
+    """Return an axis without an angle with cogging, which is its last law."""
     model = with_angle(model)
-    cogging = {"c_sin": 0.0, "c_cos": 0.0, "poles": poles}
+    cogging = {"c_sin": 0.0, "c_cos": 0.0, "poles": 10.0}
     return replace(model, laws=(*model.laws, COGGING), nominal=dict(model.nominal) | cogging)
 
 

@@ -9,7 +9,7 @@ Laws and roles: `flexaxis.estimators.models.laws`.
 
 import numpy as np
 
-from flexaxis.estimators.models.compiler import compiled, inlined
+from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.laws import KINDS, MOST_ROLES
 
 F, F_W, F_S, S, S_W, S_S, ROLE = range(7)
@@ -24,7 +24,7 @@ NEAR = 1e-4  # of v/v_0: below it x/tanh x is its series to round-off
 LEAST = 1e-100  # [N m] a bristle's level, whose inverse and the square of that are finite
 
 
-@compiled
+@inlined
 def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
     """
     Write the torque of a law and its derivatives.

@@ -156,7 +156,9 @@ LAWS: Mapping[str, Kind] = {
         {
             "sine": Role("force", (0.0, 0.1, -1.0, 1.0), signed=True),
             "cosine": Role("force", (0.0, 0.1, -1.0, 1.0), signed=True),
-            "poles": Role(needed=True, told=True),
+            "poles": Role(
+                "1", (10.0, 0.5, 0.1, 1e3), needed=True, told=True
+            ),  # the nearest whole one
         },
         nominal=(0.0424, 0.85, 118.0),
     ),
