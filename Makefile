@@ -18,18 +18,14 @@ export MKL_NUM_THREADS = 1
 # order of the folders: else files of few tests, the longest among them, would come last.
 PARALLEL := -n auto --maxprocesses=8 --dist=loadfile --no-loadscope-reorder
 
-.PHONY: help bench test test-slow test-browser release check format fuzz kill mutants docs-tables docs-speed notebooks site dist clean
+.PHONY: help bench test test-slow test-browser check format docs-tables docs-speed notebooks site dist clean
 
 help:
 	@echo "make bench      simulate, inject faults, estimate, score: results/smoke/report.html"
 	@echo "make test       the test suite (minutes);   make test-slow adds the long checks"
 	@echo "make test-browser  the demo in Chromium, where that is installed"
-	@echo "make release    all that proves a commit, in stages, into docs/proof.md (hours; goes on where it stopped)"
 	@echo "make check      ruff, formatting, type checker, architecture test"
-	@echo "make fuzz       bad files of every kind, for MINUTES=60; none may lead to a crash or hang"
-	@echo "make kill       commands ended at random moments, KILLS=100; nothing may be torn or lost"
-	@echo "make mutants    errors planted one at a time, JOBS=2 at once; each must be seen by a test (an hour)"
-	@echo "make docs-tables  tables and figures of the documentation that are of other code than today's (hours)"
+	@echo "make docs-tables  the measured tables of the documentation (hours)"
 	@echo "make docs-speed  those of docs/speed.md, measured on this machine (half an hour)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
 	@echo "make site       the documentation as pages that need no network: results/site/index.html"
@@ -48,34 +44,19 @@ test-slow: $(VENV)/.test $(VENV)/.docs
 test-browser: $(VENV)/.browser
 	$(BIN)/python -m pytest -q $(PARALLEL) -m browser tests/browser
 
-# In stages; what docs/proof.md has of the same code is not run again.
-release: $(VENV)/.check $(VENV)/.browser
-	$(BIN)/python docs/proof.py
-
 check: $(VENV)/.check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python docs/proof.py --stale
 	$(BIN)/python -m pytest -q tests/test_architecture.py
 
 format: $(VENV)/.check
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-# For as long as one likes: make fuzz MINUTES=60
-fuzz: $(VENV)/.test
-	$(BIN)/python tests/fuzz/run.py --minutes $(or $(MINUTES),60)
-
-kill: $(VENV)/.test
-	$(BIN)/python tests/experiments/kills.py --kills $(or $(KILLS),100)
-
-mutants: $(VENV)/.test
-	$(BIN)/python tests/mutants/run.py --jobs $(or $(JOBS),1)
-
-# Refuses code that is in no commit; makes only what is of other code.
 docs-tables: $(VENV)/.test
-	$(BIN)/python docs/proof.py tables demo friction drives control glr
+	for name in tables demo friction drives control_suite glr; do \
+	  $(BIN)/python docs/$$name.py || exit 1; done
 
 docs-speed: $(VENV)/.peers
 	$(BIN)/python docs/speed.py

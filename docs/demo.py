@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from making import commit, table, write
+from making import VERSION, table, write
 
 from flexaxis.experiments.demo.session import BUTTONS, DEFAULT_RACERS, DemoSession
 from flexaxis.experiments.reporting.tables import number
@@ -56,7 +56,7 @@ def made() -> str:
     first, second, seeds = *DEFAULT_RACERS, f"seeds {SEEDS[0]} to {SEEDS[-1]}"
     return (
         f"\nLag [s], mean (and the longest), of `{first}` and `{second}`; fault "
-        f"after {BEFORE:g} s. `python docs/demo.py`, commit {commit()}, {seeds}.\n"
+        f"after {BEFORE:g} s. `python docs/demo.py`, {VERSION}, {seeds}.\n"
     )
 
 

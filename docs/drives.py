@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from making import commit, table, write
+from making import VERSION, table, write
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from suite_rows import GEARED, HOME, WHO, changed, said
@@ -86,7 +86,7 @@ def axes() -> str:
     heads = ["drive", "J_m; load [kg m²]", "k_g [N m/rad]", "modes (damping)", "margin",
              "speed: rms; peak [rad/s]", "torque: rms; peak [N m]",
              "friction at rms speed and torque [N m]; viscous part"]  # fmt: skip
-    return table(heads, rows) + f"\n`python docs/drives.py axes`, commit {commit()}.\n"
+    return table(heads, rows) + f"\n`python docs/drives.py axes`, {VERSION}.\n"
 
 
 def figure() -> Figure:
@@ -208,7 +208,7 @@ def why() -> str:
         rows.append([f"`{name}`", *(_biases(s) for s in (published, without, only))])
     heads = ["as published", "without shares of load", "and without excess at low speed"]
     runs = f"seeds {FEW.start} to {FEW.stop - 1}"
-    below = f"\n`{GEARED}`, {runs}, `python docs/drives.py why`, commit {commit()}.\n"
+    below = f"\n`{GEARED}`, {runs}, `python docs/drives.py why`, {VERSION}.\n"
     return table(["scenario", *heads], rows) + below
 
 

@@ -2,7 +2,7 @@
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`, and what made it is said below it.
 With names of tables, or `figure`, only these are made: `motions` and `figure` take a minute,
-`estimators` takes a quarter of an hour, and is not run again on the same code.
+`estimators` takes a quarter of an hour.
 """
 
 import sys
@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from making import commit, commit_of, summary, table, write
+from making import VERSION, table, write
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from suite_rows import summary
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.estimator_text import build, parse
@@ -54,14 +55,12 @@ MOTIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 }
 """Motions by name: a scenario of the catalogue, and what of it is changed."""
 
-KNOWN = ("fm_step", "coulomb05_fm_step", "coulomb_fm_step", "coulomb2_fm_step", "lugre_fm_step",
-         "lugre_soft_fm_step", "lugre_stribeck_fm_step", "real_coulomb_fm_step",
-         "real_lugre_fm_step", "coulomb_fc_step", "encoder_coulomb_fm_step", "wg_fm_step",
-         "wg_fc_step", "coulomb_moves_fm_step")  # fmt: skip
-UNKNOWN = ("directional_fm_step", "position_fm_step", "load_friction_fm_step", "power_fm_step",
-           "wrong_poles_fm_step")  # fmt: skip
-SCENARIOS = tuple(f"{name}-v1" for name in (*KNOWN, *UNKNOWN))
-ESTIMATORS = ("rpem-forgetting", "rpem-friction")
+FRICTION = ("fm_step", "coulomb_fm_step", "lugre_fm_step", "lugre_stribeck_fm_step",
+            "real_coulomb_fm_step", "real_lugre_fm_step", "coulomb_fc_step",
+            "encoder_coulomb_fm_step", "wg_fm_step", "wg_fc_step", "coulomb_moves_fm_step",
+            "load_friction_fm_step")  # fmt: skip
+SCENARIOS = tuple(f"{name}-v1" for name in FRICTION)
+ESTIMATORS = ("rpem-forgetting",)
 
 
 def accuracy() -> str:
@@ -79,7 +78,7 @@ def accuracy() -> str:
     return table(heads, rows) + (
         "\nDistance of the motor speed from that of LSODA [% of its rms], on the axes of "
         "`tests/estimators/test_laws.py`. `python docs/friction.py accuracy`, "
-        f"commit {commit()}.\n"
+        f"{VERSION}.\n"
     )
 
 
@@ -172,7 +171,7 @@ def motions() -> str:
         ])  # fmt: skip
     return table(heads, rows) + (
         f"\nLeast standard deviation of f_m; f_c [%] after {SECONDS:g} s, by what is unknown. "
-        f"`python docs/friction.py motions`, commit {commit()}, "
+        f"`python docs/friction.py motions`, {VERSION}, "
         f"seeds {RUNS.start} to {RUNS.stop - 1}.\n"
     )
 
@@ -193,8 +192,8 @@ def estimators() -> str:
         lines.append([label, *(_cell(rows.get((name, e, changed))) for e in ESTIMATORS)])
     return table(["scenario", *(f"`{e}`" for e in ESTIMATORS)], lines) + (
         "\nBias ± std before the fault [%]; lag [s], × bound; found, named rightly at last [%]; "
-        "false alarms a run; **lost** runs. `python docs/friction.py estimators`, commit "
-        f"{commit_of('friction-page')}, seeds 1000 to 1009.\n"
+        "false alarms a run; **lost** runs. `python docs/friction.py estimators`, "
+        f"{VERSION}, seeds 1000 to 1009.\n"
     )
 
 
@@ -215,7 +214,7 @@ def _cell(row: Mapping[str, Any] | None) -> str:
 
 def _results() -> Any:
     words = [word for name in ESTIMATORS for word in ("--estimator", name)]
-    return summary("friction-page", *SCENARIOS, *words, "--seeds", "10")
+    return summary(*SCENARIOS, *words, "--seeds", "10")
 
 
 def figure() -> Figure:

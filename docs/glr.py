@@ -3,8 +3,8 @@
     python docs/glr.py --table linear --table friction --estimator glr --estimator mine.py:Class
     python docs/glr.py --seeds 0:10 --print        # for tuning: tables on the terminal
 
-Rows of each run are kept in the folder `--store`, by scenario, seed, estimator and all code that a
-run may depend on, so that nothing is computed twice. Estimators that are no longer there stand in
+Rows of each run are kept in the folder `--store`, by scenario, seed, estimator and the code of
+the package, so that nothing is computed twice. Estimators that are no longer there stand in
 the tables all the same: their pooled rows are in docs/data/glr.csv, where `--keep` puts them.
 """
 
@@ -16,25 +16,23 @@ import time
 import warnings
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import partial
 from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from digests import NUMBERS, libraries
-from digests import digest as digest_of
 from glr_cases import CASES
 from glr_own import OWN, run_own
 from glr_pool import first, keep, number, of_lags, paired, pooled, rate, share, stored
 from glr_runs import AGES, Row, run
-from making import commit, write
+from making import VERSION, write
 from making import table as markdown
 from speed_steps import PERCENTILES, time_steps
 from speed_streams import make_stream
 
-from flexaxis.experiments.building.code import digest
+from flexaxis.experiments.building.code import digest, own_digest
 from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.bench import Bench
@@ -55,12 +53,6 @@ BUDGETS = [f"glr[budget={n}]" for n in (8, 16, 32, 64, 1_000_000)]
 ASKED = {"budget": BUDGETS, "quiet": ["glr"], "isolation": ["glr"],
          "starts": ["glr", "glr[spread=1]"]}  # fmt: skip
 """Estimators of a table; of any other `rpem-forgetting` and `glr`."""
-
-
-@cache
-def code() -> str:
-    """Return a digest of all that a run may depend on."""
-    return f"{digest_of((*NUMBERS, 'docs/glr_*.py'))}-{libraries()}"
 
 
 def kept(key: str, make: Callable[[], Row], folder: Path) -> Row:
@@ -86,7 +78,7 @@ def job(task: tuple[str, str, str, int, Path]) -> Row:
     """Return one run of a table's case, an estimator and a seed, which need not be made anew."""
     table, name, text, seed, folder = task
     warnings.simplefilter("ignore")  # an estimator that is lost may overflow: its row says so
-    key = f"{text} {digest(text)} {code()} {seed} "
+    key = f"{text} {digest(text)} {own_digest()} {seed} "
     case = next((c for c in CASES[table] if c.name == name), None)
     if case is None:
         return kept(f"{key} own {name}", partial(run_own, name, text, seed), folder)
@@ -100,11 +92,6 @@ def names_of(table: str) -> list[str]:
     return [*names, *(o.name for o in OWN if table == "ground")]
 
 
-def at(given: Any) -> str:
-    """Return of which commit a table is; one that is printed only may be of none."""
-    return "none" if given.print else commit()
-
-
 def seeds_of(table: str) -> str:
     """Return the seeds of a table."""
     return f"1000:{1000 + SEEDS.get(table, 20)}"
@@ -113,7 +100,7 @@ def seeds_of(table: str) -> str:
 def measured(table: str, texts: Sequence[str], seeds: range, given: Any) -> list[Row]:
     """Return the pooled rows of a table, all runs made that are not stored yet."""
     cases = [name for name in names_of(table) if given.only in name]
-    of = {"table": table, "seeds": f"{seeds.start}:{seeds.stop}", "commit": at(given)}
+    of = {"table": table, "seeds": f"{seeds.start}:{seeds.stop}", "version": VERSION}
     if table == "excess":
         return [of | row for row in at_excess(cases, texts, seeds, given)]
     tasks = [(table, n, t, s, given.store) for n in cases for s in seeds for t in texts]
@@ -135,7 +122,7 @@ def at_excess(cases: Sequence[str], texts: Sequence[str], seeds: range, given: A
     """Return the lags where the excess error is that of `rpem-forgetting`."""
     scenarios = [find_scenario(f"{name}-v1") for name in cases]
     scenarios = [s for s in scenarios if {e.parameter for e in s.events()} & {"k_T", "J_a", "f_m"}]
-    folder, means = given.store / f"sweep-{code()}", Means(jobs=given.jobs)
+    folder, means = given.store / f"sweep-{own_digest()}", Means(jobs=given.jobs)
     with Bench(scenarios, folder, means) as bench:
         found = sweep(scenarios, texts, seeds, bench).at_excess
     return [
@@ -271,9 +258,9 @@ def made(name: str, given: argparse.Namespace) -> str:
     order = [case for part in SOURCES[name] for case in names_of(part)]
     rows = sorted(known + rows, key=lambda r: (order.index(r["case"]), r["parameter"]))
     show = {"quiet": quiet, "honesty": honesty}.get(name, followed)
-    commits = {f"`{r['estimator']}`": r["commit"] for r in known}
-    old = ", ".join(f"{name} {at}" for name, at in sorted(commits.items()))
-    return show(rows, known) + (f"\nKept rows, and of which code: {old}.\n" if old else "")
+    versions = {f"`{r['estimator']}`": r["version"] for r in known}
+    old = ", ".join(f"{name} {made}" for name, made in sorted(versions.items()))
+    return show(rows, known) + (f"\nKept rows, and their versions: {old}.\n" if old else "")
 
 
 def options() -> argparse.Namespace:
@@ -306,7 +293,7 @@ def main() -> None:
     asked = given.estimator
     for name in given.table:
         given.estimator = asked or ASKED.get(name, ["rpem-forgetting", "glr"])
-        words = f"`python docs/glr.py --table {name}`, commit {at(given)}"
+        words = f"`python docs/glr.py --table {name}`, {VERSION}"
         if name != "cost":
             words += f", seeds {given.seeds or ' and '.join(map(seeds_of, SOURCES[name]))}"
         text = f"{made(name, given)}\n{words}.\n"

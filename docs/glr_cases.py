@@ -129,15 +129,14 @@ CASES: Mapping[str, tuple[Case, ...]] = {
                      "jm_step", "dg_double"),
     "isolation": _isolation(),
     "friction": _plain(
-        "fm_step", "coulomb05_fm_step", "coulomb_fm_step", "coulomb2_fm_step", "lugre_fm_step",
-        "lugre_soft_fm_step", "lugre_stribeck_fm_step", "real_coulomb_fm_step",
-        "real_lugre_fm_step", "coulomb_fc_step", "encoder_coulomb_fm_step", "wg_fm_step",
-        "wg_fc_step", "coulomb_moves_fm_step", "directional_fm_step", "position_fm_step",
-        "load_friction_fm_step", "power_fm_step", "wrong_poles_fm_step",
+        "fm_step", "coulomb_fm_step", "lugre_fm_step", "lugre_stribeck_fm_step",
+        "real_coulomb_fm_step", "real_lugre_fm_step", "coulomb_fc_step",
+        "encoder_coulomb_fm_step", "wg_fm_step", "wg_fc_step", "coulomb_moves_fm_step",
+        "load_friction_fm_step",
     ),
     "unmodelled": _plain(
         "told_kg_fm_step", "backlash_fm_step", "stiffening_fm_step", "cogging_fm_step",
-        "directional_fm_step", "position_fm_step", "power_fm_step", "load_friction_fm_step",
+        "load_friction_fm_step",
     ),
     "quiet": (
         _constant("fm_step", 500.0),

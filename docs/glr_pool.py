@@ -137,7 +137,7 @@ def stored() -> list[Row]:
 
 
 def _value(key: str, text: str) -> Any:
-    words = ("table", "case", "estimator", "parameter", "seeds", "commit", "lags", "taken", "how",
+    words = ("table", "case", "estimator", "parameter", "seeds", "version", "lags", "taken", "how",
              "failure")  # fmt: skip
     return text if key in words else float(text)
 

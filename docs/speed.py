@@ -1,10 +1,9 @@
 """Measure the tables of docs/speed.md anew: `python docs/speed.py`.
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. With names of tables only these
-are written, and with `--estimator E` (repeat for several) only these estimators are measured. What
-was measured is kept in `results/speed/`, and measured again where it is not of today's code: what
-a sample takes is minutes, and so are `steps` and `memory`, on a free machine. The filters of
-other libraries need `pip install -e '.[peers]'`.
+are written, and with `--estimator E` (repeat for several) only these estimators are measured.
+Each measurement takes minutes on a free machine. The filters of other libraries need
+`pip install -e '.[peers]'`.
 """
 
 import os
@@ -16,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from making import commit_of, kept, table, write
+from making import VERSION, table, write
 from speed_memory import memory as held
 from speed_peers import peers as others
 from speed_rounds import measure, problem, shipped
@@ -32,7 +31,7 @@ PAGE = ROOT / "docs" / "speed.md"
 STEPS = {"steps": 1_000_000, "steps-friction": 100_000}
 HOURS = {"memory": 10.0, "memory-friction": 1.0}
 """How much is measured; `-friction`: the estimators of an axis with friction, which are slower."""
-SLOW = ("glr", "moving-horizon")  # a tenth of the hours
+SLOW = ("glr",)  # a tenth of the hours
 FEWER = 5  # times fewer steps of estimators whose longest step is of no interest
 ROUNDS = 7
 TIMES = ("1", "2", "3")
@@ -82,7 +81,7 @@ def estimators() -> str:
         rows.append([f"`{name}`", *cells])
     heads = ["", "`run` [µs]", f"times `{UNIT}`", "of a matrix exponential",
              "between runs", "`run` with a fault in 20 s [µs]", "`step` [µs]"]  # fmt: skip
-    return table(heads, rows) + said("speed", f"{len(TIMES)} times; the medians")
+    return table(heads, rows) + said(f"{len(TIMES)} times; the medians")
 
 
 def rivals() -> str:
@@ -93,7 +92,7 @@ def rivals() -> str:
         r = rows[name]
         of = f"{r['ratio']:.3g} times {'as fast as ' if r['faster'] else ''}`{r['unit']}`"
         lines.append([f"`{name}`", r["what"], f"{r['us_per_sample']:.3g}", of])
-    return table(["", "what", "µs", ""], lines) + said("speed", "the first of these times")
+    return table(["", "what", "µs", ""], lines) + said("the first of these times")
 
 
 def peers() -> str:
@@ -105,7 +104,7 @@ def peers() -> str:
             cells = f"{row['us_per_sample']:.3g}", f"{row['times']:.3g}", off
             lines.append([f"`{row['name']}`", row["what"], *cells])
     heads = ["", "what", "µs", "times ours", "off our estimates, of nominal"]
-    return table(heads, lines) + said("speed", "the first of these times")
+    return table(heads, lines) + said("the first of these times")
 
 
 def steps() -> str:
@@ -119,7 +118,7 @@ def steps() -> str:
         lines.append([f"`{name}`", f"{rows[0]['steps']:,}", *cells])
     parts = ["p50", "p99", "p99.9", "max"]
     heads = ["µs", "steps", *parts, *(f"{p}, faults" for p in parts)]
-    return table(heads, lines) + said("steps", "as many steps as the table says")
+    return table(heads, lines) + said("as many steps as the table says")
 
 
 def memory() -> str:
@@ -138,7 +137,7 @@ def memory() -> str:
     ]
     heads = ["", "hours", "made [kB]", "after a tenth", "at the end", "grown [B]",
              "the process grew by [kB]", "findings", "flat"]  # fmt: skip
-    return table(heads, lines) + said("memory", "as many hours as the table says")
+    return table(heads, lines) + said("as many hours as the table says")
 
 
 TABLES: Mapping[str, Callable[[], str]] = {
@@ -174,21 +173,16 @@ def _held(hours: float, name: str) -> list[Row]:
     return list(held(hours, [name]))
 
 
-def _name(what: str, again: str = "") -> str:
-    return "-".join((f"speed/{what}{again}", *NAMED))
-
-
 @cache
 def measured(what: str, again: str = "") -> Sequence[Row]:
-    """Return the rows of a measurement."""
-    rows: Sequence[Row] = kept(_name(what, again), lambda: _measured(what))
-    return rows
+    """Return the rows of a measurement; `again` tells its repetitions apart."""
+    del again
+    return _measured(what)
 
 
-def said(what: str, more: str = "") -> str:
+def said(more: str) -> str:
     """Return the line below a table: what made it."""
-    at = commit_of(_name(what, "1" if what == "speed" else ""))
-    return f"\n`python docs/speed.py`{', ' + more if more else ''}, commit {at}.\n"
+    return f"\n`python docs/speed.py`, {more}, {VERSION}.\n"
 
 
 def _streamed() -> list[Row]:

@@ -1,35 +1,33 @@
-"""Write the tables of docs/scenarios.md, scores.md and gate.md: `python docs/tables.py [NAME …]`.
+"""Write the tables of docs/scenarios.md and scores.md: `python docs/tables.py [NAME …]`.
 
-What was run, at which commit and on which seeds is said below each. Results of today's code in
-`results/` are used; `catalogue`, `scores` and `tuned` are of what there is, and take a second.
+The line below each table names the run, the version and the seeds. `catalogue`, `scores` and
+`tuned` list what the package has, and take a second.
 """
 
-import json
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from making import ROOT, call, commit_of, kept, summary, table, write
+from making import ROOT, VERSION, table, write
+from suite_rows import summary
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
-from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
+from flexaxis.experiments.catalogue.find import find_scenario, find_suite, scenario_names
 from flexaxis.experiments.catalogue.names import DRAWN, GROUPS
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, CONTROLS
-from flexaxis.experiments.gate import selftest
 from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.score_table import SCORES
 
-PAGES = ("docs/scenarios.md", "docs/scores.md", "docs/gate.md")
-SELF_TEST = "self-test"
-TESTED = "--seeds 1000:1064 --comparisons 2000"
+PAGES = ("docs/scenarios.md", "docs/scores.md")
 SEEDS = 20
 RUN = f"flexaxis run headline --seeds {SEEDS}"
+UKF = "ukf"  # docs/examples/ukf.py, an own estimator
 
-VERSION = "-v2"  # of the scenarios in the suite, and so in the run that the tables are of
-SWEPT = tuple(f"{name}{VERSION}" for name in ("fm_step", "fm_double", "ja_step", "kt_step"))
+TWIN = "-v2"  # suffix of the scenarios in the suite: their onsets are drawn
+SWEPT = tuple(f"{name}{TWIN}" for name in ("fm_step", "fm_double", "ja_step", "kt_step"))
 WRONG = tuple(
-    f"{name}_fm_step{VERSION}" for name in ("coulomb", "lugre", "cogging", "backlash", "told_kg")
+    f"{name}_fm_step{TWIN}" for name in ("coulomb", "lugre", "cogging", "backlash", "told_kg")
 )
 FEW = ("glr", "rpem-forgetting", "ekf", "imm", "cusum-reset")
 
@@ -113,37 +111,31 @@ def mismatch() -> str:
     )
 
 
-def self_test() -> str:
-    """Return how often the gate is wrong, and what it finds."""
-    words = f"compare --self-test {TESTED}"
-    rows = kept(SELF_TEST, lambda: json.loads(call(*words.split(), "--json"))["rates"])
-    made = f"`flexaxis {words}`, commit {commit_of(SELF_TEST)}."
-    return f"{table(selftest.columns(rows), selftest.lines(rows))}\n{made}\n"
-
-
 TABLES: Mapping[str, Callable[[], str]] = {
     "catalogue": catalogue,
     "scores": scores,
     "tuned": tuned,
     "equal-noise": equal_noise,
     "mismatch": mismatch,
-    "self-test": self_test,
 }
 
 
 def headline() -> Any:
     """Return the summary of the run that most tables of these pages are made of."""
-    return summary("headline", *RUN.split()[2:])
+    names = [*find_suite("headline").estimators, f"{ROOT / 'docs/examples/ukf.py'}:Ukf"]
+    chosen = (word for name in names for word in ("--estimator", name))
+    return summary(*RUN.split()[2:], *chosen)
 
 
 def said(what: str) -> str:
     """Return the line below a table of the run: what it is, and how it was made."""
     words = f"{what[:1].upper()}{what[1:]}. " if what else ""
-    return f"\n{words}`{RUN}`, commit {commit_of('headline')}, seeds 1000 to {999 + SEEDS}.\n"
+    return f"\n{words}`{RUN}`, {VERSION}, seeds 1000 to {999 + SEEDS}.\n"
 
 
 def _name(estimator: str) -> str:
-    return f"`{estimator}`" + (" (a control)" if estimator in CONTROLS else "")
+    name = UKF if estimator.endswith(":Ukf") else estimator
+    return f"`{name}`" + (" (a control)" if name in CONTROLS else "")
 
 
 def _lag(row: Row | None) -> str:

@@ -124,28 +124,6 @@ class Entry:
 
 DEFAULT_IDENTIFY = PAPER
 
-GONE = {
-    "relocate": ("glr", "d318435"),
-    "relocate-friction": ("glr", "d318435"),
-    "imm-friction": ("glr", "d318435"),
-}
-"""Estimators that are gone: who does their work now, and the last commit that had them."""
-
-
-def gone(name: str) -> str | None:
-    """
-    Return what to say of an estimator that is gone, in a line; None of any other name.
-
-    Examples
-    --------
-    >>> gone("relocate")
-    "estimator 'relocate' is gone: it is 'glr' now; the last commit with it is d318435"
-    """
-    if name not in GONE:
-        return None
-    now, commit = GONE[name]
-    return f"estimator {name!r} is gone: it is {now!r} now; the last commit with it is {commit}"
-
 
 class _Unknown(EstimatorError, KeyError):
     """No estimator has this name: what a mapping raises, in words for a user."""
@@ -158,9 +136,7 @@ class _Registry(Mapping[str, Entry]):
 
     def __getitem__(self, name: str) -> Entry:
         if name not in _entries():
-            raise _Unknown(
-                gone(name) or f"unknown estimator {name!r}: {did_you_mean(str(name), _entries())}"
-            )
+            raise _Unknown(f"unknown estimator {name!r}: {did_you_mean(str(name), _entries())}")
         return _entries()[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 The way of the data: `catalogue` (what there is to run), `building` (a text becomes an estimator),
 `running` (cases on records), `scoring` and `comparison` (what they are worth), `storage` and
-`results` (their rows), `reporting` (pages). On it stand `studies`, `gate`, `board`, `logs`,
-`demo`, `paper` and `conformance`; `commands` and `front` (import flexaxis) are the two ways in. In
+`results` (their rows), `reporting` (pages). On it stand `studies`, `gate`, `logs`, `demo`,
+`paper` and `conformance`; `commands` and `front` (import flexaxis) are the two ways in. In
 come names and files that a user gives, out go rows, verdicts and pages.
 """

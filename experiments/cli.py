@@ -31,10 +31,9 @@ from flexaxis.experiments.commands.answers import (
     no_answer,
     say,
 )
-from flexaxis.experiments.commands.words import Parser, check_words, complete
+from flexaxis.experiments.commands.words import Parser, check_words
 from flexaxis.experiments.running.progress import told
 from flexaxis.experiments.streams import Stream, forgiving, is_text
-from flexaxis.sim.storage.current_folder import without_its_style
 
 GROUPS = {
     "look": "look",
@@ -59,10 +58,6 @@ exit status:
   or a full disk, 130 Ctrl-C or SIGTERM
 """
 TRACEBACK = "--traceback"
-GONE = {
-    "speed": "is now a script beside the docs: python docs/speed.py; docs/speed.md has its tables",
-}
-"""Commands that are no more, and what to do."""
 QUIET, VERBOSE = ("-q", "--quiet"), ("-v", "--verbose")
 
 
@@ -139,14 +134,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ.setdefault(name, "1")
     if os.environ.get("COLUMNS") == "0":  # how some shells say that they do not know
         del os.environ["COLUMNS"]
-    without_its_style()
     words = list(sys.argv[1:] if argv is None else argv)
-    if gone := GONE.get(next((word for word in words if not word.startswith("-")), "")):
-        say(f"the command {words[0]} {gone}")
-        return WRONG_USE
     alone = argv is None  # nobody goes on after this command
-    if "_ARGCOMPLETE" in os.environ:  # the shell asks how a word may go on
-        complete(parser())
     top = parser(words[0] if words else "")
     args = top.parse_args(words)
     if odd := [word for word in words if not is_text(word)]:

@@ -3,22 +3,10 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
-
-
-def visible(text: str) -> str:
-    r"""Return a text as a terminal may have it: what would drive it is written as its number.
-
-    Examples
-    --------
-    >>> print(visible("f_m \x1b[31m θ"))
-    f_m \x1b[31m θ
-    """
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def is_text(word: str) -> bool:
@@ -31,29 +19,6 @@ def is_text(word: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
-
-
-# What a terminal obeys, and what sets the direction of what is written.
-_DRIVES = r"\x00-\x1f\x7f-\x9f" + r"\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"
-# What tables and bars need: colours, a line up, a line cleared, the cursor hidden or shown.
-_OURS = re.compile(
-    r"(\x1b\[(?:(?!8m)[\d;]*m|\d{0,2}A|[012]?K|\?25[hl])|[\n\r\t]|[^" + _DRIVES + r"]+)"
-)
-
-
-def tamed(text: str) -> str:
-    r"""Return a text of which a terminal obeys no more than what this program lets it do.
-
-    Names come from everywhere, and some would read the clipboard or answer in the user's place.
-
-    Examples
-    --------
-    >>> print(tamed("a name \x1b]52;c;cm0gLXJm\x07"))
-    a name \x1b]52;c;cm0gLXJm\x07
-    """
-    if text.isprintable():
-        return text
-    return "".join(part if i % 2 else visible(part) for i, part in enumerate(_OURS.split(text)))
 
 
 class Stream:
@@ -73,9 +38,7 @@ class Stream:
     """
 
     def __init__(self, stream: Any) -> None:
-        self._stream, self.problem, self._terminal = stream, "", False
-        with suppress(ValueError):  # else it is closed
-            self._terminal = bool(stream.isatty())
+        self._stream, self.problem = stream, ""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -83,7 +46,7 @@ class Stream:
     def write(self, text: str) -> int:
         """Write a text as far as it goes."""
         with self._dropping():
-            self._stream.write(tamed(text) if self._terminal else text)
+            self._stream.write(text)
         return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:

@@ -39,8 +39,6 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "friction": ("f_c",),
     "lugre": ("f_c", "f_s", "v_s", "sigma_0", "sigma_1"),
     "static_friction": ("f_c", "f_s", "alpha", "beta"),
-    "directional_friction": ("f_c",),
-    "position_friction": ("f_c",),
     "load_friction": ("f_c",),
     "gear_friction": ("f_c", "f_s", "v_s"),
     "backlash": ("gap",),

@@ -11,9 +11,7 @@ from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.parameters import MAY_BE_ZERO, parameter_names, parameter_problem, presets
 from flexaxis.sim.tables.rate_problems import Problem, as_number
 
-OF_THE_GEAR = (
-    "backlash", "stiffening", "gear_friction", "load_friction", "directional_friction",
-)  # fmt: skip
+OF_THE_GEAR = ("backlash", "stiffening", "gear_friction", "load_friction")
 """Tables that act on the spring of the gear, or have a bound by a model that does."""
 
 

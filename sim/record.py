@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.storage.hdf5_apart import gone_through
 from flexaxis.sim.storage.record_file import ALL, SIGNALS, file_length, read_netcdf, write_netcdf
 from flexaxis.sim.timing import rate
 
@@ -159,7 +158,6 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     RecordError
         If the file is missing, broken, no record, or holds impossible values.
     """
-    _go_through(Path(path))
     return _read(Path(path))
 
 
@@ -198,13 +196,7 @@ def record_pieces(path: str | os.PathLike[str], *, samples: int = 100_000) -> It
 
 def count_samples(path: str | os.PathLike[str]) -> int:
     """Return the number of samples in a record file; errors as from `load_record`."""
-    _go_through(Path(path))
     return int(_guarded(Path(path), file_length))
-
-
-def _go_through(path: Path) -> None:
-    """Raise a RecordError for a file that this process had better not open."""
-    gone_through(path, lambda text: RecordError(f"{path}: {text}"))
 
 
 def _read(path: Path, span: slice = ALL) -> Record:

@@ -111,10 +111,7 @@ class Scenario(Config):
     friction: dry.FrictionConfig | None = None
     lugre: dry.LuGreConfig | None = None
     static_friction: smooth.StaticFrictionConfig | None = None
-    directional_friction: smooth.DirectionalFrictionConfig | None = None
-    position_friction: smooth.PositionFrictionConfig | None = None
     load_friction: smooth.LoadFrictionConfig | None = None
-    power_friction: smooth.PowerFrictionConfig | None = None
     gear_friction: smooth.GearFrictionConfig | None = None
     cogging: beyond.CoggingConfig | None = None
     backlash: beyond.BacklashConfig | None = None
@@ -309,15 +306,6 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
     except ValidationError as error:
         problems = [*explain(error, Scenario), *conflicts(content)]
         raise ScenarioError(*(f"{source}: {key}: {text}" for key, text in problems)) from None
-
-
-def stored_scenario(content: Mapping[str, Any], *, source: str) -> Scenario:
-    """Return a scenario from a definition that a record, a run or a study was stored with.
-
-    Definitions older than the key `streams` lack it, and have random numbers of their content.
-    Arguments and errors as from `scenario_from`.
-    """
-    return scenario_from({"streams": identity.CONTENT} | dict(content), source=source)
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:

@@ -62,7 +62,8 @@ def test_every_estimator_stands_in_the_table_of_lags(tables, written):
     head, _, *lines = written["equal-noise"]
     assert head[1:-1] == [f"{name}: lag [s], × bound" for name in tables.SWEPT]
     names = {line[0].split("`")[1] for line in lines}
-    assert names == set(find_suite("headline").estimators), "run: python docs/tables.py equal-noise"
+    of_suite = {*find_suite("headline").estimators, tables.UKF}
+    assert names == of_suite, "run: python docs/tables.py equal-noise"
     assert all(len(line) == len(head) for line in lines)
 
 
@@ -74,18 +75,20 @@ def test_tables_of_scenarios_hold_those_they_are_of(tables, written, name, first
     assert all(len(line) == len(head) for line in lines)
 
 
-@pytest.mark.parametrize("name", ["equal-noise", "mismatch", "self-test"])
-def test_measured_tables_say_how_they_were_made(written, name):
-    assert re.search(r"`flexaxis \w+ .*`, commit [0-9a-f]{7,}", written[name, "text"])
+MADE = re.compile(r"`(flexaxis|python docs/[\w/]+\.py)[^`]*`.*flexaxis \d+\.\d+")
+LISTED = {"catalogue", "scores", "tuned", "three"}  # what the package has; the same without rows
 
 
-def test_a_digest_stands_below_each_table_that_names_its_commit():
-    told = {}
-    for path in ROOT.glob("docs/**/*.md"):
-        for ref, dirty, said in loaded("proof").BELOW.findall(path.read_text(encoding="utf-8")):
-            told.setdefault((bool(said), bool(dirty)), []).append((path.name, ref))
-    assert len(told.pop((True, False))) > 20
-    assert not told, "run what makes them again, or: python docs/proof.py --stale"
+def test_the_line_below_a_measured_table_names_command_and_version():
+    tables = [
+        (path.name, name, text)
+        for path in ROOT.glob("docs/*.md")
+        for name, text in loaded("making").MARK.findall(path.read_text(encoding="utf-8"))
+        if name not in LISTED
+    ]
+    assert len(tables) > 20
+    for page, name, text in tables:
+        assert MADE.search(text), (page, name)
 
 
 def test_what_python_on_a_page_imports_is_there():
@@ -132,10 +135,6 @@ def test_the_tables_of_speed_are_of_what_their_command_makes(tables):
     for name in ("estimators", "steps", "memory"):
         rows = [line.split(" | ")[0].strip("| ") for line in found[name].splitlines()[2:]]
         assert set(timed) <= set(rows), f"run: python docs/speed.py {name}"
-    for name in set(found) - {"three"}:
-        assert re.search(
-            r"`(flexaxis speed|python docs/speed.py).*commit [0-9a-f]{7,}", found[name]
-        ), name
 
 
 def test_the_law_that_the_page_of_friction_writes_is_one():
@@ -173,7 +172,7 @@ def test_every_command_of_the_documentation_is_one(page, words, capsys):
 
 
 def test_the_documentation_has_commands():
-    assert len(TYPED) > 60 and len({page for page, _ in TYPED}) > 8
+    assert len(TYPED) > 40 and len({page for page, _ in TYPED}) > 8
 
 
 FROM_INDEX = re.compile(

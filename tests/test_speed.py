@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.building.estimator_text import build, parse
-from flexaxis.experiments.cli import main
 
 sys.path.append(str(Path(__file__).parents[1] / "docs"))
 import speed_peers as peers_module
@@ -45,12 +44,6 @@ class Judge:  # works on much for a second of every five
         self.held = bytes(40_000) if 100 < self.k % 1000 < 400 else b""
         return self.theta
 """
-
-
-def test_the_command_is_answered_in_one_line(capsys):
-    assert main(["speed", "--steps", "5"]) == 2
-    said = capsys.readouterr().err
-    assert "python docs/speed.py" in said and said.count("\n") == 1
 
 
 @pytest.mark.slow

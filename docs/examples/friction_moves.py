@@ -9,8 +9,7 @@ from flexaxis.sim.simulate import simulate
 
 scenario = find_scenario("coulomb_moves_fm_step-v1")  # f_m +50 % at 10.35 s, beside f_c = 0.1 N m
 records = simulate(scenario, range(1000, 1006))
-told = {"glr": {"identify": ("f_m",), "track": ("f_c",)},
-        "rpem-friction": {"identify": ("f_m",)}}  # fmt: skip
+told = {"glr": {"identify": ("f_m",), "track": ("f_c",)}}
 
 print("estimator          k_T        f_m before [%]  f_c before [%]  f_m after [%]   alarms, right")
 for name, what in told.items():

@@ -15,7 +15,7 @@ FRONT = {
     "Many runs": ("benchmark", "study", "Results"),
     "Judge": ("compare", "check", "Comparison"),
     "Logs of an axis": ("import_log", "identify", "track", "trend", "LogResult"),
-    "What there is": ("scenarios",),
+    "What there is": ("scenarios", "view", "cache"),
 }
 """What `import flexaxis as fx` gives, in the order in which it is read; tested to be all of it."""
 

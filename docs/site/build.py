@@ -2,10 +2,9 @@
 
     python docs/site/build.py [-o FOLDER] [--external]
 
-Pages are staged in build/site, Sphinx makes them into FOLDER (results/site), and every link of what
-it made is followed: one that leads nowhere, a page that no section has, or anything that would be
-loaded from another host ends the build with status 1. Nothing here needs a network; `--external`
-asks for the addresses of other hosts besides.
+Pages are staged in build/site, and Sphinx builds them into FOLDER (results/site). A warning of
+Sphinx, such as a reference that leads nowhere, or a page that no section has ends the build with
+status 1. The build needs no network; `--external` lets Sphinx's linkcheck follow every address.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from pathlib import Path
 
 import api
 import gallery
-import links
 import reference
 import sources
 from pages import ROOT, SECTIONS, labs, line_of, name_of, unplaced
@@ -39,21 +37,18 @@ def main() -> int:
         print(f"no section of docs/site/pages.py has: {', '.join(lost)}", file=sys.stderr)
         return 1
     stage(WORK / "source")
-    if status := run_sphinx(WORK / "source", args.output, WORK / "doctrees"):
+    if status := run_sphinx("html", args.output):
         return status
-    faults = links.check(args.output, external=args.external)
-    for fault in faults:
-        print(fault, file=sys.stderr)
     count = sum(1 for _ in args.output.rglob("*.html"))
     print(f"{count} pages in {time.monotonic() - began:.0f} s: {args.output / 'index.html'}")
-    return 1 if faults else 0
+    return run_sphinx("linkcheck", WORK / "linkcheck") if args.external else 0
 
 
 def options() -> argparse.Namespace:
     """Return what is typed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "results" / "site")
-    parser.add_argument("--external", action="store_true", help="ask other hosts, too")
+    parser.add_argument("--external", action="store_true", help="follow links to other hosts, too")
     return parser.parse_args()
 
 
@@ -85,12 +80,13 @@ def contents() -> str:
     return "\n\n".join(trees) + "\n"
 
 
-def run_sphinx(source: Path, target: Path, doctrees: Path) -> int:
-    """Make HTML of sources; a warning is an error."""
+def run_sphinx(builder: str, target: Path) -> int:
+    """Run a builder of Sphinx on the staged sources; a warning is an error."""
     if target.exists():
         shutil.rmtree(target)
-    words = ["-b", "html", "-c", str(HERE), "-d", str(doctrees), "-W", "--keep-going", "-q"]
-    return int(sphinx([*words, "-j", "2", str(source), str(target)]))
+    words = ["-b", builder, "-c", str(HERE), "-d", str(WORK / "doctrees")]
+    words += ["-W", "--keep-going", "-q", "-j", "2"]
+    return int(sphinx([*words, str(WORK / "source"), str(target)]))
 
 
 if __name__ == "__main__":

@@ -52,8 +52,6 @@ class Design:
         State before the first sample.
     x0_covariance : (n, n) array
         Its covariance, of the states but for the torques of laws.
-    tracked : int
-        The first so many parameters are tracked, and are the estimate; the others are learnt once.
     """
 
     model: Parametrization
@@ -70,27 +68,17 @@ class Design:
     noise: float
     x0: Array
     x0_covariance: Array
-    tracked: int
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters that are tracked."""
-        return self.model.names[: self.tracked]
+        """Names of the parameters."""
+        return self.model.names
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """The box of the parameters that are tracked."""
+        """The box of θ."""
         sides = self.lower * self.scale, self.upper * self.scale
-        return np.minimum(*sides)[: self.tracked], np.maximum(*sides)[: self.tracked]
-
-    @property
-    def fading(self) -> Array:
-        """By what each element of P is divided in a sample, (p, p): λ, √λ or one."""
-        fading = np.full(self.P0.shape, self.forgetting)
-        learnt = slice(self.tracked, None)
-        fading[learnt] = fading[:, learnt] = np.sqrt(self.forgetting)
-        fading[learnt, learnt] = 1.0
-        return fading
+        return np.minimum(*sides), np.maximum(*sides)
 
 
 def make_design(
@@ -110,7 +98,6 @@ def make_design(
     x0_covariance: ArrayLike | None = None,
     relative: bool = True,
     scale: ArrayLike | None = None,
-    learn: Sequence[str] = (),
 ) -> Design:
     """
     Check the options of `flexaxis.estimators.Rpem`, which explains them, and fill in defaults.
@@ -124,9 +111,6 @@ def make_design(
         Whether the design is in θ/θ(0); else in θ, as the paper has it.
     scale : (p,) array_like, optional
         By what θ is divided in the place of θ(0): needed where parameters of laws start at zero.
-    learn : sequence of str
-        Parameters that are learnt once: nothing of them is forgotten, and they do not drift. All
-        that is given for each parameter, but drift, is given for these too, behind the others.
 
     Raises
     ------
@@ -135,13 +119,11 @@ def make_design(
     """
     above_zero("period", period, "the sampling period in seconds")
     chosen = find_signal(output).predicted(model, period)
-    tracked = model.identify if identify is None else identify
-    parametrization = chosen.parametrize([*tracked, *learn])
+    parametrization = chosen.parametrize(model.identify if identify is None else identify)
     p = len(parametrization.names)
     start = finite_vector("theta0", parametrization.theta if theta0 is None else theta0, p)
     lower, upper = _box(start, bounds, np.array(parametrization.additive))
-    weight, modification = _time_update(forgetting, drift, period, len(tracked))
-    modification = np.pad(modification, (0, len(learn)))
+    weight, modification = _time_update(forgetting, drift, period, p)
     scale = _scale(start, scale) if relative else np.ones(p)
     sides = lower / scale, upper / scale
     squares = np.outer(scale, scale)
@@ -160,7 +142,6 @@ def make_design(
         noise=0.0 if noise is None else above_zero("noise", noise, "the standard deviation of y"),
         x0=_state("x0", x0, parametrization),
         x0_covariance=_state_covariance(x0_covariance, parametrization),
-        tracked=len(tracked),
     )
 
 
@@ -168,8 +149,8 @@ def _scale(start: Array, given: ArrayLike | None) -> Array:
     scale = start if given is None else finite_vector("scale", given, len(start))
     if not scale.all():
         raise EstimatorError(
-            f"a parameter of a law starts at 0 ({start}), which gives it no scale; give `scale`, "
-            "the size that each parameter may have"
+            f"a parameter of a law starts at 0 ({start}), which gives it no scale: start it at the "
+            "size that it may have"
         )
     return scale
 

@@ -11,10 +11,10 @@ not the end of the range.
 
 What was taken before that was noticed may have thrown a filter: one that does not forget all that
 it knows, or that believes in jumps, begins anew when the sensor reads on. So it does when ŷ is no
-number, and one that learns something once where it has for seconds left a large part of y that is
-no noise. One that forgets finds back by itself, unless it came into another valley: it begins anew
-only where it has left a larger part for longer than it remembers anything. If that does not help,
-it is judged ever later: it is lost for at most as long again as the sensor was wrong.
+number. One that forgets finds back by itself, unless it came into another valley: it begins anew
+only where it has left a large part of y that is no noise for longer than it remembers anything. If
+that does not help, it is judged ever later: it is lost for at most as long again as the sensor was
+wrong.
 
 All is relative to y and to what is known of its noise, so that units do not matter.
 """
@@ -26,12 +26,11 @@ from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.memory import Memory
 
 FAR = 10.0  # standard deviations that ŷ moves; twice those in which a coarse encoder may repeat
-LEFT = 0.1  # of the mean square of y, that a lost filter leaves of it; friction and play leave 0.01
-FORETOLD = 0.5  # of that, which the residual before foretells: it is no noise
-LEFT_BY_TRACKING = 0.2  # of it, by one that forgets: a spring of the gear that is no longer what
-# the model was told leaves 0.17, a sensor that had the wrong sign for a while 0.25
+FORETOLD = 0.5  # of what is left, which the residual before foretells: it is no noise
+LEFT = 0.2  # of the mean square of y, that a lost filter leaves of it: a spring of the gear that is
+# no longer what the model was told leaves 0.17, a sensor that had the wrong sign for a while 0.25
 MEMORY = 2.0  # s, of these means
-PATIENCE = 5.0  # memories for which one that forgets is lost: 10 s, ten of its time constants
+PATIENCE = 5.0  # memories for which a filter is lost: 10 s, ten of its time constants
 ABSURD = 1e2
 """
 Times as large as the output, or as its noise, that no residual is: parameters inside their box, a
@@ -51,16 +50,13 @@ KEPT = (
 
 def monitor_numbers(period: float, heeds: float = HEEDS_ALL) -> dict[str, ArrayLike]:
     """Return the numbers that `is_stuck` and `check_residual` need, with what a filter heeds."""
-    tracks = heeds >= HEEDS_LOST
     return {
         "astray_memory": MEMORY / period,
         "unknown": round(UNKNOWN / period),
         "heeds": heeds,
-        "left": LEFT_BY_TRACKING if tracks else LEFT,
-        "least_patience": PATIENCE if tracks else 1.0,
         "reading": np.nan,
         "rails": np.nan,
-        "patience": PATIENCE if tracks else 1.0,
+        "patience": PATIENCE,
         "earlier": np.nan,
     }
 
@@ -94,25 +90,23 @@ def check_residual(state, y, epsilon):
     """Take a residual, and mark a filter that is lost; it is asked again after twice the time."""
     if y**2 > ABSURD**2 * max(state["signal"], state["expected"] ** 2, state["noise"]):
         return  # a mean of squares would not forget it for minutes
-    squares, tracks = state["squares"], state["heeds"] >= HEEDS_LOST
+    squares = state["squares"]
     state["judged"] += 1.0
     count = min(state["judged"], state["astray_memory"])
     squares[0] += (epsilon**2 - squares[0]) / count
     squares[1] += (y**2 - squares[1]) / count
     squares[2] += (epsilon * state["last_left"] - squares[2]) / count
     state["last_left"] = epsilon
-    lost = squares[0] > state["left"] * squares[1] and squares[2] > FORETOLD * squares[0]
-    if tracks:  # all the while, as it takes time after every jump
-        state["gone"] = state["gone"] + 1.0 if lost else 0.0
-        lost = state["gone"] >= state["patience"] * state["astray_memory"]
+    lost = squares[0] > LEFT * squares[1] and squares[2] > FORETOLD * squares[0]
+    # all the while, as it takes time after every jump
+    state["gone"] = state["gone"] + 1.0 if lost else 0.0
+    lost = state["gone"] >= state["patience"] * state["astray_memory"]
     if state["judged"] >= state["patience"] * state["astray_memory"]:
         if lost:
             state["patience"] *= 2.0
             state["anew"] = 2.0
         elif state["gone"] == 0.0:
-            state["patience"] = state["least_patience"]
-        if not tracks:
-            state["judged"] = state["astray_memory"]
+            state["patience"] = PATIENCE
 
 
 def begin_anew(state: Memory, start: Memory) -> None:

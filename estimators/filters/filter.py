@@ -191,22 +191,11 @@ class CompiledFilter(RecursiveEstimator):
 
     @property
     def theta(self) -> Array:  # noqa: D102
-        return self._all()[0][: len(self.names)]
+        return self._all()[0]
 
     @property
     def covariance(self) -> Array:  # noqa: D102
-        p = len(self.names)
-        return self._all()[1][:p, :p]
-
-    @property
-    def learnt(self) -> dict[str, tuple[float, float]]:
-        """Value and claimed standard deviation of each parameter that is learnt once."""
-        theta, covariance = self._all()
-        p, deviation = len(self.names), np.sqrt(np.diag(covariance))
-        names = self._design.model.names[p:]
-        return dict(
-            zip(names, zip(theta[p:].tolist(), deviation[p:].tolist(), strict=True), strict=True)
-        )
+        return self._all()[1]
 
     def _all(self) -> tuple[Array, Array]:
         eta, covariance = self._read(self.state)

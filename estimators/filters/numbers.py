@@ -12,10 +12,9 @@ _TUNING = (
     "consistency",  # what clipping leaves of a variance
     "largest",  # variance of an estimate relative to θ(0)²
     "rule",  # of forgetting, see `forgetful`
-    "settled",  # samples after which what is learnt once is learnt
     "level", "first", "next", "reset", "short", "long", "least",  # of rules of forgetting
     "stay",  # probability with which a mode stays
-    "astray_memory", "unknown", "heeds", "left", "least_patience",  # see `fault_monitor`
+    "astray_memory", "unknown", "heeds",  # see `fault_monitor`
 )  # fmt: skip
 _NOISE = (
     "prediction",
@@ -50,7 +49,6 @@ _PREDICTION_ERROR = (
     "variance",  # of the innovation
     "quiet",  # R̂ before the last measurement
     "signal",  # mean square of ŷ
-    "taken",  # samples
 )
 _JOINT = (
     "spread",  # hᵀPh

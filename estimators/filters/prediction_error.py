@@ -15,7 +15,6 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.covariance import bound, project
 from flexaxis.estimators.filters.design import Design, at_least_zero
 from flexaxis.estimators.filters.fault_monitor import (
-    HEEDS_ALL,
     HEEDS_LOST,
     HEEDS_NOTHING,
     check_residual,
@@ -63,11 +62,10 @@ class Recursion(NamedTuple):
         ψ, Pψ, the θ before, and Σψ.
     granted : (p,) array
         What P may be besides, after a reset of it.
-    inflation, drift : (p, p) arrays
-        By what elements of P are multiplied in a sample, and what they gain.
-    regularization, lower, upper, floor, early, known_before : (p,) arrays
-        μ, the box, what P may be in any case, its ceiling while R̂ is not known, and what is known
-        of what is learnt once.
+    drift : (p, p) array
+        Δ.
+    regularization, lower, upper, floor, early : (p,) arrays
+        μ, the box, what P may be in any case, and its ceiling while R̂ is not known.
     rates, along, work : (p,), (p,), (p, p) arrays
         Of a rule of forgetting.
     """
@@ -83,14 +81,12 @@ class Recursion(NamedTuple):
     moved: Array
     reach: Array
     granted: Array
-    inflation: Array
     drift: Array
     regularization: Array
     lower: Array
     upper: Array
     floor: Array
     early: Array
-    known_before: Array
     rates: Array
     along: Array
     work: Array
@@ -113,16 +109,14 @@ def recursion_in(block, at):
         items(block, at[i + 7]),
         items(block, at[i + 8]),
         matrix(block, at[i + 9]),
-        matrix(block, at[i + 10]),
+        items(block, at[i + 10]),
         items(block, at[i + 11]),
         items(block, at[i + 12]),
         items(block, at[i + 13]),
         items(block, at[i + 14]),
         items(block, at[i + 15]),
         items(block, at[i + 16]),
-        items(block, at[i + 17]),
-        items(block, at[i + 18]),
-        matrix(block, at[i + 19]),
+        matrix(block, at[i + 17]),
     )
 
 
@@ -158,9 +152,8 @@ def recursion(
         raise EstimatorError(f"ceiling is {ceiling!r}; give a variance above 0, relative to θ(0)²")
     p, P0 = len(design.theta0), design.P0
     variances, nothing = np.diag(P0), np.zeros(p)
-    once = p > design.tracked  # something is learnt, and never forgotten
-    tracks = HEEDS_LOST if robust > 0 else HEEDS_NOTHING
-    now = monitor_numbers(design.period, HEEDS_ALL if once else tracks) | {
+    heeds = HEEDS_LOST if robust > 0 else HEEDS_NOTHING
+    now = monitor_numbers(design.period, heeds) | {
         "forgetting": design.forgetting,
         "memory": max(MEMORY / design.period, KNOWN),
         "known": float(design.noise > 0),
@@ -188,14 +181,12 @@ def recursion(
             "moved": nothing,
             "reach": nothing,
             "granted": GRANTED * variances,
-            "inflation": 1 / design.fading,
             "drift": design.drift,
             "regularization": design.regularization,
             "lower": design.lower,
             "upper": design.upper,
             "floor": GRANTED * variances,
             "early": np.full(p, np.inf) if np.isinf(ceiling) else EARLY * variances,
-            "known_before": nothing,
             "rates": np.broadcast_to(np.asarray(rates, float), p),
             "along": nothing,
             "work": np.zeros((p, p)),
@@ -334,13 +325,13 @@ def correct_state(state):
 
 
 @inlined
-def predict(state):
+def time_update(state):
     """Take P over the time update, eq. (9) or (10), and regularise it, eq. (12)."""
     P, column = state.P, state.gain  # the gain has done its work and lends its place
     p = len(P)
     for i in range(p):
         for j in range(p):
-            P[i, j] = state.inflation[i, j] * P[i, j] + state.drift[i, j]
+            P[i, j] = P[i, j] / state.now[0]["forgetting"] + state.drift[i, j]
     for axis in range(p):  # (12) measures every parameter once, with weight μ
         mu = state.regularization[axis]
         if mu > 0.0:

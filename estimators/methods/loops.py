@@ -21,8 +21,8 @@ from flexaxis.estimators.filters.prediction_error import (
     measure,
     publish,
     recursion_in,
+    time_update,
 )
-from flexaxis.estimators.methods.rpem import adapt
 from flexaxis.estimators.methods.rules.cusum import reset_on_alarm
 from flexaxis.estimators.methods.rules.directional import forget_excited
 from flexaxis.estimators.methods.rules.efra import forget_and_reset
@@ -69,7 +69,7 @@ def forget(state, valid):
     """Take P over the time update, by the rule of the filter."""
     rule = state.now[0]["rule"]
     if rule == PAPER:
-        adapt(state)
+        time_update(state)
     elif rule == CUSUM:
         reset_on_alarm(state, valid)
     elif rule == DIRECTIONAL:

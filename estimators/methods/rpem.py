@@ -5,15 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.filters.design import (
-    at_least_zero,
-    covariance_matrix,
-    make_design,
-)
+from flexaxis.estimators.filters.design import covariance_matrix, make_design
 from flexaxis.estimators.filters.filter import CompiledFilter, Trace, trace
 from flexaxis.estimators.filters.forgetful import LOOP, PAPER
-from flexaxis.estimators.filters.prediction_error import CEILING, predict, read_claim, recursion
-from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.filters.prediction_error import CEILING, read_claim, recursion
 from flexaxis.estimators.models.model import Model
 
 Array = NDArray[np.float64]
@@ -33,7 +28,7 @@ class Rpem(CompiledFilter):
         trajectory the sensitivities are then propagated.
     identify : sequence of str, optional
         Parameters to estimate, or their inverses; the model's own choice by default. All others
-        stay at the model's nominal values, but for those that are learnt.
+        stay at the model's nominal values.
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
@@ -73,16 +68,6 @@ class Rpem(CompiledFilter):
         that, but for what P(0) or a reset allows. Until R̂ is known P_ii ≤ 100 P(0)_ii. It changes
         nothing, to the last bit, until it acts, as in a long standstill; infinite for the paper's
         method as it is.
-    learn : sequence of str
-        Parameters that are learnt once: of what is known of them nothing is forgotten, and they do
-        not drift. ``theta0``, ``P0``, ``bounds`` and ``scale`` are given for them too, behind the
-        others.
-    scale : (p,) array_like, optional
-        Size that each parameter may have, where one of a law starts at zero; θ(0) by default.
-    settle : float
-        Time before which nothing of the linear model is learnt once [s]: what is tracked, and the
-        state, come first from where they start, or their errors are learnt as structure for ever.
-        What laws have is learnt at once, or what is tracked goes wrong without it.
 
     Attributes
     ----------
@@ -92,8 +77,6 @@ class Rpem(CompiledFilter):
         The box in use.
     theta, psi : (p,) arrays
         The estimate, and the gradient of ŷ at the estimate before.
-    learnt : dict of str to (float, float)
-        Value and claimed standard deviation of what is learnt once.
     P : (p, p) array
         P(t+1|t), for a noise variance of one; set it to reset the filter after a known change.
     covariance : (p, p) array
@@ -137,9 +120,6 @@ class Rpem(CompiledFilter):
         state_correction: bool = False,
         robust: float = 0.0,
         ceiling: float = CEILING,
-        learn: Sequence[str] = (),
-        scale: ArrayLike | None = None,
-        settle: float = 0.0,
     ) -> None:
         design = make_design(
             model,
@@ -154,24 +134,14 @@ class Rpem(CompiledFilter):
             bounds=bounds,
             output=output,
             x0=x0,
-            learn=learn,
-            scale=scale,
         )
-        seconds = at_least_zero("settle", settle, "seconds before anything is learnt once")
         start = recursion(
             design,
             robust=robust,
             ceiling=ceiling,
             correct=state_correction,
             rule=PAPER,
-            settled=round(seconds / period),
         )
-        if settle:
-            waits = ~np.array(design.model.additive)
-            waits[: design.tracked] = False
-            start["known_before"][waits] = np.diag(design.P0)[waits]
-            start["P"][waits] = start["P"][:, waits] = 0.0
-            start["claim"] = start["P"]
         super().__init__(LOOP, start, design, read_claim)
 
     @property
@@ -222,19 +192,3 @@ class Rpem(CompiledFilter):
     def trace(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
         """Do as ``run`` and keep residual, gradient and P of every sample."""
         return trace(self, u, y, valid)
-
-
-@inlined
-def adapt(state):
-    """
-    Do the time update of the paper, eq. (9), (10) and (12), in a gap as well.
-
-    As soon as the rest has settled, P knows what was known of what is learnt once.
-    """
-    predict(state)
-    now, known = state.now[0], state.known_before
-    now["taken"] += 1.0
-    if now["taken"] == now["settled"]:
-        for i in range(len(known)):
-            if known[i] > 0.0:
-                state.P[i, i] = state.claim[i, i] = known[i]

@@ -129,13 +129,6 @@ COGGING = Law(
     parameters={"sine": "c_sin", "cosine": "c_cos", "poles": "poles"},
 )
 """Cogging of the motor, for a model with its angle: see `with_angle`."""
-SHAPE = Law(
-    "shape",
-    drive={"speed_motor": 1.0},
-    acts={"speed_motor": "-1/J_m"},
-    parameters={"sine": "shape_sin", "cosine": "shape_cos", "waves": "shape_n", "softness": 0.1},
-)
-"""Friction of the motor whose shape is found while it moves, for a model with its angle."""
 LIMIT = Law(
     "clip",
     drive={INPUT: 1.0},

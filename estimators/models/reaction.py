@@ -18,7 +18,6 @@ from flexaxis.estimators.models.law_torques import (
     ROLE,
     S_S,
     S_W,
-    SHAPE,
     WIDTH,
     F,
     S,
@@ -181,7 +180,7 @@ def _remember(laws, inverse, mean, X):
         law = laws[i]
         law["force"] = law["local"][F]
         m = law["memory"]
-        if m >= 0 and law["kind"] != SHAPE:  # which only reads a state
+        if m >= 0:
             for a in range(1, X.shape[1]):
                 X[m, a] *= law["local"][S_S]
             X[m, 0] = law["local"][S]

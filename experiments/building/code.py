@@ -20,7 +20,6 @@ from typing import Any
 from uuid import uuid4
 
 from flexaxis.experiments.storage.files import SHORT, digest_of
-from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
 
 OPTION = "--run-code"
@@ -88,7 +87,7 @@ def require(given: bool, texts: Iterable[str], *, source: str, command: str | No
         "\n".join(
             [
                 f"{source} names code, and text of a file is not run unasked:",
-                *(f"  {visible(text)}" for text in found),
+                *(f"  {text}" for text in found),
                 f"if you trust it, {go_on}",
             ]
         )

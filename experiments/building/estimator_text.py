@@ -21,9 +21,9 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.estimators.registry import REGISTRY, gone
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.away import Away
-from flexaxis.experiments.building.code import PIPE, given, piped
+from flexaxis.experiments.building.code import given, piped
 from flexaxis.experiments.building.crashes import user_code
 from flexaxis.experiments.building.guest import hosted, is_away, is_guest
 from flexaxis.experiments.building.imports import class_of, imported, no_file
@@ -257,13 +257,10 @@ def _find(name: str) -> Callable[..., Estimator]:
         return held
     module, colon, attribute = name.rpartition(":")
     if colon:
-        _refuse_kind(name)
         return _class_away(name) if is_away(name) else class_of(module, name, attribute)
     installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name in installed:
         return imported(name, installed[name].load)
-    if (now := gone(name)) is not None:
-        raise EstimatorError(now)
     raise EstimatorError(
         f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis list` "
         "shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
@@ -290,13 +287,3 @@ def _signature(found: Callable[..., Any], name: str) -> inspect.Signature:
     keywords(found, name)
     known = inspect.signature(found).parameters.values()
     return inspect.Signature([p.replace(annotation=p.empty) for p in known])
-
-
-def _refuse_kind(name: str) -> None:
-    """Refuse the doors of flexaxis 0.1, and what begins almost as one; no module has a hyphen."""
-    kind, _, command = name.partition(":")
-    if kind.startswith("pipe-") and not kind.endswith(".py"):
-        raise EstimatorError(
-            f"{name}: {kind}: is no way to ask a program: there is one, {PIPE}, in binary blocks "
-            f"(docs/pipes.md). Write {PIPE}{command}"
-        )

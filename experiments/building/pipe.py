@@ -37,10 +37,7 @@ COUNT = struct.Struct("<Q")  # samples that follow; 0: the run has ended
 SAMPLE = struct.Struct("<Qdd")  # one sample, its count before it
 ROOM = 32768  # bytes in flight each way: half of what a pipe holds, so that neither side waits
 MOST_NAMES = 64  # of estimates: more is a mistake, or no number at all
-HOW = (
-    "answer n samples by n times p numbers of 8 bytes, and flush them. Lines of JSON, as in "
-    "flexaxis 0.1, are no longer read: docs/pipes.md"
-)
+HOW = "answer n samples by n times p numbers of 8 bytes, and flush them: docs/pipes.md"
 
 
 class PipeEstimator:
@@ -248,7 +245,7 @@ def _check_head(magic: bytes, version: int, mark: int) -> None:
     if magic != MAGIC:
         raise EstimatorError(
             f"the program answered {magic!r}, and an answer begins with {MAGIC!r}: print nothing "
-            "else to stdout; lines of JSON, as in flexaxis 0.1, are no longer read (docs/pipes.md)"
+            "else to stdout (docs/pipes.md)"
         )
     if mark == int.from_bytes(MARK.to_bytes(4, "little"), "big"):
         raise EstimatorError(

@@ -32,9 +32,9 @@ from flexaxis.experiments.building.interrupts import Interrupts, two_stage
 from flexaxis.experiments.building.pipe import held_back
 from flexaxis.experiments.storage.files import NotRun, StudyError
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.storage.current_folder import safe_path
 
 MOST = max(64, 4 * (os.cpu_count() or 1))  # processes: each is a Python of its own in memory
+SAFE_PATH = worker.SAFE_PATH
 PATIENCE = 0.5  # s for which a wait may last before it looks whether anything was asked
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -88,7 +88,7 @@ class Workers:
         """
         begun = len(getattr(self._pool, "_processes", None) or ())
         alone = _without_main() if begun < self._jobs else nullcontext()
-        with held_back(), safe_path(), alone:
+        with held_back(), _safe_path(), alone:
             if self._pool is None:
                 self._pool, self._stop = _started(self._jobs, self._begin)
                 _open.add(self)
@@ -144,6 +144,20 @@ def _started(jobs: int, begin: Callable[[], object] | None) -> tuple[Executor, A
     tied = threading.current_thread() is threading.main_thread()
     how = (stop, begin, _end_own, tied)
     return ProcessPoolExecutor(jobs, context, initializer=worker.start, initargs=how), stop
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Let a worker that starts meanwhile find no modules in the current folder."""
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
 
 
 _mains: list[ModuleType] = []  # found by each `_without_main` that is open

@@ -11,15 +11,13 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
 from functools import cache, partial
 from hashlib import sha256
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.compiler import GATHERED, gathers
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.estimator_text import Spec, build, check_fits, made, parse
@@ -33,7 +31,7 @@ class _Kept(threading.local):
     """The estimators of a thread, the least recently used first."""
 
     def __init__(self) -> None:
-        self.estimators = OrderedDict[str, tuple[Any, set[str]]]()
+        self.estimators = OrderedDict[str, Any]()
 
 
 _kept = _Kept()
@@ -59,56 +57,17 @@ def ready(spec: Spec, scenario: Scenario) -> Estimator:
         offer.period,
     ]
     key = sha256(repr(content).encode()).hexdigest()
-    wanted, (estimator, lacks) = GATHERED.get(), known.pop(key, (None, set()))
-    if estimator is None or (lacks and wanted is None):
-        with ExitStack() as stack:
-            lacks = set() if wanted is None else stack.enter_context(gathers())
-            estimator = made(spec, offer.axis(spec.text), offer.period, offered)
+    estimator = known.pop(key, None)
+    if estimator is None:
+        estimator = made(spec, offer.axis(spec.text), offer.period, offered)
     else:
         estimator.reset()
-    if wanted is not None:
-        wanted |= lacks
     if hasattr(estimator, "reset"):
-        known[key] = estimator, lacks
+        known[key] = estimator
         while len(known) > KEPT:
             known.popitem(last=False)
     check_fits(spec.text, estimator.names, estimator.output, scenario)
     return estimator
-
-
-class Task(NamedTuple):
-    """What is to be compiled: all that an estimator needs on a scenario."""
-
-    text: str
-    scenario: Scenario
-
-    def __str__(self) -> str:
-        """Return it in words."""
-        return f"compiling {self.text} for {self.scenario.name}"
-
-
-class Uncompiled:
-    """Which of the estimators that are tried compile something when they are made for good.
-
-    What several have in common is compiled with the first of them.
-    """
-
-    def __init__(self) -> None:
-        self.found: list[Task] = []
-        self._names: set[str] = set()
-
-    def try_out(self, text: str, scenario: Scenario) -> None:
-        """Make an estimator, but for what it compiles; errors as from `ready`."""
-        with gathers() as names:
-            ready(parse(text), scenario)
-        if names - self._names:
-            self.found.append(Task(text, scenario))
-            self._names |= names
-
-
-def compile_for(task: Task) -> None:
-    """Compile what an estimator needs on a scenario."""
-    build(parse(task.text), task.scenario)
 
 
 def _content(value: Any) -> Any:
@@ -141,8 +100,7 @@ def readable(
     for scenario in scenarios:
         for spec in specs:
             try:
-                with gathers():
-                    ready(spec, scenario)
+                ready(spec, scenario)
             except Misfit as error:
                 left.setdefault(scenario.name, str(error))
             except EstimatorError:  # of another kind: told where it is to be run

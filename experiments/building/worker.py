@@ -14,8 +14,8 @@ from multiprocessing.util import Finalize
 from typing import Any
 
 from flexaxis.experiments.building import interrupts
-from flexaxis.sim.storage.current_folder import forget_safe_path, without_its_style
 
+SAFE_PATH = "PYTHONSAFEPATH"
 _PR_SET_PDEATHSIG = 1  # of Linux: which signal a process gets when its parent ends
 
 
@@ -37,8 +37,7 @@ def start(
     """
     if tied and sys.platform == "linux":  # even in code that lets no other thread run
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    forget_safe_path()
-    without_its_style()
+    os.environ.pop(SAFE_PATH, None)  # programs of a user find their modules as always
     for kind in (signal.SIGINT, signal.SIGTERM):  # a queue of jobs sends that to all
         signal.signal(kind, signal.SIG_IGN)
     if hasattr(os, "setpgid"):

@@ -15,6 +15,7 @@ from flexaxis.experiments.catalogue.names import (
     HASHES,
     HOME,
     SPREAD,
+    full_name,
     hashes,
     is_path,
     scenario_names,
@@ -73,12 +74,15 @@ class Selection(NamedTuple):
 def find_scenario(name: str) -> Scenario:
     """Return a scenario by its catalogue name or from a TOML file.
 
+    Without a suffix, -v1 is meant. The twin -v2 of a scenario has an onset drawn by seed.
+
     Raises
     ------
     ScenarioError
         If there is neither such a name nor such a file, the file has errors, or a scenario of the
         catalogue is not what its name is frozen with.
     """
+    name = full_name(name)
     if (file := toml_of("scenarios", name)) is not None:
         return _frozen(parse_scenario(file.read_text(encoding="utf-8"), source=name), name)
     if name.endswith(DRAWN) and name in _hashes():
@@ -150,7 +154,8 @@ def _members(table: dict[str, Any]) -> list[str]:
 @cache
 def _groups() -> dict[str, str | None]:
     """Return the groups of the scenarios, each in its last version."""
-    last = {name.rpartition("-v")[0]: name for name in scenario_names()}
+    twins = (name for name in _hashes() if name.endswith(DRAWN))
+    last = {name.rpartition("-v")[0]: name for name in (*scenario_names(), *twins)}
     return {name: find_scenario(name).group for name in last.values()}
 
 
@@ -171,7 +176,7 @@ def select(names: Sequence[str]) -> Selection:
     wanted = [s for n in names for s in (find_suite(n).scenarios if n in suite_names() else [n])]
     scenarios: dict[str, Scenario] = {}
     problems: list[str] = []
-    for name in dict.fromkeys(wanted):
+    for name in dict.fromkeys(map(full_name, wanted)):
         try:
             scenarios[name] = find_scenario(name)
         except ScenarioError as error:

@@ -62,9 +62,19 @@ def hashes() -> dict[str, str]:
 
 
 def scenario_names() -> list[str]:
-    """Return the names of the catalogue's scenarios: its files, and those whose onset is drawn."""
-    drawn = (name for name in hashes() if name.endswith(DRAWN))
-    return sorted({*tomls("scenarios"), *drawn})
+    """Return the names of the catalogue's scenarios; twins with a drawn onset are not listed."""
+    return list(tomls("scenarios"))
+
+
+def full_name(name: str) -> str:
+    """Return the name of a scenario with its suffix; without one, -v1 is meant."""
+    first = f"{name}-v1"
+    return first if toml_of("scenarios", first) else name
+
+
+def is_scenario(name: str) -> bool:
+    """Whether the catalogue has a scenario of this name, twins with a drawn onset included."""
+    return full_name(name) in hashes()
 
 
 def suite_names() -> list[str]:
@@ -89,7 +99,7 @@ def unknown_scenario(name: str) -> ScenarioError:
         return ScenarioError(
             f"{name} is a suite of scenarios: name one of them; `flexaxis show {name}` lists them"
         )
-    known = [*scenario_names(), *suite_names()]
+    known = [*suite_names(), *scenario_names(), *(n.removesuffix("-v1") for n in scenario_names())]
     return ScenarioError(
         f"unknown scenario {name!r}.{did_you_mean(name, known)} "
         "`flexaxis list` shows the catalogue; a path to a TOML file works too"
@@ -162,15 +172,11 @@ def _made() -> dict[str, list[Line]]:
     }
 
 
-@cache
 def _scenario(name: str) -> Line:
     from flexaxis.experiments.catalogue import card
     from flexaxis.sim.scenario import parse_scenario
 
-    if (file := toml_of("scenarios", name)) is None:  # it is drawn
-        first = _scenario(name.removesuffix(DRAWN) + "-v1")
-        content = f"{first['content']}; {card.in_words_of_spread(SPREAD)}"
-        return first | {"name": name, "content": content}
+    file = tomls("scenarios")[name]
     scenario = parse_scenario(file.read_text(encoding="utf-8"), source=name)
     return {
         "name": name,

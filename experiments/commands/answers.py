@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.running.seeds import END
-from flexaxis.experiments.streams import visible
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """Exit status. A finding is what a command looks for: worse, a broken rule, a change, a case that
@@ -33,7 +32,6 @@ def say(text: str) -> None:
 
 
 def _readable(line: str) -> str:
-    line = visible(line)
     left_out, half = len(line) - LONGEST, LONGEST // 2
     return f"{line[:half]} … {left_out} more … {line[-half:]}" if left_out > 0 else line
 

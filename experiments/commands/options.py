@@ -7,6 +7,7 @@ import os
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands.answers import CRASH, FINDING, say
@@ -64,6 +65,38 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
     add_time_limit(parser)
 
 
+def add_from(parser: argparse.ArgumentParser) -> None:
+    """Declare --from."""
+    parser.add_argument(
+        "--from", dest="shards", nargs="+", type=Path, metavar="DIR",
+        help="put finished shards together in the folder of -o, each case once, and report",
+    )  # fmt: skip
+
+
+def merge_shards(args: argparse.Namespace) -> int:
+    """Put shards together and report; exit with 1 if runs are missing from all of them."""
+    from flexaxis.experiments.commands.answers import answer
+    from flexaxis.experiments.running.merge import merge
+    from flexaxis.experiments.storage.files import spare
+    from flexaxis.experiments.studies.benchmark import report
+
+    if args.output is None:
+        raise FlexaxisError("--from: name the folder of the whole with -o DIR")
+    spare(args.shards, args.output)
+    merged = merge(args.shards, args.output)
+    path = report(args.output)
+    if merged.makers[1:]:
+        say("the shards were run with different versions:\n" + "\n".join(merged.makers))
+    if merged.missing is None:
+        say("the shards have different estimators or seeds, so missing runs cannot be counted")
+    if merged.missing:
+        say(f"{merged.missing} of {merged.cases + merged.missing} cases are in no shard")
+    content: dict[str, object] = {"cases": merged.cases, "doubles": merged.doubles}
+    content |= {"missing": merged.missing, "folder": args.output, "report": path}
+    count = f"{merged.cases} cases; {merged.doubles} were in more than one shard"
+    return answer(args, content, FINDING if merged.missing else 0, count, path)
+
+
 def line(args: argparse.Namespace, *more: str, whole: bool = False) -> str:
     """Return the line that was typed, without what says what becomes of what is there.
 
@@ -83,7 +116,7 @@ def add_cache(parser: argparse.ArgumentParser, *, default: bool) -> None:
         "--cache",
         action=argparse.BooleanOptionalAction,
         default=default,
-        help="keep simulated records (`flexaxis cache info`) for whoever needs the same, or "
+        help="keep simulated records for the next run that needs them, or "
         f"simulate all and keep none (default: --{'' if default else 'no-'}cache)",
     )
 
@@ -209,8 +242,6 @@ def telling(remarks: Sequence[Remark]) -> Iterator[None]:
 def go_on(args: argparse.Namespace, done: int) -> str:
     """Return how many cases were just run, and the line that goes on from there."""
     kept = f"{done} case{'s'[: done != 1]} done just now"
-    if getattr(args, "self_test", False):  # keeps its rows in memory
-        return f"{kept}, and not kept"
     return f"{kept}; go on with: {line(args, RESUME)}"
 
 

@@ -1,4 +1,4 @@
-"""What is typed: a parser that suggests, names checked before any work, completion by the shell.
+"""What is typed: a parser that suggests, names checked before any work.
 
 The metavar of an argument says what its words are; `CHECKS` has those that can be looked up.
 """
@@ -13,29 +13,13 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from flexaxis.experiments.building.code import code_file, names_code
-from flexaxis.experiments.catalogue.names import GROUPS, scenario_names, suite_names
+from flexaxis.experiments.catalogue.names import scenario_names, suite_names
 from flexaxis.experiments.commands.answers import WRONG_USE, refusal, too_large
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import STUDY, no_study
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 
 _CHOICE = re.compile(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)")
-_KNOBS = "tune turns knobs alone"
-_CSV = "logs are written as plain CSV"
-GONE = {
-    ("tune", "--minimize"): _KNOBS,
-    ("tune", "--option"): _KNOBS,
-    ("tune", "--scenario"): _KNOBS,
-    ("track", "--forgetting"): "give --estimator 'rpem-forgetting[forgetting=0.999]'",
-    ("track", "--highpass"): "that of identify is kept in the axis",
-    ("trend", "--highpass"): "that of identify is kept in the axis",
-    ("import", "--highpass"): "that of identify is kept in the axis",
-    **{
-        ("simulate", f"--{n}"): _CSV
-        for n in ("no-header", "decimal-comma", "torque-step", "offset", "scale")
-    },
-}
-"""Options that are no more, by command, and what does their work."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -74,8 +58,6 @@ class Parser(argparse.ArgumentParser):
         if not word.startswith("-"):
             return f"{word!r} is one word too many."
         option = word.partition("=")[0]
-        if says := GONE.get((self.prog.rpartition(" ")[2], option)):
-            return f"{option} is gone: {says}."
         known = [name for action in self._actions for name in action.option_strings]
         return f"unknown option {word!r}.{did_you_mean(option, known)}"
 
@@ -149,8 +131,8 @@ def _scenario(text: str, *, suites: bool = False) -> None:
         from flexaxis.experiments.catalogue.find import find_scenario
 
         find_scenario(text)
-    known = {*names.scenario_names(), *(names.suite_names() if suites else ())}
-    if not (text in known or text.endswith((".nc", ".toml")) or Path(text).exists()):
+    known = names.is_scenario(text) or (suites and text in names.suite_names())
+    if not (known or text.endswith((".nc", ".toml")) or Path(text).exists()):
         raise names.unknown_scenario(text)
 
 
@@ -193,15 +175,11 @@ def _study(text: str) -> None:
 
 
 def _anything(text: str) -> None:
-    from flexaxis.estimators.registry import gone
-
     try:
         _of_suites(text)
     except ScenarioError:
         if text in _estimators():
             return
-        if (now := gone(text)) is not None:
-            raise FlexaxisError(now) from None
         hint = did_you_mean(text, [*_scenarios(), *_estimators()])
         if not hint or text.endswith(".toml"):
             raise
@@ -233,61 +211,6 @@ CHECKS: Mapping[str, Callable[[str], object]] = {
     "N or A:B": _seeds,
 }
 """How a word is looked up, by the metavar of its argument."""
-
-
-def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell that asks how a word may go on, and end; else do nothing."""
-    import argcomplete
-    from argcomplete.completers import ChoicesCompleter, FilesCompleter
-
-    for action in _all_actions(parser):
-        kinds = set(str(action.metavar).split("|"))
-        names = [*(_scenarios() if "SCENARIO" in kinds else ())]
-        names += _estimators() if kinds & {"E", "ESTIMATOR"} else ()
-        if kinds == {"GROUP"}:
-            action.completer = ChoicesCompleter(dict.fromkeys(GROUPS, ""))  # type: ignore[attr-defined]
-        if str(action.metavar).startswith("PARAMETER"):
-            action.completer = _parameters  # type: ignore[attr-defined]
-        if names:
-            # "path/file.py:Class" and "mine.toml" begin with a file
-            action.completer = _NamesOrFiles(names, FilesCompleter(("py", "toml", "nc")))  # type: ignore[attr-defined]
-    argcomplete.autocomplete(parser)
-
-
-def _parameters(prefix: str, parsed_args: argparse.Namespace, **more: Any) -> list[str]:
-    """Return how a word may go on to a parameter of the model that is typed, or of friction."""
-    from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.logs.axis_file import find_axis
-    from flexaxis.experiments.logs.identification.friction import KINDS
-
-    try:
-        names = list(find_axis(str(parsed_args.model)).model.parameters)
-    except (EstimatorError, FlexaxisError):
-        return []
-    if "friction" in parsed_args:
-        laws = {name for roles in KINDS.values() for name in roles.values()}
-        names += sorted(laws - {*names})
-    begin = "1/" if prefix.startswith("1/") else ""
-    return [begin + name for name in names if (begin + name).startswith(prefix)]
-
-
-class _NamesOrFiles:
-    """Completes a word to names, and to files where it is the beginning of one."""
-
-    def __init__(self, names: Sequence[str], files: Any) -> None:
-        self._names, self._files = names, files
-
-    def __call__(self, prefix: str, **more: Any) -> list[str]:
-        found = [name for name in self._names if name.startswith(prefix)]
-        return found + list(self._files(prefix, **more)) if prefix else found
-
-
-def _all_actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    for action in parser._actions:
-        yield action
-        if isinstance(action, argparse._SubParsersAction):
-            for sub in action.choices.values():
-                yield from _all_actions(sub)
 
 
 def _scenarios() -> list[str]:

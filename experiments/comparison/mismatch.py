@@ -168,7 +168,7 @@ def track_of(scenario: Scenario) -> str:
     Examples
     --------
     >>> from flexaxis.experiments.catalogue.find import find_scenario
-    >>> for name in ("fm_step-v1", "coulomb_fm_step-v1", "power_fm_step-v1", "warming_fm_step-v1"):
+    >>> for name in ("fm_step", "coulomb_fm_step", "load_friction_fm_step", "warming_fm_step"):
     ...     print(track_of(find_scenario(name)))
     nominal
     known structure

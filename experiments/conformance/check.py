@@ -11,7 +11,6 @@ from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.estimator_text import Spec, build
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.conformance.endurance import rules
 from flexaxis.experiments.conformance.requirements import RULES, Rule
 from flexaxis.experiments.conformance.subject import Subject
 from flexaxis.experiments.running.cache import RecordCache, records
@@ -34,13 +33,10 @@ class RuleResult:
 def check(
     spec: Spec,
     *,
-    long: bool = False,
     store: RecordCache | None = None,
     begun: Callable[[str], object] = lambda rule: None,
 ) -> list[RuleResult]:
     """Return what every rule finds about an estimator; `begun` is told each rule before it.
-
-    With `long` it is also run through everything that may happen to an axis in a year.
 
     Raises
     ------
@@ -49,7 +45,7 @@ def check(
     """
     subject = _subject(spec, store)
     found = []
-    for rule in [*RULES, *(rules() if long else ())]:
+    for rule in RULES:
         begun(rule.name)
         found.append(_result(rule, subject, spec.text))
     return found

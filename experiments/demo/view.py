@@ -121,7 +121,7 @@ def model_of(record: Record) -> str:
 
 def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
     """Return the engine's module, and model and data of a plant with floor, light and camera."""
-    from flexaxis.sim.plant.import_mujoco import mujoco
+    import mujoco
 
     _, assets = model_files(name)
     model = mujoco.MjModel.from_xml_string(assets["scene.xml"].decode(), assets)

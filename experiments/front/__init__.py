@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # what type checkers and completion read; a test compares it 
     from flexaxis._compare import Comparison, compare
     from flexaxis._estimates import Estimate
     from flexaxis._logs import LogResult, identify, import_log, track, trend
+    from flexaxis._look import cache, view
     from flexaxis._records import Recording, load, simulate
     from flexaxis._results import Results, benchmark, study
     from flexaxis._running import estimate, score
@@ -33,6 +34,7 @@ __all__ = [
     "Sample",
     "__version__",
     "benchmark",
+    "cache",
     "check",
     "compare",
     "estimate",
@@ -47,6 +49,7 @@ __all__ = [
     "study",
     "track",
     "trend",
+    "view",
 ]
 
 _HOME = {
@@ -71,6 +74,8 @@ _HOME = {
     "import_log": "_logs",
     "track": "_logs",
     "trend": "_logs",
+    "cache": "_look",
+    "view": "_look",
 }
 _PACKAGES = ("estimators", "experiments", "models_mjcf", "sim")
 

@@ -59,17 +59,13 @@ def estimators(*, find: str = "") -> Names:
 _WORDS = {True: "holds", False: "BROKEN", None: "not applicable"}
 
 
-def check(
-    estimator: str | Callable[..., Any], *, long: bool = False, time_limit: float | None = None
-) -> ShownTable:
+def check(estimator: str | Callable[..., Any], *, time_limit: float | None = None) -> ShownTable:
     """Look whether an estimator keeps the rules: no look-ahead, `step` equals `run`, and so on.
 
     Parameters
     ----------
     estimator : str or class
         As for `benchmark`.
-    long : bool
-        Whether to run it through what happens to an axis in a year, too.
     time_limit : float, optional
         How long its code may take for one run [s]; 600 by default.
 
@@ -84,6 +80,6 @@ def check(
         If it cannot be made at all.
     """
     with limited(time_limit):
-        found = conformance.check(spec_of(estimator), long=long, store=default_cache())
+        found = conformance.check(spec_of(estimator), store=default_cache())
     lines = [asdict(each) | {"result": _WORDS[each.holds]} for each in found]
     return ShownTable(lines, ("rule", "result", "seen"))

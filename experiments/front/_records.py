@@ -15,7 +15,7 @@ from flexaxis._table import html_table
 from flexaxis.experiments.storage.files import needed
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import Record, load_record
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 from flexaxis.sim.storage.record_file import SIGNALS
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Recording(Record):
     @property
     def definition(self) -> Scenario | None:
         """The scenario, None if the record does not say it."""
-        return stored_scenario(self.scenario, source="the record") if self.scenario else None
+        return scenario_from(self.scenario, source="the record") if self.scenario else None
 
     @property
     def signals(self) -> tuple[str, ...]:

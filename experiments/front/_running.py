@@ -18,7 +18,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.experiments.building.estimator_text import Spec, build
 from flexaxis.experiments.building.guest import hosted, limited
-from flexaxis.experiments.catalogue.names import scenario_names
+from flexaxis.experiments.catalogue.names import is_scenario
 from flexaxis.experiments.running.case import case_id, followed, track_of
 from flexaxis.experiments.running.estimate import run_on
 from flexaxis.experiments.scoring.parameter_names import known_names
@@ -87,7 +87,7 @@ def estimate(
 
 def _loaded(path: str | Path) -> Record:
     """Return the record of a file; for a scenario, say how to make one."""
-    if not Path(path).exists() and str(path) in scenario_names():
+    if not Path(path).exists() and is_scenario(str(path)):
         raise RecordError(
             f"{path} is a scenario, not a record: make a record of it first, "
             f"fx.estimate(fx.simulate({str(path)!r}), …)"

@@ -145,7 +145,7 @@ def at_one_noise(
 
 
 def _asked(error: FlexaxisError) -> FlexaxisError:
-    return FlexaxisError(f"{ASKED}: {error}; see `flexaxis tradeoff`")
+    return FlexaxisError(f"{ASKED}: {error}; see `flexaxis tune --sweep`")
 
 
 def work(scenarios: int, first: int, last: int) -> int:

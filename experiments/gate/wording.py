@@ -133,7 +133,7 @@ def _not_compared(found: Comparison) -> str:
         what = ", ".join(dict.fromkeys(scenario for scenario, _ in found.unmatched))
         return (
             f"The candidate is not as noisy as the base at any turn of its knob near {what}: "
-            "`flexaxis tradeoff` draws both over all of it."
+            "`flexaxis tune --sweep` draws both over all of it."
         )
     return ""
 

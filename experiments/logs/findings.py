@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from flexaxis.experiments.running.progress import is_quiet
-from flexaxis.experiments.streams import visible
 
 ROUNDING = 1e-6  # of whatever unit a value has: less is that of numbers in a computer
 MARKS = {"problem": "✗", "note": "!", "ok": "✓"}  # of kinds, in the order of their weight
@@ -102,7 +101,7 @@ def tell(found: Iterable[Finding]) -> None:
     console = Console()
     for each in found:
         style = "yellow" if each.kind == "problem" else None
-        text = f"{MARKS[each.kind]} {visible(each.text)}"
+        text = f"{MARKS[each.kind]} {each.text}"
         console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
 
 

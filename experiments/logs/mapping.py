@@ -15,7 +15,7 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.log import Log, shown
 from flexaxis.experiments.logs.units import ENDINGS, LINEAR, UNITS, completed, spelt
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.storage.reading import GREATEST, read_toml
+from flexaxis.sim.storage.reading import read_toml
 from flexaxis.sim.storage.reading import shown as limited
 
 Array = NDArray[np.float64]
@@ -30,6 +30,7 @@ KINDS = {
 """The signals that a mapping may name, and the kind of unit each has."""
 
 LARGEST = 1e12  # of a rate or a factor
+GREATEST = 1e100  # of a sample: a sum of squares is still finite
 SLOWEST = 0.01  # Hz, so that the time of a log is a number; what is too slow is said later
 
 Signal = Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")]

@@ -5,7 +5,8 @@ The page draws them as every page does, and files have them by matplotlib.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -179,3 +180,23 @@ def diagonal(method: str, name: str, title: str, theory: str, e: Evidence) -> Ch
     ]
     panel = Panel(y="diagonal of P", lines=lines, y_log=True, y_range=(1.5e-6, 2e-3))
     return Chart(name=name, title=title, words="", x="time [s]", panels=[panel])
+
+
+FIGURES: Mapping[str, Callable[[Evidence], Chart]] = {
+    "fig3": fig3,
+    "fig4": fig4,
+    "fig5": fig5,
+    "fig6": partial(estimates, "forgetting", "fig6", "Figure 6. Estimates with forgetting"),
+    "fig7": partial(
+        diagonal, "forgetting", "fig7", "Figure 7. Diagonal of P with forgetting, first run",
+        "(1−λ) Q⁻¹, eq. (29)",
+    ),
+    "fig8": partial(
+        estimates, "modification", "fig8", "Figure 8. Estimates with covariance modification"
+    ),
+    "fig9": partial(
+        diagonal, "modification", "fig9",
+        "Figure 9. Diagonal of P with covariance modification, first run", "P Q P = Δ, eq. (30)",
+    ),
+}  # fmt: skip
+"""The figures by name; a file has the name of its figure."""

@@ -31,13 +31,10 @@ WANTED = (0.3, 0.6, 1.2, 2.4)
 APART = (2.4, 1.2, 0.6)
 """Time constants asked of k_T, 1/J_a and f_m one by one [s]."""
 
-MU = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0)
-"""Values of μ of eq. (11)."""
+MU = (0.0, 1e-3, 1e-2, 1e-1, 0.3, 1.0, 10.0, 100.0, 1000.0)
+"""Values of μ of eq. (11); 0.3 is recommended for the nominal axis in stop-and-go operation."""
 
-STANDARD = 0.3
-"""The one recommended for the nominal axis in stop-and-go operation."""
-
-RESETS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+RESETS = (0.03, 1.0)
 """Prior standard deviation after a change, as a fraction of each parameter."""
 
 WINDOW = 5.0  # s after a change
@@ -51,15 +48,14 @@ class DriftChoice:
     ----------
     wanted : ndarray (p,)
         Time constants asked for [s].
-    measured, large : ndarray (p,)
-        Time of 63 % of a step of each parameter [s]: of a small step, and of a fault's size.
+    measured : ndarray (p,)
+        Time of 63 % of a small step of each parameter [s].
     predicted_std, measured_std : ndarray (p,)
         Standard deviation without any change [% of nominal].
     """
 
     wanted: Array
     measured: Array
-    large: Array
     predicted_std: Array
     measured_std: Array
 
@@ -97,15 +93,9 @@ class Reset:
     ----------
     lag : dict of str to float
         By the parameter that changed [s].
-    cross_talk : dict of str to float
-        Largest rms error of the others over 1 s after the change, in % of nominal.
-    runs : FilterRuns
-        Those of the fault in f_m.
     """
 
     lag: dict[str, float]
-    cross_talk: dict[str, float]
-    runs: FilterRuns
 
 
 @dataclass(frozen=True)
@@ -114,7 +104,7 @@ class FurtherWork:
 
     Attributes
     ----------
-    diagonal, coupled : list of DriftChoice
+    diagonal : list of DriftChoice
         For each of `WANTED`.
     apart : DriftChoice
     windups : dict of str to dict
@@ -124,7 +114,6 @@ class FurtherWork:
     """
 
     diagonal: list[DriftChoice]
-    coupled: list[DriftChoice]
     apart: DriftChoice
     windups: Mapping[str, Windups]
     resets: Mapping[float | None, Reset]
@@ -139,31 +128,25 @@ def further_work(data: Data, Q: Array) -> FurtherWork:
     Q : ndarray (p, p)
         E ψψᵀ at nominal parameters.
     """
-    mus = sorted({*MU, STANDARD})
     return FurtherWork(
         diagonal=[choose_drift(data, Q, np.full(3, tau)) for tau in WANTED],
-        coupled=[choose_drift(data, Q, np.full(3, tau), coupled=True) for tau in WANTED],
         apart=choose_drift(data, Q, np.array(APART)),
         windups={
-            method: {mu: windup(data, Q, adaptation, mu) for mu in mus}
+            method: {mu: windup(data, Q, adaptation, mu) for mu in MU}
             for method, adaptation in methods().items()
         },
         resets={fraction: reset(data, Q, fraction) for fraction in (None, *RESETS)},
     )
 
 
-def choose_drift(data: Data, Q: Array, wanted: Array, *, coupled: bool = False) -> DriftChoice:
+def choose_drift(data: Data, Q: Array, wanted: Array) -> DriftChoice:
     """Choose Δ for wanted time constants (p,) [s], predict and measure what it does."""
-    chosen: Adaptation = {
-        "drift": drift_for(wanted, Q, period=data.scenario.period, coupled=coupled)
-    }
+    chosen: Adaptation = {"drift": drift_for(wanted, Q, period=data.scenario.period)}
     P = steady_P(Q, **chosen)
-    small, large = (_steps(data, faults, chosen, P) for faults in (data.small, data.faults))
     variance = np.diag(estimate_covariance(P, data.scenario.noise.speed**2))
     return DriftChoice(
         wanted=wanted,
-        measured=small,
-        large=large,
+        measured=_steps(data, data.small, chosen, P),
         predicted_std=100 * np.sqrt(variance) / data.parametrization.theta,
         measured_std=pooled_std(data, filtered(data, data.nominal, chosen, P0=P, stride=COARSE)),
     )
@@ -201,11 +184,7 @@ def reset(data: Data, Q: Array, fraction: float | None) -> Reset:
     new = (fraction or 0) ** 2 * np.diag(data.parametrization.theta**2) / noise
     usual, at = {"forgetting": FORGETTING}, None if fraction is None else (data.onset, new)
     runs = _filtered(data, data.faults, usual, steady_P(Q, **usual), reset=at)
-    return Reset(
-        lag=lags(data, runs),
-        cross_talk={name: cross_talk(data, runs[name], name) for name in data.names},
-        runs=runs["f_m"],
-    )
+    return Reset(lag=lags(data, runs))
 
 
 def _filtered(
@@ -241,10 +220,3 @@ def relative_error(data: Data, runs: FilterRuns, records: Sequence[Record], name
     truth = true_theta(data.names, parameters)[:, i] / data.parametrization.theta[i]
     error = runs.theta[:, data.onset :, i] - truth[data.onset :]
     return error / abs(truth[data.onset] - truth[data.onset - 1])
-
-
-def cross_talk(data: Data, runs: FilterRuns, name: str) -> float:
-    """Return the largest rms error of the other parameters over 1 s, in % of nominal."""
-    others = [i for i, other in enumerate(data.names) if other != name]
-    after = runs.theta[:, data.onset : data.onset + round(1 / data.scenario.period)]
-    return 100 * float(np.sqrt(np.mean((after[:, :, others] - 1) ** 2, axis=(0, 1))).max())

@@ -10,7 +10,7 @@ from pathlib import Path
 from flexaxis.experiments.paper.claim import SHARES, Claim, Evidence, Measured, gather
 from flexaxis.experiments.paper.claims import CHECKS
 from flexaxis.experiments.paper.data import Size
-from flexaxis.experiments.paper.further_figures import FIGURES
+from flexaxis.experiments.paper.figures import FIGURES
 from flexaxis.experiments.reporting import figures, page, tables
 from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.running.cache import RecordCache

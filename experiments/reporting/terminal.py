@@ -19,8 +19,7 @@ from flexaxis.experiments.reporting.tables import number, pair, settled
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.score_definition import Score
 from flexaxis.experiments.scoring.score_table import SCORES
-from flexaxis.experiments.streams import visible
-from flexaxis.sim.scenario import stored_scenario
+from flexaxis.sim.scenario import scenario_from
 
 LEGENDS = (
     {
@@ -63,7 +62,7 @@ NAME = 20  # columns that the names of estimators have at least; longer ones are
 
 def named(text: str) -> str:
     """Return a name for a cell: brackets are mark-up there, and a terminal obeys what is unseen."""
-    return escape(visible(text))
+    return escape(text)
 
 
 def _called(estimator: str) -> str:
@@ -105,7 +104,7 @@ def show_run(summary: Mapping[str, Any]) -> None:
         show(equal_noise_table(swept["matched"], swept["overall"]))
         Console(width=_width()).print("\nas set, not at equal noise")
     scenarios = {
-        name: stored_scenario(entry["definition"], source=name)
+        name: scenario_from(entry["definition"], source=name)
         for name, entry in summary["scenarios"].items()
     }
     show(score_table(summary["rows"], misled(summary["rows"], scenarios)))

@@ -1,11 +1,10 @@
-"""Results for others: a flat table as CSV or Parquet, a labelled cube as xarray or NetCDF."""
+"""Results for others: a flat table as CSV or Parquet, a labelled cube as xarray."""
 
 from __future__ import annotations
 
 import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,9 +14,8 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.running.study import is_option
 from flexaxis.experiments.scoring.score_definition import Kind
-from flexaxis.experiments.storage.files import StudyError, needed, new_file, write_rows, writing
-from flexaxis.experiments.storage.schema import COLUMNS, STORED, as_text, axis_kind, nested, told
-from flexaxis.sim.storage.netcdf import add, new_netcdf
+from flexaxis.experiments.storage.files import StudyError, needed, new_file
+from flexaxis.experiments.storage.schema import COLUMNS, as_text, axis_kind, told
 
 if TYPE_CHECKING:
     import xarray
@@ -160,28 +158,12 @@ def export_csv(results: Results, target: Path) -> int:
         lines.writerow(kinds)
         for some in results.parts():
             columns = [
-                [_cell(as_text(v)) for v in some[name]] if kind == "text" else some[name]
+                [as_text(v) for v in some[name]] if kind == "text" else some[name]
                 for name, kind in kinds.items()
             ]
             lines.writerows(zip(*columns, strict=True))
             count += len(columns[0])
     return count
-
-
-def _cell(text: str | None) -> str | None:
-    """Return a text that is no formula to a spreadsheet; no name of ours begins so."""
-    return f"'{text}" if text and text[0] in "=+-@\t\r" else text
-
-
-def export_jsonl(results: Results, target: Path) -> int:
-    """Write strict JSON, a row a line in the form of flexaxis 0.1; return the number of rows.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    """
-    return write_rows(target, map(nested, replace(results.rows, columns=STORED)))
 
 
 def export_parquet(results: Results, target: Path) -> int:
@@ -216,33 +198,3 @@ def export_parquet(results: Results, target: Path) -> int:
             file.write_table(table)
             count += len(table)
     return count
-
-
-def export_netcdf(results: Results, target: Path) -> int:
-    """Write a NetCDF-4 file, the cube of `Results.to_xarray`; return the number of rows in it.
-
-    A variable at a time is in memory. What was not run, or is not defined, is NaN; a truth is 1
-    or 0.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    StudyError
-        If there is nothing to write, or xarray is not installed.
-    """
-    cube = cube_of(results)
-    dimensions = [*map(_name, cube.dimensions)]
-    beside = " ".join(_name(name) for name in cube.frame.coords if name not in cube.dimensions)
-    with writing(target), new_netcdf(target) as file:
-        file.attrs.update(cube.frame.attrs)
-        for name, values in cube.frame.coords.items():
-            add(file, _name(name), [*map(_name, values.dims)], values.values, **values.attrs)
-        for name in VARIABLES:
-            add(file, _name(name), dimensions, cube.values(name), compress=True)
-            file[_name(name)].attrs.update(told(name) | ({"coordinates": beside} if beside else {}))
-    return cube.rows
-
-
-def _name(column: object) -> str:
-    return str(column).replace("/", "|")  # a slash would be a group to NetCDF

@@ -14,7 +14,7 @@ from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.scoring.curves import Curve, curve_of
 from flexaxis.experiments.storage.files import STUDY, SUMMARY, OutputError, json_table
 from flexaxis.experiments.storage.traces import Traces
-from flexaxis.sim.scenario import stored_scenario
+from flexaxis.sim.scenario import scenario_from
 from flexaxis.sim.storage.reading import shown
 
 Number = float | bool | None
@@ -94,7 +94,7 @@ class Pooled:
 def with_curves(folder: Path, summary: dict[str, Any]) -> Pooled:
     """Return what a summary says with the trajectories of the runs, one estimator at a time."""
     scenarios = {
-        name: stored_scenario(entry["definition"], source=str(folder))
+        name: scenario_from(entry["definition"], source=str(folder))
         for name, entry in summary["scenarios"].items()
     }
     traces = Traces(folder, read_study(folder).get("code", {}), summary["seeds"])

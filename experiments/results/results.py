@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.results.export import cube_of, frame
+from flexaxis.experiments.results.export import cube_of, export_csv, export_parquet, frame
 from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped, middle, place_of
 from flexaxis.experiments.results.source import ALL, Condition, Source, asked, having
 from flexaxis.experiments.running.folder import read_study
@@ -22,7 +22,7 @@ from flexaxis.experiments.scoring.summary import POOLED
 from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import CASE, COLUMNS, axis_kind
 from flexaxis.sim.errors import unknown
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 
 if TYPE_CHECKING:
     import xarray
@@ -255,7 +255,7 @@ class Results:
         """Return the scenario of a row; None where study.json does not tell it."""
         if "bases" not in self._shared:
             self._shared["bases"] = [
-                stored_scenario(entry["definition"], source=entry["definition"]["name"])
+                scenario_from(entry["definition"], source=entry["definition"]["name"])
                 for entry in self.study.get("scenarios", ())
             ]
         axes, key = (self.source.texts[int(self.column(n)[row])] for n in ("axes", "hash"))
@@ -278,14 +278,34 @@ class Results:
     def to_xarray(self) -> xarray.Dataset:
         """Return an xarray Dataset: the numbers over scenario, estimator, axes, seed, parameter.
 
-        It is the cube that `flexaxis export --netcdf` writes.
-
         Raises
         ------
         StudyError
             If xarray is not installed.
         """
         return cube_of(self).to_xarray()
+
+    def to_csv(self, path: str | Path) -> int:
+        """Write the rows as a CSV file with a header; return their number.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+        """
+        return export_csv(self, Path(path))
+
+    def to_parquet(self, path: str | Path) -> int:
+        """Write the rows as a compressed Parquet file; return their number.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+        StudyError
+            If pyarrow is not installed.
+        """
+        return export_parquet(self, Path(path))
 
     def parts(self, columns: Sequence[str] = ()) -> Iterator[dict[str, list[Any]]]:
         """Yield columns as Python values, all or some, of so many rows as are held in memory."""

@@ -70,14 +70,13 @@ def having(column: str, values: Sequence[Any], axes: Sequence[str]) -> Condition
 def asked(study: Mapping[str, Any]) -> Condition:
     """Return that rows are of what study.json says was asked for last.
 
-    Of a comparison, and in folders of 0.1, that are all; of code of users those of the code then.
+    Without that, and of a comparison, it is all rows; of user code, those of the code then.
     """
-    wanted, found = study.get("asked") or {}, ALL
+    wanted, found = study.get("asked", {}), ALL
     if not wanted.get("estimators"):
         return found
     for column, key in (("hash", "hashes"), ("method", "estimators"), ("seed", "seeds")):
-        if key in wanted:
-            found &= having(column, wanted[key], ())
+        found &= having(column, wanted[key], ())
     for text, code in study.get("code", {}).items():
         other, mine = having("method", [text], ()), having("code", [code], ())
         found &= Condition(f"(NOT {other.sql} OR {mine.sql})", other.given + mine.given)

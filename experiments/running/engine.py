@@ -18,7 +18,6 @@ from flexaxis.experiments.building.code import require
 from flexaxis.experiments.building.guest import limited
 from flexaxis.experiments.building.guest import time_limit as limit
 from flexaxis.experiments.building.processes import Workers, spread
-from flexaxis.experiments.building.ready import compile_for
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.running.estimate import keep_all
 from flexaxis.experiments.running.folder import cases as all_cases
@@ -136,9 +135,6 @@ class Means:
 
         jobs = self.jobs if self.jobs > 1 else 0
         own = self.workers if jobs else None
-        if jobs and not self.executor:  # side by side, before all wait for the same
-            for _ in spread(plan.uncompiled, compile_for, jobs=jobs, workers=own):
-                pass
         with closing(
             spread(
                 units(), work, jobs=jobs, executor=self.executor, in_flight=self.in_flight,

@@ -23,7 +23,7 @@ from flexaxis.experiments.scoring.summary import Case
 from flexaxis.experiments.storage.files import TRAJECTORIES, writing
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, count_samples, record_pieces
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 
 Array = NDArray[np.float64]
 PIECE = 20_000  # samples in memory at a time
@@ -220,4 +220,4 @@ def _own_scenario(record: Record, source: Path) -> Scenario:
             f"{source} does not say its scenario, so the nominal values and the parameters to "
             "identify are unknown: name one with --scenario"
         )
-    return stored_scenario(record.scenario, source=f"{source}, attribute scenario")
+    return scenario_from(record.scenario, source=f"{source}, attribute scenario")

@@ -103,7 +103,7 @@ def _with_those_before(there: Mapping[str, Any], content: dict[str, Any]) -> dic
         content[key] = list(dict.fromkeys([*there.get(key, []), *content[key]]))
     hashes = {entry["hash"] for entry in content["scenarios"]}
     before = [entry for entry in there["scenarios"] if entry["hash"] not in hashes]
-    code = there.get("code", {}) | content["code"]
+    code = there["code"] | content["code"]
     return content | {"code": code, "scenarios": [*content["scenarios"], *before]}
 
 
@@ -125,8 +125,7 @@ def check(study: Study, folder: Path) -> dict[str, Any] | None:
         )
     there = read_study(folder, whole=True)
     _check_axes(study, folder, there)
-    made = there.get("made_with", made_with())
-    if made != made_with():
+    if (made := there["made_with"]) != made_with():
         raise StudyError(
             f"{folder} was made with {made}; this is {made_with()}. Rows of both would be mixed: "
             f"choose another folder with -o, or remove what is there with {OVERWRITE}"
@@ -142,7 +141,7 @@ def check(study: Study, folder: Path) -> dict[str, Any] | None:
 
 
 def _check_axes(study: Study, folder: Path, there: Mapping[str, Any]) -> None:
-    before = _axes(there["axes"], there.get("streams", "own"))
+    before = _axes(there["axes"], there["streams"])
     if before != (mine := _axes(study.axes, study.streams)):
         raise StudyError(
             f"{folder} holds rows over {before}, and this is over {mine}: choose another folder "
@@ -206,8 +205,8 @@ def read_study(folder: Path, *, whole: bool = False) -> dict[str, Any]:
 
 
 def _narrowed(content: dict[str, Any]) -> dict[str, Any]:
-    asked = content.get("asked", {})
-    if not asked.get("estimators"):  # as of a comparison
+    asked = content["asked"]
+    if not asked["estimators"]:  # as of a comparison
         return content
     mine = {entry["hash"]: entry for entry in content["scenarios"]}
     narrowed = {key: asked[key] for key in ("estimators", "seeds")}

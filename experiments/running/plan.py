@@ -14,7 +14,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import estimator_text as specs
 from flexaxis.experiments.building.code import digest, names_code
 from flexaxis.experiments.building.crashes import EstimatorCrash
-from flexaxis.experiments.building.ready import Task, Uncompiled
+from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.study import (
     EstimatorSetting,
@@ -60,15 +60,12 @@ class Plan:
         Number of this share, from 1, and of all shares.
     repeat : int
         As in `Unit`.
-    uncompiled : sequence of Task
-        Estimators that have something to compile first.
     """
 
     study: Study
     groups: tuple[tuple[Variant, ...], ...]
     shard: tuple[int, int] = (1, 1)
     repeat: int = 0
-    uncompiled: Sequence[Task] = ()
 
     @property
     def variants(self) -> tuple[Variant, ...]:
@@ -165,7 +162,7 @@ def make_plan(
     for base in study.scenarios:
         check_model(base)
     groups: dict[str, dict[str, Variant]] = {}
-    problems, uncompiled = _Problems(study), Uncompiled()
+    problems = _Problems(study)
     entries = _entries(study, problems, run_code)
     common = study.streams == "common"
     for base in study.scenarios:
@@ -184,10 +181,10 @@ def make_plan(
             known = group.get(scenario.hash, new)
             all_of_it = {entry.text: entry for entry in known.entries} | texts
             group[scenario.hash] = replace(known, entries=tuple(all_of_it.values()))
-        _try_estimators(base, entries, problems, run_code, uncompiled)
+        _try_estimators(base, entries, problems, run_code)
     problems.tell()
     made = tuple(tuple(group.values()) for group in groups.values())
-    return Plan(study, made, shard, repeat, uncompiled.found)
+    return Plan(study, made, shard, repeat)
 
 
 def _check_size(study: Study) -> None:
@@ -270,13 +267,12 @@ def _try_estimators(
     entries: Mapping[str, Mapping[str, EstimatorSetting]],
     problems: _Problems,
     run_code: bool,
-    uncompiled: Uncompiled,
 ) -> None:
     for text, entry in {t: e for texts in entries.values() for t, e in texts.items()}.items():
         if names_code(text) and not run_code:
             continue
         try:
-            uncompiled.try_out(text, base)
+            ready(specs.parse(text), base)
         except EstimatorError as error:
             problems.add(error, in_words(entry.axes))
 

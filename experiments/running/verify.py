@@ -10,16 +10,14 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from flexaxis.estimators.registry import gone
 from flexaxis.experiments.building.code import digest, require
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.study import EstimatorSetting, Unit, applies, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
-from flexaxis.experiments.storage.files import StudyError
 from flexaxis.experiments.storage.schema import flat, nested, row_files
 from flexaxis.experiments.storage.store import OF_ONE, cases_of, rows_in
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 
 RELATIVE, ABSOLUTE = 1e-6, 1e-9  # what another machine or version may change in a number
 
@@ -72,19 +70,16 @@ def verify(
     Raises
     ------
     StudyError
-        If it is not the folder of a study, or has rows of an estimator that is gone.
+        If it is not the folder of a study.
     CodeRefused
         If a row names code that may not be run; then nothing is.
     """
     content = read_study(folder, whole=True)
     bases = [
-        stored_scenario(entry["definition"], source=str(folder)) for entry in content["scenarios"]
+        scenario_from(entry["definition"], source=str(folder)) for entry in content["scenarios"]
     ]
     chosen = _sample(folder, sample, Random(seed))
     named = list(dict.fromkeys(row["estimator"] for rows in chosen for row in rows))
-    for name in named:
-        if (now := gone(name.partition("[")[0])) is not None:
-            raise StudyError(f"{folder}: {now}")
     require(run_code, named, source=str(folder), command=command)
     for rows in chosen:
         yield _again(rows, bases)

@@ -16,7 +16,6 @@ from flexaxis.estimators.models.axes import (
     GEAR_FRICTION,
     GEAR_SPRING,
     LIMIT,
-    SHAPE,
     STATIC,
     with_angle,
 )
@@ -76,9 +75,6 @@ def _by_sign(table: Any) -> dict[str, float]:
     return none | {"v_s": 1.0, "sharpness": 1.0, "v_0": table.smooth}
 
 
-SIDES = replace(SHAPE, parameters={**SHAPE.parameters, "softness": "v_0", "which": 2.0})
-"""Dry friction that is larger one way by twice shape_cos."""
-
 DESCRIBED: Mapping[str, Described] = {
     "friction": Described(BRISTLES, lambda table: COULOMB),
     "lugre": Described(BRISTLES, lambda table: {"v_0": 0.0}, ("f_s", "v_s", "sigma_0", "sigma_1")),
@@ -94,16 +90,6 @@ DESCRIBED: Mapping[str, Described] = {
         lambda table: _by_sign(table) | {"mu_e": table.load},
         ("mu_e",),
         (GEAR_SPRING,),
-        found=True,
-    ),
-    "directional_friction": Described(
-        GEAR_FRICTION,
-        lambda table: (
-            _by_sign(table)
-            | {"shape_sin": 0.0, "shape_cos": table.difference * table.f_c, "shape_n": 0.0}
-        ),
-        ("shape_cos",),
-        (GEAR_SPRING, SIDES),
         found=True,
     ),
     "stiffening": Described(GEAR_SPRING, lambda table: {"gap": 0.0}, ("kappa",)),

@@ -11,7 +11,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -19,7 +18,6 @@ from hashlib import sha256
 from importlib import import_module
 from importlib.resources import files
 from importlib.resources.abc import Traversable
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +28,10 @@ from flexaxis.sim.storage.reading import Refusal, json_value, read_text
 STUDY, TRAJECTORIES = "study.json", "trajectories"
 REPORT = "report.html"
 SUMMARY, SWEEP = "summary.json", "sweep"
-COMPLETE = (SUMMARY, "compare.json", "tradeoff.json")
+COMPLETE = (SUMMARY, "compare.json", "sweep.json")
 """What is written last: a folder without any of these is not complete."""
 SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
-MADE = (REPORT, "verdict.md", "tradeoff.svg")
+MADE = (REPORT, "verdict.md", "sweep.svg")
 
 
 Given = str | os.PathLike[str] | None
@@ -208,56 +206,3 @@ def sources(folder: Traversable) -> list[Traversable]:
         elif item.name.endswith((".py", ".xml", ".toml")):
             found.append(item)
     return found
-
-
-_TEXT = re.compile(r"(?:scores|rows)(?:-\d+-of-\d+)?\.jsonl")  # called rows once
-
-
-def text_files(folder: Path) -> list[Path]:
-    """Return the files of rows as text in a folder."""
-    return sorted(path for path in folder.glob("*.jsonl") if _TEXT.fullmatch(path.name))
-
-
-def read_rows(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the rows of all complete cases of a file; the last may have been cut short by a kill.
-
-    Raises
-    ------
-    StudyError
-        If something else than rows stands in it.
-    """
-    for _, case in groupby(_lines(path), lambda row: row["case"]):
-        rows = list(case)
-        if len(rows) % (rows[0].get("rows") or 1) == 0:
-            yield from rows
-
-
-def _lines(path: Path) -> Iterator[dict[str, Any]]:
-    with path.open("rb") as file:
-        for number, line in enumerate(file, 1):
-            if not line.endswith(b"\n"):
-                return
-            row = json_value(line, source=f"{path}, line {number}", refuse=StudyError)
-            if not (
-                isinstance(row, dict)
-                and isinstance(row.get("case"), str)
-                and isinstance(row.get("rows"), int | None)
-            ):
-                raise StudyError(f"{path}, line {number}: this is no row of a study")
-            yield row
-
-
-def write_rows(path: Path, rows: Iterable[dict[str, Any]]) -> int:
-    """Write rows to a file, whole or not at all; return how many.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    """
-    count = 0
-    with new_file(path) as part, part.open("w", encoding="utf-8") as file:
-        for row in rows:
-            file.write(dumps(row) + "\n")
-            count += 1
-    return count

@@ -9,7 +9,6 @@ import json
 import math
 import os
 import re
-import shlex
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
@@ -160,25 +159,13 @@ def file_of(shard: tuple[int, int] = (1, 1)) -> str:
 
 
 def row_files(folder: Path) -> list[Path]:
-    """Return the files of rows in a folder.
-
-    Raises
-    ------
-    StudyError
-        If it has those of flexaxis 0.1 alone; says how to convert it.
-    """
+    """Return the files of rows in a folder."""
     found = sorted(path for path in folder.glob("scores*") if _NAME.fullmatch(path.name))
     for path in found:
         if Path(f"{path}-journal").exists():  # of a kill: what it had not finished is taken back
             with said(path), closing(connect(path)) as db:
                 db.execute("SELECT 1 FROM sqlite_master")
-    found = [path for path in found if path.stat().st_size]
-    if not found and any(folder.glob("scores*.jsonl")):
-        raise StudyError(
-            f"{folder} is of flexaxis 0.1: type flexaxis merge {shlex.quote(str(folder))} -o NEW, "
-            "and use NEW"
-        )
-    return found
+    return [path for path in found if path.stat().st_size]
 
 
 def quoted(name: str) -> str:

@@ -39,7 +39,7 @@ from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.storage.traces import Traces
 from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def benchmark(
         Made if it is missing. Cases that it holds are kept, and not run again.
     means : Means, optional
     shard : (int, int)
-        As in `Plan`. A share has no summary, for which all are merged; then None is returned.
+        As in `Plan`. A share has no summary, so None is returned; `run --from` reports on all.
     overwrite : bool
         Whether to remove what is there first.
     say : callable, optional
@@ -132,7 +132,7 @@ def finish(
         As for `benchmark`.
     """
     study = read_study(folder)
-    scenarios = [stored_scenario(s["definition"], source=str(folder)) for s in study["scenarios"]]
+    scenarios = [scenario_from(s["definition"], source=str(folder)) for s in study["scenarios"]]
     swept = _sweep(study, folder, means)
     if say:
         say("pooling scores and drawing the report …")
@@ -195,7 +195,7 @@ def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[
     wanted = study.get("tradeoff") or {"scenarios": []}
     if not wanted["scenarios"]:
         return None
-    scenarios = [stored_scenario(s, source=str(folder)) for s in wanted["scenarios"]]
+    scenarios = [scenario_from(s, source=str(folder)) for s in wanted["scenarios"]]
     with Bench(scenarios, folder / SWEEP, means) as bench:
         able = sweep.able(scenarios, wanted["estimators"], study["seeds"], bench)
         found = sweep.sweep(scenarios, able, study["seeds"], bench)

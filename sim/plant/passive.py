@@ -14,8 +14,9 @@ from functools import cache
 from threading import Lock
 from typing import Any, NamedTuple
 
+import mujoco
+
 from flexaxis.sim.errors import SimulationError
-from flexaxis.sim.plant.import_mujoco import mujoco
 from flexaxis.sim.tables.smooth_friction import COMPILED_LAWS, MARK, WIDTH
 
 _LOCK = Lock()

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from threading import Lock
 
+import mujoco
 import numpy as np
+from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.parameters import AxisParameters, parameter_names, parameter_problem
 from flexaxis.sim.plant import passive
-from flexaxis.sim.plant.import_mujoco import Batch, mujoco
 from flexaxis.sim.tables.dry_friction import FrictionConfig
 from flexaxis.sim.tables.nonlinear import Law, Nonlinearity
 from flexaxis.sim.tables.places import CubicSprings, KeptLaw, parameter_places

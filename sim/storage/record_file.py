@@ -17,7 +17,6 @@ from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES, PARAMETER_UNITS, model_with, parameter_names
-from flexaxis.sim.storage.hdf5_inside import only_inside
 from flexaxis.sim.storage.netcdf import new_netcdf
 from flexaxis.sim.storage.reading import json_value
 
@@ -105,7 +104,6 @@ def _write_parameters(file: Any, known: Sequence[str], values: Array) -> None:
 def file_length(path: Path) -> int:
     """Return the number of samples in a file, 0 without time; all signals must have as many."""
     with h5py.File(path, "r") as file:
-        only_inside(file, RecordError)
         return _length(file)
 
 
@@ -159,7 +157,6 @@ def _check_size(file: h5py.File, span: slice) -> None:
 def read_netcdf(path: Path, span: slice = ALL) -> dict[str, Any]:
     """Return the fields of a record as they stand in a file, or those of some of its samples."""
     with h5py.File(path, "r") as plain:
-        only_inside(plain, RecordError)
         _check_form(plain)
         _check_size(plain, span)
     # Plain HDF5, as from MATLAB, has no named dimensions; it is just as good.

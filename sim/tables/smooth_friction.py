@@ -92,91 +92,6 @@ class StaticFrictionConfig(Config):
         return f"a friction curve with F_c = {self.f_c:.3g} N m, F_cs = {self.f_s:.3g} N m"
 
 
-class DirectionalFrictionConfig(Config):
-    r"""Dry friction that is larger in one direction: f_c (1 ± difference).
-
-    .. math:: \tau = f_c (1 + a s) s, \quad s = \tanh(v/v_0)
-
-    Attributes
-    ----------
-    f_c : float
-        Mean of the two directions [N m].
-    difference : float
-        a, by which part the positive direction has more, and the negative one less.
-    smooth : float
-        v₀ [rad/s].
-    """
-
-    exact: ClassVar[bool] = False
-    substeps: ClassVar[int] = 20  # as all laws here: a sign comes and goes within a millisecond
-    f_c: Positive
-    difference: Annotated[float, Field(ge=-1, le=1)]
-    smooth: Positive = 0.1
-
-    @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
-        """Return the torque against the motion [N m]."""
-        sign = math.tanh(speed / row[4])
-        return row[2] * (1 + row[3] * sign) * sign
-
-    build: ClassVar[Any] = add_row
-    kept: ClassVar[Any] = row_places
-
-    @property
-    def law(self) -> dict[str, float]:
-        """Its parameters by name."""
-        return {"f_c": self.f_c}
-
-    def in_words(self) -> str:
-        """Return what it is and how large."""
-        return f"dry friction of {self.f_c:g} N m, {100 * self.difference:+g} % forwards"
-
-
-class PositionFrictionConfig(Config):
-    r"""Dry friction that depends on where the motor stands, as that of a wave generator.
-
-    .. math:: \tau = f_c (1 + a \sin(n \varphi_m)) \tanh(v/v_0)
-
-    A strain wave gear has two waves in a turn of its input, which the motor turns.
-
-    Attributes
-    ----------
-    f_c : float
-        Mean over a turn [N m].
-    ripple : float
-        a, the part of it that comes and goes.
-    waves : int
-        n, periods in a turn of the motor.
-    smooth : float
-        v₀ [rad/s].
-    """
-
-    exact: ClassVar[bool] = False
-    substeps: ClassVar[int] = 20
-    f_c: Positive
-    ripple: Annotated[float, Field(gt=0, le=1)]
-    waves: int = Field(default=2, ge=1, le=500)
-    smooth: Positive = 0.1
-
-    @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
-        """Return the torque against the motion [N m]."""
-        return row[2] * (1 + row[3] * math.sin(row[4] * angle)) * math.tanh(speed / row[5])
-
-    build: ClassVar[Any] = add_row
-    kept: ClassVar[Any] = row_places
-
-    @property
-    def law(self) -> dict[str, float]:
-        """Its parameters by name."""
-        return {"f_c": self.f_c}
-
-    def in_words(self) -> str:
-        """Return what it is and how large."""
-        size = f"{self.f_c:g} N m ± {100 * self.ripple:g} %"
-        return f"dry friction of {size}, {self.waves} waves a turn"
-
-
 class LoadFrictionConfig(Config):
     r"""Dry friction that grows with the torque that the gear transmits.
 
@@ -217,41 +132,6 @@ class LoadFrictionConfig(Config):
     def in_words(self) -> str:
         """Return what it is and how large."""
         return f"dry friction of {self.f_c:g} N m and {100 * self.load:g} % of the load"
-
-
-class PowerFrictionConfig(Config):
-    r"""Friction that grows with a power of the speed, as that of grease does.
-
-    .. math:: \tau = c |v|^n \operatorname{sign} v
-
-    smoothed as :math:`c v (v^2 + v_0^2)^{(n-1)/2}`, beside the viscous friction f_m.
-
-    Attributes
-    ----------
-    torque_at_1 : float
-        c, its torque at 1 rad/s [N m].
-    exponent : float
-        n.
-    smooth : float
-        v₀ [rad/s].
-    """
-
-    exact: ClassVar[bool] = False
-    substeps: ClassVar[int] = 20
-    torque_at_1: Positive
-    exponent: Annotated[float, Field(gt=0, le=3)] = 0.7
-    smooth: Positive = 0.1
-
-    @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
-        """Return the torque against the motion [N m]."""
-        return row[2] * speed * (speed**2 + row[4] ** 2) ** ((row[3] - 1) / 2)
-
-    build: ClassVar[Any] = add_row
-
-    def in_words(self) -> str:
-        """Return what it is and how large."""
-        return f"friction of {self.torque_at_1:g} N m times speed to the power of {self.exponent:g}"
 
 
 class GearFrictionConfig(Config):
@@ -318,12 +198,5 @@ class GearFrictionConfig(Config):
         return f"gear friction of {dry}, {shares} of the load"
 
 
-COMPILED_LAWS: tuple[Any, ...] = (
-    StaticFrictionConfig,
-    DirectionalFrictionConfig,
-    PositionFrictionConfig,
-    LoadFrictionConfig,
-    PowerFrictionConfig,
-    GearFrictionConfig,
-)
+COMPILED_LAWS: tuple[Any, ...] = (StaticFrictionConfig, LoadFrictionConfig, GearFrictionConfig)
 """The laws that are compiled; a row names its law by the place in here."""

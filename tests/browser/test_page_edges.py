@@ -62,7 +62,7 @@ def test_saved_tables_say_all_that_a_cell_says(opened):
     assert heads == ["row", *lag, "score", "score low", "score high", "change"]
     values = ["0.16593", "0.12", "Infinity", "★ ≥", "-3", "-54", "21.5", "+21 … +103 %"]
     assert first == ["a", *values]
-    assert second == ["'=1+1", "", "", "", "", "7", "", "", "'-2+cmd|x"]  # no spreadsheet runs it
+    assert second == ["=1+1", "", "", "", "", "7", "", "", "-2+cmd|x"]
     labels = "document.querySelector('#marked th:nth-child(2) .sort').ariaLabel"
     assert page.run(labels) == "Sort by step f_m lag [s]"
 

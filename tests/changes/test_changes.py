@@ -177,7 +177,7 @@ parameters = {{ coulomb = "f_c", stiffness = "sigma" }}
     )
     columns = ["--time", "t", "--torque", "torque", "--speed", "speed"]
     words = ["track", "log.csv", "--model", "axis.toml", *columns, "--identify", "f_m"]
-    found = json.loads(flexaxis(*words, "--estimator", "rpem-friction", "--json"))["last"]
+    found = json.loads(flexaxis(*words, "--estimator", "ekf", "--json"))["last"]
     assert found["f_c"] == pytest.approx(f_c, rel=0.05)
     assert found["f_m"] == pytest.approx(f_m, rel=0.1)
 

@@ -115,9 +115,8 @@ def test_it_begins_anew_at_the_same_sample_however_the_samples_come(cut):
     np.testing.assert_array_equal(whole.run(run().u, y), expected)
 
 
-@pytest.mark.parametrize("name", ["imm", "rpem-friction"])
-def test_a_filter_whose_prediction_is_no_number_begins_anew(name):
-    estimator = make(name)
+def test_a_filter_whose_prediction_is_no_number_begins_anew():
+    estimator = make("imm")
     estimator.run(run().u[:FAILS], run().y[:FAILS])
     estimator.state["X"][:, :, 0] = np.nan
     theta = estimator.run(run().u[FAILS:], run().y[FAILS:])
@@ -126,10 +125,9 @@ def test_a_filter_whose_prediction_is_no_number_begins_anew(name):
 
 
 @pytest.mark.parametrize("odd", [np.nan, np.inf, 1e200])
-@pytest.mark.parametrize("name", ["rpem-forgetting", "rpem-friction"])
-def test_a_filter_whose_slope_is_no_number_moves_by_none_and_begins_anew(name, odd):
+def test_a_filter_whose_slope_is_no_number_moves_by_none_and_begins_anew(odd):
     """ψ may overflow, or its square, while ŷ does not: as where friction is all but none."""
-    estimator = make(name)
+    estimator = make("rpem-forgetting")
     estimator.run(run().u[:FAILS], run().y[:FAILS])
     before = estimator.theta.copy()
     estimator.state["X"][:, -1, 1] = odd
@@ -139,16 +137,6 @@ def test_a_filter_whose_slope_is_no_number_moves_by_none_and_begins_anew(name, o
     assert error(theta) < 0.03
 
 
-def test_what_learns_once_begins_anew_where_it_leaves_what_is_no_noise():
-    """The sensor is 0.1 s late for 10 s; what is learnt of that would stay for ever."""
-    y = run().y.copy()
-    y[FAILS:HEALS] = np.roll(y, 20)[FAILS:HEALS]
-    estimator = make("rpem-friction")
-    assert error(estimator.run(run().u, y)) < 0.01
-    gone = np.flatnonzero(~believed(estimator))
-    assert HEALS + 200 < gone[-1] < HEALS + 1200  # the last time in good data, for 1 s
-
-
 def test_findings_before_it_began_anew_stay_and_later_ones_are_counted_on():
     estimator = make("glr")
     fault = simulate(AXES["n1"], 45.0, faults={36.0: AXES["n1"] | {"f_m": 0.1}})
@@ -156,14 +144,6 @@ def test_findings_before_it_began_anew_stay_and_later_ones_are_counted_on():
     named = [f for f in estimator.findings if "f_m" in f.parameters]
     assert [36.0 <= f.alarm * 0.005 < 37.0 for f in named] == [True], estimator.findings
     assert abs(named[0].onset * 0.005 - 36.0) < 0.1
-
-
-def test_noise_that_is_large_is_no_reason_to_begin_anew():
-    """A sensor whose noise is half of y: what is left could not be foretold."""
-    loud = simulate(AXES["n1"], 15.0, sigma=2.5)
-    estimator = make("rpem-friction")
-    estimator.run(loud.u, loud.y)
-    assert believed(estimator).all()
 
 
 @pytest.mark.parametrize("name", ["rpem-forgetting", "efra", "variable-forgetting", "cusum-reset"])
@@ -190,14 +170,3 @@ def test_what_forgets_goes_on_where_its_model_lacks_what_has_changed(name):
     left = estimator.innovations[4000:, 0]
     assert np.mean(left**2) > 0.05 * np.mean(softer.y[4000:] ** 2)
     assert believed(estimator).all()
-
-
-def test_one_reading_beyond_all_numbers_hides_nothing_that_follows():
-    """The mean square of y would be infinite for good, and what is left small beside it."""
-    y = run().y.copy()
-    y[FAILS:HEALS] = np.roll(y, 20)[FAILS:HEALS]
-    y[FAILS - 500] = 1e300
-    estimator = make("rpem-friction")
-    estimator.run(run().u, y)
-    gone = np.flatnonzero(~believed(estimator))
-    assert HEALS + 200 < gone[-1] < HEALS + 1200

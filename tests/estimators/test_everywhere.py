@@ -33,14 +33,14 @@ MOVING = [name for name in REGISTRY if name != "frozen"]
 SHIPPED = [name for name in MOVING if name != "literal-rpem"]
 # It takes a matrix exponential a sample; the compiled one, its equal, is tried at length.
 SLOW = {"literal-rpem"}
-# A quarter of a millisecond a sample, or a bank of hypotheses: their long runs are for the night.
-LONG = {"moving-horizon", "glr"}
+# A bank of hypotheses: its long runs are for the night.
+LONG = {"glr"}
 # Whose loop over increments is compiled here at once; that of each other takes as long again.
 QUICK = ("frozen", "rpem-forgetting", "ekf")
 # With the Δ of the paper the noise alone is beyond a per cent.
 NOISY = {"rpem-drift", "rpem-drift-mu"}
 # Without state correction x remembers what the old estimates did to it, and the claim does not.
-CONSISTENT = ("rpem-corrected", "cusum-reset", "oracle-reset", "moving-horizon")
+CONSISTENT = ("rpem-corrected", "cusum-reset", "oracle-reset")
 
 
 @cache

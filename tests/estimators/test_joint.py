@@ -1,4 +1,4 @@
-"""What the joint filters and the moving horizon have in common: rest, noise, claims, options."""
+"""What the joint filters have in common: rest, noise, claims, options."""
 
 from functools import partial
 
@@ -10,12 +10,9 @@ from flexaxis.estimators import EstimatorError, three_mass
 from flexaxis.estimators.filters.design import make_design
 from flexaxis.estimators.methods.ekf import joint_ekf
 from flexaxis.estimators.methods.imm import joint_imm
-from flexaxis.estimators.methods.moving_horizon import MovingHorizon
-from flexaxis.estimators.methods.ukf import joint_ukf
 from flexaxis.estimators.registry import REGISTRY
 
-JOINT = ["ekf", "ukf", "imm"]
-ALL = [*JOINT, "moving-horizon"]
+JOINT = ["ekf", "imm"]
 TRUTH = np.array([1.0, 1.25, 0.05])
 T = 0.005
 
@@ -38,7 +35,7 @@ def encoder(loop, *, counts=65536):
 
 
 @pytest.mark.parametrize("number", [1, 3])
-@pytest.mark.parametrize("name", [*JOINT, pytest.param(ALL[-1], marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", JOINT)
 def test_a_minute_after_outliers_all_is_well(nominal, simulated, name, number):
     loop = simulated(90.0, seed=6)
     y = loop.y.copy()
@@ -47,7 +44,7 @@ def test_a_minute_after_outliers_all_is_well(nominal, simulated, name, number):
     theta = filter_.run(loop.u, y)
     assert np.isfinite(theta).all() and np.isfinite(filter_.covariance).all()
     np.testing.assert_allclose(theta[-200:], np.tile(TRUTH, (200, 1)), rtol=0.02)
-    assert 0.085 < deviation(filter_) < 0.115  # of 0.1; the horizon's is of 200 samples
+    assert 0.085 < deviation(filter_) < 0.115  # of 0.1
 
 
 @pytest.mark.parametrize("name", JOINT)
@@ -109,23 +106,10 @@ def test_a_reading_in_a_hundred_may_be_wild(nominal, simulated):
 
 def deviation(filter_):
     """σ̂ of a filter."""
-    known = getattr(filter_, "noise_variance", None)
-    return np.sqrt(filter_.state["noise"][0] if known is None else known)
+    return np.sqrt(filter_.state["noise"][0])
 
 
-def test_the_horizon_forgets_nothing_before_it_has_seen_anything(nominal):
-    filter_ = make("moving-horizon", nominal)
-    before = filter_.root.T @ filter_.root
-    filter_.run(np.zeros(1000), np.zeros(1000))
-    np.testing.assert_allclose(filter_.root.T @ filter_.root, before, rtol=1e-9, atol=1e-20)
-
-
-FAST = ("ekf", "moving-horizon")  # of them that judge their noise in other ways
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n not in FAST)) for n in ALL]
-)
+@pytest.mark.parametrize("name", ["ekf", pytest.param("imm", marks=pytest.mark.slow)])
 def test_an_encoder_at_rest_does_not_hide_its_noise(nominal, simulated, name):
     """Its increments are exactly zero there: σ̂ would fall by a factor in every second."""
     loop = simulated(110.0, seed=7, pause=(30.0, 50.0), sigma=0.0)
@@ -141,13 +125,8 @@ def test_an_encoder_at_rest_does_not_hide_its_noise(nominal, simulated, name):
 # The noise level
 
 
-@pytest.mark.parametrize(
-    ("name", "sigma"),
-    [
-        *((name, sigma) for name in JOINT for sigma in (0.01, 0.1, 0.5)),
-        pytest.param("moving-horizon", 0.1, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("sigma", [0.01, 0.1, 0.5])
+@pytest.mark.parametrize("name", JOINT)
 def test_the_noise_is_found(nominal, simulated, name, sigma):
     filter_ = make(name, nominal, start=1.2)
     found = []
@@ -182,10 +161,9 @@ def test_a_prediction_that_is_better_than_its_claim_leaves_the_noise(nominal, si
     assert 0.08 < deviation(filter_) < 0.13
 
 
-@pytest.mark.parametrize("name", ["ekf", "ukf"])
-def test_what_comes_from_parameters_that_walk_is_no_noise(nominal, loop, by_hand, name):
+def test_what_comes_from_parameters_that_walk_is_no_noise(nominal, loop, by_hand):
     y, _ = walking_axis(by_hand, nominal, np.random.default_rng(0), loop.u[:4000], 0.05)
-    filter_ = make(name, nominal, walk=0.05, spread=0.01)
+    filter_ = make("ekf", nominal, walk=0.05, spread=0.01)
     filter_.run(loop.u[:4000], y)
     assert np.std(filter_.innovations[1000:, 0]) > 0.12
     assert 0.09 < deviation(filter_) < 0.11
@@ -210,9 +188,7 @@ def test_noise_that_grows_is_followed(nominal, simulated, name):
     assert 0.45 < deviation(filter_) < 0.57  # √(.1² + .5²) = .51
 
 
-@pytest.mark.parametrize(
-    "name", ["ekf", *(pytest.param(n, marks=pytest.mark.slow) for n in ("ukf", "imm"))]
-)
+@pytest.mark.parametrize("name", ["ekf", pytest.param("imm", marks=pytest.mark.slow)])
 def test_with_its_noise_found_a_filter_is_as_fast_as_with_it_given(nominal, simulated, name):
     """Through an encoder of 16 bits; 0.1 in place of 0.0078 takes the EKF six times as long."""
     loop = simulated(15.0, seed=10, sigma=0.0, faults={10.0: nominal | {"f_m": 0.075}})
@@ -227,7 +203,7 @@ def test_with_its_noise_found_a_filter_is_as_fast_as_with_it_given(nominal, simu
 # What is claimed
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", JOINT)
 def test_innovations_are_what_they_are_claimed_to_be(nominal, loop, name):
     filter_ = make(name, nominal)
     filter_.run(loop.u[:4000], loop.y[:4000])
@@ -278,18 +254,14 @@ def test_an_axis_that_walks_as_it_is_told_to_is_where_the_filter_says(nominal, l
 
 def build(name, model, **options):
     """The class itself, with θ practically known."""
-    small = (1e-7 * TRUTH) ** 2
-    if name == "moving-horizon":
-        own = {n: options.pop(n) for n in ("window", "every", "iterations") if n in options}
-        return MovingHorizon(
-            make_design(model, P0=small, period=T, forgetting=1.0, **options), **own
-        )
-    design = make_design(model, P0=small, drift=(1e-12 * TRUTH) ** 2, period=T, **options)
-    kind = {"ekf": joint_ekf, "ukf": joint_ukf, "imm": partial(joint_imm, jump=1e-20 * TRUTH)}
+    design = make_design(
+        model, P0=(1e-7 * TRUTH) ** 2, drift=(1e-12 * TRUTH) ** 2, period=T, **options
+    )
+    kind = {"ekf": joint_ekf, "imm": partial(joint_imm, jump=1e-20 * TRUTH)}
     return kind[name](design)
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", JOINT)
 def test_a_state_that_is_given_is_where_it_starts(nominal, by_hand, name):
     """With θ known, ŷ is that of a Kalman filter for x alone, written out."""
     rng, N, sigma = np.random.default_rng(13), 400, 0.1
@@ -302,24 +274,20 @@ def test_a_state_that_is_given_is_where_it_starts(nominal, by_hand, name):
     for k in range(N):
         y[k] = x[2] + sigma * rng.standard_normal()
         x = step @ np.r_[x, u[k]]
-    units = sigma**2 if name == "moving-horizon" else 1.0  # its P(0) is for a variance of one
-    filter_ = build(
-        name, three_mass(nominal), noise=sigma, x0=x0, x0_covariance=root @ root.T / units,
-        **({"window": 40, "every": 1, "iterations": 1} if name == "moving-horizon" else {}),
-    )  # fmt: skip
+    model = three_mass(nominal)
+    filter_ = build(name, model, noise=sigma, x0=x0, x0_covariance=root @ root.T)
     filter_.run(u, y)
     x, P, expected = x0, root @ root.T, np.empty((N, 2))
     for k in range(N):
         S = P[2, 2] + sigma**2
         expected[k] = y[k] - x[2], S
-        if name != "moving-horizon" or k > 0:  # which looks at y from its second sample on
-            x, P = x + P[:, 2] * (y[k] - x[2]) / S, P - np.outer(P[:, 2], P[2]) / S
+        x, P = x + P[:, 2] * (y[k] - x[2]) / S, P - np.outer(P[:, 2], P[2]) / S
         x, P = step @ np.r_[x, u[k]], step[:, :5] @ P @ step[:, :5].T
     np.testing.assert_allclose(filter_.innovations[:, 0], expected[:, 0], rtol=0, atol=2e-5)
     np.testing.assert_allclose(filter_.innovations[:, 1], expected[:, 1], rtol=1e-4)
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", JOINT)
 def test_a_state_need_not_name_what_a_sample_resets(nominal, loop, name):
     options = {"output": "increment", "x0": np.zeros(5), "x0_covariance": np.full(5, 1e-6)}
     theta = build(name, three_mass(nominal), **options).run(loop.u[:500], loop.increment[:500])
@@ -337,22 +305,11 @@ def test_no_parameter_is_less_certain_than_by_its_size(nominal, loop, name):
     assert np.linalg.eigvalsh(filter_.covariance / np.outer(TRUTH, TRUTH))[0] > 0
 
 
-def test_the_horizon_forgets_no_further_than_that(nominal, loop):
-    filter_ = make("moving-horizon", nominal)
-    filter_.run(loop.u[:2000], loop.y[:2000])
-    filter_.run(np.zeros(5000), np.zeros(5000), np.zeros(5000, bool))
-    P = filter_.noise_variance * filter_.root.T @ filter_.root
-    np.testing.assert_allclose(np.diag(P)[:3], 1.0, rtol=1e-6)
-
-
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", JOINT)
 def test_until_it_acts_the_ceiling_is_not_there(nominal, loop, name):
     bounded, free = make(name, nominal), make(name, nominal)
-    if name == "moving-horizon":
-        free._ceiling = np.full(3, np.inf)
-    else:
-        free._tuning = free._tuning.copy()
-        free._tuning["ceiling"] = np.inf
+    free._tuning = free._tuning.copy()
+    free._tuning["ceiling"] = np.inf
     expected = free.run(loop.u[:3000], loop.y[:3000])
     np.testing.assert_array_equal(bounded.run(loop.u[:3000], loop.y[:3000]), expected)
 
@@ -360,7 +317,7 @@ def test_until_it_acts_the_ceiling_is_not_there(nominal, loop, name):
 # Options
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", JOINT)
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -385,10 +342,6 @@ def test_wrong_options(nominal, name, options, words):
     [
         ("ekf", {"walk": 0.0}, "walk is 0.0"),
         ("imm", {"hold": 0.0}, "hold is 0.0"),
-        ("moving-horizon", {"window": 10.72}, "window is 10.72"),
-        ("moving-horizon", {"window": 0.05}, "window is 0.05"),
-        ("moving-horizon", {"every": 0.0}, "every is 0.0"),
-        ("moving-horizon", {"every": 1e-4}, "every is 0.0001"),
     ],
 )
 def test_wrong_settings(nominal, name, options, words):
@@ -409,14 +362,6 @@ def test_a_jump_does_not_depend_on_the_rate(nominal):
         for period in (0.001, 0.005, 0.01)
     ]
     np.testing.assert_allclose(walked, 0.01**2)  # a second's
-
-
-@pytest.mark.parametrize("period", [0.001, 0.003, 0.005, 0.01])
-def test_a_window_is_in_seconds(nominal, period):
-    options = {"P0": [1e-4] * 3, "window": 0.6, "every": 0.03}
-    filter_ = make("moving-horizon", nominal, period=period, **options)
-    assert filter_._length * period == pytest.approx(0.6)
-    assert filter_._every * period == pytest.approx(0.03)
 
 
 @pytest.mark.parametrize("name", JOINT)

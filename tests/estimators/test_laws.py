@@ -369,24 +369,6 @@ def test_a_filter_against_a_textbook_loop():
         x, z = ahead, by_x @ z + by_theta
 
 
-@pytest.mark.slow
-def test_what_is_learnt_once_is_not_forgotten():
-    model = replace(three_mass(VALUES), laws=(BRISTLES,))
-    names, learn = ("k_T", "f_m"), ("f_c", "sigma_0")
-    theta = model.parametrize([*names, *learn]).theta
-    rpem = Rpem(
-        model, identify=names, learn=learn, P0=(0.1 * theta) ** 2, period=T, forgetting=0.9,
-        ceiling=np.inf,
-    )  # fmt: skip
-    assert rpem.names == names and rpem.theta.shape == (2,) and rpem.covariance.shape == (2, 2)
-    before = rpem.P
-    for _ in range(50):
-        rpem.step(0.0, None)  # nothing is measured: what is known does not grow
-    growth = np.diag(rpem.P) / np.diag(before)
-    assert np.allclose(growth, [0.9**-50, 0.9**-50, 1.0, 1.0], rtol=1e-9)
-    assert set(rpem.learnt) == set(learn)
-
-
 FULL = ({"speed_motor": 1.0}, {"speed_motor": "-1/J_m"}, GEAR_FRICTION.parameters)
 
 

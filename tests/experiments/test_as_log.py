@@ -10,8 +10,6 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.as_log import LONGEST_GAP, LogStyle, logged, write_log
-from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.days import Days, calendar, known_axis, told_axis, without_faults
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.sim.record import load_record
@@ -108,82 +106,3 @@ def test_a_record_is_not_written_over_a_log(short, tmp_path, capsys):
     assert main(["simulate", str(short), "-o", str(log)]) == 2
     assert "not written by flexaxis" in capsys.readouterr().err
     assert log.read_bytes() == before
-
-
-@pytest.mark.parametrize("truth", [None, "{}", "[1]", "no json"])
-def test_days_do_not_go_among_other_files(truth, tmp_path, capsys):
-    mine = tmp_path / "2026-01-02.csv"
-    mine.write_text("time,torque,angle\n0,1,2\n")
-    if truth is not None:
-        (tmp_path / "truth.json").write_text(truth)
-    there = sorted(tmp_path.iterdir())
-    assert main(["days", "--days", "3", "--duration", "2", "-o", str(tmp_path)]) == 2
-    assert "no truth.json of `flexaxis days`" in capsys.readouterr().err
-    assert sorted(tmp_path.iterdir()) == there
-    assert mine.read_text() == "time,torque,angle\n0,1,2\n"
-
-
-def test_days_are_written_again_but_not_over_a_log_that_was_put_there(tmp_path, capsys):
-    folder = tmp_path / "days"
-    words = ["days", "--days", "2", "--from-day", "1", "--duration", "2", "-o", str(folder)]
-    assert main([*words, "--days", "3"]) == 0
-    (folder / "notes.txt").write_text("mine")
-    assert main(words) == 0  # of the earlier set nothing is left that a trend would read
-    assert sorted(path.name for path in folder.iterdir()) == [
-        "2026-01-01.csv", "2026-01-02.csv", "axis.toml", "notes.txt", "truth.json",
-    ]  # fmt: skip
-    mine = folder / "2026-01-02.csv"
-    mine.write_text("time,torque,angle\n0,1,2\n")
-    assert main(words) == 2
-    assert "2026-01-02.csv" in capsys.readouterr().err
-    assert mine.read_text() == "time,torque,angle\n0,1,2\n"
-
-
-def test_days_follow_temperature_and_wear():
-    scenario = without_faults(find_scenario("wg_fc_step-v1"), 5.0)
-    days = Days(days=60, wear={"f_c": 0.2}, from_day=30, warm={"f_c": -0.01}, scatter=0.0)
-    plan = calendar(scenario, days, 3)
-    assert plan == calendar(scenario, days, 3)
-    temperature = np.array([day.temperature for day in plan])
-    assert np.ptp(temperature) == pytest.approx(25)
-    assert (plan[0].date, plan[-1].date) == ("2026-01-01T06:00", "2026-03-01T06:00")
-    factor = np.array([day.factors["f_c"] for day in plan]) / 0.99 ** (temperature - 25)
-    np.testing.assert_allclose(factor[:30], 1.0)
-    np.testing.assert_allclose(np.diff(factor[29:]), 0.2 / 30)
-    same = calendar(scenario, Days(days=60, warm={"f_c": -0.01}, scatter=0.0), 3)
-    assert same[:30] == plan[:30]  # so that sets with and without wear share their beginning
-
-
-def test_days_are_logs_of_the_axis(tmp_path, capsys):
-    folder = tmp_path / "days"
-    words = ["days", "--days", "3", "--from-day", "1", "--wear", "f_c=+30%", "--duration", "2"]
-    assert main([*words, "-o", str(folder), "--json"]) == 0
-    assert sorted(p.name for p in folder.iterdir()) == [
-        "2026-01-01.csv", "2026-01-02.csv", "2026-01-03.csv", "axis.toml", "truth.json",
-    ]  # fmt: skip
-    text = (folder / "2026-01-02.csv").read_text().splitlines()
-    assert text[0] == "# written by flexaxis" and text[1].endswith(",temp")
-    truth = json.loads((folder / "truth.json").read_text())["days"]
-    temperatures = [float(line.rpartition(",")[2]) for line in text[2:]]
-    assert np.mean(temperatures) == pytest.approx(truth[1]["temperature"] + 0.15, abs=0.05)
-    axis = find_axis(str(folder / "axis.toml"))
-    assert axis.known
-    known = known_axis(find_scenario("wg_fc_step-v1")).model.nominal
-    off = {name: axis.model.nominal[name] / value - 1 for name, value in known.items() if value}
-    assert off["k_T"] == off["r"] == 0
-    others = [abs(part) for name, part in off.items() if name not in {"k_T", "r"}]
-    assert all(0 < part <= 0.05 for part in others)
-    assert max(others) > 0.02  # of a dozen
-    capsys.readouterr()
-    assert main(["days", "--wear", "f_q=+12%", "-o", str(tmp_path / "x")]) == 2
-    assert main(["days", "--wear", "f_c=12", "-o", str(tmp_path / "x")]) == 2
-    assert "percentage" in capsys.readouterr().err
-    assert not (tmp_path / "x").exists()
-
-
-def test_bristles_that_stand_for_coulomb_friction_are_no_parameter_of_the_axis():
-    """They are a number of the law, so that nobody identifies them."""
-    scenario = find_scenario("coulomb_fc_step-v1")
-    for axis in (known_axis(scenario), told_axis(scenario, 0)):
-        assert "f_c" in axis.model.parameters and "sigma_0" not in axis.model.parameters
-        assert axis.model.laws[0].parameters["stiffness"] == 1e4

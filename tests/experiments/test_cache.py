@@ -1,15 +1,16 @@
 """Records kept between runs: the same bits, never stale, never trusted when damaged."""
 
-import json
 import os
 from importlib.resources import files
 
 import numpy as np
 import pytest
 
+import flexaxis as fx
 from flexaxis.experiments.running import cache
 from flexaxis.experiments.running.cache import SIGNALS, RecordCache, records
 from flexaxis.experiments.storage.files import sources
+from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.simulate import simulate
 
 PRESENT = [*({*SIGNALS} - {"true_angle_l"}), "true_parameters"]
@@ -126,12 +127,12 @@ def test_a_run_says_what_it_simulated(short_toml, tmp_path, capsys, monkeypatch)
     assert "0 records simulated" in capsys.readouterr().err
     main([*words, "--estimator", "frozen", "--no-cache", "--overwrite"])
     assert "2 records simulated" in capsys.readouterr().err
-    main(["cache", "clear", "--json"])
-    cleared = json.loads(capsys.readouterr().out)
+    cleared = fx.cache(clear=True)
     # And the nominal run, where this process did not know it yet.
-    assert cleared["removed"] in {2, 3} and cleared["records"] == 0
+    assert cleared.removed in {2, 3} and cleared.records == 0
     monkeypatch.setenv("FLEXAXIS_CACHE_LIMIT", "lots")
-    assert main(["cache", "info"]) == 2
+    with pytest.raises(FlexaxisError, match="FLEXAXIS_CACHE_LIMIT"):
+        fx.cache()
 
 
 def test_scenarios_with_one_reference_share_its_nominal_run(short, store, monkeypatch):

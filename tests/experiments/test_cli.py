@@ -3,18 +3,14 @@
 import errno
 import json
 import os
-import signal
-import sqlite3
 import subprocess
 import sys
-import time
 
 import h5netcdf
 import pytest
 
 from flexaxis.experiments.cli import commands, group_of, main, parser
 from tests.experiments.command import flexaxis
-from tests.experiments.kept_rows import scores_of
 
 
 @pytest.mark.parametrize("command", commands())
@@ -161,29 +157,6 @@ def test_a_damaged_record(capsys, short_toml, tmp_path):
         file["speed"][123] = float("nan")
     status, _, err = flexaxis(capsys, "estimate", record)
     assert status == 2 and "speed" in err and "123" in err
-
-
-def _kept(folder):
-    """Return the rows of a folder, none where its file has only just been made."""
-    try:
-        return scores_of(folder)
-    except sqlite3.OperationalError:
-        return {}
-
-
-@pytest.mark.skipif(os.name == "nt", reason="signals differ on Windows")
-def test_ctrl_c_leaves_130_and_what_was_computed(short_toml, tmp_path):
-    words = ["run", str(short_toml), "--seeds", "400", "--jobs", "1", "-o", str(tmp_path / "out")]
-    command = [sys.executable, "-m", "flexaxis.experiments", *words, "--estimator", "frozen"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    while not (before := _kept(tmp_path / "out")):
-        assert process.poll() is None, process.stderr.read()
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
-    assert process.returncode == 130
-    assert "interrupted" in err and "Traceback" not in err
-    assert len(before) <= len(_kept(tmp_path / "out")) < 400 * 3
 
 
 @pytest.mark.parametrize(

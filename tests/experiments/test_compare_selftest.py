@@ -1,23 +1,17 @@
 """The self-test of the gate: it draws what it says, and sees a gate that breaks its promise."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from flexaxis.experiments.cli import main
 from flexaxis.experiments.gate import decide as rules
-from flexaxis.experiments.gate import selftest
-from flexaxis.experiments.gate import trials as certain
 from flexaxis.experiments.gate.decide import Family, decide
 from flexaxis.experiments.gate.pairs import LOST, table
-from flexaxis.experiments.gate.resampling import Drawn, Pool, draw, judged
-from flexaxis.experiments.gate.selftest import LOOKS, Rate, columns, lines
-from flexaxis.experiments.gate.trials import NONE, Promise, trials
 from flexaxis.experiments.scoring.score_table import MARGINS
-
-GATE = Path(__file__).parents[2] / "docs" / "gate.md"
+from tests.experiments import selftest
+from tests.experiments import selftest_trials as certain
+from tests.experiments.selftest import Rate
+from tests.experiments.selftest_resampling import Drawn, Pool, draw, judged
+from tests.experiments.selftest_trials import NONE, Promise, trials
 
 
 def pool(ratios=None, *, scenarios=2, seeds=64, seed=0):
@@ -111,7 +105,6 @@ def test_a_gate_that_breaks_its_promise_is_seen(monkeypatch, name, value, seeds,
     monkeypatch.setattr(rules, name, value)
     found = [rate for rate in rates((seeds,), made=noise(1.0)) if not rate.kept]
     assert any(broken in rate.what for rate in found)
-    assert "BROKEN" in str(lines([rate.as_dict() for rate in found]))
 
 
 def test_a_gate_that_goes_by_the_point_estimate_is_seen(monkeypatch):
@@ -123,7 +116,7 @@ def test_a_gate_that_goes_by_the_point_estimate_is_seen(monkeypatch):
         found.words[worse] = "worse"
         return found
 
-    monkeypatch.setattr("flexaxis.experiments.gate.resampling.decide.decide", old)
+    monkeypatch.setattr("tests.experiments.selftest_resampling.decide.decide", old)
     quiet = rates(made=noise(0.01))
     assert any("1.5 % larger" in rate.what and not rate.kept for rate in quiet)
 
@@ -159,7 +152,7 @@ def no_word(*words, of=None, to="undecided"):
         mine = np.isin(found, words) & (True if of is None else family.metrics == of)
         return np.where(mine, to, found)
 
-    return instead(said, "flexaxis.experiments.gate.resampling.decide.decide")
+    return instead(said, "tests.experiments.selftest_resampling.decide.decide")
 
 
 def in_threes(found, family):
@@ -169,7 +162,7 @@ def in_threes(found, family):
 
 def of_losses(name, new):
     return lambda monkeypatch: monkeypatch.setattr(
-        f"flexaxis.experiments.gate.resampling.{name}", new
+        f"tests.experiments.selftest_resampling.{name}", new
     )
 
 
@@ -202,7 +195,7 @@ PLANTED = {
     "never better": no_word("better"),
     "std is never worse": no_word("worse", of="std"),
     "worse only with three scores or more": instead(
-        in_threes, "flexaxis.experiments.gate.resampling.decide.decide"),
+        in_threes, "tests.experiments.selftest_resampling.decide.decide"),
     "lag is never worse": no_word("worse", of="lag"),
     "a bias is never worse": no_word("worse", of="bias"),
     "worse is slight": no_word("worse", to="slight"),
@@ -283,34 +276,3 @@ def test_a_rate_and_its_promise():
     assert not Rate("", (8,), 1, 100, Promise(most=0.01, upper=0.015)).kept  # up to 5.4 %
     assert Rate("", (8,), 99, 100, Promise(least=0.99)).kept
     assert not Rate("", (8,), 98, 100, Promise(least=0.99)).kept
-
-
-@pytest.mark.slow
-def test_the_self_test_as_a_program(capsys, short_toml):
-    slow = "rpem-forgetting[forgetting=0.999]"
-    words = ("compare", "--self-test", str(short_toml), "--base", "rpem-forgetting")
-    words += ("--candidate", slow, "--seeds", "1000:1032", "--comparisons", "100", "--jobs", "1")
-    assert main([*words, "--json"]) == 1  # of 100 comparisons the upper limit cannot be low enough
-    told = json.loads(capsys.readouterr().out)["rates"]
-    null = [row for row in told if "against itself" in row["what"] and "alarm" in row["what"]]
-    planted = [row for row in told if row["what"].startswith("planted") and row["looks"] == [16]]
-    assert [row["looks"] for row in null] == [[8], [16]] * 3  # half of the pool at most
-    assert all(row["count"] <= 1 and row["comparisons"] == 100 for row in null)
-    assert planted[0]["rate"] == 1.0
-
-
-def test_the_table_in_the_docs_has_the_rows_of_the_self_test():
-    """Same rows and columns; the numbers come from `flexaxis compare --self-test`."""
-    same = dict.fromkeys(selftest.BASES, whole())
-    tried = list(trials(same, whole()))
-    looks = [look for look in LOOKS if len(look) == 1 and look[0] < 64]
-    made = [Rate(t.what, look, 0, 1, t.promise).as_dict() for t in tried for look in looks]
-    text = GATE.read_text(encoding="utf-8")
-    table = text.split("<!-- table: self-test -->\n")[1].split("<!-- end -->")[0]
-    rows = [line for line in table.splitlines() if line.startswith("|")]
-    cells = [line.strip("| ").split(" | ") for line in rows]
-    assert cells[0] == columns(made)
-    drawn = [line[0] for line in cells[2:]]
-    assert sorted(drawn[: len(tried)]) == sorted(t.what for t in tried)
-    assert all(what.startswith(("stored", "equal noise")) for what in drawn[len(tried) :])
-    assert len(drawn) == len(tried) + 7 and "BROKEN" not in table

@@ -27,7 +27,7 @@ def broken(text, store):
 
 
 # Seconds and more each.
-LONG = ("literal-rpem", "moving-horizon", "rpem-friction", "rpem-friction-drift")
+LONG = ("literal-rpem",)
 
 
 @pytest.mark.parametrize(
@@ -38,6 +38,15 @@ def test_registered_estimators_keep_the_rules(name, store):
     assert {rule for rule, finding in findings.items() if finding.holds is False} == set()
     moves = findings["a shift of u hurts"].holds
     assert moves is (None if name == "frozen" else True)
+
+
+@pytest.mark.slow
+def test_the_example_of_an_own_estimator_keeps_the_rules(store):
+    path = Path(__file__).parents[2] / "docs" / "examples" / "ukf.py"
+    assert "flexaxis" not in path.read_text(encoding="utf-8").partition("import numpy")[2]
+    findings = {finding.rule: finding for finding in check(parse(f"{path}:Ukf"), store=store)}
+    assert {rule for rule, finding in findings.items() if finding.holds is False} == set()
+    assert findings["a shift of u hurts"].holds
 
 
 def test_the_cheater_is_caught(store):

@@ -192,10 +192,10 @@ def test_a_merge_that_lacks_a_share_says_so(short_toml, tmp_path, capsys):
     for share in (1, 2, 3):
         run_study(make_plan(study, shard=(share, 3)), tmp_path / str(share))
     parts = [str(tmp_path / str(share)) for share in (1, 2, 3)]
-    assert main(["merge", *parts[:2], "-o", str(tmp_path / "two")]) == 1
+    assert main(["run", "--from", *parts[:2], "-o", str(tmp_path / "two")]) == 1
     said = capsys.readouterr()
-    assert "incomplete: 2 of 6 cases are missing" in said.err and "4 cases" in said.out
-    assert main(["merge", *parts, "-o", str(tmp_path / "whole")]) == 0
+    assert "2 of 6 cases are in no shard" in said.err and "4 cases" in said.out
+    assert main(["run", "--from", *parts, "-o", str(tmp_path / "whole")]) == 0
 
 
 def test_a_merge_adds_and_is_whole_or_not_at_all(short_toml, tmp_path, monkeypatch):

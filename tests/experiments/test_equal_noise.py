@@ -237,5 +237,3 @@ def test_on_the_command_line(capsys, short_toml, tmp_path):
     for name in ("report.html", "verdict.md"):
         text = text_of((tmp_path / "out" / name).read_text(encoding="utf-8"))
         assert "Tuned to the std of f_m" in text
-    assert main(["compare", "--self-test", "--match-std"]) == 2
-    assert "--match-std: no option of the self-test" in capsys.readouterr().err

@@ -169,21 +169,10 @@ def test_an_instance_is_a_guest(short, capsys):
 
 
 MISTAKES = [
-    (["view", "fm_step-v1", "-o", "b"], "b.png"),
-    (["view", "fm_step-v1", "-o", "b.jpg"], "PNG"),
-    (["view", "fm_step-v1", "-o", "b.png", "--at", "99"], "the run ends at"),
-    (["view", "fm_step-v1", "-o", "b.png", "--at", "-1"], "--at -1"),
-    (["view", "fm_step-v1", "-o", "b.png", "--at", "nan"], "--at nan"),
-    (["view", "fm_step-v1", "-o", "b.png", "--exaggerate", "nan"], "--exaggerate nan"),
-    *[(["run", "smoke", "--time-limit", text], "above 0") for text in ("-1", "0", "nan", "inf")],
-    (["check", "frozen", "--time-limit", "nan"], "above 0"),
-    (["list", "--gruop", "steps"], "unknown option '--gruop'. Did you mean '--group'?"),
+    (["run", "smoke", "--time-limit", "nan"], "above 0"),
     (["list", "--gruop=steps"], "unknown option '--gruop=steps'. Did you mean '--group'?"),
-    (["list", "--grou", "steps"], "Did you mean '--group'?"),
-    (["show", "moving-horizn"], "Did you mean 'moving-horizon'?"),
     (["new", "sub/x.py"], "sub/x.py: there is no folder sub: make it first"),
     (["simulate", "fm_step-v1", "--seed", "-1"], "--seed -1: give a whole number"),
-    (["check", "pipe-bin:./mine"], "Write pipe:./mine"),
 ]
 
 

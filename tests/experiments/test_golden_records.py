@@ -13,37 +13,21 @@ from tests.golden import contents
 ADVICE = "if that is meant: python tests/golden/make.py records"
 
 
-# A second and more each, with a friction that others of the catalogue have as well.
+# A second and more each, with a friction, a drive or a motion that others have as well.
 LIKE_OTHERS = {
-    "coulomb-v1", "coulomb2-v1", "coulomb05_fm_step-v1", "coulomb2_fm_step-v1",
-    "coulomb_fc_step-v1", "coulomb_ja_step-v1", "coulomb_jm_step-v1", "coulomb_kg_step-v1",
-    "coulomb_kt_step-v1", "encoder_coulomb_fm_step-v1", "lugre_soft_fm_step-v1", "wg_warming-v1",
-    "directional_fm_step-v1", "coulomb_moves_fm_step-v1", "warming_coulomb-v1", "wg_ja_step-v1",
+    "coulomb-v1", "coulomb_fc_step-v1", "coulomb_ja_step-v1", "coulomb_kg_step-v1",
+    "coulomb_kt_step-v1", "encoder_coulomb_fm_step-v1", "wg_warming-v1",
+    "coulomb_moves_fm_step-v1", "warming_coulomb-v1", "wg_ja_step-v1",
     "real_coulomb_fm_step-v1", "coarse_encoder_coulomb_fm_step-v1", "wg_kg_step-v1",
-    "wg_kt_step-v1",
+    "wg_kt_step-v1", "appearing_fc_step-v1", "bench_fm_step-v1", "coulomb_fm_step-v1",
+    "temperature_fm_step-v1", "gone_fc_step-v1", "erob80_100_fm_step-v1", "real_lugre_fm_step-v1",
+    "rest_coulomb_fm_step-v1", "erob80_50_fm_step-v1", "sticking_fm_step-v1", "sts3215_kt_step-v1",
+    "xl320_fm_step-v1", "mx64_fc_step-v1", "mx106_ja_step-v1", "xl330_appearing_fc_step-v1",
+    "warming_fm_step-v1", "pause_fm_step-v2", "bench_kg_step-v1", "control_fc_multisine-v1",
+    "control_wg_kt_moves-v1", "coulomb_fc_step-v2", "erob80_100_kt_step-v1",
+    "erob80_50_ja_step-v1", "mx106_fm_step-v1", "mx64_kg_step-v1", "xl320_kt_step-v1",
+    "ja_ramp-v1", "kt_ramp-v1",
 }  # fmt: skip
-# A second and more for a simulation of what others simulate for less.
-LIKE_OTHERS |= {
-    "appearing_fc_step-v1", "control_fc_moves-v1", "erob80_100_warming-v1", "bench_fm_step-v1",
-    "control_wg_fc_moves-v1", "coulomb_fm_step-v1", "temperature_fm_step-v1", "gone_fc_step-v1",
-    "erob80_100_fm_step-v1", "real_lugre_fm_step-v1", "rest_coulomb_fm_step-v1", "wg_wear-v1",
-    "erob80_50_fm_step-v1", "sticking_fm_step-v1", "sts3215_kt_step-v1", "xl320_fm_step-v1",
-    "mx64_fc_step-v1", "mx106_ja_step-v1", "control_kt_moves-v1", "control_fm_multisine-v1",
-    "xl330_appearing_fc_step-v1", "warming_fm_step-v1", "pause_fm_step-v2",
-}  # fmt: skip
-# With a drive, or a motion under control, that others have as well.
-LIKE_OTHERS |= {
-    "bench_kg_step-v1", "control_erob80_100_kt_moves-v1", "control_erob80_50_fm_moves-v1",
-    "control_fc_multisine-v1", "control_wg_kt_moves-v1",
-    "coulomb_fc_step-v2", "erob80_100_kt_step-v1", "erob80_50_ja_step-v1", "mx106_fm_step-v1",
-    "mx64_kg_step-v1", "sts3215_warming-v1", "xl320_kt_step-v1",
-}  # fmt: skip
-# Of other parameters than f_m; each has a step besides, or d_a and d_g a fault that doubles them.
-LIKE_OTHERS |= {
-    f"{which}_{shape}-v1"
-    for which in ("da", "dg", "fa", "fg", "ja", "jg", "jm", "ka", "kg", "kt")
-    for shape in ("ramp", "intermittent")
-}
 OLD = contents.golden_digests()["scenarios"]
 
 

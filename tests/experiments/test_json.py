@@ -24,15 +24,13 @@ LINES = [
     ("show short.toml", None),
     ("show smoke", "show SUITE"),
     ("show ekf", "show ESTIMATOR"),
-    ("cache info", "cache info"),
     ("simulate short.toml -o rec.nc", "simulate"),
     ("simulate short.toml --as-log csv -o log.csv", "simulate --as-log"),
     ("estimate rec.nc --estimator frozen", "estimate"),
     (f"{RUN} one --shard 1/2", "run --shard"),
     (f"{RUN} two --shard 2/2", "run --shard"),
-    ("merge one two -o r", "merge"),
+    ("run --from one two -o r", "run --from"),
     ("report r", "report of a run"),
-    ("export r --csv r.csv", "export"),
     ("rerun r --sample 1", "rerun"),
     ("study study.toml --dry-run", "study --dry-run"),
     ("compare r r --base frozen --candidate frozen -o c", "compare"),
@@ -45,8 +43,7 @@ SLOW = [
     ("report st", "report of a study"),
     ("compare short.toml --base frozen --candidate frozen --seeds 4 --jobs 1 -o d", "compare"),
     ("tune ekf --seeds 0:1 --jobs 1 -o tu", "tune"),
-    ("tradeoff short.toml --estimator ekf --seeds 2 --jobs 1 -o tr", "tradeoff"),
-    ("cache clear", "cache clear"),
+    ("tune ekf --seeds 2 --jobs 1 -o tr --sweep short.toml", "tune --sweep"),
 ]
 
 
@@ -123,12 +120,12 @@ def test_ctrl_c_is_an_answer_as_well(capsys, place, monkeypatch):
 
 
 def test_every_command_has_it_and_is_documented():
-    """But those that print lines for a shell, and serve a page."""
+    """But the one that serves a page."""
     text = TABLE.read_text()
     found = next(action for action in parser()._actions if action.dest == "command")
     for name, sub in found.choices.items():
         has = "--json" in sub._option_string_actions
-        assert has or name in {"completion", "demo"}, name
+        assert has or name == "demo", name
         assert not has or re.search(rf"^\| .*`{name}\b", text, re.MULTILINE), name
 
 

@@ -121,34 +121,6 @@ def test_a_comparison_and_a_run_are_side_by_side(short, tmp_path):
     assert {key: after[key] for key in before} == before and len(after) == 6 * 3
 
 
-OLD = Path(__file__).parent / "folder_0_1"  # of `flexaxis run`, as version 0.1 wrote it
-
-
-def _known(value, old):
-    """Return what a row had of it before there were further scores."""
-    both = isinstance(value, dict) and isinstance(old, dict)
-    return {k: v for k, v in value.items() if k in old} if both else value
-
-
-def test_a_folder_of_0_1_is_converted_by_one_command_and_given_back(tmp_path, capsys):
-    for words in (["report", str(OLD)], ["export", str(OLD), "--csv", str(tmp_path / "x.csv")]):
-        assert main(words) == 2
-        told = capsys.readouterr().err
-        assert f"is of flexaxis 0.1: type flexaxis merge {OLD} -o NEW" in told
-    new = tmp_path / "new"
-    assert main(["merge", str(OLD), "-o", str(new)]) == 0
-    assert main(["export", str(new), "--jsonl", str(tmp_path / "rows.jsonl")]) == 0
-    before, after = ((path / name).read_text().splitlines() for path, name in (
-        (OLD, "scores.jsonl"), (tmp_path, "rows.jsonl")))  # fmt: skip
-    assert len(before) == len(after) == 18
-    for old, now in zip(map(json.loads, before), map(json.loads, after), strict=True):
-        known = {key: _known(value, old[key]) for key, value in now.items() if key in old}
-        assert known == old and list(known) == list(old)  # later versions have further scores
-    pooled = json.loads((new / "summary.json").read_text())["rows"]
-    lags = {row["estimator"]: row["lag"] for row in pooled if row["changed"]}
-    assert lags == pytest.approx({"frozen": 2.0, "relocate": 0.0610}, rel=1e-2)
-
-
 def test_the_documented_lines_read_a_folder(short, tmp_path):
     """Those of docs/running.md, as they stand there."""
     run_study(wanted(short).study, tmp_path / "results")

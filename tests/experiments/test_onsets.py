@@ -8,7 +8,8 @@ import pytest
 import flexaxis as fx
 from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.building.offer import offer_of, torque_of
-from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.catalogue.names import hashes
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import pieces, run_case
@@ -17,11 +18,11 @@ from flexaxis.experiments.scoring.curves import later, shifted
 from flexaxis.experiments.scoring.windows import claimed_at, quiet, windows
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.record import load_record
-from flexaxis.sim.scenario import stored_scenario
+from flexaxis.sim.scenario import scenario_from
 from flexaxis.sim.simulate import simulate
 
 SHORT = {"duration": 6.0, "fault[0].at": 4.0, "onset_spread": 1.0, "burn_in": 1.0}
-DRAWN = [name for name in scenario_names() if name.endswith("-v2")]
+DRAWN = [name for name in hashes() if name.endswith("-v2")]
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +74,7 @@ def test_a_record_is_that_of_its_own_scenario_whatever_the_batch(tmp_path):
     batch = simulate(scenario, range(3))
     assert len({record.scenario["fault"][0]["at"] for record in batch}) == 3
     for seed, record in enumerate(batch):
-        own = stored_scenario(record.scenario, source="record")
+        own = scenario_from(record.scenario, source="record")
         assert own.hash == scenario.drawn(seed).hash and record.hash == scenario.hash
         for again in (simulate(scenario, [seed])[0], simulate(own, [seed])[0]):
             for name in ("torque", "speed", "true_angle_a", "true_parameters"):

@@ -74,11 +74,8 @@ REFUSED = {
     "track, code": [*TRACK, "axis.toml", "--estimator", "own.py:Own", "-o", "own.py"],
     "report": ["report", "run", "-o", "run/summary.json"],
     "report, rows": ["report", "run", "-o", "run/scores.sqlite"],
-    "export": ["export", "share", "--csv", "share/scores.sqlite"],
-    "export, study": ["export", "share", "--netcdf", "share/study.json"],
-    "merge": ["merge", "share", "-o", "share"],
+    "shards": ["study", "--from", "share", "-o", "share"],
     "study": ["study", "study.toml", "-o", "study.toml"],
-    "view": ["view", "rec.nc", "-o", "rec.nc"],
     "demo": ["demo", "--script", "lesson.gif", "--record", "lesson.gif"],
     "compare": ["compare", "run", "share/../run", "-o", "run"],
 }

@@ -13,7 +13,7 @@ from flexaxis.experiments.paper import reproduce
 from flexaxis.experiments.paper.claim import Claim, above, below, gather, half_of_P, within
 from flexaxis.experiments.paper.claims import CHECKS
 from flexaxis.experiments.paper.data import Size
-from flexaxis.experiments.paper.further_figures import FIGURES
+from flexaxis.experiments.paper.figures import FIGURES
 from flexaxis.experiments.paper.model_measures import worst
 from flexaxis.experiments.paper.reproduce import claims_table, in_words, render
 from flexaxis.experiments.reporting.figures import figure

@@ -205,8 +205,8 @@ def test_as_set_faster_and_quieter_need_pairs():
     assert "slower 1 s at 0.1 % is slower and quieter" in text
     assert "slow too 2 s at 0.31 % is slower, its noise not told apart" in text
     assert "Of 16 runs of slow too, 3 lost" in text
-    (text,) = in_words([at("ekf", 0.49178, 0.3, own=0.2), at("ukf", 0.49179, 0.3, own=0.2)])
-    assert "cannot tell it from ukf" in text and "better" not in text
+    (text,) = in_words([at("ekf", 0.49178, 0.3, own=0.2), at("imm", 0.49179, 0.3, own=0.2)])
+    assert "cannot tell it from imm" in text and "better" not in text
 
 
 def test_few_seeds_rank_nobody_and_who_was_lost_is_no_tie():

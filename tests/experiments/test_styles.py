@@ -112,7 +112,7 @@ def test_any_nine_look_different_and_the_leading_ones_as_always():
     assert len({style.place for style in found.values()}) == 9
     assert [found[name] for name in page[:3]] == list(styles.NINE[:3])
     assert found == styles.assigned(reversed(page))
-    assert styles.assigned(["frozen", "ukf"])["frozen"] == styles.NINE[-1]
+    assert styles.assigned(["frozen", "imm"])["frozen"] == styles.NINE[-1]
 
 
 def test_all_that_are_registered_look_different():

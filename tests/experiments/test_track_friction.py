@@ -38,7 +38,7 @@ def test_dry_friction_at_100_hz_is_told_from_viscous(tmp_path):
     record = log(
         1, 10, "multisine", seed=1, period=1 / RATE, seconds=30.0, change={"f_m": 1.5}, at=15.0
     )
-    found = track(record, find_axis(str(path)), parse("rpem-friction"), identify=["f_m"])
+    found = track(record, find_axis(str(path)), parse("ekf"), identify=["f_m", "f_c"])
     assert found.names == ("f_m", "f_c")
     before = found.theta[1000:1500].mean(axis=0) / [VALUES[1]["f_m"], 10 * VALUES[1]["f_m"]]
     # 3 % of scatter within a second's memory; steps of 2.5 ms make f_m 5 and f_c 7 % wrong

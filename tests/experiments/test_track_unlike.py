@@ -90,6 +90,6 @@ def test_limits_are_those_that_an_estimator_tells(bounds):
 
 @pytest.mark.slow
 def test_an_axis_with_dry_friction_is_tracked(tmp_path, capsys):
-    words = ("--estimator", "rpem-friction")
+    words = ("--estimator", "ekf")
     status, _ = tracked(tmp_path, capsys, AXIS + LAW, *words, torque_times=1)
     assert status in {0, 1}

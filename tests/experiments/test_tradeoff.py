@@ -208,7 +208,7 @@ def test_a_setting_that_another_name_is_widened_to_is_run_once(short):
 
 
 def test_without_a_fault_there_is_nothing_to_compare(capsys):
-    words = ["tradeoff", "standstill-v1", "--estimator", "rpem-forgetting", "--seeds", "1"]
+    words = ["tune", "rpem-forgetting", "--sweep", "standstill-v1", "--seeds", "1"]
     assert main(words) == 2
     assert "standstill-v1: no fault in an estimated parameter" in capsys.readouterr().err
 
@@ -241,7 +241,7 @@ def test_a_panel_on_which_nothing_can_be_shown():
 
 @pytest.mark.slow
 def test_the_command(tmp_path, capsys):
-    words = ["tradeoff", "kt_step-v1", "--estimator", "rpem-forgetting", "--seeds", "2",
+    words = ["tune", "rpem-forgetting", "--sweep", "kt_step-v1", "--seeds", "2",
              "--jobs", "1", "-o", str(tmp_path)]  # fmt: skip
     assert main([*words, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
@@ -253,7 +253,7 @@ def test_the_command(tmp_path, capsys):
     assert row["over_single"] > row["over_bound"]
     (whole,) = content["overall"]
     assert 0 < whole["score"] < 100 and whole["faults"] == 1
-    assert (tmp_path / "tradeoff.svg").exists() and (tmp_path / "tradeoff.json").exists()
+    assert (tmp_path / "sweep.svg").exists() and (tmp_path / "sweep.json").exists()
     assert main(words) == 0
     shown = capsys.readouterr().out
     assert "kt_step-v1, k_T" in shown and "score at equal excess error" in shown

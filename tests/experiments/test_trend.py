@@ -14,10 +14,8 @@ from log_health_tables import record_of
 from page_data import text_of
 
 from flexaxis.estimators.models.axes import MODELS
-from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import Axis, find_axis
-from flexaxis.experiments.logs.days import known_axis, without_faults
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import find_logs
 from flexaxis.experiments.logs.trend import estimates as trend
@@ -25,7 +23,6 @@ from flexaxis.experiments.logs.trend.covariates import dated, found_in
 from flexaxis.experiments.logs.trend.refit import refit
 from flexaxis.experiments.logs.trend.trend import ailments, common
 from flexaxis.sim.record import Record
-from flexaxis.sim.simulate import simulate
 
 T, N = 0.002, 1500
 J, F = 4e-3, 0.05
@@ -417,12 +414,6 @@ def test_intervals_are_the_spread_of_estimates(axis):
     spread = np.std([one.theta for one in every], axis=0)
     claimed = np.sqrt(np.mean([one.deviations**2 for one in every], axis=0))
     assert np.all((claimed / spread > 0.75) & (claimed / spread < 1.9))
-
-
-def test_a_log_with_static_friction_settles():
-    scenario = without_faults(find_scenario("wg_fc_step-v1"), 5.0)
-    (record,) = simulate(scenario, [0])
-    assert refit(record, known_axis(scenario), ["J_m", "f_c"]).left < 1
 
 
 def test_a_log_of_another_axis_is_a_problem(trended, tmp_path):

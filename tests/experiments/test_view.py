@@ -15,10 +15,10 @@ HIDDEN = {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}
 
 def test_a_picture_needs_no_display(tmp_path):
     target = tmp_path / "axis.png"
-    words = ["view", "fm_step-v1", "--at", "12", "-o", str(target)]
+    code = f"import flexaxis as fx; print(fx.view('fm_step-v1', at=12, picture={str(target)!r}))"
     environment = {key: value for key, value in os.environ.items() if key not in HIDDEN}
     done = subprocess.run(
-        [sys.executable, "-m", "flexaxis.experiments.cli", *words],
+        [sys.executable, "-c", code],
         capture_output=True,
         text=True,
         check=False,

@@ -20,7 +20,7 @@ from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.track import track
 
 AT, FACTOR, WINDOW = 20.0, 1.5, 5.0  # s, of f_m, s
-ESTIMATORS = ("glr", "rpem-friction")
+ESTIMATORS = ("glr", "ekf")
 ROWS = ((1, 100.0), (1, 1000.0), (1, 2500.0), (2, 250.0), (2, 1000.0), (2, 2500.0))
 
 

@@ -18,11 +18,8 @@ from flexaxis.sim.tables.nonlinear import StiffeningConfig
 from flexaxis.sim.tables.smooth_friction import (
     COMPILED_LAWS,
     WIDTH,
-    DirectionalFrictionConfig,
     GearFrictionConfig,
     LoadFrictionConfig,
-    PositionFrictionConfig,
-    PowerFrictionConfig,
     StaticFrictionConfig,
 )
 
@@ -42,7 +39,7 @@ def rubbed(q, u, friction):
     return solved(u, lambda x, value: rates(q, x, q.k_T * value - friction(x)))
 
 
-KEYS = {StaticFrictionConfig: "static_friction", DirectionalFrictionConfig: "directional_friction"}
+KEYS = {StaticFrictionConfig: "static_friction", LoadFrictionConfig: "load_friction"}
 
 
 def inline(table):
@@ -68,10 +65,10 @@ excitation = {{ kind = "multisine", rms = 0.05 }}
     ("name", "Kv", "table", "law"),
     [
         ("wg", 1.08, StaticFrictionConfig(**CURVE), lambda x: curve(x[3], **CURVE)),
-        ("n1", 0.22, DirectionalFrictionConfig(f_c=0.1, difference=0.2),
-         lambda x: 0.1 * (1 + 0.2 * np.tanh(x[3] / 0.1)) * np.tanh(x[3] / 0.1)),
+        ("n1", 0.22, LoadFrictionConfig(f_c=0.1, load=0.1),
+         lambda x: (0.1 + 0.1 * abs(load(N1, x))) * np.tanh(x[3] / 0.1)),
     ],
-    ids=["wg", "direction"],
+    ids=["wg", "load"],
 )  # fmt: skip
 def test_under_the_torque_of_a_loop(name, Kv, table, law):
     """It turns the motor round within a millisecond, which is harder on the steps than a sine."""
@@ -90,24 +87,17 @@ def load(q, x):
     return q.r * q.k_g * (q.r * x[0] - x[1])
 
 
-UNEVEN = {
-    "direction": (DirectionalFrictionConfig(f_c=0.1, difference=0.3),
-                  lambda x: 0.1 * np.tanh(x[3] / 0.1) * (1 + 0.3 * np.tanh(x[3] / 0.1))),
-    "position": (PositionFrictionConfig(f_c=0.1, ripple=0.5),
-                 lambda x: 0.1 * (1 + 0.5 * np.sin(2 * x[0])) * np.tanh(x[3] / 0.1)),
-    "load": (LoadFrictionConfig(f_c=0.03, load=0.1),
-             lambda x: (0.03 + 0.1 * abs(load(N1, x))) * np.tanh(x[3] / 0.1)),
-    "power": (PowerFrictionConfig(torque_at_1=0.04),
-              lambda x: 0.04 * x[3] / (x[3] ** 2 + 0.1**2) ** 0.15),
-}  # fmt: skip
+LOAD = LoadFrictionConfig(f_c=0.03, load=0.1)
 
 
-@pytest.mark.parametrize("name", UNEVEN)
-def test_what_no_model_contains(name):
+def load_friction(x):
+    return (0.03 + 0.1 * abs(load(N1, x))) * np.tanh(x[3] / 0.1)
+
+
+def test_friction_that_grows_with_the_load():
     u = torque()
-    table, law = UNEVEN[name]
-    reference = rubbed(N1, u, law)
-    assert distance(stepped(N1, u, table), reference) < 1e-5
+    reference = rubbed(N1, u, load_friction)
+    assert distance(stepped(N1, u, LOAD), reference) < 1e-5
     assert distance(stepped(N1, u), reference) > 0.01  # and it matters
 
 
@@ -164,8 +154,9 @@ def test_energy_of_a_gear_with_friction_is_balanced():
 
 def test_laws_add_up():
     u = torque(N=100)
-    reference = rubbed(N1, u, lambda x: sum(law(x) for _, law in UNEVEN.values()))
-    assert distance(stepped(N1, u, *(table for table, _ in UNEVEN.values())), reference) < 1e-5
+    mild = {"f_c": 0.02, "f_s": 0.05, "alpha": 1.0, "beta": 5.0}
+    reference = rubbed(N1, u, lambda x: load_friction(x) + curve(x[3], **mild))
+    assert distance(stepped(N1, u, LOAD, StaticFrictionConfig(**mild)), reference) < 1e-5
 
 
 @pytest.mark.parametrize("name", CURVE)
@@ -177,7 +168,7 @@ def test_each_parameter_of_the_curve_can_change_in_a_run(name):
 
 
 def test_of_several_laws_the_right_one_changes():
-    u, uneven = torque(5.0), DirectionalFrictionConfig(f_c=0.1, difference=0.2)
+    u, uneven = torque(5.0), LoadFrictionConfig(f_c=0.1, load=0.1)
     curves = [StaticFrictionConfig(**CURVE | {"alpha": alpha}) for alpha in (CURVE["alpha"], 1.0)]
     ours = stepped(WG, u, uneven, curves[0], law={0: {"alpha": 1.0}})
     assert np.array_equal(ours, stepped(WG, u, uneven, curves[1]))

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.scenario import parse_scenario, stored_scenario
+from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.simulate import simulate
 
-from .test_scenario import BARE, FAULT, PINNED, STEP
+from .test_scenario import BARE, FAULT
 from .test_simulate import identical
 
 SHORT = (BARE + FAULT).replace("20.0", "2.0").replace("10.0", "1.0")
@@ -63,14 +63,6 @@ def test_with_streams_of_the_content_every_value_counts(key):
     same = key == "card"
     assert (before.key, after.key) == (before.hash, after.hash)
     assert (after.key == before.key) == (after.record_hash == before.record_hash) == same
-
-
-def test_an_older_definition_gives_the_hash_that_it_was_stored_with():
-    content = parse_scenario(STEP).resolved()
-    assert content.pop("streams") == "plant"
-    again = stored_scenario(content, source="study.json")
-    assert again.hash == again.key == PINNED and again.resolved()["streams"] == "content"
-    assert parse_scenario(again.to_toml()).hash == PINNED
 
 
 @pytest.mark.parametrize("text", [OLD, SHORT], ids=["content", "plant"])

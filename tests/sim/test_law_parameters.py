@@ -18,8 +18,7 @@ from flexaxis.sim.tables.nonlinear import Law
 LUGRE = "lugre = { stiffness = 100.0, damping = 0.3, coulomb = 0.1, static = 0.15, stribeck = 0.5 }"
 STATIC = "static_friction = { f_c = 0.2, f_s = 0.1, alpha = 3.0, beta = 8.0 }"
 UNEVEN = (
-    "directional_friction = { f_c = 0.1, difference = 0.2 }\n"
-    "position_friction = { f_c = 0.1, ripple = 0.5 }\nload_friction = { f_c = 0.1, load = 0.1 }\n"
+    "load_friction = { f_c = 0.1, load = 0.1 }\n"
     "gear_friction = { f_c = 0.1, f_s = 0.1, motor = 0.1, external = 0.2, motor_slow = 0.1, "
     "external_slow = 0.1, v_s = 1.0, alpha = 2.0 }"
 )

@@ -7,7 +7,6 @@ exit status: 0 all rules hold, 1 a rule is broken, 2 it cannot be built, 70 its 
 
 example:
   flexaxis check my_estimator.py:Mine
-  flexaxis check my_estimator.py:Mine --long
   flexaxis check 'pipe:octave-cli -q my.m'
 """
 
@@ -26,11 +25,6 @@ HELP = "check that an estimator keeps the rules"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
-    parser.add_argument(
-        "--long",
-        action="store_true",
-        help="also what happens to an axis in a year: hours off, gaps, failing sensors (minutes)",
-    )
     options.add_time_limit(parser)
 
 
@@ -64,7 +58,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.running.cache import default_cache
 
     with limited(args.time_limit):
-        found = check(parse(args.estimator), long=args.long, store=default_cache(), begun=_Slow())
+        found = check(parse(args.estimator), store=default_cache(), begun=_Slow())
     status = int(any(finding.holds is False for finding in found))
     if args.json:
         rules = [asdict(finding) for finding in found]

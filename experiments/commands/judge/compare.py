@@ -18,7 +18,6 @@ example:
                    --max-seeds 128 --margin lag=5%,std=5%
   flexaxis compare --base glr --match-std --candidate my_estimator.py:Mine fm_step-v1
   flexaxis compare results/old results/new
-  flexaxis compare --self-test
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seeds",
         metavar="N or A:B",
-        help="as for `run` (default: the suite's number, 32); of a self-test the pool (256)",
+        help="as for `run` (default: the suite's number, 32)",
     )
     parser.add_argument(
         "--max-seeds", type=at_most(MOST), metavar="N", help="add seeds up to N while undecided"
@@ -64,15 +63,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--match-std", action="store_true", help="tune both to one noise first, and judge the lag"
     )
     parser.add_argument("--strict", action="store_true", help="exit 3 if undecided")
-    parser.add_argument(
-        "--self-test", action="store_true", help="rate of false alarms and power of the gate"
-    )
-    parser.add_argument(
-        "--comparisons",
-        type=at_most(10**6),
-        metavar="N",
-        help="of the self-test, for each rate (4000)",
-    )
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
     options.add_resume(parser)
     options.add_time_limit(parser)
@@ -85,13 +75,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.gate.stored import is_run
 
     margins = parse_margins(args.margin)
-    if args.comparisons is not None and args.comparisons < 1:
-        raise FlexaxisError(f"--comparisons {args.comparisons}: give a whole number, 1 or more")
-    if args.self_test:
-        _refuse(args, "the self-test", "max_seeds", "strict", "output", "overwrite", "resume",
-                "match_std")  # fmt: skip
-        return _self_test(args, margins)
-    _refuse(args, "a comparison (it is of --self-test)", "comparisons")
     if len(args.names) == 2 and all(map(is_run, args.names)):
         _refuse(args, "finished runs, which are compared as they are", "max_seeds", "jobs",
                 "overwrite", "resume", "match_std")  # fmt: skip
@@ -165,34 +148,3 @@ def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict
         lines.append(f"look at the worst seed: {row_command(found, worst(found), sources)}")
     content = found.as_dict() | {"report": path}
     return answer(args, content, status, *lines, path, show=lambda: show(terminal_table(found)))
-
-
-def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from flexaxis.experiments.catalogue.find import select
-    from flexaxis.experiments.gate import selftest
-    from flexaxis.experiments.gate.gate import SUITE
-    from flexaxis.experiments.reporting.terminal import show
-
-    scenarios = select(args.names or [SUITE]).scenarios
-    bases = (args.base,) if args.base else selftest.BASES
-    planted = args.candidate or (None if args.base else selftest.PLANTED)
-    seeds = parse_seeds(args.seeds) if args.seeds else list(selftest.POOL)
-    most = selftest.work(len(scenarios), len(bases), planted is not None, len(seeds))
-    with options.working(args, "self-test", most) as (means, advance):
-        found = selftest.self_test(
-            scenarios,
-            margins,
-            bases=bases,
-            planted=planted,
-            seeds=seeds,
-            comparisons=args.comparisons or 4000,
-            means=means,
-            advance=advance,
-        )
-    broken = [rate for rate in found if not rate.kept]
-    told = [rate.as_dict() for rate in found]
-    return answer(
-        args, {"rates": told, "broken": len(broken)}, int(bool(broken)),
-        f"\n{len(broken)} of {len(found)} rates break their promise" if broken else "\nkept",
-        show=lambda: show(selftest.terminal(told)),
-    )  # fmt: skip

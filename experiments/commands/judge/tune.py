@@ -1,4 +1,4 @@
-"""Find the setting of an estimator's knob at which it is as noisy as the reference.
+r"""Find the setting of an estimator's knob at which it is as noisy as the reference.
 
 On the nominal axis without a fault, started at the truth, over the seeds meant for tuning; the
 reference is rpem-forgetting at its default. What is equal is the excess prediction error, one
@@ -6,10 +6,16 @@ number for all parameters, or with --match the standard deviation of one of them
 elsewhere is on other seeds. A match takes at most 12 settings, from 1/1024 to 1024 times the usual
 one.
 
+With --sweep each estimator runs at many settings of its knob instead, and the lags after the faults
+of some scenarios are compared at equal noise, beside the bound. A row that begins with "at most" is
+of an estimator that is quieter than the reference at every setting, "at least" of one that is
+noisier. It writes sweep.json and sweep.svg.
+
 example:
   flexaxis tune ekf
   flexaxis tune ekf --match f_m
   flexaxis tune --all --save
+  flexaxis tune rpem-forgetting glr --sweep fm_step kt_step
 """
 
 from __future__ import annotations
@@ -24,35 +30,80 @@ from typing import TYPE_CHECKING, Any
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.files import OutputError
+from flexaxis.experiments.storage.files import OutputError, write_json, write_text
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.studies.tuning import Tuned
 
-HELP = "find the knob at which an estimator is as noisy as the reference"
+HELP = "find the knob at which an estimator is as noisy as the reference, or sweep it"
+
+SWEPT = ("rpem-forgetting", "rpem-drift", "ekf", "glr")
+"""What --sweep compares where no estimator is named."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("estimator", metavar="ESTIMATOR", nargs="?")
+    parser.add_argument("estimator", metavar="ESTIMATOR", nargs="*")
     parser.add_argument("--all", action="store_true", help="every registered one with a knob")
     parser.add_argument(
         "--match", default="excess", metavar="NAME",
         help="what is to be equal: excess, or a parameter whose std is (default: excess)",
     )  # fmt: skip
-    parser.add_argument("--seeds", default="0:16", metavar="N or A:B", help="default: 0:16")
+    parser.add_argument(
+        "--sweep", nargs="+", metavar="SUITE|SCENARIO",
+        help="compare the estimators over all settings of their knobs on these scenarios",
+    )  # fmt: skip
+    parser.add_argument(
+        "--seeds", metavar="N or A:B", help="default: 0:16, with --sweep 1000 to 1015"
+    )
     parser.add_argument(
         "--save", type=Path, nargs="?", const=True, metavar="FILE",
         help="write it to this TOML file (default: the one that the registry reads)",
     )  # fmt: skip
     options.add_jobs(parser, what="the settings do")
-    add_output(parser, "DIR", "where its runs are kept (default: results/tune/ESTIMATOR)")
+    add_output(parser, "DIR", "default: results/tune/ESTIMATOR, with --sweep results/sweep")
     options.add_resume(parser)
     options.add_time_limit(parser)
 
 
 def main(args: argparse.Namespace) -> int:
+    """Tune, or sweep, and print."""
+    return _sweep(args) if args.sweep else _tune(args)
+
+
+def _sweep(args: argparse.Namespace) -> int:
+    """Sweep the knobs, match the noise and draw."""
+    from flexaxis.experiments.catalogue.find import select
+    from flexaxis.experiments.comparison.ranking import overall
+    from flexaxis.experiments.reporting.figures import figure, svg
+    from flexaxis.experiments.reporting.run.speed import tradeoff
+    from flexaxis.experiments.reporting.terminal import equal_noise_table, show
+    from flexaxis.experiments.running.bench import Bench
+    from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
+
+    scenarios, *_ = select(args.sweep)
+    estimators = list(dict.fromkeys(args.estimator)) or [*SWEPT]
+    seeds = parse_seeds(args.seeds or "16")
+    command, folder = options.line(args), args.output or Path("results/sweep")
+    most = len(texts(settings(estimators, factors=TURNS))) * len(scenarios) * len(seeds)
+    how = {"overwrite": args.overwrite, "about": {"command": command}}
+    with (
+        options.working(args, f"at most {most} cases", most) as (means, _),
+        Bench(scenarios, folder, means, **how) as bench,
+    ):
+        swept = sweep(scenarios, estimators, seeds, bench)
+        ranking = overall(swept.at_excess)
+        content = {"command": command, "seeds": seeds, "reference": reference()}
+        content |= asdict(swept) | {"overall": ranking}
+        path = folder / "sweep.svg"
+        write_text(path, svg(figure(tradeoff(swept.points, estimators))))
+        write_json(folder / "sweep.json", content)
+    table = equal_noise_table(swept.matched, ranking)
+    return answer(args, content | {"figure": path}, 0, path, show=lambda: show(table))
+
+
+def _tune(args: argparse.Namespace) -> int:
     """Tune and print."""
     from flexaxis.experiments.building.crashes import no_room
     from flexaxis.experiments.running.bench import Bench
@@ -65,9 +116,10 @@ def main(args: argparse.Namespace) -> int:
     )
 
     names, path = _names(args), _file(args)
+    seeds = args.seeds or "0:16"
     found: list[dict[str, Any]] = []
     missed: list[str] = []
-    folder = args.output or Path("results") / "tune" / _folder(args.estimator or "all")
+    folder = args.output or Path("results") / "tune" / _folder("all" if args.all else names[0])
     # How many cases it takes is not known: the progress is that of the settings found.
     work = options.working(args, f"{len(names)} to tune", len(names), by_case=False)
     with (
@@ -76,7 +128,7 @@ def main(args: argparse.Namespace) -> int:
     ):
         for name in names:
             try:
-                tuned = match_noise(name, Trials(parse_seeds(args.seeds), bench, args.match))
+                tuned = match_noise(name, Trials(parse_seeds(seeds), bench, args.match))
             except FlexaxisError as error:
                 if not args.all or no_room(error):
                     raise
@@ -89,7 +141,7 @@ def main(args: argparse.Namespace) -> int:
                 advance(1)
             if path:
                 more = [] if args.match == "excess" else ["--match", args.match]
-                words = ["flexaxis tune", name, "--seeds", args.seeds, *more]
+                words = ["flexaxis tune", name, "--seeds", seeds, *more]
                 save(path, name, tuned, command=" ".join(words))
             found.append(asdict(tuned) | {"estimator": name})
             if not args.json:
@@ -110,7 +162,7 @@ def _names(args: argparse.Namespace) -> list[str]:
     """Return who is to be tuned: one, or all that the file of the registry holds."""
     from flexaxis.estimators.registry import REGISTRY
 
-    if args.all == (args.estimator is not None):
+    if args.all == bool(args.estimator) or len(args.estimator) > 1:
         eaten = f" (--save took {args.save} for its FILE)" if isinstance(args.save, Path) else ""
         raise FlexaxisError(f"name one estimator, or give --all{eaten}")
     if args.all and args.match != "excess":
@@ -118,7 +170,7 @@ def _names(args: argparse.Namespace) -> list[str]:
             "--all tunes all as the file of the registry has them, at equal excess error: leave "
             "--match out, or name one estimator"
         )
-    return [name for name, e in REGISTRY.items() if e.knob] if args.all else [args.estimator]
+    return [name for name, e in REGISTRY.items() if e.knob] if args.all else args.estimator
 
 
 def _file(args: argparse.Namespace) -> Path | None:
@@ -128,7 +180,7 @@ def _file(args: argparse.Namespace) -> Path | None:
 
     if args.save is None:
         return None
-    if args.save is True and args.estimator and is_guest(args.estimator):
+    if args.save is True and args.estimator and is_guest(args.estimator[0]):
         raise FlexaxisError(
             "--save without a file writes to that of the registry, which your estimator is not "
             "in: give a file, --save mine.toml"

@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 
 from flexaxis.experiments.commands.answers import answer
-from flexaxis.experiments.streams import visible
 
 HELP = "show a scenario, suite or estimator with all its values"
 
@@ -61,6 +60,6 @@ def main(args: argparse.Namespace) -> int:
         content = scenario.resolved() | {"hash": scenario.hash}
         known = card.reference_card(scenario) | {"content hash": scenario.hash}
         of_card = [f"# {key}: {' '.join(value.split())}" for key, value in known.items()]
-        text = "".join(f"{visible(line)}\n" for line in of_card)
+        text = "".join(f"{line}\n" for line in of_card)
         text += f"\n{scenario.to_toml()}"
     return answer(args, content, 0, text.rstrip())

@@ -15,7 +15,6 @@ from pathlib import Path
 
 from flexaxis.experiments.building.code import add_run_code
 from flexaxis.experiments.commands.answers import SEED, answer, at_most
-from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
 
 HELP = "run random cases of a run or a study again and compare"
@@ -44,10 +43,7 @@ def main(args: argparse.Namespace) -> int:
     verdicts = list(verify(args.folder, command=command, **how))
     wrong = [verdict for verdict in verdicts if verdict.differences]
     cases = [asdict(verdict) for verdict in verdicts]
-    lines = [
-        "\n  ".join(map(visible, (f"{each.case} ({each.what}):", *each.differences)))
-        for each in wrong
-    ]
+    lines = ["\n  ".join((f"{each.case} ({each.what}):", *each.differences)) for each in wrong]
     exact = sum(verdict.exact for verdict in verdicts)
     lines += [
         f"{len(verdicts) - len(wrong)} of {len(verdicts)} cases agree; {exact} had to be identical "

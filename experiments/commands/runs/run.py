@@ -5,7 +5,7 @@ suite's estimators run (those of `smoke` where only scenarios are named). The fo
 scores.sqlite (a row for each scenario, estimator, seed, parameter), summary.json and report.html.
 An estimator given as path/file.py:Class, package.module:Class or entry point is code that is run.
 
-Simulated records are kept (`flexaxis cache info`), so that another estimator on the same scenarios
+Simulated records are kept (see `fx.cache`), so that another estimator on the same scenarios
 and seeds simulates nothing. Rows are added to DIR as they come, and what it holds is kept and not
 run again: after Ctrl-C, a kill or a full disk the same line runs what is missing. The report and
 summary.json are of what the line asks for; --overwrite removes what DIR holds first. A case that
@@ -17,6 +17,7 @@ example:
   flexaxis run fm_step-v1 kt_step-v1 --estimator rpem-forgetting \
            --estimator 'rpem-forgetting[forgetting=0.99]' --seeds 30 -o results/lambda
   flexaxis run mine.toml --estimator my_estimator.py:Mine --seeds 0:20
+  flexaxis run --from shard1 shard2 -o results/whole
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import REPORT, spare
+from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.catalogue.find import Selection
@@ -41,7 +43,7 @@ HELP = "run estimators on scenarios, score them, write a report"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("names", nargs="+", metavar="SUITE|SCENARIO")
+    parser.add_argument("names", nargs="*", metavar="SUITE|SCENARIO")
     parser.add_argument("--estimator", action="append", metavar="E", help="repeat for several")
     parser.add_argument(
         "--seeds",
@@ -50,6 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "0 to 99 are meant for tuning, 1000 to 4999 for reporting",
     )
     options.add_engine(parser)
+    options.add_from(parser)
     add_output(parser, "DIR", "default: results/FIRST_NAME")
     options.add_cache(parser, default=True)
 
@@ -58,6 +61,10 @@ def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
     from flexaxis.experiments.studies.benchmark import benchmark
 
+    if args.shards:
+        return options.merge_shards(args)
+    if not args.names:
+        raise FlexaxisError("name a suite or a scenario, such as smoke; `flexaxis list` shows them")
     work, share = wanted(args, args.names), options.shard(args)
     folder = args.output or Path("results") / Path(args.names[0]).stem
     spare(args.names, folder)
@@ -128,7 +135,7 @@ def _readable(chosen: Selection, estimators: Sequence[str]) -> set[str]:
 
 
 def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) -> int:
-    """Print what became of a share; all of them are reported on when they are merged."""
+    """Print what became of a share; the report is of all of them, by `run --from`."""
     from flexaxis.experiments.results.results import Results
 
     failures = Results.load(folder).failures()

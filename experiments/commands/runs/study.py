@@ -21,7 +21,8 @@ A file that names code (path.py:Class, module:Class, pipe:COMMAND) is refused, a
 example:
   flexaxis study docs/examples/friction_steps.toml --dry-run
   flexaxis study docs/examples/friction_steps.toml -o results/friction --jobs 4
-  flexaxis study docs/examples/friction_steps.toml -o /net/friction --shard 3/100
+  flexaxis study docs/examples/friction_steps.toml -o /net/friction3 --shard 3/100
+  flexaxis study --from /net/friction* -o results/friction
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.storage.files import REPORT, STUDY, spare
+from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.plan import Plan, Work
@@ -45,9 +47,10 @@ HELP = "sweep scenarios, faults and estimators over many seeds, resumable"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("file", type=Path, metavar="FILE.toml")
+    parser.add_argument("file", type=Path, metavar="FILE.toml", nargs="?")
     add_output(parser, "DIR", "default: results/NAME")
     options.add_engine(parser)
+    options.add_from(parser)
     parser.add_argument("--dry-run", action="store_true", help="print the plan, and stop")
     parser.add_argument(
         "--keep",
@@ -63,6 +66,10 @@ def main(args: argparse.Namespace) -> int:
     """Read, ask for consent, plan, run and report."""
     from flexaxis.experiments.studies.definition import load_study
 
+    if args.shards:
+        return options.merge_shards(args)
+    if args.file is None:
+        raise FlexaxisError("name the study's TOML file; docs/studies.md has every key")
     study = load_study(args.file)
     consent = {"source": str(args.file), "command": args.line.replace(" --dry-run", "")}
     if not args.dry_run:
@@ -144,7 +151,7 @@ def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int
     total = plan.work().cases
     counted = total - plan.work(done(folder, plan)).cases
     failures = Results.load(folder).failures()
-    # A share is reported on when all are merged.
+    # The report is of all shards, by `study --from`.
     path = report(folder) if plan.shard[1] == 1 else folder
     status = options.failed(failures, args.remarks)
     told = {"folder": folder, "report": path, "cases": counted, "of": total}

@@ -1,4 +1,4 @@
-"""Logs in HDF5, which another process has gone through: NetCDF-4 and MAT v7.3 are such, too."""
+"""Logs in HDF5; NetCDF-4 and MAT v7.3 are HDF5, too."""
 
 from __future__ import annotations
 
@@ -7,12 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.reading.log import LONGEST, WIDEST, Array, Log, columns_of
-
-TEXT = 4096  # characters of a unit that are wanted: one may unpack to gigabytes
+from flexaxis.experiments.logs.reading.log import WIDEST, Array, Log, columns_of
 
 
 def open_file(path: Path) -> Log:
@@ -31,7 +27,7 @@ def open_file(path: Path) -> Log:
         for column in _names(name, item):
             places[column] = name
             if text:
-                units[column] = text[:TEXT]
+                units[column] = text
 
     with _opened(path) as file:
         file.visititems(visit)
@@ -50,19 +46,11 @@ def open_file(path: Path) -> Log:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Open a file that another process has gone through; say in one line what is wrong with it."""
+    """Open a file, or say in one line what is wrong with it."""
     import h5py
 
-    from flexaxis.sim.storage.hdf5_apart import gone_through
-    from flexaxis.sim.storage.hdf5_inside import only_inside
-
-    def refuse(said: str) -> LogError:
-        return LogError(f"{path}: {said}")
-
-    gone_through(path, refuse)
     try:
         with h5py.File(path, "r") as file:
-            only_inside(file, refuse)
             yield file
     except (LogError, MemoryError):
         raise
@@ -76,11 +64,6 @@ def _names(name: str, item: Any) -> list[str]:
     shape = tuple(n for n in item.shape if n != 1) if item.shape is not None else ()
     if item.dtype.kind not in "fiub" or item.dtype.names is not None or not shape:
         return []
-    if max(shape) > LONGEST or np.prod(shape, dtype=float) > LONGEST * WIDEST:
-        raise LogError(
-            f"{key} says that it holds {max(shape)} samples; no more than {LONGEST} can be "
-            "read, so take a piece of it"
-        )
     if len(shape) == 1:
         return [key] if shape[0] > 1 else []
     wide = len(shape) != 2 or min(shape) > WIDEST

@@ -18,7 +18,7 @@ from flexaxis.sim.errors import did_you_mean
 Array = NDArray[np.float64]
 
 WIDEST = 64  # columns that a matrix may have, so that a picture is not taken for signals
-LONGEST = 200_000_000  # samples of a column: 1.6 GB
+LARGEST = 8_000_000_000  # bytes of a file
 SHOWN = 40  # names in a message
 
 
@@ -128,6 +128,8 @@ def _kind(path: Path) -> str:
     """Return what a file is, by its first bytes; refuse what is no log."""
     if path.is_dir():
         raise LogError(f"{path}: is a folder; name one of the logs in it")
+    if path.stat().st_size > LARGEST:
+        raise LogError(f"{path}: is larger than {LARGEST / 1e9:.0f} GB; give a part of it")
     with path.open("rb") as file:
         start = file.read(HEAD)
     if not start:
@@ -180,15 +182,9 @@ def _parquet(path: Path) -> Log:
             "pyarrow, or save the log as CSV"
         ) from error
     try:
-        told = parquet.read_metadata(path)  # the footer: how much there is, before it is read
-        schema = told.schema.to_arrow_schema()
+        schema = parquet.read_schema(path)
     except (ArrowException, OSError) as error:
         raise LogError(f"{path}: no parquet file, or a broken one ({error})") from error
-    if told.num_rows > LONGEST:
-        raise LogError(
-            f"{path} says that it holds {told.num_rows} rows; no more than {LONGEST} can be read, "
-            "so take a piece of it"
-        )
     fields = [
         f.name
         for f in schema

@@ -56,14 +56,11 @@ function distinct(names) {
   });
 }
 
-const HARMLESS = new RegExp(`^${END}(?: ?%)?(?: ?[…±] ?${END}(?: ?%)?)*$`); // a number, or a range
-
-/** Rows as text with a mark between; text that a spreadsheet would run as a formula is quoted. */
+/** Rows as text with a mark between. */
 function separated({ heads, rows }, mark) {
   const cell = (value) => {
     if (value === null) return "";
-    const runs = typeof value === "string" && /^[-=+@\t\r]/.test(value) && !HARMLESS.test(value);
-    const text = runs ? `'${value}` : String(value);
+    const text = String(value);
     return new RegExp(`["\\r\\n${mark}]`).test(text) ? `"${text.replaceAll('"', '""')}"` : text;
   };
   return [heads, ...rows].map((row) => row.map(cell).join(mark)).join("\r\n") + "\r\n";

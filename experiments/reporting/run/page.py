@@ -21,7 +21,7 @@ from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.true_model import known_structure
 from flexaxis.experiments.storage.files import SUMMARY, StudyError
-from flexaxis.sim.scenario import Scenario, stored_scenario
+from flexaxis.sim.scenario import Scenario, scenario_from
 
 TEMPLATE = "reporting/templates/run.html"
 AT_FIRST = 9  # estimators that are shown unless others are asked for: more cannot be told apart
@@ -60,7 +60,7 @@ class Run:
         """Return what there is of a run, its single runs from its folder."""
         summary = results.summary
         scenarios = {
-            name: stored_scenario(entry["definition"], source=name)
+            name: scenario_from(entry["definition"], source=name)
             for name, entry in summary["scenarios"].items()
         }
         order, aside = first.drawn_first(summary, AT_FIRST)
@@ -251,7 +251,7 @@ def _further(run: Run) -> list[dict[str, Any]]:
     if not swept:
         return []
     study = Results.load(run.pooled.folder).study
-    known = [stored_scenario(s, source="study.json") for s in study["tradeoff"]["scenarios"]]
+    known = [scenario_from(s, source="study.json") for s in study["tradeoff"]["scenarios"]]
     place = {estimator: i for i, estimator in enumerate(run.order)}
     points = sorted(swept["points"], key=lambda p: (place[p["estimator"]], p["std"] or 0.0))
     return [
@@ -271,10 +271,9 @@ def _further(run: Run) -> list[dict[str, Any]]:
 
 def _sweep_of(name: str, study: Mapping[str, Any]) -> str:
     """Return the line that sweeps the knobs on a scenario again."""
-    words = ["flexaxis", "tradeoff", name]
-    for estimator in study["tradeoff"]["estimators"]:
-        words += ["--estimator", estimator]
-    return shlex.join([*words, "--seeds", f"{study['seeds'][0]}:{study['seeds'][-1] + 1}"])
+    seeds = f"{study['seeds'][0]}:{study['seeds'][-1] + 1}"
+    words = ["flexaxis", "tune", *study["tradeoff"]["estimators"]]
+    return shlex.join([*words, "--seeds", seeds, "--sweep", name])
 
 
 def _provenance(run: Run) -> list[str]:

@@ -138,8 +138,8 @@ def as_set(rows: Sequence[Row], order: Sequence[str], wrong: Wrong = frozenset()
         name="tradeoff",
         title="Speed against noise",
         words="Nearer to the lower left is better; a point is an estimator as it is set, on one "
-        "fault. `flexaxis tradeoff` draws the whole curve of each knob, with the bounds. Whiskers "
-        "are 95 % intervals over seeds." + left_out(wrong),
+        "fault. `flexaxis tune --sweep` draws the whole curve of each knob, with the bounds. "
+        "Whiskers are 95 % intervals over seeds." + left_out(wrong),
         x="std before the fault [% of nominal]",
         panels=[Panel(y="lag [s]", y_log=True, lines=lines)],
         x_log=True,

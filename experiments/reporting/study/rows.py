@@ -212,7 +212,7 @@ SHOWN = (
 
 NEED_A_CHANGE = ("lag [s]", "× bound", "t10 [s]", "score", "bound [s]", "never settled")
 WORDS = (
-    "All rows, one a parameter of each case: scores.sqlite beside this page; flexaxis export "
+    "All rows, one a parameter of each case: scores.sqlite beside this page; Results.to_csv "
     "writes them as a table."
 )
 

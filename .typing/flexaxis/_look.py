@@ -1,0 +1,1 @@
+../../experiments/front/_look.py

@@ -1,0 +1,46 @@
+"""Write the daily logs of a robot axis that wears and warms: `python daily_logs.py FOLDER`.
+
+The axis is a published one (`wg_fc_step-v1`) and makes the same motion of 20 s every morning. Its
+friction falls by 1 % a kelvin, and from day 30 of 60 on its dry friction grows by 12 %. Each log
+has a column `temp`. FOLDER/axis.toml holds the data sheet: each value is up to 5 % off.
+"""
+
+import sys
+from dataclasses import replace
+from datetime import date, timedelta
+from pathlib import Path
+
+import numpy as np
+
+import flexaxis as fx
+from flexaxis.estimators.models.axes import STATIC, three_mass
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.logs.axis_file import Axis
+
+DAYS, FROM, WEAR, PER_KELVIN = 60, 30, 0.12, -0.01
+
+folder = Path(sys.argv[1])
+folder.mkdir(exist_ok=True)
+rng = np.random.default_rng(0)
+nominal = dict(find_scenario("wg_fc_step-v1").initial)
+friction = {"f_m": "parameters.f_m", "f_c": "static_friction.f_c"}
+for day in range(DAYS):
+    kelvin = 10 * np.sin(2 * np.pi * day / DAYS) + rng.normal(0, 3)
+    warm = (1 + PER_KELVIN) ** kelvin * np.exp(rng.normal(0, 0.01, 2))  # and 1 % from day to day
+    worn = 1 + WEAR * np.clip((day + 1 - FROM) / (DAYS - FROM), 0, 1)
+    changes = {
+        friction["f_m"]: nominal["f_m"] * warm[0],
+        friction["f_c"]: nominal["f_c"] * warm[1] * worn,
+    }
+    record = fx.simulate("wg_fc_step-v1", seed=day, duration=20.0, fault=[], **changes)
+    log = record.to_dataframe()[["torque", "angle", "speed"]].reset_index()
+    log.columns = ["time [s]", "torque [Nm]", "angle [rad]", "speed [rad/s]"]
+    log["temp"] = np.round(25 + kelvin + rng.normal(0, 0.1, len(log)), 1)
+    name = f"{date(2026, 1, 1) + timedelta(days=day)}.csv"
+    log.to_csv(folder / name, index=False, float_format="%.10g")
+
+# A data sheet: only the torque constant and the gear ratio, which no log tells, are exact.
+law = replace(three_mass(nominal), laws=(STATIC,))
+sheet = {name: v * (1 + rng.uniform(-0.05, 0.05)) for name, v in law.nominal.items()}
+axis = Axis(law, {"model": "three_mass"}, known=True)
+axis.having(sheet | {"k_T": 1.0, "r": 1.0}).save(folder / "axis.toml")

@@ -1,0 +1,116 @@
+"""An unscented Kalman filter as an estimator of your own: it imports nothing of flexaxis.
+
+    flexaxis check docs/examples/ukf.py:Ukf
+    flexaxis run headline --estimator ekf --estimator docs/examples/ukf.py:Ukf
+
+R. van der Merwe and E. A. Wan, *The square-root unscented Kalman filter for state and
+parameter-estimation*, ICASSP 2001; here with the covariance itself and alpha = 1.
+"""
+
+import numpy as np
+
+TERMS = 16  # of the exponential series; with two substeps of 2.5 ms it is exact to rounding
+SUBSTEPS = 2
+
+
+class Ukf:
+    """Joint filter for the relative parameters, which walk at random, and the state of the axis."""
+
+    names = ("k_T", "1/J_a", "f_m")  # what theta means
+    output = "speed"  # what y is
+    knob = "walk"  # what buys speed with noise
+
+    def __init__(self, nominal, period, *, walk=0.001162, spread=0.2):
+        # walk: standard deviation of a relative parameter after a second; spread: at the start.
+        self.nominal, self.period = dict(nominal), period
+        self.start = np.array([nominal["k_T"], 1 / nominal["J_a"], nominal["f_m"]])
+        self.bounds = (0.1 * self.start, 10 * self.start)
+        self.xi = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # theta/start, x
+        self.P = np.diag([spread**2] * 3 + [0.0] * 5)
+        self.W = np.diag([walk**2 * period] * 3 + [0.0] * 5)
+        self.samples, self.last, self.squares = 0, np.zeros(4), np.zeros(2)
+        self.noise = 0.0
+
+    @property
+    def theta(self):
+        """The estimate (3,)."""
+        return self.xi[:3] * self.start
+
+    @property
+    def covariance(self):
+        """What the filter claims of theta, (3, 3)."""
+        return self.P[:3, :3] * np.outer(self.start, self.start)
+
+    def step(self, u, y):
+        """Take torque u[k] and speed y[k] (None in a gap); return theta[k]."""
+        if y is not None:
+            self._measure(y)
+        theta = self.theta
+        self._move(u)  # u[k] is held from now on and first acts on y[k+1]
+        return theta
+
+    def _measure(self, y):
+        """Update with y; the speed is a state, so its sigma points have the moments in xi and P."""
+        residual = y - self.xi[5]
+        self._learn_noise(residual)
+        if self.samples < 20:  # the noise is not known yet
+            return
+        variance = self.P[5, 5] + self.noise
+        gain = self.P[:, 5] / variance
+        self.xi = self.xi + gain * residual
+        self.xi[:3] = np.clip(self.xi[:3], 0.1, 10.0)
+        self.P = self.P - variance * np.outer(gain, gain)
+
+    def _learn_noise(self, residual):
+        """Learn R over 2 s; what a wrong parameter leaves is smooth, so differences remove it."""
+        self.last = np.append(self.last[1:], residual)
+        self.samples += 1
+        limit = 9 * (self.P[5, 5] + self.noise) if self.samples > 20 else np.inf  # of a fault
+        new = np.array([residual, (self.last @ [-1, 3, -3, 1]) / np.sqrt(20)]) ** 2
+        self.squares += (np.minimum(new, limit) - self.squares) / min(
+            self.samples, 2.0 / self.period
+        )
+        self.noise = max(min(self.squares), 1e-300)
+
+    def _move(self, u):
+        """Take the sigma points through the exact sampled model, and their mean and covariance."""
+        sizes = np.sqrt(np.diag(self.P))
+        units = np.where(sizes > 0, sizes, 1.0)  # P judged free of units
+        values, vectors = np.linalg.eigh(self.P / np.outer(units, units))
+        root = (units[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))).T
+        reach = np.sqrt(len(root)) * np.vstack([0 * root[:1], root, -root])
+        points = self.xi + reach
+        points[:, 3:] = self._sampled(np.clip(points[:, :3], 0.1, 10.0), points[:, 3:], u)
+        self.xi = points[1:].mean(axis=0)
+        apart = points - self.xi
+        weights = np.r_[2.0, np.full(len(apart) - 1, 1 / (len(apart) - 1))]
+        self.P = (weights * apart.T) @ apart + self.W
+        shrink = np.ones(8)
+        shrink[:3] = 1 / np.sqrt(np.maximum(1.0, np.diag(self.P)[:3]))  # at most 100 %
+        self.P *= np.outer(shrink, shrink)
+
+    def _sampled(self, eta, x, u):
+        """Return the states (points, 5) of axes with the parameters eta (points, 3) a sample on.
+
+        The state is x = [twist motor-gear, twist gear-arm, speeds of motor, gear and arm].
+        """
+        q = self.nominal
+        k_T, inverse_J_a, f_m = (eta * self.start).T
+        r, k_g, k_a, d_g, d_a = (q[name] for name in ("r", "k_g", "k_a", "d_g", "d_a"))
+        A, B = np.zeros((len(eta), 5, 5)), np.zeros((len(eta), 5))
+        A[:, 0, 2], A[:, 0, 3], A[:, 1, 3], A[:, 1, 4] = r, -1, 1, -1
+        gear, arm = np.array([k_g, 0, r * d_g, -d_g, 0]), np.array([0, k_a, 0, d_a, -d_a])
+        A[:, 2], A[:, 3], A[:, 4] = -r * gear / q["J_m"], (gear - arm) / q["J_g"], arm
+        A[:, 4] *= inverse_J_a[:, None]
+        A[:, 2, 2] -= f_m / q["J_m"]
+        A[:, 3, 3] -= q["f_g"] / q["J_g"]
+        A[:, 4, 4] -= q["f_a"] * inverse_J_a
+        B[:, 2] = k_T * u / q["J_m"]
+        step = self.period / SUBSTEPS
+        for _ in range(SUBSTEPS):
+            term = step * ((A @ x[..., None])[..., 0] + B)
+            x = x + term
+            for k in range(2, TERMS):
+                term = step / k * (A @ term[..., None])[..., 0]
+                x = x + term
+        return x
