@@ -116,7 +116,7 @@ def begin_anew(state: Memory, start: Memory) -> None:
     The torque alone moves the state from rest until it is that of the axis; what is wrong in it
     would be learnt as structure. R is learnt again; until then that before judges the sensor.
     """
-    kept = {name: np.copy(state[name]) for name in KEPT}
+    kept: dict[str, ArrayLike] = {name: np.copy(state[name]) for name in KEPT}
     kept["earlier"] = np.copy(state["noise"]) if np.max(state["anew"]) < 2.0 else np.nan
     state.block[...] = start.block
     for name, value in kept.items():

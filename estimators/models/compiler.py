@@ -39,6 +39,7 @@ class Compiled:
 
     def __init__(self, function: Callable, *, kept: bool = False, **options: Any) -> None:
         update_wrapper(self, function)
+        self.name = function.__name__
         self.function, self.kept, self._options = function, kept, options
         self._called = False
 
@@ -49,15 +50,15 @@ class Compiled:
         return self.dispatcher(*arguments) if self._called else self._first_call(arguments)
 
     def __reduce__(self) -> str:
-        return self.__qualname__
+        return self.name
 
     def _first_call(self, arguments: tuple) -> Any:
         """Call it, and say so where it has to be compiled."""
         call, folder = self.dispatcher, cache_folder()
-        kept = folder is not None and any(folder.rglob(f"*.{self.__name__}-*.nbi"))
+        kept = folder is not None and any(folder.rglob(f"*.{self.name}-*.nbi"))
         if call is not self.function and not kept:
             where = f"once, into {folder}" if folder else "as no cache folder can be written"
-            print(f"flexaxis: compiling {self.__name__} {where} …", file=sys.stderr, flush=True)
+            print(f"flexaxis: compiling {self.name} {where} …", file=sys.stderr, flush=True)
         collecting = gc.isenabled()
         gc.disable()  # looking for garbage takes a sixth of the time, and finds next to none
         try:

@@ -176,24 +176,22 @@ def _tables(model: Parametrization, coefficient: NDArray) -> tuple[NDArray, dict
     coefficient = np.bincount(inverse.ravel(), coefficient).astype(float)
     places = np.unique(keys[:, :2], axis=0)
     places = places[np.lexsort((places[:, 0], places[:, 1], places[:, 0] == model.n))]
-    index = {tuple(place): e for e, place in enumerate(places.tolist())}
-    of = np.array([index[r, c] for r, c in keys[:, :2].tolist()])
-    varying = {e for e, powers in zip(of.tolist(), keys[:, 2:], strict=True) if powers.any()}
-    pairs = sorted(
-        {(e, i) for e, key in zip(of.tolist(), keys, strict=True) for i in np.flatnonzero(key[2:])}
-    )
+    index = {(r, c): e for e, (r, c) in enumerate(places.tolist())}
+    powers_of = [(index[r, c], powers) for r, c, *powers in keys.tolist()]
+    varying = {e for e, powers in powers_of if any(powers)}
+    pairs = sorted({(e, i) for e, powers in powers_of for i, power in enumerate(powers) if power})
     entries, slopes = np.zeros(len(places), ENTRY), np.zeros(len(pairs), SLOPE)
     entries["row"], entries["column"] = places.T
-    slopes["entry"], slopes["lane"] = np.array(pairs).reshape(-1, 2).T
+    slopes["entry"], slopes["lane"] = np.array(pairs, int).reshape(-1, 2).T
     slopes["lane"] += 1
     entries["first"] = np.searchsorted(slopes["entry"], np.arange(len(places)), "left")
     entries["last"] = np.searchsorted(slopes["entry"], np.arange(len(places)), "right")
-    terms, factors = [], []
-    for e, key, c in zip(of.tolist(), keys.tolist(), coefficient.tolist(), strict=True):
+    terms, factors = list[tuple](), list[tuple]()
+    for (e, powers), c in zip(powers_of, coefficient.tolist(), strict=True):
         if e not in varying:
             entries["value"][e] += c
             continue
-        own = [(i, power, pairs.index((e, i))) for i, power in enumerate(key[2:]) if power]
+        own = [(i, power, pairs.index((e, i))) for i, power in enumerate(powers) if power]
         terms.append((e, len(factors), len(factors) + len(own), c))
         factors += own
     return entries, {
