@@ -1,16 +1,13 @@
 """Estimators that are made once and reset: nobody can tell them from new ones."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.compiler import Compiled
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building import ready as ready_
 from flexaxis.experiments.building.estimator_text import build, parse
-from flexaxis.experiments.building.ready import Uncompiled, ready
+from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.running.case import followed
 from flexaxis.sim.simulate import simulate
 
@@ -132,31 +129,3 @@ def test_whether_it_could_be_made_is_found_out_once(records, monkeypatch):
     for _ in range(2):
         with pytest.raises(EstimatorError, match="forgetting"):
             ready(wrong, scenario)
-
-
-class Loop:
-    """Is compiled when a filter is made that nobody tries out only."""
-
-    def __init__(self):
-        self.rendered, self.calls = SimpleNamespace(name="loop"), 0
-
-    prepare, _called, _loaded = Compiled.prepare, False, (None, None)
-
-
-def test_what_has_to_be_compiled_is_so_where_it_is_made_for_good(records, monkeypatch):
-    scenario, _ = records
-    loop, made = Loop(), ready_.made
-
-    def making(*args):
-        loop.prepare(lambda: setattr(loop, "calls", loop.calls + 1))
-        return made(*args)
-
-    monkeypatch.setattr(ready_, "made", making)
-    monkeypatch.setattr(ready_, "_kept", ready_._Kept())
-    tried = Uncompiled()
-    for text in ("frozen", "literal-rpem", "frozen"):
-        tried.try_out(text, scenario)
-    assert tried.found == [("frozen", scenario)]  # the others need what it needs
-    assert not loop.calls
-    assert ready(parse("frozen"), scenario) is ready(parse("frozen"), scenario)
-    assert loop.calls == 1

@@ -16,7 +16,6 @@ from pathlib import Path
 import pytest
 
 from flexaxis.experiments.building import processes
-from flexaxis.experiments.building.ready import Task
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.plan import make_plan
@@ -146,8 +145,6 @@ def test_a_pool_that_breaks_is_replaced_and_nothing_is_lost(stubs, tmp_path, mon
     killed, pools = [], []
 
     def dies(unit):
-        if isinstance(unit, Task):  # before the first unit, where nothing is compiled yet
-            return False
         due = unit.seeds[0] in (1004, 1010) and killed.count(unit.seeds[0]) < deaths
         killed.extend([unit.seeds[0]] * due)
         return due
