@@ -207,7 +207,7 @@ def measure(state, y, valid):
     now["epsilon"] = now["variance"] = np.nan
     if valid:
         now["scale"] = 1.0 + _form(state.P, psi, gain)
-        valid = not (now["clip"] > 0.0 and _sticks(state, y))
+        valid = not (now["clip"] > 0.0 and _sticks(now, y))
     else:
         now["reading"] = np.nan
     if valid:
@@ -218,13 +218,13 @@ def measure(state, y, valid):
         judged = now["samples"] >= KNOWN or now["known"] > 0.0
         if judged or now["samples"] > 0.0:
             now["variance"] = now["noise"] * spread
-        surprise = _limited(state, judged)
+        surprise = _limited(now, judged)
         now["surprise"] = surprise
         for i in range(p):
             theta[i] += gain[i] * (surprise * weight)
         subtract(state.P, gain, weight)
         _carry(state.claim, gain, weight, state.reach, spread)
-        excited = _learn(state, surprise**2 / spread)
+        excited = _learn(now, psi, surprise**2 / spread)
         if excited and now["heeds"] < HEEDS_NOTHING:
             check_residual(now, y, now["epsilon"])
     project(theta, state.lower, state.upper)
@@ -233,9 +233,8 @@ def measure(state, y, valid):
 
 
 @inlined
-def _limited(state, judged):
+def _limited(now, judged):
     """Return the residual, or as much of it as a single sample may have."""
-    now = state.now[0]
     surprise = now["epsilon"]
     if now["clip"] > 0.0 and (judged or now["samples"] > 0.0):
         finest = max(now["noise"], LINEAR**2 * now["signal"])
@@ -250,9 +249,8 @@ def _limited(state, judged):
 
 
 @inlined
-def _sticks(state, y):
+def _sticks(now, y):
     """Return whether y is that of a sensor that is stuck; the first samples are believed."""
-    now = state.now[0]
     known = now["samples"] >= KNOWN or now["known"] > 0.0
     noise = now["noise"] if known else now["earlier"]
     if is_stuck(now, y, now["expected"], noise * now["scale"]):
@@ -277,7 +275,7 @@ def _form(P, psi, gain):
 
 
 @inlined
-def _learn(state, square):
+def _learn(now, psi, square):
     """
     Take a squared residual into R̂, exact over the first samples, then with a memory.
 
@@ -287,10 +285,9 @@ def _learn(state, square):
 
     Not while the axis is not excited; return whether it is.
     """
-    now = state.now[0]
     excitation = 0.0
-    for i in range(len(state.psi)):
-        excitation += state.psi[i] ** 2
+    for i in range(len(psi)):
+        excitation += psi[i] ** 2
     excited = excitation > (ASLEEP * now["noise"] if now["samples"] > 0.0 else 0.0)
     if excited:
         now["samples"] = min(now["samples"] + 1.0, now["memory"])

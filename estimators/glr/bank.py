@@ -46,9 +46,10 @@ def carry_columns(bank, state, e, S):
     root = 1.0 / np.sqrt(S) if measured else 0.0
     z = e * root if measured else 0.0
     if b["searching"] > 0:
-        carry_waves(bank, state.axis, state.G)
-        correct(bank.wave_D, bank.wave_moved, state.gain, root, z, p, bank.wave_J, bank.wave_d)
-        pair_waves(bank, root, z)
+        waves, axis = bank.waves, state.axis
+        carry_waves(waves, axis.response, axis.sizes[0]["steps"], state.G)
+        correct(waves.D, waves.moved, state.gain, root, z, p, waves.J, waves.d)
+        pair_waves(b, waves, root, z)
     elif b["awake"] > 0:
         np.dot(state.G, bank.D, bank.moved)
         correct(bank.D, bank.moved, state.gain, root, z, p, bank.J, bank.d)

@@ -8,10 +8,15 @@ The columns hold sine and cosine of every whole number of waves in a turn. The s
 is clear, becomes a law of cogging in a filter that begins where this one is.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from flexaxis.estimators.models.compiler import fused, inlined
-from flexaxis.estimators.models.memory import Memory
+from flexaxis.estimators.models.memory import Memory, items, matrix
+
+Array = NDArray[np.float64]
 
 ALARM = 20.0  # nats by which a wave explains more than it costs: three times those of a jump, as
 # it stays for good, and as friction that is still being learnt makes columns wrong
@@ -20,10 +25,44 @@ FASTEST = 2.0  # radians that a wave may turn in a period at the rms speed; torq
 # are gone from their mean over the period
 
 
+class Waves(NamedTuple):
+    """
+    Columns of sine and cosine of K waves.
+
+    Attributes
+    ----------
+    D, moved : (m, 2K), (n+1, 2K) arrays
+        δ, and what a sample makes of it.
+    J, d, pull : (2K,) arrays
+        Sums of each, and its torque.
+    cross : (K,) array
+        What sine and cosine have in common.
+    """
+
+    D: Array
+    moved: Array
+    J: Array
+    d: Array
+    pull: Array
+    cross: Array
+
+
 @inlined
-def look_for_waves(bank, state):
+def waves_in(block, at):
+    """Return the waves of a block, whose arrays come in this order."""
+    return Waves(
+        matrix(block, at[0]),
+        matrix(block, at[1]),
+        items(block, at[2]),
+        items(block, at[3]),
+        items(block, at[4]),
+        items(block, at[5]),
+    )
+
+
+@inlined
+def look_for_waves(b, pull, now, axis):
     """Write what each torque was in the last sample, and what a torque does."""
-    b, now, axis = bank.now[0], state.now[0], state.axis
     speed, read = axis.lanes[1, 0, 0], now["prediction"]  # w̄ of friction, the first law
     if not np.isnan(now["innovation"]):  # where the model is wrong, its angle soon is
         read += now["innovation"]
@@ -32,49 +71,48 @@ def look_for_waves(bank, state):
     b["read"] = read
     angle = b["angle"] + 0.5 * b["period"] * speed
     sine, cosine, s, c = 0.0, 1.0, np.sin(angle), np.cos(angle)
-    for k in range(len(bank.pull) // 2):
+    for k in range(len(pull) // 2):
         sine, cosine = sine * c + cosine * s, cosine * c - sine * s
-        bank.pull[2 * k], bank.pull[2 * k + 1] = sine, cosine
+        pull[2 * k], pull[2 * k + 1] = sine, cosine
 
 
 @fused
-def carry_waves(bank, axis, G):
+def carry_waves(waves, response, steps, G):
     """Take the columns over the last sample, with what the torques did in it."""
-    moved, pull = bank.wave_moved, bank.pull
-    np.dot(G, bank.wave_D, moved)
+    moved, pull = waves.moved, waves.pull
+    np.dot(G, waves.D, moved)
     for i in range(len(moved)):  # friction brakes where cogging drives
-        k = i if i < len(moved) - 1 else axis.response.shape[1] - 1
-        push = -axis.response[0, k, 0] * axis.sizes[0]["steps"]
+        k = i if i < len(moved) - 1 else response.shape[1] - 1
+        push = -response[0, k, 0] * steps
         for c in range(len(pull)):
             moved[i, c] += push * pull[c]
 
 
 @fused
-def pair_waves(bank, root, z):
+def pair_waves(b, waves, root, z):
     """Keep what sine and cosine of a wave have in common, and how e repeats."""
     if root > 0.0:
-        b, seen = bank.now[0], bank.wave_moved[-1]
-        for k in range(len(bank.cross)):
-            bank.cross[k] += (seen[2 * k] * root) * (seen[2 * k + 1] * root)
+        seen = waves.moved[-1]
+        for k in range(len(waves.cross)):
+            waves.cross[k] += (seen[2 * k] * root) * (seen[2 * k + 1] * root)
         b["repeated"] += z * b["z_before"]
         b["z_before"] = z
 
 
 @inlined
-def begin_waves(bank):
+def begin_waves(b, waves):
     """Forget all torques: the axis begins to move."""
-    bank.wave_D[:] = 0.0
-    bank.now[0]["angle"] = bank.now[0]["read"] = 0.0
-    begin_sums(bank)
+    waves.D[:] = 0.0
+    b["angle"] = b["read"] = 0.0
+    begin_sums(b, waves)
 
 
 @inlined
-def begin_sums(bank):
+def begin_sums(b, waves):
     """Forget all evidence: the filter is no longer thrown about, as by its first samples."""
-    b = bank.now[0]
-    bank.wave_J[:] = 0.0
-    bank.wave_d[:] = 0.0
-    bank.cross[:] = 0.0
+    waves.J[:] = 0.0
+    waves.d[:] = 0.0
+    waves.cross[:] = 0.0
     b["repeated"] = b["z_before"] = b["chi2"] = b["used"] = 0.0
 
 

@@ -40,7 +40,7 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
         show(state.now[0], trace[k])
         predict_with_laws(state, u[k])
         if b["searching"] > 0:
-            look_for_waves(bank, state)
+            look_for_waves(b, bank.waves.pull, state.now[0], state.axis)
         _go_through(second, bank, state.now[0]["noise"])
         if asks or (b["busy"] > 0 and b["at"] >= b["end"]):
             return k + 1
@@ -93,7 +93,7 @@ def _think(state, bank, estimates):
         b["end"] = now + 1
     asks = (b["busy"] == 0 and 0 <= b["due"] <= now) or state.now[0]["anew"] > 0.0
     if b["awake"] > 0:
-        _follow_misfit(bank, state)
+        _follow_misfit(b, state.now[0])
         open_slots(bank, state, now)
         b["odds"] = weigh(bank, now)
         mean_of(bank, state.theta, state.lower, state.upper)
@@ -103,27 +103,26 @@ def _think(state, bank, estimates):
             write_evidence(bank, now)
     else:
         if b["busy"] == 0:
-            asks = asks or _has_moved(state, bank, now)
+            asks = asks or _has_moved(b, bank.waves, state.now[0], now)
         for a in range(len(mixed)):
             mixed[a] = state.theta[a]
-    draw_estimates(bank, state.P, mixed, estimates)
+    draw_estimates(bank.told, state.P, mixed, estimates)
     b["asks"] = 1 if asks else 0
     return asks
 
 
 @inlined
-def _has_moved(state, bank, now):
+def _has_moved(b, waves, s, now):
     """Return whether the axis has moved long enough for its structure to be learnt."""
-    s, b = state.now[0], bank.now[0]
     long = b["commissioning"]
     if s["prediction"] ** 2 > s["noise"] > 0.0:
         b["moves"] += 1
         if b["searching"] > 0 and b["moves"] == long // 2:
-            begin_sums(bank)
+            begin_sums(b, waves)
         if b["born"] < 0:
             b["born"] = now
             if b["searching"] > 0:
-                begin_waves(bank)
+                begin_waves(b, waves)
     late = b["born"] >= 0 and now - b["born"] >= 3 * long // 2
     if late and b["moves"] < long // 2:  # noise, or too little to learn from
         b["born"], b["moves"], late = NEVER, 0, False
@@ -131,15 +130,14 @@ def _has_moved(state, bank, now):
 
 
 @inlined
-def _follow_misfit(bank, state):
+def _follow_misfit(b, s):
     """
     Learn κ: the mean of e²/S as it was before the oldest onset in the bank, times its repetition.
 
     Innovations of a wrong model come in rows: with the correlation ρ of successive ones, as many
     as (1+ρ)/(1−ρ) count as one.
     """
-    b = bank.now[0]
-    e, S = state.now[0]["innovation"], state.now[0]["innovation_variance"]
+    e, S = s["innovation"], s["innovation_variance"]
     if np.isnan(e) or not S > 0.0:
         b["last"] = np.nan
         return

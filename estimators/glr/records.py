@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.constrained import told_arrays
+from flexaxis.estimators.filters.constrained import Told, told_arrays, told_in
 from flexaxis.estimators.filters.design import Design, at_least_zero
 from flexaxis.estimators.glr.bank import MORE, NEVER, PER_LEVEL
+from flexaxis.estimators.glr.cogging import Waves, waves_in
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.meaning import moving_poles
 from flexaxis.estimators.models.memory import Memory, cube, items, matrix, numbers, records
@@ -180,8 +181,7 @@ class Bank(NamedTuple):
         Its numbers.
     which, variance, log_prior : (q,) arrays
         Of the jumps.
-    union, members, told, limit, given, given_P, given_between, told_mean, told_P, column
-    told_share
+    told : Told
         As of `flexaxis.estimators.filters.constrained`.
     history : (length, 3) array
         Torque, output as it is used, and R of the last samples, each at its number's remainder.
@@ -197,25 +197,15 @@ class Bank(NamedTuple):
         The filter as it was then.
     mixed : (p,) array
         Mean of θ over all hypotheses.
-    wave_D, wave_moved, wave_J, wave_d, pull, cross
-        The same of sine and cosine of each wave, their torques, and what the two have in common.
+    waves : Waves
+        As of `flexaxis.estimators.glr.cogging`.
     """
 
     now: NDArray[np.void]
     which: NDArray[np.int64]
     variance: Array
     log_prior: Array
-    union: NDArray[np.int64]
-    members: NDArray[np.int64]
-    told: Array
-    limit: Array
-    given: Array
-    given_P: Array
-    given_between: Array
-    told_mean: Array
-    told_P: Array
-    column: Array
-    told_share: Array
+    told: Told
     history: Array
     delta: Array
     moved_one: Array
@@ -234,12 +224,7 @@ class Bank(NamedTuple):
     kept_P: Array
     kept_xi: Array
     mixed: Array
-    wave_D: Array
-    wave_moved: Array
-    wave_J: Array
-    wave_d: Array
-    pull: Array
-    cross: Array
+    waves: Waves
 
 
 BANK_WORDS = BANK.itemsize // 8
@@ -253,17 +238,7 @@ def bank_in(block, at):
         items(block, at[1]).view(np.int64),
         items(block, at[2]),
         items(block, at[3]),
-        items(block, at[4]).view(np.int64),
-        matrix(block, at[5]).view(np.int64),
-        matrix(block, at[6]),
-        items(block, at[7]),
-        items(block, at[8]),
-        matrix(block, at[9]),
-        matrix(block, at[10]),
-        items(block, at[11]),
-        matrix(block, at[12]),
-        items(block, at[13]),
-        items(block, at[14]),
+        told_in(block, at[4:15]),
         matrix(block, at[15]),
         items(block, at[16]),
         items(block, at[17]),
@@ -282,12 +257,7 @@ def bank_in(block, at):
         cube(block, at[30]),
         matrix(block, at[31]),
         items(block, at[32]),
-        matrix(block, at[33]),
-        matrix(block, at[34]),
-        items(block, at[35]),
-        items(block, at[36]),
-        items(block, at[37]),
-        items(block, at[38]),
+        waves_in(block, at[33:]),
     )
 
 

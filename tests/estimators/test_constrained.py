@@ -1,10 +1,8 @@
 """Estimates given what was told, against conditioning by hand."""
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from flexaxis.estimators.filters.constrained import draw_estimates, told_arrays
+from flexaxis.estimators.filters.constrained import Told, draw_estimates, told_arrays
 
 RNG = np.random.default_rng(4)
 CHI2 = 5.991464547107979  # of two degrees of freedom, 95 %
@@ -14,8 +12,8 @@ def test_what_was_told_is_conditioning_by_hand():
     q, p, told = 2, 5, np.array([0.3, -0.2])
     root = RNG.normal(size=(p, p))
     P, theta = root @ root.T, RNG.normal(size=p)
-    bank, given = SimpleNamespace(**told_arrays(q, [([2, 4], told)])), np.empty(q)
-    bank.given_between = np.zeros_like(bank.given_P)
+    arrays = told_arrays(q, [([2, 4], told)])
+    bank, given = Told(*map(np.copy, arrays.values())), np.empty(q)
     draw_estimates(bank, P, theta, given)
     apart = told - theta[[2, 4]]
     inverse = np.linalg.inv(P[np.ix_([2, 4], [2, 4])])
