@@ -18,7 +18,7 @@ from flexaxis.estimators.filters.noise import level
 from flexaxis.estimators.filters.numbers import NUMBERS, WORDS
 from flexaxis.estimators.models.compiler import fused, inlined, summed
 from flexaxis.estimators.models.memory import Memory, items, matrix, numbers, records
-from flexaxis.estimators.models.rows import padded
+from flexaxis.estimators.models.rows import multiply, padded
 from flexaxis.estimators.models.series import (
     FIELDS,
     Axis,
@@ -161,7 +161,7 @@ def look(state):
         k = i if i < n else len(X) - 1  # behind the states may be torques of laws
         for a in range(m):
             G[i, a] = X[k, 1 + a]
-    np.dot(G, state.P, GP)
+    multiply(G, state.P, GP)
     state.now[0]["spread"] = _dot(GP[n], G[n])
 
 

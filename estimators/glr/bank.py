@@ -26,6 +26,7 @@ import numpy as np
 
 from flexaxis.estimators.glr.cogging import carry_waves, pair_waves
 from flexaxis.estimators.models.compiler import fused, inlined, summed
+from flexaxis.estimators.models.rows import multiply
 
 PER_LEVEL, MORE = 8, 4  # onsets of the first level, and of each other
 NEVER = -1  # a sample that does not come
@@ -51,7 +52,7 @@ def carry_columns(bank, state, e, S):
         correct(waves.D, waves.moved, state.gain, root, z, p, waves.J, waves.d)
         pair_waves(b, waves, root, z)
     elif b["awake"] > 0:
-        np.dot(state.G, bank.D, bank.moved)
+        multiply(state.G, bank.D, bank.moved)
         correct(bank.D, bank.moved, state.gain, root, z, p, bank.J, bank.d)
     if measured:
         b["chi2"] += z * z

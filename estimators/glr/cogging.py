@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.compiler import fused, inlined
 from flexaxis.estimators.models.memory import Memory, items, matrix
+from flexaxis.estimators.models.rows import multiply
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,7 @@ def look_for_waves(b, pull, now, axis):
 def carry_waves(waves, response, steps, G):
     """Take the columns over the last sample, with what the torques did in it."""
     moved, pull = waves.moved, waves.pull
-    np.dot(G, waves.D, moved)
+    multiply(G, waves.D, moved)
     for i in range(len(moved)):  # friction brakes where cogging drives
         k = i if i < len(moved) - 1 else response.shape[1] - 1
         push = -response[0, k, 0] * steps

@@ -15,10 +15,10 @@ from flexaxis.estimators.glr.bank import (
 )
 from flexaxis.estimators.glr.cogging import begin_sums, begin_waves, look_for_waves
 from flexaxis.estimators.glr.records import bank_in
-from flexaxis.estimators.models.compiler import compiled, inlined, summed
+from flexaxis.estimators.models.compiler import inlined, loop, summed
 
 
-@compiled
+@loop
 def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """
     Take samples until somebody has to look, and return how many.

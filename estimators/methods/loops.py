@@ -28,11 +28,11 @@ from flexaxis.estimators.methods.rules.directional import forget_excited
 from flexaxis.estimators.methods.rules.efra import forget_and_reset
 from flexaxis.estimators.methods.rules.variable import forget_by_residual
 from flexaxis.estimators.methods.rules.vector import forget_each
-from flexaxis.estimators.models.compiler import compiled, inlined
+from flexaxis.estimators.models.compiler import inlined, loop
 from flexaxis.estimators.models.series import lawful_sample, linear_sample
 
 
-@compiled
+@loop
 def rpem(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Take samples of a recursive prediction-error method, eq. (5)–(23)."""
     state = recursion_in(block, at)
@@ -48,7 +48,7 @@ def rpem(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     return len(u)
 
 
-@compiled
+@loop
 def rpem_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Do as `rpem` for models with laws."""
     state = recursion_in(block, at)
@@ -82,7 +82,7 @@ def forget(state, valid):
         forget_each(state)
 
 
-@compiled
+@loop
 def ekf(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Take samples of a joint extended Kalman filter."""
     state = joint_in(block, at)
@@ -92,7 +92,7 @@ def ekf(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     return len(u)
 
 
-@compiled
+@loop
 def ekf_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Do as `ekf` for models with laws."""
     state = joint_in(block, at)
@@ -114,7 +114,7 @@ def _update(state, y, valid, estimates, trace):
     show(now, trace)
 
 
-@compiled
+@loop
 def imm(blocks, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Take samples of interacting multiple models."""
     for k in range(len(u)):
@@ -126,7 +126,7 @@ def imm(blocks, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     return len(u)
 
 
-@compiled
+@loop
 def imm_with_laws(blocks, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Do as `imm` for models with laws."""
     for k in range(len(u)):

@@ -34,7 +34,8 @@ class Compiled:
         Whether Python calls it and numba keeps it; else it is compiled with what calls it, and
         Python, as in a test, calls it as it is written.
     **options
-        Of `numba.njit`.
+        Of `numba.njit`. Without its ``_nrt`` a function makes no arrays, but views of those that it
+        is handed, and nothing counts who holds them.
     """
 
     def __init__(self, function: Callable, *, kept: bool = False, **options: Any) -> None:
@@ -75,11 +76,17 @@ class Compiled:
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         if self.kept:
             options = {"nogil": True, "cache": cache_folder() is not None}
-        return numba.njit(error_model="numpy", **options, **self._options)(self.function)
+        options |= {"error_model": "numpy", "_nrt": False} | self._options
+        return numba.njit(**options)(self.function)
 
 
 def compiled(function: Callable) -> Compiled:
     """Compile a function on its first call, and keep the result."""
+    return Compiled(function, kept=True, _nrt=True)
+
+
+def loop(function: Callable) -> Compiled:
+    """Compile a function as `compiled` does, where it makes no arrays of its own."""
     return Compiled(function, kept=True)
 
 

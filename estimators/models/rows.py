@@ -5,6 +5,8 @@ Their loops become vector instructions. Indices are unsigned: of others numba lo
 ones first, and makes no vectors.
 """
 
+from functools import partial
+
 import numpy as np
 
 from flexaxis.estimators.models.compiler import Compiled
@@ -12,9 +14,7 @@ from flexaxis.estimators.models.compiler import Compiled
 ZERO, ONE, TWO, THREE, FOUR = (np.uint64(i) for i in range(5))
 
 
-def _on_rows(function):
-    """Compile a function into each of its callers."""
-    return Compiled(function, fastmath={"contract"}, forceinline=True)
+_on_rows = partial(Compiled, fastmath={"contract"}, forceinline=True)  # into each of its callers
 
 
 def padded(m: int) -> int:
@@ -73,3 +73,9 @@ def product(A, i, M, at, column, B, first, step, count):  # noqa: PLR0917
             r += m * B[of, b + TWO]
             s += m * B[of, b + THREE]
         A[i, b], A[i, b + ONE], A[i, b + TWO], A[i, b + THREE] = p, q, r, s
+
+
+@partial(Compiled, _nrt=True)
+def multiply(A, B, C):
+    """C ← A B, by the library that NumPy uses."""
+    np.dot(A, B, C)
