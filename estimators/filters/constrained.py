@@ -108,17 +108,17 @@ def told_arrays(
 def told_in(block, at):
     """Return what of a block `draw_estimates` needs, whose arrays come in the order of `Told`."""
     return Told(
-        items(block, at[0]).view(np.int64),
-        matrix(block, at[1]).view(np.int64),
-        matrix(block, at[2]),
-        items(block, at[3]),
-        items(block, at[4]),
-        matrix(block, at[5]),
-        matrix(block, at[6]),
-        items(block, at[7]),
-        matrix(block, at[8]),
-        items(block, at[9]),
-        items(block, at[10]),
+        items(block, at[0])[0].view(np.int64),
+        matrix(block, at[1])[0].view(np.int64),
+        matrix(block, at[2])[0],
+        items(block, at[3])[0],
+        items(block, at[4])[0],
+        matrix(block, at[5])[0],
+        matrix(block, at[6])[0],
+        items(block, at[7])[0],
+        matrix(block, at[8])[0],
+        items(block, at[9])[0],
+        items(block, at[10])[0],
     )
 
 

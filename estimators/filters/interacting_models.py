@@ -45,10 +45,10 @@ class Mixing(NamedTuple):
 def mixing_in(block, at):
     """Return what mixing needs of the block of a mode."""
     return Mixing(
-        items(block, at[JOINT_FIELDS]),
-        items(block, at[JOINT_FIELDS + 1]),
-        items(block, at[JOINT_FIELDS + 2]),
-        matrix(block, at[JOINT_FIELDS + 3]),
+        items(block, at[JOINT_FIELDS])[0],
+        items(block, at[JOINT_FIELDS + 1])[0],
+        items(block, at[JOINT_FIELDS + 2])[0],
+        matrix(block, at[JOINT_FIELDS + 3])[0],
     )
 
 

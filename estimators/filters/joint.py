@@ -77,17 +77,17 @@ def joint_in(block, at):
     i = 1 + FIELDS
     return Joint(
         axis_in(block, at[1:i]),
-        records(block, at[0], WORDS).view(NUMBERS),
-        items(block, at[i]),
-        matrix(block, at[i + 1]),
-        matrix(block, at[i + 2]),
-        matrix(block, at[i + 3]),
-        matrix(block, at[i + 4]),
-        items(block, at[i + 5]),
-        matrix(block, at[i + 6]),
-        items(block, at[i + 7]),
-        items(block, at[i + 8]),
-        items(block, at[i + 9]),
+        records(block, at[0], WORDS)[0].view(NUMBERS),
+        items(block, at[i])[0],
+        matrix(block, at[i + 1])[0],
+        matrix(block, at[i + 2])[0],
+        matrix(block, at[i + 3])[0],
+        matrix(block, at[i + 4])[0],
+        items(block, at[i + 5])[0],
+        matrix(block, at[i + 6])[0],
+        items(block, at[i + 7])[0],
+        items(block, at[i + 8])[0],
+        items(block, at[i + 9])[0],
     )
 
 

@@ -52,12 +52,12 @@ class Waves(NamedTuple):
 def waves_in(block, at):
     """Return the waves of a block, whose arrays come in this order."""
     return Waves(
-        matrix(block, at[0]),
-        matrix(block, at[1]),
-        items(block, at[2]),
-        items(block, at[3]),
-        items(block, at[4]),
-        items(block, at[5]),
+        matrix(block, at[0])[0],
+        matrix(block, at[1])[0],
+        items(block, at[2])[0],
+        items(block, at[3])[0],
+        items(block, at[4])[0],
+        items(block, at[5])[0],
     )
 
 

@@ -102,25 +102,28 @@ def numbers(kind: np.dtype, values: Mapping[str, Any]) -> NDArray[np.void]:
     return made
 
 
+# A function that counts no references may not return a view by itself, but in a tuple.
+
+
 @inlined
 def items(block, at):
-    """Return the numbers of an array, one behind the other."""
-    return block[at[0] : at[0] + at[1] * at[2] * at[3]]
+    """Return the numbers of an array, one behind the other, as a tuple of one."""
+    return (block[at[0] : at[0] + at[1] * at[2] * at[3]],)
 
 
 @inlined
 def records(block, at, words):
-    """Return the numbers of an array of records, each as long as so many numbers."""
-    return block[at[0] : at[0] + at[1] * words]
+    """Return the numbers of an array of records, each as long as so many, as a tuple of one."""
+    return (block[at[0] : at[0] + at[1] * words],)
 
 
 @inlined
 def matrix(block, at):
-    """Return a matrix of a block."""
-    return items(block, at).reshape((at[1], at[2]))
+    """Return a matrix of a block, as a tuple of one."""
+    return (items(block, at)[0].reshape((at[1], at[2])),)
 
 
 @inlined
 def cube(block, at):
-    """Return an array with three dimensions of a block."""
-    return items(block, at).reshape((at[1], at[2], at[3]))
+    """Return an array with three dimensions of a block, as a tuple of one."""
+    return (items(block, at)[0].reshape((at[1], at[2], at[3])),)
