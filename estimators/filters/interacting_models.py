@@ -11,40 +11,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.covariance import merge
-from flexaxis.estimators.filters.joint import JOINT_FIELDS, joint_in, look
-from flexaxis.estimators.filters.noise import judge
-from flexaxis.estimators.models.compiler import inlined
-from flexaxis.estimators.models.memory import Memory, items, matrix
+from flexaxis.estimators.filters.joint import JOINT_FIELDS
+from flexaxis.estimators.filters.numbers import NUMBERS, WORDS
+from flexaxis.estimators.models.compiler import embedded, inlined
+from flexaxis.estimators.models.memory import Memory, items, matrix, records
+from flexaxis.estimators.models.series import FIELDS
 
 Array = NDArray[np.float64]
 
 LEAST = 1e-30  # probability of a mode: from zero none comes back
 
 
-class Mixing(NamedTuple):
+class Mode(NamedTuple):
     """
-    What mixing needs of a mode besides.
+    What mixing needs of a mode.
 
     Attributes
     ----------
+    now, theta, X, P
+        As of `flexaxis.estimators.filters.joint.Joint`.
     xi : (m,) array
         ξ = [θ; x].
     apart, mean : (m,) arrays
         Difference of two modes, and the mixture of all.
-    P : (m, w) array
+    mean_P : (m, w) array
         Covariance of the mixture.
     """
 
+    now: NDArray[np.void]
+    theta: Array
+    X: Array
+    P: Array
     xi: Array
     apart: Array
     mean: Array
-    P: Array
+    mean_P: Array
 
 
-@inlined
-def mixing_in(block, at):
+@embedded
+def mode_in(block, at):
     """Return what mixing needs of the block of a mode."""
-    return Mixing(
+    return Mode(
+        records(block, at[0], WORDS)[0].view(NUMBERS),
+        items(block, at[1 + FIELDS])[0],
+        matrix(block, at[2 + FIELDS])[0],
+        matrix(block, at[3 + FIELDS])[0],
         items(block, at[JOINT_FIELDS])[0],
         items(block, at[JOINT_FIELDS + 1])[0],
         items(block, at[JOINT_FIELDS + 2])[0],
@@ -59,28 +70,25 @@ def mixing_arrays(P: Array) -> dict[str, Array]:
 
 
 @inlined
-def judge_together(blocks, at, y, valid):
-    """Judge a sample by the mixture's prediction and its variance, in the first mode."""
+def mixture(blocks, at):
+    """Return what the modes predict together, and the variance of that without noise."""
     mean, spread = 0.0, 0.0
     for j in range(len(blocks)):
-        state = joint_in(blocks[j], at)
-        look(state)
-        mean += state.now[0]["predicted"] * state.X[-1, 0]
+        now = mode_in(blocks[j], at).now[0]
+        mean += now["predicted"] * now["output"]
     for j in range(len(blocks)):
-        state = joint_in(blocks[j], at)
-        now = state.now[0]
-        spread += now["predicted"] * (now["spread"] + (state.X[-1, 0] - mean) ** 2)
-    return judge(joint_in(blocks[0], at).now[0], y, valid, mean, spread)
+        now = mode_in(blocks[j], at).now[0]
+        spread += now["predicted"] * (now["spread"] + (now["output"] - mean) ** 2)
+    return mean, spread
 
 
 @inlined
-def listen(state, y, noise):
-    """Keep log Λ of the innovation, before it is used."""
-    now = state.now[0]
+def listen(now, y, noise):
+    """Keep log Λ of the innovation of a mode, before it is used."""
     now["logarithm"] = 0.0
     if not np.isnan(y):
         S = now["spread"] + noise
-        now["logarithm"] = -0.5 * (np.log(S) + (y - state.X[-1, 0]) ** 2 / S)
+        now["logarithm"] = -0.5 * (np.log(S) + (y - now["output"]) ** 2 / S)
 
 
 @inlined
@@ -88,20 +96,20 @@ def weigh(blocks, at, estimates):
     """μ_j ← c_j Λ_j over their sum; write the mean of η."""
     highest, total = -np.inf, 0.0
     for j in range(len(blocks)):
-        highest = max(highest, joint_in(blocks[j], at).now[0]["logarithm"])
+        highest = max(highest, mode_in(blocks[j], at).now[0]["logarithm"])
     for j in range(len(blocks)):
-        now = joint_in(blocks[j], at).now[0]
+        now = mode_in(blocks[j], at).now[0]
         share = now["predicted"] * np.exp(now["logarithm"] - highest)
         now["probability"] = share if share > LEAST else LEAST
         total += now["probability"]
     for i in range(len(estimates)):
         estimates[i] = 0.0
     for j in range(len(blocks)):
-        state = joint_in(blocks[j], at)
-        now = state.now[0]
+        mode = mode_in(blocks[j], at)
+        now = mode.now[0]
         now["probability"] /= total
         for i in range(len(estimates)):
-            estimates[i] += now["probability"] * state.theta[i]
+            estimates[i] += now["probability"] * mode.theta[i]
 
 
 @inlined
@@ -113,33 +121,32 @@ def mix(blocks, at):
     all; the sum for it is kept beside it until the others no more need what it was. Π_0j is the
     same for all jumps j, and Π_jj is one less what goes back to quiet.
     """
-    modes = len(blocks)
-    quiet, own = joint_in(blocks[0], at), mixing_in(blocks[0], at)
+    modes, quiet = len(blocks), mode_in(blocks[0], at)
     now = quiet.now[0]
-    _gather(quiet, own.xi)
-    for a in range(len(own.mean)):
-        own.mean[a] = own.xi[a]
+    _gather(quiet)
+    for a in range(len(quiet.mean)):
+        quiet.mean[a] = quiet.xi[a]
         for b in range(quiet.P.shape[1]):
-            own.P[a, b] = quiet.P[a, b]
+            quiet.mean_P[a, b] = quiet.P[a, b]
     total = now["stay"] * now["probability"]
     jump = (1.0 - now["stay"]) / (modes - 1) * now["probability"]
     for j in range(1, modes):
-        state, its = joint_in(blocks[j], at), mixing_in(blocks[j], at)
-        _gather(state, its.xi)
-        weight = (1.0 - state.now[0]["stay"]) * state.now[0]["probability"]
+        mode = mode_in(blocks[j], at)
+        _gather(mode)
+        weight = (1.0 - mode.now[0]["stay"]) * mode.now[0]["probability"]
         total += weight
-        _join(own.mean, own.P, its.xi, state.P, weight / total, own.apart)
+        _join(quiet.mean, quiet.mean_P, mode.xi, mode.P, weight / total, quiet.apart)
     for j in range(1, modes):
-        state, its = joint_in(blocks[j], at), mixing_in(blocks[j], at)
-        one = state.now[0]
+        mode = mode_in(blocks[j], at)
+        one = mode.now[0]
         one["predicted"] = jump + one["stay"] * one["probability"]
-        _join(its.xi, state.P, own.xi, quiet.P, jump / one["predicted"], own.apart)
-        _spread_out(state, its.xi)
+        _join(mode.xi, mode.P, quiet.xi, quiet.P, jump / one["predicted"], quiet.apart)
+        _spread_out(mode, mode.xi)
     now["predicted"] = total
-    for a in range(len(own.mean)):
+    for a in range(len(quiet.mean)):
         for b in range(quiet.P.shape[1]):
-            quiet.P[a, b] = own.P[a, b]
-    _spread_out(quiet, own.mean)
+            quiet.P[a, b] = quiet.mean_P[a, b]
+    _spread_out(quiet, quiet.mean)
 
 
 @inlined
@@ -152,23 +159,23 @@ def _join(mean, P, other, other_P, share, apart):  # noqa: PLR0917
 
 
 @inlined
-def _gather(state, xi):
+def _gather(mode):
     """Write ξ = [θ; x]."""
-    p = len(state.theta)
+    p = len(mode.theta)
     for a in range(p):
-        xi[a] = state.theta[a]
-    for i in range(len(xi) - p):
-        xi[p + i] = state.X[i, 0]
+        mode.xi[a] = mode.theta[a]
+    for i in range(len(mode.xi) - p):
+        mode.xi[p + i] = mode.X[i, 0]
 
 
 @inlined
-def _spread_out(state, xi):
+def _spread_out(mode, xi):
     """Write θ and x from ξ."""
-    p = len(state.theta)
+    p = len(mode.theta)
     for a in range(p):
-        state.theta[a] = xi[a]
+        mode.theta[a] = xi[a]
     for i in range(len(xi) - p):
-        state.X[i, 0] = xi[p + i]
+        mode.X[i, 0] = xi[p + i]
 
 
 def read_mixture(state: Memory) -> tuple[Array, Array]:

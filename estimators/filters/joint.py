@@ -16,7 +16,7 @@ from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.loop import on_lanes
 from flexaxis.estimators.filters.noise import level
 from flexaxis.estimators.filters.numbers import NUMBERS, WORDS
-from flexaxis.estimators.models.compiler import fused, inlined, summed
+from flexaxis.estimators.models.compiler import embedded, fused, inlined, summed
 from flexaxis.estimators.models.memory import Memory, items, matrix, numbers, records
 from flexaxis.estimators.models.rows import multiply, padded
 from flexaxis.estimators.models.series import (
@@ -71,7 +71,7 @@ JOINT_FIELDS = FIELDS + len(Joint._fields) - 1
 """Arrays of a block before those of a filter that has more."""
 
 
-@inlined
+@embedded
 def joint_in(block, at):
     """Return the state of a block, whose arrays come in this order: numbers, model, the rest."""
     i = 1 + FIELDS

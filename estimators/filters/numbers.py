@@ -52,6 +52,7 @@ _PREDICTION_ERROR = (
 )
 _JOINT = (
     "spread",  # hᵀPh
+    "output",  # ŷ of a mode
     "probability",  # of a mode
     "predicted",  # probability of a mode before its sample is seen
     "logarithm",  # of the likelihood of a mode

@@ -8,9 +8,10 @@ compile in a fraction of the time. θ[k] uses y[k], and u[k] is not yet in x the
 
 from flexaxis.estimators.filters.forgetful import CUSUM, DIRECTIONAL, EFRA, PAPER, VARIABLE
 from flexaxis.estimators.filters.interacting_models import (
-    judge_together,
     listen,
     mix,
+    mixture,
+    mode_in,
     weigh,
 )
 from flexaxis.estimators.filters.joint import joint_in, look, predict, predict_with_laws, update
@@ -121,7 +122,7 @@ def imm(blocks, at, u, y, valid, estimates, trace):  # noqa: PLR0917
         _update_modes(blocks, at, y[k], valid[k], estimates[k], trace[k])
         for j in range(len(blocks)):
             predict(joint_in(blocks[j], at), u[k])
-        if joint_in(blocks[0], at).now[0]["anew"] > 0.0:
+        if mode_in(blocks[0], at).now[0]["anew"] > 0.0:
             return -k - 1
     return len(u)
 
@@ -133,7 +134,7 @@ def imm_with_laws(blocks, at, u, y, valid, estimates, trace):  # noqa: PLR0917
         _update_modes(blocks, at, y[k], valid[k], estimates[k], trace[k])
         for j in range(len(blocks)):
             predict_with_laws(joint_in(blocks[j], at), u[k])
-        if joint_in(blocks[0], at).now[0]["anew"] > 0.0:
+        if mode_in(blocks[0], at).now[0]["anew"] > 0.0:
             return -k - 1
     return len(u)
 
@@ -141,12 +142,17 @@ def imm_with_laws(blocks, at, u, y, valid, estimates, trace):  # noqa: PLR0917
 @inlined
 def _update_modes(blocks, at, y, valid, estimates, trace):  # noqa: PLR0917
     """Take all modes through a measurement, weigh and mix them; write what `_update` does."""
-    used = judge_together(blocks, at, y, valid)
-    now = joint_in(blocks[0], at).now[0]
+    for j in range(len(blocks)):
+        state = joint_in(blocks[j], at)
+        look(state)
+        state.now[0]["output"] = state.X[-1, 0]
+    prediction, spread = mixture(blocks, at)
+    now = mode_in(blocks[0], at).now[0]
+    used = judge(now, y, valid, prediction, spread)
     noise = now["noise"]
     for j in range(len(blocks)):
         state = joint_in(blocks[j], at)
-        listen(state, used, noise)
+        listen(state.now[0], used, noise)
         update(state, used, noise)
     weigh(blocks, at, estimates)
     mix(blocks, at)

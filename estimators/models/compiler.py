@@ -100,6 +100,11 @@ def fused(function: Callable) -> Compiled:
     return Compiled(function, fastmath={"contract"})
 
 
+def embedded(function: Callable) -> Compiled:
+    """Compile a function into each of its callers, such as one that returns many views."""
+    return Compiled(function, forceinline=True)
+
+
 def summed(function: Callable) -> Compiled:
     """Compile a function as `fused` does, where sums may be taken in any order."""
     return Compiled(function, fastmath={"contract", "reassoc"})

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.compiler import fused, inlined
+from flexaxis.estimators.models.compiler import embedded, fused, inlined
 from flexaxis.estimators.models.memory import cube, items, matrix, records
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.reaction import LAW, assign, couple, drives, law_records, react
@@ -101,7 +101,7 @@ class Axis(NamedTuple):
 FIELDS = len(Axis._fields)
 
 
-@inlined
+@embedded
 def axis_in(block, at):
     """Return the model of a block, whose arrays come in the order of `Axis`."""
     return Axis(
