@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.covariance import bound, project
 from flexaxis.estimators.filters.design import Design
-from flexaxis.estimators.filters.loop import on_lanes
+from flexaxis.estimators.filters.lanes import on_lanes
 from flexaxis.estimators.filters.noise import level
 from flexaxis.estimators.filters.numbers import NUMBERS, WORDS
 from flexaxis.estimators.models.compiler import embedded, fused, inlined, summed

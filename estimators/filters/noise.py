@@ -181,6 +181,6 @@ def _learn(state, spread, square, rough):
 
 @inlined
 def show(state, row):
-    """Write ŷ, innovation and its variance (3,), as `filters.loop` wants them of a sample."""
+    """Write ŷ, innovation and its variance (3,) of a sample."""
     row[0], row[1] = state["prediction"], state["innovation"]
     row[2] = state["innovation_variance"]

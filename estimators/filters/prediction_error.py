@@ -21,7 +21,7 @@ from flexaxis.estimators.filters.fault_monitor import (
     is_stuck,
     monitor_numbers,
 )
-from flexaxis.estimators.filters.loop import on_lanes
+from flexaxis.estimators.filters.lanes import on_lanes
 from flexaxis.estimators.filters.noise import FINEST, KNOWN, MEMORY, clipped_variance
 from flexaxis.estimators.filters.numbers import NUMBERS, WORDS
 from flexaxis.estimators.models.compiler import inlined

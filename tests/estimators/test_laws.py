@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from flexaxis.estimators import Rpem
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import make_design
-from flexaxis.estimators.filters.loop import on_lanes
+from flexaxis.estimators.filters.lanes import on_lanes
 from flexaxis.estimators.models import discretisation, reaction
 from flexaxis.estimators.models import law_torques as torques
 from flexaxis.estimators.models.axes import (
