@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from suite_rows import GEARED, HOME, WHO, changed, said
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.scoring.bounds import jump_bound
 from flexaxis.experiments.scoring.parameter_names import nominal_theta
 from flexaxis.experiments.scoring.true_model import with_structure
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate
-from flexaxis.sim.tables.smooth_friction import GearFrictionConfig, StaticFrictionConfig
-from flexaxis.sim.tables.stability import _continuous, _sampled
+from flexaxis.sim.stability import _continuous, _sampled
+from flexaxis.sim.tables.friction import GearFrictionConfig, StaticFrictionConfig
 
 Array = NDArray[np.float64]
 

@@ -5,16 +5,14 @@ by half: median and 10–90 % of thirty runs.
 """
 
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.reporting.figures import figure
-from flexaxis.experiments.reporting.run.over_time import trajectories
-from flexaxis.experiments.results import pooled
+from flexaxis.experiments.reporting.figures import around, curves
+from flexaxis.experiments.reporting.run import medians
+from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 
 PICTURE = Path(__file__).parent / "images" / "fm_step.png"
 SEEDS = tuple(range(1000, 1030))
@@ -24,13 +22,16 @@ def main() -> None:
     """Run, and draw."""
     scenario = find_scenario("fm_step-v1")
     study = Study("fm_step", (scenario,), ("rpem-forgetting", RECOMMENDED), SEEDS)
-    with tempfile.TemporaryDirectory() as place:
-        benchmark(Benchmark(study, title="fm_step", command="python docs/fm_step.py"), Path(place))
-        curves = pooled.load(Path(place)).curves
-    chart = trajectories(curves, scenario, name="fm_step")
-    drawn = figure(replace(chart, windows=[("", 5.0, 20.0)]))
-    drawn.set_size_inches(8.0, 5.8)
-    drawn.savefig(PICTURE, dpi=110)
+    with tempfile.TemporaryDirectory() as place, Runner(Path(place), jobs=2) as runner:
+        results = runner.run(study, traces=True)
+        traces = {who: results.traces(scenario.hash, who) for who in study.estimators}
+    window = (5.0, 20.0)
+    panels = {
+        f"{name} / nominal": medians(traces, scenario, name, window, banded=study.estimators)
+        for name in scenario.identify
+    }
+    drawn = curves(panels, x="time [s]", limits={"time [s]": window}, **around(scenario))
+    drawn.savefig(PICTURE, dpi=180)
 
 
 if __name__ == "__main__":

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from suite_rows import summary
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.tables import number
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.scoring.bounds import noise_variance
 from flexaxis.experiments.scoring.true_model import (
     jump_gradient,

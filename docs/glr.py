@@ -32,12 +32,11 @@ from making import table as markdown
 from speed_steps import PERCENTILES, time_steps
 from speed_streams import make_stream
 
-from flexaxis.experiments.building.code import digest, own_digest
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.studies.sweep import sweep
+from flexaxis.experiments.comparison.sweep import sweep
+from flexaxis.experiments.running.estimators import build, parse
+from flexaxis.experiments.running.run import Runner
+from flexaxis.experiments.running.store import made_with
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "glr.md"
@@ -78,7 +77,7 @@ def job(task: tuple[str, str, str, int, Path]) -> Row:
     """Return one run of a table's case, an estimator and a seed, which need not be made anew."""
     table, name, text, seed, folder = task
     warnings.simplefilter("ignore")  # an estimator that is lost may overflow: its row says so
-    key = f"{text} {digest(text)} {own_digest()} {seed} "
+    key = f"{text} {parse(text).digest} {made_with()['code']} {seed} "
     case = next((c for c in CASES[table] if c.name == name), None)
     if case is None:
         return kept(f"{key} own {name}", partial(run_own, name, text, seed), folder)
@@ -122,9 +121,8 @@ def at_excess(cases: Sequence[str], texts: Sequence[str], seeds: range, given: A
     """Return the lags where the excess error is that of `rpem-forgetting`."""
     scenarios = [find_scenario(f"{name}-v1") for name in cases]
     scenarios = [s for s in scenarios if {e.parameter for e in s.events()} & {"k_T", "J_a", "f_m"}]
-    folder, means = given.store / f"sweep-{own_digest()}", Means(jobs=given.jobs)
-    with Bench(scenarios, folder, means) as bench:
-        found = sweep(scenarios, texts, seeds, bench).at_excess
+    with Runner(given.store / f"sweep-{made_with()['code']}", jobs=given.jobs) as runner:
+        found = sweep(scenarios, texts, seeds, runner.rows).at_excess
     return [
         {"case": r["scenario"].removesuffix("-v1"), "estimator": r["estimator"],
          "parameter": r["parameter"], "how": r["how"], "bound": r["bound"], "runs": len(seeds)}

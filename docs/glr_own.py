@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from flexaxis.estimators.models.axes import BRISTLES, N1, three_mass, two_mass
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import made, parse
+from flexaxis.experiments.running.estimators import make_estimator, parse
 from flexaxis.experiments.scoring.bounds import cramer_rao, lag_bound
 from flexaxis.experiments.scoring.true_model import jump_gradient
 from flexaxis.sim.tables.controller import Controller, ControllerConfig
@@ -128,7 +128,7 @@ def run_own(name: str, text: str, seed: int) -> Row:
     own = next(o for o in OWN if o.name == name)
     drawn, spec = draw(own, seed), parse(text)
     offered = {"identify": own.identify, "output": "speed", "torque": drawn.torque[:8000]}
-    estimator = made(spec, own.model, own.period, offered)
+    estimator = make_estimator(spec, own.model, own.period, **offered)
     theta, T = run_estimator(estimator, drawn.torque, drawn.speed, None), own.period
     first, lost = round(AT / T), not np.isfinite(theta).all()
     window, told = range(first, first + round(5 / T)), getattr(estimator, "findings", None)

@@ -9,9 +9,9 @@ import numpy as np
 from glr_cases import Case
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import track_of
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.scoring.consistency import nees
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.experiments.scoring.score_table import rows as scores

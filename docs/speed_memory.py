@@ -25,8 +25,7 @@ from speed_steps import registered
 from speed_streams import Samples, Stream, axis_of, make_stream
 
 from flexaxis.estimators.protocol import Estimator, run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
-from flexaxis.experiments.building.guest import stay
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.sim.errors import FlexaxisError
 
 SEED = 1
@@ -66,7 +65,7 @@ def memory(hours: float, estimators: Sequence[str] = ()) -> Iterator[dict[str, A
         raise FlexaxisError(f"{hours:g} hours: give {least:g} hours or more, and an end")
     spawn = multiprocessing.get_context("spawn")
     for name in estimators or registered():
-        with ProcessPoolExecutor(1, mp_context=spawn, initializer=stay) as pool:
+        with ProcessPoolExecutor(1, mp_context=spawn) as pool:
             found = pool.submit(streamed, name, _stream(axis_of(name)), hours).result()
         yield found
 

@@ -24,8 +24,8 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate
 

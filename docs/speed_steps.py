@@ -21,7 +21,7 @@ from speed_streams import Stream, axis_of, make_stream
 
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 
 Counts = NDArray[np.int64]
 

@@ -14,7 +14,7 @@ from suite_rows import summary
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite, scenario_names
-from flexaxis.experiments.catalogue.names import DRAWN, GROUPS
+from flexaxis.experiments.catalogue.names import GROUPS
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, CONTROLS
 from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.score_table import SCORES
@@ -37,7 +37,7 @@ Row = Mapping[str, Any]
 def catalogue() -> str:
     """Return what scenarios there are, by group."""
     groups: dict[str, list[str]] = {group: [] for group in GROUPS}
-    for name in (name for name in scenario_names() if not name.endswith(DRAWN)):
+    for name in scenario_names():
         groups[find_scenario(name).group or ""].append(f"`{name}`")
     rows = [[group, GROUPS[group], ", ".join(names)] for group, names in groups.items()]
     return table(["group", "what happens", "scenarios"], rows)

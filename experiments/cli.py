@@ -12,16 +12,19 @@ import argparse
 import errno
 import os
 import shlex
+import signal
 import sys
-from collections.abc import Mapping, Sequence
+import time
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version
 from pkgutil import walk_packages
 from types import ModuleType
-from typing import Any
+from typing import Any, TextIO
 
 from flexaxis.experiments import commands as home
-from flexaxis.experiments.building.interrupts import deaf, leave, one_stage
 from flexaxis.experiments.commands.answers import (
     CRASH,
     FINE,
@@ -32,7 +35,7 @@ from flexaxis.experiments.commands.answers import (
     say,
 )
 from flexaxis.experiments.commands.words import Parser, check_words
-from flexaxis.experiments.running.progress import told
+from flexaxis.experiments.running import progress
 from flexaxis.experiments.streams import Stream, forgiving, is_text
 
 GROUPS = {
@@ -135,7 +138,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if os.environ.get("COLUMNS") == "0":  # how some shells say that they do not know
         del os.environ["COLUMNS"]
     words = list(sys.argv[1:] if argv is None else argv)
-    alone = argv is None  # nobody goes on after this command
+    if argv is None:  # a queue of jobs ends a command by SIGTERM
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     top = parser(words[0] if words else "")
     args = top.parse_args(words)
     if odd := [word for word in words if not is_text(word)]:
@@ -147,10 +151,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     args.remarks = []  # on users' code
     args.words = [word for word in words if word not in common]  # no part of what is repeated
     args.line = shlex.join(["flexaxis", *args.words])
-    with forgiving() as out, told(quiet=args.quiet, verbose=args.verbose), one_stage():
-        status = _told(out, _guarded(args, alone))
-    if alone and status == INTERRUPTED:
-        leave(status)
+    with forgiving() as out, told(quiet=args.quiet, verbose=args.verbose):
+        status = _told(out, _guarded(args))
     return status
 
 
@@ -163,19 +165,17 @@ def _told(out: Stream, status: int) -> int:
     return status or WRONG_USE
 
 
-def _guarded(args: argparse.Namespace, alone: bool) -> int:
+def _guarded(args: argparse.Namespace) -> int:
     try:
         return _answered(args)
     except KeyboardInterrupt as error:
-        if alone:
-            deaf(INTERRUPTED)
         return _ended(args, INTERRUPTED, "; ".join(["interrupted", *map(str, error.args)]))
 
 
 def _answered(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.building.crashes import EstimatorCrash, no_room
-    from flexaxis.experiments.storage.files import NotRun
+    from flexaxis.experiments.files import NotRun
+    from flexaxis.experiments.running.user_code import EstimatorCrash, is_of_the_machine
     from flexaxis.sim.errors import FlexaxisError
 
     told, status = "", WRONG_USE
@@ -185,7 +185,7 @@ def _answered(args: argparse.Namespace) -> int:
     except (FlexaxisError, EstimatorError) as error:
         if isinstance(error, EstimatorCrash):
             return _crashed(args, error, str(error))
-        unfinished = isinstance(error, NotRun) or no_room(error)
+        unfinished = isinstance(error, NotRun) or is_of_the_machine(error)
         told, status = str(error), CRASH if unfinished else WRONG_USE
     except KeyboardInterrupt:
         raise
@@ -206,10 +206,10 @@ def _ended(args: argparse.Namespace, status: int, text: str) -> int:
 
 
 def _unexpected(args: argparse.Namespace, error: BaseException) -> str:
-    from flexaxis.experiments.building.crashes import described, user_code
+    from flexaxis.experiments.running.user_code import describe, user_line
 
-    whose = "code that was given" if user_code(error) else "flexaxis itself, which should not"
-    return f"{args.command}: crashed in {whose}: {described(error)}"
+    whose = "code that was given" if user_line(error) else "flexaxis itself, which should not"
+    return f"{args.command}: crashed in {whose}: {describe(error)}"
 
 
 def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:
@@ -219,6 +219,44 @@ def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:
         traceback.print_exception(error)
         return _ended(args, CRASH, text)
     return _ended(args, CRASH, f"{text}; {TRACEBACK} shows more")
+
+
+@contextmanager
+def told(*, quiet: bool, verbose: bool) -> Iterator[None]:
+    """Set what is said on stderr inside; `verbose` adds versions, the cache and the time taken."""
+    token, start = progress.QUIET.set(quiet), time.perf_counter()
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _show
+            if quiet:
+                warnings.simplefilter("ignore", UserWarning)
+            yield
+        if verbose:
+            _about(time.perf_counter() - start)
+    finally:
+        progress.QUIET.reset(token)
+
+
+def _show(  # noqa: PLR0917
+    message: Warning | str, category: type[Warning], filename: str, lineno: int,
+    file: TextIO | None = None, line: str | None = None,
+) -> None:  # fmt: skip
+    """Show a warning to users as words, and any other with its line."""
+    text = warnings.formatwarning(message, category, filename, lineno, line)
+    sys.stderr.write(f"flexaxis: {message}\n" if category is UserWarning else text)
+
+
+def _about(seconds: float) -> None:
+    import platform
+    from importlib.metadata import version
+
+    from flexaxis.experiments.running.cache import default_cache
+
+    packages = ("flexaxis", "mujoco", "numpy", "scipy", "numba")
+    parts = [f"{name} {version(name)}" for name in packages]
+    print(f"with {', '.join(parts)}, Python {platform.python_version()}", file=sys.stderr)
+    print(f"records are kept in {default_cache().folder}", file=sys.stderr)
+    print(f"took {seconds:.2f} s", file=sys.stderr)
 
 
 if __name__ == "__main__":

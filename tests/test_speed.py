@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexaxis.experiments.building.estimator_text import build, parse
+from flexaxis.experiments.running.estimators import build, parse
 
 sys.path.append(str(Path(__file__).parents[1] / "docs"))
 import speed_peers as peers_module
@@ -159,14 +159,7 @@ def test_pieces_of_a_stream_are_the_stream(stream):
         np.testing.assert_array_equal(at_once, np.concatenate(piecewise))
 
 
-@pytest.fixture
-def at_home(monkeypatch):
-    """What a file has lives in this process, where its size is."""
-    monkeypatch.setattr("flexaxis.experiments.building.guest._at_home", [True])
-
-
 @pytest.mark.slow
-@pytest.mark.usefixtures("at_home")
 def test_what_keeps_every_sample_is_not_flat(stream, tmp_path):
     (tmp_path / "hoarder.py").write_text(HOARDER)
     row = streamed(f"{tmp_path / 'hoarder.py'}:Hoarder", stream, 0.01)
@@ -178,7 +171,6 @@ def test_what_keeps_every_sample_is_not_flat(stream, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("at_home")
 def test_what_is_held_for_a_while_is_seen_whatever_the_phase(stream, tmp_path):
     (tmp_path / "judge.py").write_text(JUDGE)
     row = streamed(f"{tmp_path / 'judge.py'}:Judge", stream, 0.05)

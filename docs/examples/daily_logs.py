@@ -11,30 +11,31 @@ from datetime import date, timedelta
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-import flexaxis as fx
 from flexaxis.estimators.models.axes import STATIC, three_mass
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.sim.simulate import simulate
 
 DAYS, FROM, WEAR, PER_KELVIN = 60, 30, 0.12, -0.01
 
 folder = Path(sys.argv[1])
 folder.mkdir(exist_ok=True)
 rng = np.random.default_rng(0)
-nominal = dict(find_scenario("wg_fc_step-v1").initial)
-friction = {"f_m": "parameters.f_m", "f_c": "static_friction.f_c"}
+motion = find_scenario("wg_fc_step-v1").override({"fault": [], "duration": 20.0})
+nominal = dict(motion.initial)
 for day in range(DAYS):
-    kelvin = 10 * np.sin(2 * np.pi * day / DAYS) + rng.normal(0, 3)
+    kelvin = rng.normal(0, 6)
     warm = (1 + PER_KELVIN) ** kelvin * np.exp(rng.normal(0, 0.01, 2))  # and 1 % from day to day
     worn = 1 + WEAR * np.clip((day + 1 - FROM) / (DAYS - FROM), 0, 1)
-    changes = {
-        friction["f_m"]: nominal["f_m"] * warm[0],
-        friction["f_c"]: nominal["f_c"] * warm[1] * worn,
+    friction = {
+        "parameters.f_m": nominal["f_m"] * warm[0],
+        "static_friction.f_c": nominal["f_c"] * warm[1] * worn,
     }
-    record = fx.simulate("wg_fc_step-v1", seed=day, duration=20.0, fault=[], **changes)
-    log = record.to_dataframe()[["torque", "angle", "speed"]].reset_index()
-    log.columns = ["time [s]", "torque [Nm]", "angle [rad]", "speed [rad/s]"]
+    record = simulate(motion.override(friction, inherit=True), [0], repeat=day)[0]
+    log = pd.DataFrame({"time [s]": record.time, "torque [Nm]": record.torque})
+    log["angle [rad]"], log["speed [rad/s]"] = record.angle, record.speed
     log["temp"] = np.round(25 + kelvin + rng.normal(0, 0.1, len(log)), 1)
     name = f"{date(2026, 1, 1) + timedelta(days=day)}.csv"
     log.to_csv(folder / name, index=False, float_format="%.10g")

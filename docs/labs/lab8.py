@@ -7,8 +7,8 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
+import flexaxis as fx
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.bench import Bench
 
 seed, short = 1000, {"duration": 11.0, "fault[0].at": 5.4, "burn_in": 2.0}
 scenarios = {
@@ -23,20 +23,20 @@ names = [f"rpem-forgetting[forgetting={x}]" for x in memory]
 # is missing in the feed-forward?
 rows = {}
 for p, scenario in scenarios.items():
-    found = Bench([scenario]).runs([scenario], names, [seed])
-    rows[p] = {name: run for (_, name), (run,) in found.items()}
-    first = rows[p][names[0]][0]
-    errors = {key: 1000 * value for key, value in first["tracking"].items()}
-    print(p, *(f"{key} {errors[key]:.2f}" for key in ("without_fault", "frozen", "told")), "mrad")
+    table = fx.benchmark(names, scenarios=scenario, seeds=[seed]).to_dataframe()
+    rows[p] = table.set_index(["estimator", "parameter"])
+    errors = 1000 * rows[p].filter(like="tracking").iloc[0]
+    for name in ("without_fault", "frozen", "told"):
+        print(f"{p} {name}: {errors[f'tracking.{name}']:.2f} mrad")
 
 # %% With one
 # Question 2: is the estimator with the least lag worth most? What else counts?
 # Question 3: with a lag of 4 s, of 5 s that are counted, most of what J_a costs is recovered. How
 # can that be? What else than J_a has the estimator changed?
 lags, worths = {}, {}
-for p, column in (("f_m", 2), ("J_a", 1)):
-    lags[p] = np.array([rows[p][name][column]["lag"] for name in names])
-    worths[p] = np.array([rows[p][name][column]["recovered"] for name in names])
+for p, parameter in (("f_m", "f_m"), ("J_a", "1/J_a")):
+    lags[p] = np.array([rows[p]["lag"][name, parameter] for name in names])
+    worths[p] = np.array([rows[p]["recovered"][name, parameter] for name in names])
     for x, lag, worth in zip(memory, lags[p], worths[p], strict=True):
         print(f"{p}, λ = {x}: lag {lag:.2f} s, {worth:.0f} % recovered")
 
@@ -50,7 +50,7 @@ axis.legend()
 
 # %% Check
 # Who is told the truth recovers nearly all, and the slowest estimator less than the others.
-told = rows["f_m"][names[0]][0]["recovered_told"]
+told = rows["f_m"]["recovered_told"].iloc[0]
 least = min(worths[p][:-1].min() - worths[p][-1] for p in scenarios)
 print(f"check: told recovers {told:.0f} %, the slowest {least:.0f} % less than others")
 assert told > 90

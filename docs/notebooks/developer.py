@@ -11,7 +11,7 @@ import numpy as np
 
 import flexaxis as fx
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.experiments.reporting.figures import colour
+from flexaxis.experiments.reporting.styles import style
 
 plt.rcParams["figure.dpi"] = 90
 
@@ -110,7 +110,7 @@ knobs = {
 } | {"glr": [f"glr[walk={7e-4 * t:g}]" for t in turns]}
 every = [text for texts in knobs.values() for text in texts]
 results = fx.benchmark(every, scenarios="fm_step-v1", seeds=6)
-rows = {row["estimator"]: row for row in results.scores() if row["parameter"] == "f_m"}
+rows = results.scores().query("parameter == 'f_m'").set_index("estimator").to_dict("index")
 
 figure, ax = plt.subplots(figsize=(8, 4), layout="constrained")
 for name, texts in knobs.items():
@@ -118,11 +118,11 @@ for name, texts in knobs.items():
         [rows[t]["std"] for t in texts],
         [rows[t]["lag"] for t in texts],
         "o-",
-        color=colour(name),
+        color=style(name).light,
         label=name,
     )
     ax.loglog(
-        rows[texts[2]]["std"], rows[texts[2]]["lag"], "o", color=colour(name), ms=11, mfc="none"
+        rows[texts[2]]["std"], rows[texts[2]]["lag"], "o", color=style(name).light, ms=11, mfc="none"
     )
 bound = results.to_dataframe().query("parameter == 'f_m'")["lag_bound"].mean()
 ax.axhline(bound, color="0.5", label="bound")

@@ -6,7 +6,7 @@
 # their uncertainty, and a trend over weeks that tells wear from warmth.
 #
 # There is no robot beside this page, so the first cell simulates the logs. A published robot axis (Wernholt and Gunnarsson,
-# 2006) makes the same kind of motion for 20 s every morning, in a hall that is colder on some days than on others. From day 10
+# 2006) makes the same motion for 20 s every morning, in a hall that is colder on some days than on others. From day 10
 # on its dry friction grows. Nothing below uses what the simulation knows, except the last cell. With logs of your own, leave
 # the first cell out.
 
@@ -16,25 +16,27 @@ from datetime import date, timedelta
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-import flexaxis as fx
 from flexaxis.estimators.models.axes import STATIC, three_mass
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.axis_file import Axis, find_axis
+from flexaxis.sim.simulate import simulate
 
 Path("days").mkdir()
-rng, nominal, true = np.random.default_rng(0), dict(find_scenario("wg_fc_step-v1").initial), []
+motion = find_scenario("wg_fc_step-v1").override({"fault": [], "duration": 20.0})
+rng, nominal, true = np.random.default_rng(0), dict(motion.initial), []
 for day in range(24):
-    kelvin = 10 * np.sin(2 * np.pi * day / 24) + rng.normal(0, 3)
+    kelvin = rng.normal(0, 6)
     warm = 0.99**kelvin * np.exp(rng.normal(0, 0.01, 2))  # −1 % a kelvin, and 1 % from day to day
     true.append(warm[1] * (1 + 0.12 * max(day - 9, 0) / 14))
     friction = {
         "parameters.f_m": nominal["f_m"] * warm[0],
         "static_friction.f_c": nominal["f_c"] * true[-1],
     }
-    record = fx.simulate("wg_fc_step-v1", seed=day, duration=20.0, fault=[], **friction)
-    log = record.to_dataframe()[["torque", "angle", "speed"]].reset_index()
-    log.columns = ["time [s]", "torque [Nm]", "angle [rad]", "speed [rad/s]"]
+    record = simulate(motion.override(friction, inherit=True), [0], repeat=day)[0]
+    log = pd.DataFrame({"time [s]": record.time, "torque [Nm]": record.torque})
+    log["angle [rad]"], log["speed [rad/s]"] = record.angle, record.speed
     log["temp"] = np.round(25 + kelvin + rng.normal(0, 0.1, len(log)), 1)
     log.to_csv(f"days/{date(2026, 1, 1) + timedelta(days=day)}.csv", index=False)
 
@@ -53,7 +55,6 @@ import json
 import sqlite3
 
 import matplotlib.pyplot as plt
-import pandas as pd
 
 plt.rcParams["figure.dpi"] = 90
 first = Path("days/2026-01-01.csv")
@@ -123,6 +124,7 @@ table.style.set_uuid("axis").format(
 # torque of that log alone, the prediction also the motion up to the sample before.
 
 # %%
+import flexaxis as fx
 from flexaxis.experiments.logs.identification.validate import validate
 from flexaxis.experiments.logs.pages.identify_page import validation_chart
 

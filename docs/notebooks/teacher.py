@@ -117,7 +117,7 @@ plt.show()
 lambdas = 1 - np.array([0.02, 0.01, 0.005, 0.0025, 0.00125])
 texts = [f"rpem-forgetting[forgetting={value:.5g}]" for value in lambdas]
 results = fx.benchmark(texts, scenarios="fm_step-v1", seeds=12)
-rows = {row["estimator"]: row for row in results.scores() if row["parameter"] == "f_m"}
+rows = results.scores().query("parameter == 'f_m'").set_index("estimator").to_dict("index")
 nu = 1 - lambdas
 std, lag = (np.array([rows[text][score] for text in texts]) for score in ("std", "lag"))
 

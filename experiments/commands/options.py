@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands.answers import CRASH, FINDING, say
-from flexaxis.experiments.storage.files import NotRun, needed
+from flexaxis.experiments.files import NotRun, optional_package
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.building.guest import Remark
-    from flexaxis.experiments.running.engine import Means
+    from flexaxis.experiments.running.run import Runner
 
 RESUME, OVERWRITE = "--resume", "--overwrite"
 
@@ -59,7 +58,7 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
     add_jobs(where, what="the rows do")
     where.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster that runs")
     parser.add_argument(
-        "--shard", metavar="I/N", help="run only the I-th of N shares, to a file of rows of its own"
+        "--shard", metavar="I/N", help="run only the I-th of N shards; --from puts them together"
     )
     add_resume(parser)
     add_time_limit(parser)
@@ -76,25 +75,26 @@ def add_from(parser: argparse.ArgumentParser) -> None:
 def merge_shards(args: argparse.Namespace) -> int:
     """Put shards together and report; exit with 1 if runs are missing from all of them."""
     from flexaxis.experiments.commands.answers import answer
-    from flexaxis.experiments.running.merge import merge
-    from flexaxis.experiments.storage.files import spare
+    from flexaxis.experiments.files import check_not_input
+    from flexaxis.experiments.running.results import Results
+    from flexaxis.experiments.running.run import Runner
     from flexaxis.experiments.studies.benchmark import report
 
     if args.output is None:
         raise FlexaxisError("--from: name the folder of the whole with -o DIR")
-    spare(args.shards, args.output)
-    merged = merge(args.shards, args.output)
-    path = report(args.output)
-    if merged.makers[1:]:
-        say("the shards were run with different versions:\n" + "\n".join(merged.makers))
-    if merged.missing is None:
-        say("the shards have different estimators or seeds, so missing runs cannot be counted")
-    if merged.missing:
-        say(f"{merged.missing} of {merged.cases + merged.missing} cases are in no shard")
-    content: dict[str, object] = {"cases": merged.cases, "doubles": merged.doubles}
-    content |= {"missing": merged.missing, "folder": args.output, "report": path}
-    count = f"{merged.cases} cases; {merged.doubles} were in more than one shard"
-    return answer(args, content, FINDING if merged.missing else 0, count, path)
+    check_not_input(args.shards, args.output)
+    with Runner(args.output, jobs=int(args.jobs), overwrite=args.overwrite) as runner:
+        total = sum(runner.store.take(folder) for folder in args.shards)
+        results = Results.load(args.output)
+        cases, study = results.cases, results.study
+        missing = len(study["variants"]) * len(study["seeds"]) - cases
+        path = report(args.output, runner)
+    if missing:
+        say(f"{missing} of {cases + missing} cases are in no shard")
+    content: dict[str, object] = {"cases": cases, "doubles": max(0, total - cases)}
+    content |= {"missing": missing, "folder": args.output, "report": path}
+    count = f"{cases} cases; {max(0, total - cases)} were in more than one shard"
+    return answer(args, content, FINDING if missing else 0, count, path)
 
 
 def line(args: argparse.Namespace, *more: str, whole: bool = False) -> str:
@@ -123,7 +123,7 @@ def add_cache(parser: argparse.ArgumentParser, *, default: bool) -> None:
 
 def check_jobs(args: argparse.Namespace) -> None:
     """Refuse a number of processes that is none."""
-    from flexaxis.experiments.building.processes import check_jobs
+    from flexaxis.experiments.seeds import check_jobs
 
     if args.jobs is not None:
         check_jobs(args.jobs, what="--jobs")
@@ -151,10 +151,10 @@ def check_dask(args: argparse.Namespace) -> None:
 
 def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
     """Return where to work, None for processes of our own, and how many work there."""
-    if args.dask is None:
+    if getattr(args, "dask", None) is None:
         return None, args.jobs
 
-    distributed = needed("distributed")
+    distributed = optional_package("distributed")
     try:
         client = stack.enter_context(distributed.Client(args.dask, timeout=10))
     except (OSError, ValueError) as error:
@@ -167,15 +167,10 @@ def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
 
 @contextmanager
 def working(
-    args: argparse.Namespace,
-    what: str,
-    total: float,
-    *,
-    cache: bool = True,
-    by_case: bool = True,
-    place: tuple[Any, int] | None = None,
-) -> Iterator[tuple[Means, Callable[[float], None]]]:
-    """Give the means to run cases, with progress, and say how to go on where that is stopped.
+    args: argparse.Namespace, what: str, total: float, folder: Path | None = None, *,
+    cache: bool = True, by_case: bool = True,
+) -> Iterator[tuple[Runner, Callable[[float], object]]]:  # fmt: skip
+    """Give a runner with progress, and say how to resume if it is stopped.
 
     Parameters
     ----------
@@ -185,58 +180,45 @@ def working(
         What is done, for the progress.
     total : float
         How much of it there is.
+    folder : Path, optional
+        Where the rows are kept.
     cache : bool
         Whether records are kept.
     by_case : bool
         Whether progress is that of the cases.
-    place : (executor, int), optional
-        As from `executor`.
 
     Yields
     ------
-    Means
+    Runner
     callable
         To be called with what is done besides cases.
     """
+    from flexaxis._results import remarks_in_words
     from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.engine import Means
+    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.running.run import Runner
 
-    elsewhere, workers = place or (None, args.jobs or os.cpu_count() or 1)
-    done, remarks = 0, args.remarks
-
-    def heard(outcome: Any) -> None:
-        nonlocal done
-        done += outcome.cases
-        remarks.extend(outcome.remarks)
-
-    means = Means(
-        jobs=1 if elsewhere else workers, executor=elsewhere, in_flight=2 * workers,
-        store=default_cache() if cache else None,
-    )  # fmt: skip
-    limit = getattr(args, "time_limit", None)
-    with telling(remarks):
+    with ExitStack() as stack:
+        place, jobs = executor(args, stack)
+        advance = stack.enter_context(progress(what, total))
+        runner = stack.enter_context(Runner(
+            folder, jobs=int(jobs or os.cpu_count() or 1), executor=place,
+            cache=default_cache() if cache else None, overwrite=args.overwrite,
+            time_limit=getattr(args, "time_limit", None), advance=advance if by_case else None,
+        ))  # fmt: skip
         try:
-            with means.shown(what, total, heard, time_limit=limit, by_case=by_case) as both:
-                yield both
+            yield runner, advance
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(go_on(args, done)) from None
+            raise KeyboardInterrupt(go_on(args, runner.done)) from None
         except FlexaxisError as error:
-            if done:
-                kind = NotRun if isinstance(error, NotRun) else FlexaxisError
-                raise kind(f"{error}\n{go_on(args, done)}") from error
-            raise
-
-
-@contextmanager
-def telling(remarks: Sequence[Remark]) -> Iterator[None]:
-    """Say on stderr, in the end, what there is to be known of users' code."""
-    from flexaxis.experiments.building.guest import in_words
-
-    try:
-        yield
-    finally:
-        for text in in_words(remarks):
-            say(text)
+            if not runner.done:
+                raise
+            kind = NotRun if isinstance(error, NotRun) else FlexaxisError
+            raise kind(f"{error}\n{go_on(args, runner.done)}") from error
+        finally:
+            args.remarks += runner.remarks
+            for text in remarks_in_words(runner.remarks):
+                say(text)
 
 
 def go_on(args: argparse.Namespace, done: int) -> str:
@@ -245,19 +227,9 @@ def go_on(args: argparse.Namespace, done: int) -> str:
     return f"{kept}; go on with: {line(args, RESUME)}"
 
 
-def leave_out(scenarios: Sequence[Any], estimators: Sequence[str]) -> list[Any]:
-    """Return the scenarios that all estimators can read; which are left out is said on stderr."""
-    from flexaxis.experiments.building.ready import readable
-
-    kept, left = readable(scenarios, estimators)
-    for name, reason in left.items():
-        say(f"{name} is left out: {reason}")
-    return kept
-
-
 def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
     """Say on stderr which estimators failed where, and why: each kind of failure once."""
-    from flexaxis.experiments.reporting.terminal import failures_in_words as in_words
+    from flexaxis.experiments.reporting.words import failures_in_words as in_words
 
     for text, count in in_words(failures):
         say(f"{text} (and {count - 1} like it)" if count > 1 else text)
@@ -266,7 +238,7 @@ def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
         say(f"{cases} could not be run: `error` in the rows says why")
 
 
-def failed(failures: Sequence[Mapping[str, Any]], remarks: Sequence[Remark] = ()) -> int:
+def failed(failures: Sequence[Mapping[str, Any]], remarks: Sequence[tuple[str, str]] = ()) -> int:
     """Return the exit status where some cases could not be run: 70 if code crashed, else 1.
 
     It is 1 as well where a user's estimator returned what is not finite.

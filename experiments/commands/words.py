@@ -12,11 +12,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from flexaxis.experiments.building.code import code_file, names_code
 from flexaxis.experiments.catalogue.names import scenario_names, suite_names
 from flexaxis.experiments.commands.answers import WRONG_USE, refusal, too_large
-from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.files import STUDY, no_study
+from flexaxis.experiments.seeds import parse_seeds
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 
 _CHOICE = re.compile(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)")
@@ -97,11 +95,9 @@ def check_words(parser: argparse.ArgumentParser, args: argparse.Namespace) -> No
         options.shard(args)
     if getattr(args, "dask", None):
         options.check_dask(args)
-    if getattr(args, "time_limit", None) is not None:
-        from flexaxis.experiments.building.guest import limited
-
-        with limited(args.time_limit):  # refuses what is no time
-            pass
+    limit = getattr(args, "time_limit", None)
+    if limit is not None and not 0 < limit < float("inf"):
+        problems.append(f"--time-limit {limit}: give a finite number above 0")
     for check, word in _looked_up(parser, args):
         try:
             check(word)
@@ -141,14 +137,9 @@ def _of_suites(text: str) -> None:
 
 
 def _estimator(text: str) -> None:
-    from flexaxis.experiments.building.estimator_text import parse
-    from flexaxis.experiments.building.imports import no_file
+    from flexaxis.experiments.running.estimators import parse
 
-    path = Path(code_file(text))
-    if not names_code(text):
-        parse(text)
-    elif code_file(text) and not path.is_file():
-        raise no_file(path)
+    parse(text)
 
 
 def _file(text: str) -> None:
@@ -170,8 +161,9 @@ def _record(text: str) -> None:
 
 def _study(text: str) -> None:
 
-    if not (Path(text) / STUDY).exists():
-        raise no_study(Path(text))
+    from flexaxis.experiments.running.store import Store
+
+    Store.read(Path(text)).close()
 
 
 def _anything(text: str) -> None:

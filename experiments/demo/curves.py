@@ -16,13 +16,12 @@ from flexaxis.experiments.demo.history import History, HistoryLine
 from flexaxis.experiments.demo.racer import NAMES, SHOWN, Racer
 from flexaxis.experiments.demo.session import SPAN, Curves, DemoSession
 from flexaxis.experiments.demo.tracking import LENGTH, Point
-from flexaxis.experiments.reporting.charts import Chart, Line, Panel, Role
-from flexaxis.experiments.reporting.page import macros
+from flexaxis.experiments.reporting.charts_old.charts import Chart, Line, Panel, Role
+from flexaxis.experiments.reporting.charts_old.page import macros
 from flexaxis.experiments.reporting.styles import NINE, Style, style
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.experiments.scoring.windows import WINDOW
-from flexaxis.sim.law_parameters import LAW_UNITS
-from flexaxis.sim.parameters import PARAMETER_UNITS
+from flexaxis.sim.parameters import LAW_UNITS, PARAMETER_UNITS
 from flexaxis.sim.timing import PERIOD
 
 Array = NDArray[np.float64]

@@ -8,11 +8,11 @@ from math import log10
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.demo.input_check import InputCheck
 from flexaxis.experiments.demo.live_axis import EXCITATION, KINDS, LIMITS, UNITS
 from flexaxis.experiments.demo.racer import NAMES, KnobSettings
 from flexaxis.experiments.demo.session import DemoSession
+from flexaxis.experiments.running.estimators import parse
 
 # One is slower than the axis, the other would have to be told when somebody clicks.
 NOT_HERE = {"literal-rpem", "oracle-reset"}

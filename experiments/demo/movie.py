@@ -15,9 +15,9 @@ from flexaxis.experiments.demo import curves
 from flexaxis.experiments.demo.lesson import Lesson, Player
 from flexaxis.experiments.demo.session import SPAN, DemoSession
 from flexaxis.experiments.demo.view import camera, exaggerated
-from flexaxis.experiments.reporting.charts import Chart
-from flexaxis.experiments.reporting.figures import draw
-from flexaxis.experiments.storage.files import OutputError, new_file
+from flexaxis.experiments.files import OutputError, new_file
+from flexaxis.experiments.reporting.charts_old.charts import Chart
+from flexaxis.experiments.reporting.charts_old.figures import draw
 from flexaxis.sim.timing import PERIOD
 
 Pixels = NDArray[np.uint8]

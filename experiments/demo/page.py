@@ -19,8 +19,9 @@ from flexaxis.experiments.demo.knobs import Bench, FrictionKnobs, Knobs, add_axi
 from flexaxis.experiments.demo.session import BUTTONS, MARK, DemoSession
 from flexaxis.experiments.demo.view import exaggerated, scene
 from flexaxis.experiments.reporting import styles
-from flexaxis.experiments.reporting.charts import Chart
-from flexaxis.experiments.reporting.drawing import drawn
+from flexaxis.experiments.reporting.charts_old import marks
+from flexaxis.experiments.reporting.charts_old.charts import Chart
+from flexaxis.experiments.reporting.charts_old.drawing import drawn
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import PERIOD
 
@@ -271,8 +272,8 @@ def _style() -> str:
     text = "".join(sheet.read_text(encoding="utf-8") for sheet in sheets)
     who = dict(curves.STYLES)
     return (
-        f"<style>{text}:root {{ {colours} }}{styles.rules(who)}</style>"
-        f'<svg id="marks" width="0" height="0"><defs>{styles.marks(who)}</defs></svg>'
+        f"<style>{text}:root {{ {colours} }}{marks.rules(who)}</style>"
+        f'<svg id="marks" width="0" height="0"><defs>{marks.marks(who)}</defs></svg>'
     )
 
 

@@ -13,8 +13,8 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, Finding, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
-from flexaxis.experiments.building.estimator_text import Spec, made, parse
 from flexaxis.experiments.demo.live_axis import Samples
+from flexaxis.experiments.running.estimators import Spec, make_estimator, parse
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.experiments.scoring.windows import WINDOW
 from flexaxis.sim.errors import FlexaxisError
@@ -228,11 +228,11 @@ class Racer:
         turned = {key: getattr(self.tuning, key) for key in self.knobs}
         spec = replace(self.spec, options=dict(self.spec.options) | turned)
         if "drift" in self.knobs:  # the registry knows only one factor on all of Δ
-            spec = replace(spec, make=_with_drift, options=turned)
+            spec = replace(spec, session=_with_drift, options=turned)
         offered = {}
         if "forgetting" in turned:  # known of the nominal axis, however far the estimate is by now
             offered["P0"] = known_P(NAMES, forgetting=turned["forgetting"])
-        return made(spec, values, PERIOD, offered)
+        return make_estimator(spec, values, PERIOD, **offered)
 
 
 def in_words(finding: Finding) -> str:

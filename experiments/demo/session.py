@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators import RECOMMENDED
-from flexaxis.experiments.building.estimator_text import Spec
 from flexaxis.experiments.demo.history import KEPT, History, HistoryLine, dragged
 from flexaxis.experiments.demo.live_axis import NO_SAMPLES, Friction, LiveAxis, Samples
 from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, SHOWN, KnobSettings, Racer
 from flexaxis.experiments.demo.tracking import LEAST, Jump, Point, Tracking, allowed
+from flexaxis.experiments.running.estimators import Spec
 from flexaxis.experiments.scoring.scores import rms
 from flexaxis.experiments.scoring.windows import QUIET
 from flexaxis.sim.errors import FlexaxisError

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.storage.files import OutputError, new_file
+from flexaxis.experiments.files import OutputError, new_file
 from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record

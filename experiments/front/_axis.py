@@ -11,7 +11,7 @@ import numpy as np
 from flexaxis._given import seed_of, spec_of
 from flexaxis._records import changed
 from flexaxis.estimators.protocol import numbers_of
-from flexaxis.experiments.building.estimator_text import build
+from flexaxis.experiments.running.estimators import build
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.plant.loop import Changes
 from flexaxis.sim.plant.plant import Plant

@@ -7,57 +7,48 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from flexaxis._given import Scenarios, scenarios_of, seeds_of, texts_of
 from flexaxis._results import working
 from flexaxis._table import html_table, text_table
 from flexaxis.experiments.gate import gate
-from flexaxis.experiments.gate.pairs import parse_margins
-from flexaxis.experiments.gate.wording import COLUMNS, cells, headline, knobs, meaning, ordered
-from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.gate.report import as_dict
 
 if TYPE_CHECKING:
     import pandas
 
-    from flexaxis.experiments.gate.verdicts import Verdict
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """What can be said of a candidate beside a base.
+    """The verdict on a candidate beside a base.
 
     Attributes
     ----------
-    found : flexaxis.experiments.gate.gate.Comparison
-        All that was found, as `flexaxis compare` writes it.
-    left_out : mapping of str to str
-        Scenarios that one of them cannot read, with the reason.
+    content : dict
+        All that `flexaxis compare --json` prints: ``verdict, headline, advice, rows, legend`` …
     """
 
-    found: gate.Comparison
-    left_out: Mapping[str, str]
+    content: dict[str, Any]
 
     @property
     def verdict(self) -> str:
         """The one word: worse, undecided, better, slight or same."""
-        return self.found.verdict
+        return str(self.content["verdict"])
 
     @property
     def base(self) -> str:
         """The base as it was run; with `match_std` its knob as tuned."""
-        return self.found.base
+        return str(self.content["base"])
 
     @property
     def candidate(self) -> str:
         """The candidate as it was run; with `match_std` its knob as tuned."""
-        return self.found.candidate
+        return str(self.content["candidate"])
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas DataFrame, a line a score."""
         import pandas as pd
 
-        return pd.DataFrame(self.found.as_dict()["rows"])
+        return pd.DataFrame(self.content["rows"]).drop(columns="text")
 
     def plot(self, *, ax: Any = None) -> Any:
         """Draw the change of each score with its interval, and the margin that matters.
@@ -71,39 +62,26 @@ class Comparison:
         -------
         Axes
         """
-        from flexaxis import _draw
+        from flexaxis._draw import panels
+        from flexaxis.experiments.reporting.compare import changes
+        from flexaxis.experiments.reporting.figures import verdict_intervals
 
-        shown = [v for v in ordered(self.found.verdicts) if v.interval is not None]
-        return _draw.changes([_line(v) for v in shown], ax, (self.base, self.candidate))
-
-    def _said(self) -> list[str]:
-        lines = [headline(self.found), meaning(self.found), knobs(self.found)]
-        lines += [f"{name} is left out: {why}" for name, why in self.left_out.items()]
-        return [line for line in lines if line]
-
-    def _cells(self) -> list[tuple[str, ...]]:
-        return [cells(v) for v in ordered(self.found.verdicts)]
+        axes = panels(ax, 1)[0]
+        verdict_intervals(changes(self.content), axes=axes)
+        return axes
 
     def __repr__(self) -> str:
-        rows = self._cells()
-        return "\n".join([text_table(COLUMNS, rows, len(rows)), "", *self._said()])
+        c = self.content
+        rows = [row["text"] for row in c["rows"]]
+        table = text_table(c["columns"], rows, len(rows))
+        return "\n".join([c["headline"], *c["advice"], "", table, "", *c["legend"]])
 
     def _repr_html_(self) -> str:
-        first, *others = self._said()
-        more = "".join(f"<p>{escape(line)}</p>" for line in others)
-        rows = self._cells()
-        return f"<p><b>{escape(first)}</b></p>{html_table(COLUMNS, rows, len(rows))}{more}"
-
-
-def _line(v: Verdict) -> dict[str, Any]:
-    name, scale = f"{v.metric.replace('_', ' ')} {v.parameter}", v.scale or 1.0
-    interval = np.maximum(np.array(v.interval) / scale, DRAWN)
-    return {"name": name, "where": v.scenario, "word": v.verdict, "interval": interval,
-            "change": max((v.change or 0.0) / scale, DRAWN),
-            "margin": (v.margin or 0.0) / scale}  # fmt: skip
-
-
-DRAWN = -0.99  # of a change as a share: a difference may be less than all of the base
+        c = self.content
+        rows = [row["text"] for row in c["rows"]]
+        table = html_table(c["columns"], rows, len(rows))
+        lines = [f"<p>{escape(line)}</p>" for line in (*c["advice"], *c["legend"])]
+        return f"<p><b>{escape(c['headline'])}</b></p>{table}{''.join(lines)}"
 
 
 def compare(
@@ -147,15 +125,13 @@ def compare(
         If they have nothing in common; with `match_std` if one has no knob, or cannot be as noisy
         as the reference.
     """
-    first, second = (texts_of([one], jobs=jobs)[0] for one in (base, candidate))
-    wanted = parse_margins([f"{name}={value!r}" for name, value in (margins or {}).items()])
-    question, left_out = gate.ask(
-        first, second, scenarios_of(scenarios), seeds_of(seeds), wanted, max_seeds
-    )
-    most = question.most(match_std=match_std)
-    about = f"at most {most} case{'s'[: most != 1]}"
-    with (
-        working(about, most, jobs=jobs, time_limit=time_limit) as means,
-        Bench(question.scenarios, means=means) as bench,
-    ):
-        return Comparison(gate.compare(question, bench, match_std=match_std), left_out)
+    first, second = (texts_of([one])[0] for one in (base, candidate))
+    everywhere, common = scenarios_of(scenarios), seeds_of(seeds)
+    cases = 2 * len(everywhere) * max(max_seeds, len(common))
+    about = f"at most {cases} cases"
+    with working(about, cases, jobs=jobs, time_limit=time_limit) as runner:
+        comparison = gate.compare(
+            first, second, everywhere, common, runner, max_seeds=max_seeds,
+            margins=gate.check_margins(margins or {}), match_std=match_std,
+        )  # fmt: skip
+    return Comparison(as_dict(comparison))

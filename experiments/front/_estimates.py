@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +15,8 @@ from flexaxis._records import Recording
 from flexaxis._table import html_table, text_table
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.experiments.running.estimate import run_on, true_values
-from flexaxis.experiments.storage.files import needed
+from flexaxis.experiments.files import optional_package
+from flexaxis.experiments.running.estimate import run_on, true_values, write_estimates
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario
 
@@ -73,7 +74,9 @@ class Estimate:
         """
         if self._again is None:
             return None
-        return run_on(self._again(), self.record)[1]
+        estimator, record = self._again(), self.record
+        y = getattr(record, estimator.output)
+        return run_on(estimator, record.torque, y, record.valid)[1]
 
     @cached_property
     def truth(self) -> Mapping[str, Array]:
@@ -99,22 +102,23 @@ class Estimate:
         Axes, or ndarray of Axes
         """
         from flexaxis._draw import over_time, unit_of
-        from flexaxis.experiments.reporting.charts import Line
+        from flexaxis.experiments.reporting.figures import Series
 
         for name in names:
             if name not in self.names:
                 raise EstimatorError(unknown("parameter", name, self.names))
         sure = self.covariance if band else None
-        curves: dict[str, list[Line]] = {}
+        curves: dict[str, list[Series]] = {}
         for name in names or self.names:
             i = self.names.index(name)
-            line = Line(who=self.estimator, label=label, x=self.time, y=self.theta[:, i])
+            own, band_of = self.theta[:, i], {}
             if sure is not None:
                 two = 2 * np.sqrt(sure[:, i, i])
-                line = replace(line, low=line.y - two, high=line.y + two)
-            lines = curves[f"{name} [{unit_of(name)}]"] = [line]
+                band_of = {"low": own - two, "high": own + two}
+            one = Series(estimator=self.estimator, label=label, x=self.time, y=own, **band_of)
+            curves[f"{name} [{unit_of(name)}]"] = lines = [one]
             if (true := self.truth.get(name)) is not None:
-                lines.insert(0, Line(role="truth", label="truth", x=self.time, y=true))
+                lines.insert(0, Series(role="truth", x=self.time, y=true))
         return over_time(curves, ax, self.record.definition)
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -137,7 +141,21 @@ class Estimate:
         along = {"time": ("time", self.time, {"units": "s"}),
                  "estimate": np.array(self.names, object)}  # fmt: skip
         about = {"estimator": self.estimator, "record_hash": self.record.hash}
-        return needed("xarray").Dataset({"theta": (names, self.theta, said)}, along, about)
+        return optional_package("xarray").Dataset(
+            {"theta": (names, self.theta, said)}, along, about
+        )
+
+    def save(self, path: str | Path, *, covariance: bool = True) -> None:
+        """Write the estimates to a NetCDF-4 file, with the covariance that is claimed.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        about = {"estimator": self.estimator, "record_hash": self.record.hash}
+        known = self.covariance if covariance else None
+        write_estimates(Path(path), self.time, self.theta, self.names, about, covariance=known)
 
     def _lines(self) -> list[list[str]]:
         found = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -12,11 +11,10 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.code import give, is_given
-from flexaxis.experiments.building.estimator_text import Spec, parse
-from flexaxis.experiments.building.processes import check_jobs
 from flexaxis.experiments.catalogue.find import select
-from flexaxis.experiments.running.seeds import MOST, check_number, check_seed, parse_seeds
+from flexaxis.experiments.running.estimators import Spec, parse, with_options
+from flexaxis.experiments.running.estimators import text_of as text_of_class
+from flexaxis.experiments.seeds import MOST_SEEDS, check_number, check_seed, parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -26,25 +24,7 @@ Scenarios = str | os.PathLike[str] | Scenario | Iterable[str | os.PathLike[str] 
 
 def spec_of(estimator: str | Callable[..., Any], options: Mapping[str, Any] | None = None) -> Spec:
     """Return what builds an estimator, from its text or its class, with some options set."""
-    text = text_of(estimator)
-    if options:
-        inside = ", ".join(f"{key}={_written(key, value)}" for key, value in options.items())
-        text = f"{text.removesuffix(']')}, {inside}]" if "[" in text else f"{text}[{inside}]"
-    return parse(text)
-
-
-def _written(key: str, value: Any) -> str:
-    """Return a value of an option as text: what TOML has, lists of it included."""
-    plain = value.tolist() if isinstance(value, np.generic | np.ndarray) else value
-    kinds = (bool, int, float, str)
-    parts = plain if isinstance(plain, list | tuple) else [plain]
-    odd = [part for part in parts if not isinstance(part, kinds)]
-    if odd or any(isinstance(part, float) and not np.isfinite(part) for part in parts):
-        raise EstimatorError(
-            f"option {key} is {value!r}: give a finite number, a text, True or False, or a list of "
-            "these"
-        )
-    return json.dumps(plain)
+    return parse(with_options(text_of(estimator), options or {}))
 
 
 def text_of(estimator: str | Callable[..., Any]) -> str:
@@ -59,33 +39,23 @@ def text_of(estimator: str | Callable[..., Any]) -> str:
             f"{type(estimator).__name__} object: each run needs an estimator of its own, so give "
             "its name or its class, not an instance"
         )
-    return give(estimator)
+    return text_of_class(estimator)
 
 
-def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
+def texts_of(estimators: Estimators) -> tuple[str, ...]:
     """Return some estimators as text, each once.
 
     Raises
     ------
     EstimatorError
-        If there is none or an instance among them, if two classes have one name, or if other
-        processes are to run a class that is only in this one.
-    FlexaxisError
-        If `jobs` is no number of processes.
+        If there is none or an instance among them, or if two classes have one name.
     """
-    check_jobs(jobs)
     several = isinstance(estimators, Iterable) and not isinstance(estimators, str | type)
     wanted: list[Any] = list(estimators) if several else [estimators]  # type: ignore[arg-type]
     if not wanted:
         raise EstimatorError("no estimator was given: give at least one, such as 'glr'")
     texts = [text_of(one) for one in wanted]
     _check_names(wanted, texts)
-    here = [text for text in texts if is_given(text)]
-    if here and jobs > 1:
-        raise EstimatorError(
-            f"{here[0]} is a class of this session, which other processes cannot import: put it "
-            f'in a file and give "path/file.py:{here[0]}", or use jobs=1'
-        )
     return tuple(dict.fromkeys(texts))
 
 
@@ -135,7 +105,7 @@ def seeds_of(seeds: int | str | Iterable[int]) -> tuple[int, ...]:
         raise FlexaxisError(
             f'seeds {seeds!r}: give a number of them, such as 8, a range as "0:20", or a list'
         )
-    found = [seed_of(seed) for seed in islice(seeds, MOST + 1)]
+    found = [seed_of(seed) for seed in islice(seeds, MOST_SEEDS + 1)]
     check_number(len(found))
     if not found:
         raise FlexaxisError("seeds []: give whole numbers from 0 on, at least one")

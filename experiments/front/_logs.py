@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis._draw import drawn, panels
+from flexaxis._draw import panels, returned
 from flexaxis._table import ShownTable
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.axis_file import Axis
-    from flexaxis.experiments.reporting.charts import Chart
+    from flexaxis.experiments.reporting.charts_old.charts import Chart
     from flexaxis.sim.record import Record
 
 Log = Any  # a path, a record, or what `import_log` returned
@@ -59,12 +59,16 @@ class LogResult(ShownTable):
         -------
         Axes
         """
+        from flexaxis.experiments.reporting.charts_old.figures import draw
+
         titles = [each.title for each in self.charts]
         shown = self.charts[titles.index(chart) if isinstance(chart, str) else chart]
         axes = panels(ax, len(shown.panels))
-        found = drawn(shown, axes)
+        for place, each in enumerate(axes):
+            draw(shown, each, panel=place).label_outer()
+            each.legend(frameon=False, fontsize=8)
         axes[0].set_title(shown.title)
-        return found
+        return returned(axes)
 
 
 def import_log(path: str | Path, **options: Any) -> LogResult:
@@ -132,10 +136,10 @@ def track(
     start : float
         θ(0) over what was identified.
     """
-    from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.logs.pages.track_page import estimates_chart, residual_chart
     from flexaxis.experiments.logs.track import default_estimator
     from flexaxis.experiments.logs.track import track as tracked
+    from flexaxis.experiments.running.estimators import parse
 
     record, known = _record(log), _axis(axis)
     text = estimator or default_estimator(known)

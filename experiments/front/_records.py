@@ -12,15 +12,12 @@ import numpy as np
 
 from flexaxis._given import scenarios_of, seed_of
 from flexaxis._table import html_table
-from flexaxis.experiments.storage.files import needed
 from flexaxis.sim.errors import FlexaxisError, unknown
-from flexaxis.sim.record import Record, load_record
+from flexaxis.sim.record import SIGNALS, Record, load_record
 from flexaxis.sim.scenario import Scenario, scenario_from
-from flexaxis.sim.storage.record_file import SIGNALS
 
 if TYPE_CHECKING:
     import pandas
-    import xarray
 
     from flexaxis._results import Results
 
@@ -58,7 +55,7 @@ class Recording(Record):
         Axes, or ndarray of Axes
         """
         from flexaxis._draw import over_time
-        from flexaxis.experiments.reporting.charts import Line
+        from flexaxis.experiments.reporting.figures import Series
 
         read = self.scenario.get("output", "speed")
         usual = ("torque", read if read in self.signals else self.signals[-1])
@@ -69,7 +66,7 @@ class Recording(Record):
         beside = any(each.lines for each in np.ravel(ax if ax is not None else []))
         who = label if beside else "A"  # alone it is unbroken; beside others by its name
         curves = {f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]":
-                  [Line(who=who, label=label, x=self.time, y=getattr(self, name))]
+                  [Series(estimator=who, label=label, x=self.time, y=getattr(self, name))]
                   for name in signals or usual}  # fmt: skip
         return over_time(curves, ax, self.definition)
 
@@ -88,30 +85,6 @@ class Recording(Record):
         import pandas as pd
 
         return pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return an xarray Dataset over time and parameter, with units, as `save` writes it.
-
-        Raises
-        ------
-        StudyError
-            If xarray is not installed.
-        """
-        said = {n: {"units": unit, "long_name": words} for n, (unit, words) in SIGNALS.items()}
-        found: dict[str, Any] = {
-            name: ("time", getattr(self, name), said[name]) for name in self.signals
-        }
-        along: dict[str, Any] = {"time": ("time", self.time, said["time"])}
-        if self.valid is not None:
-            found["valid"] = ("time", self.valid, {})
-        if self.true_parameters is not None:
-            names = ("time", "parameter")
-            words = {"units": "SI", "long_name": "true parameters"}
-            found["true_parameters"] = (names, self.true_parameters, words)
-            along["parameter"] = np.array(self.parameter_names, object)
-        about = {"scenario": self.scenario.get("name", ""), "hash": self.hash}
-        about |= {} if self.seed is None else {"seed": self.seed}
-        return needed("xarray").Dataset(found, along, about)
 
     def _repr_html_(self) -> str:
         head = f"<b>{self.scenario.get('name', 'record')}</b>"

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 import warnings
-import weakref
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexaxis._given import (
     Estimators,
@@ -19,24 +16,19 @@ from flexaxis._given import (
     seeds_of,
     texts_of,
 )
-from flexaxis._table import ShownTable
-from flexaxis.experiments.building.guest import in_words
-from flexaxis.experiments.building.processes import check_jobs
-from flexaxis.experiments.results import results as kept
+from flexaxis.experiments.running import results as kept
 from flexaxis.experiments.running.cache import default_cache
-from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.running.progress import progress
+from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.errors import FlexaxisError, unknown
-
-if TYPE_CHECKING:
-    from flexaxis.experiments.building.guest import Remark
 
 
 @contextmanager
 def working(
-    what: str, total: float, *, jobs: int = 1, time_limit: float | None = None
-) -> Iterator[Means]:
-    """Give the means to run cases.
+    what: str, total: float, folder: Path | None = None, **options: Any
+) -> Iterator[Runner]:
+    """Give a runner with progress and the cache of records.
 
     Parameters
     ----------
@@ -44,51 +36,33 @@ def working(
         What is done, for the progress.
     total : float
         Cases, at most.
-    jobs : int
-        Processes.
-    time_limit : float, optional
-        How long code of a user may take for one run [s].
+    folder : Path, optional
+    **options
+        ``jobs, time_limit, overwrite`` of `Runner`.
     """
-    check_jobs(jobs)
-    remarks: list[Remark] = []
-    means = Means(jobs=jobs, store=default_cache())
-    with means.shown(
-        what, total, lambda outcome: remarks.extend(outcome.remarks), time_limit=time_limit
-    ) as (shown, _):
-        yield shown
-    for text in in_words(remarks):  # at the line of the user, who called through two of ours
+    with (
+        progress(what, total) as advance,
+        Runner(folder, cache=default_cache(), advance=advance, **options) as runner,
+    ):
+        yield runner
+    for text in remarks_in_words(runner.remarks):  # at the line of the user: two calls up
         warnings.warn(text, stacklevel=5)
 
 
-_SHOWN = (
-    "estimator",
-    "scenario",
-    "parameter",
-    "lag",
-    "t10",
-    "std",
-    "bias",
-    "diverged",
-    "failed",
-    "runs",
-)
+def remarks_in_words(remarks: Sequence[tuple[str, str]]) -> list[str]:
+    """Return a sentence for each estimator that returned values that are not finite."""
+    places: dict[str, list[str]] = {}
+    for estimator, where in remarks:
+        places.setdefault(estimator, []).append(where)
+    return [
+        f"{estimator} returned an estimate that is not finite in {len(where)} "
+        f"run{'s'[: len(where) != 1]}, first {where[0]}: such a run counts as diverged"
+        for estimator, where in places.items()
+    ]
 
 
 class Results(kept.Results):
     """Results with their figure; rows, selections and tables are those of every folder."""
-
-    def scores(self, *by: str) -> ShownTable:
-        """Return pooled scores, a line for all rows that agree in some columns.
-
-        Parameters
-        ----------
-        *by : str
-            Columns to tell apart; scenario, estimator and all axes by default.
-        """
-        columns = list(by) or ["base", "method", *self.axes]
-        lines = [self._named(row) for row in self.pooled(columns)]
-        first = [_NAMES.get(column, column) for column in columns]
-        return ShownTable(lines, list(dict.fromkeys([*first, *_SHOWN])) if lines else ())
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
         """Draw the lag after a fault: against the noise before it, or over an axis of a study.
@@ -110,41 +84,38 @@ class Results(kept.Results):
         FlexaxisError
             If no such key is swept.
         """
-        from flexaxis._draw import drawn
-        from flexaxis.experiments.reporting.charts import Chart
-        from flexaxis.experiments.reporting.run.speed import as_set
-        from flexaxis.experiments.reporting.study.charts import degradation
+        from flexaxis._draw import panels
+        from flexaxis.experiments.reporting.figures import curves, lag_against_noise
+        from flexaxis.experiments.reporting.study import over_axis
 
         if x and x not in self.axes:
             known = unknown("axis", x, self.axes) if self.axes else f"axis {x!r}: nothing was swept"
             raise FlexaxisError(f"{known}; leave it out for lag against noise")
-        key = x or next(iter(self.axes), "")
-        chart: Chart | None
-        if key:
-            rows = [r | {"who": r["method"]} for r in self.pooled(["method", key]) if r["changed"]]
-            chart = degradation([r for r in rows if r["lag"] is not None], key, label=key)
-        else:
-            rows = [self._named(row) for row in self.pooled(["base", "method"])]
-            chart = as_set(rows, list(dict.fromkeys(row["estimator"] for row in rows)))
-        if chart is None or not chart.panels:
+        rows = self.scores("scenario", "estimator")
+        rows = rows[rows["changed"].astype(bool) & rows["lag"].notna()]
+        if rows.empty:
             raise FlexaxisError("no lag to draw: nothing changes here that is estimated")
-        return drawn(replace(chart, panels=chart.panels[:1]), ax)
-
-    def _named(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a pooled row under the names that rows have."""
-        return {_NAMES.get(column, column): value for column, value in row.items()}
+        axes = panels(ax, 1)
+        if key := x or next(iter(self.axes), ""):
+            options = over_axis(self, key, "lag")
+            first = dict(list(options["panels"].items())[:1])
+            curves(**options | {"panels": first, "axes": axes})
+        else:
+            rows["setting"] = rows["estimator"] + " on " + rows["scenario"]
+            lag_against_noise(rows, list(rows["estimator"].unique()), axes=axes)
+        return axes[0]
 
     def __repr__(self) -> str:
         names = ", ".join(self.study.get("estimators", ()))
-        failed = len(self.failures())
         text = f"Results of {names}: {self.cases} case{'s'[: self.cases != 1]}"
-        return text + (f", {failed} of them failed: see .failures()" if failed else "")
+        failed = len(self.failures)
+        return text + (f", {failed} of them failed: see .failures" if failed else "")
 
     def _repr_html_(self) -> str:
-        return f"<p>{escape(repr(self))}</p>{self.scores()._repr_html_()}"
-
-
-_NAMES = {"base": "scenario", "method": "estimator"}
+        shown = ["scenario", "estimator", "parameter", "lag", "t10", "std", "bias", "diverged",
+                 "failed", "runs"]  # fmt: skip
+        table = self.scores()
+        return f"<p>{escape(repr(self))}</p>{table[[*shown]].to_html(index=False)}"
 
 
 def benchmark(
@@ -171,8 +142,7 @@ def benchmark(
     folder : str or Path, optional
         Where the rows are kept; else they go with the results.
     jobs : int
-        Processes. A script that asks for several runs itself in each, and so needs
-        ``if __name__ == "__main__":``.
+        Processes.
     overwrite : bool
         Whether to remove what `folder` holds first; else it is kept, and what is missing run.
     time_limit : float, optional
@@ -189,9 +159,7 @@ def benchmark(
         If a name is wrong, or an estimator cannot be made. One that fails on a record is a row
         with its error (`Results.failures`).
     """
-    study = Study(
-        "benchmark", scenarios_of(scenarios), texts_of(estimators, jobs=jobs), seeds_of(seeds)
-    )
+    study = Study("benchmark", scenarios_of(scenarios), texts_of(estimators), seeds_of(seeds))
     return _run(study, folder, jobs=jobs, overwrite=overwrite, time_limit=time_limit)
 
 
@@ -201,7 +169,6 @@ def study(
     folder: str | Path | None = None,
     jobs: int = 1,
     overwrite: bool = False,
-    run_code: bool = False,
     time_limit: float | None = None,
 ) -> Results:
     """Run a study: estimators over values of any key of scenario, fault or estimator.
@@ -213,8 +180,6 @@ def study(
         20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``; classes may stand among the estimators.
     folder, jobs, overwrite, time_limit
         As for `benchmark`.
-    run_code : bool
-        Whether code that a file names may be run; what stands in a mapping is yours.
 
     Returns
     -------
@@ -225,47 +190,21 @@ def study(
     ------
     StudyError
         With one line for each problem.
-    CodeRefused
-        If the file names code, and `run_code` was not given.
     """
     from flexaxis.experiments.studies.definition import load_study, study_from
 
     if isinstance(definition, str | Path):
         wanted = load_study(definition)
     else:
-        run_code, content = True, {"name": "study"} | dict(definition)
+        content = {"name": "study"} | dict(definition)
         if "estimators" in content:
-            content["estimators"] = list(texts_of(content["estimators"], jobs=jobs))
+            content["estimators"] = list(texts_of(content["estimators"]))
         wanted = study_from(content)
-    return _run(
-        wanted, folder, jobs=jobs, overwrite=overwrite, run_code=run_code, time_limit=time_limit
-    )
+    return _run(wanted, folder, jobs=jobs, overwrite=overwrite, time_limit=time_limit)
 
 
-def _run(
-    wanted: Study,
-    folder: Any,
-    *,
-    jobs: int,
-    overwrite: bool,
-    run_code: bool = True,
-    time_limit: float | None = None,
-) -> Results:
-    from flexaxis.experiments.running.engine import run_study
-
-    place = Path(folder) if folder else Path(tempfile.mkdtemp(prefix="flexaxis-"))
-    total = len(wanted.scenarios) * len(wanted.points) * len(wanted.estimators) * len(wanted.seeds)
-    with working(
-        f"{total} case{'s'[: total != 1]}", total, jobs=jobs, time_limit=time_limit
-    ) as means:
-        run_study(wanted, place, means, overwrite=overwrite, run_code=run_code)
-    found = Results.load(place)
-    if not folder:  # the rows go when nobody reads them any more
-        weakref.finalize(found.source, _remove, place)
-    return found
-
-
-def _remove(folder: Path) -> None:
-    import shutil
-
-    shutil.rmtree(folder, ignore_errors=True)
+def _run(wanted: Study, folder: str | Path | None, **options: Any) -> Results:
+    place, total = Path(folder) if folder else None, wanted.cases
+    with working(f"{total} case{'s'[: total != 1]}", total, place, **options) as runner:
+        found = runner.run(wanted, about={"title": wanted.name})
+    return Results(runner.store, found.study)

@@ -16,11 +16,11 @@ from flexaxis._records import Recording, changed
 from flexaxis._table import ShownTable
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.experiments.building.estimator_text import Spec, build
-from flexaxis.experiments.building.guest import hosted, limited
 from flexaxis.experiments.catalogue.names import is_scenario
-from flexaxis.experiments.running.case import case_id, followed, track_of
+from flexaxis.experiments.running.case import follow, track_of
 from flexaxis.experiments.running.estimate import run_on
+from flexaxis.experiments.running.estimators import Spec, build
+from flexaxis.experiments.running.user_code import reported
 from flexaxis.experiments.scoring.parameter_names import known_names
 from flexaxis.experiments.scoring.score_table import SCORES
 from flexaxis.experiments.scoring.summary import columns_of, pool_columns, scored
@@ -35,7 +35,6 @@ def estimate(
     *,
     options: Mapping[str, Any] | None = None,
     scenario: str | Scenario | None = None,
-    time_limit: float | None = None,
 ) -> Estimate:
     """Run an estimator on a record.
 
@@ -50,8 +49,6 @@ def estimate(
         Keywords of the estimator: ``{"forgetting": 0.99}``.
     scenario : str or Scenario, optional
         What the estimator is told; the record's own by default.
-    time_limit : float, optional
-        How long code of your own may take [s]; 600 by default.
 
     Returns
     -------
@@ -76,11 +73,10 @@ def estimate(
     record = _loaded(record) if isinstance(record, str | Path) else record
     shown = record if isinstance(record, Recording) else Recording.of(record)
     told = shown.definition if scenario is None else changed(scenario, {})
-    with limited(time_limit):
-        if hasattr(estimator, "step") and not isinstance(estimator, type):
-            found = _of_instance(estimator, shown, told)  # type: ignore[arg-type]
-        else:
-            found = _of_spec(spec_of(estimator, options), shown, told)  # type: ignore[arg-type]
+    if hasattr(estimator, "step") and not isinstance(estimator, type):
+        found = _of_instance(estimator, shown, told)  # type: ignore[arg-type]
+    else:
+        found = _of_spec(spec_of(estimator, options), shown, told)  # type: ignore[arg-type]
     _warn_if_not_finite(found)
     return found
 
@@ -116,7 +112,7 @@ def _of_spec(spec: Spec, record: Recording, told: Scenario | None) -> Estimate:
     built = build(spec, told)
     _check_output(built, record, spec.text)
     happened = record.definition or told  # what is claimed is kept before the fault of the record
-    theta, claimed, innovations = followed(spec.text, built, happened, record)
+    theta, claimed, innovations = follow(spec.text, built, happened, record)
     return Estimate(
         spec.text, tuple(built.names), theta, record, told, _findings(built), claimed, innovations,
         _maker(spec, told) if hasattr(built, "covariance") else None,
@@ -126,9 +122,9 @@ def _of_spec(spec: Spec, record: Recording, told: Scenario | None) -> Estimate:
 def _of_instance(estimator: Estimator, record: Recording, scenario: Scenario | None) -> Estimate:
     name = type(estimator).__name__
     _check_output(estimator, record, name)
-    own = type(estimator).__module__.startswith("flexaxis.estimators.")
-    with hosted(name, f"on {record!r}", refusing=True, guest=not own):
-        theta, _, _ = run_on(estimator, record, claims=False)
+    y = getattr(record, estimator.output)
+    with reported(name, f"on {record!r}", refusing=True):
+        theta, _, _ = run_on(estimator, record.torque, y, record.valid, claims=False)
     return Estimate(name, tuple(estimator.names), theta, record, scenario, _findings(estimator))
 
 
@@ -185,7 +181,6 @@ def score(
     )  # fmt: skip
     seed = found.record.seed or 0
     identity = {
-        "case": case_id(found.record.hash or scenario.hash, found.estimator, seed),
         "scenario": scenario.name,
         "estimator": found.estimator,
         "seed": seed,

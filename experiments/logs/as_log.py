@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import WRITTEN
 from flexaxis.experiments.logs.units import UNITS
-from flexaxis.experiments.storage.files import write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.record import Record
 

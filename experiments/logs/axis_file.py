@@ -16,14 +16,13 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.tables import model_from_tables
+from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import WRITTEN
 from flexaxis.experiments.logs.mapping import explained
-from flexaxis.experiments.storage.files import write_text
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.record import Record
-from flexaxis.sim.storage.reading import read_toml
-from flexaxis.sim.storage.toml_text import toml_text
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from collections.abc import Collection, Sequence
 from os.path import commonpath
 from pathlib import Path
 
+from flexaxis.experiments.files import OutputError, is_same
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.storage.files import OutputError, same
 
 HEAD = 2048  # bytes in which a file says whose it is
 WRITTEN = "written by flexaxis"
@@ -69,7 +69,7 @@ def made_of(path: Path, names: Collection[str]) -> bool:
 def record_beside(log: Path) -> Path:
     """Return where the record of a log goes by default: beside it, and over nothing but itself."""
     path = log.with_suffix(".nc")
-    free = not path.exists() or (not same(path, log) and source_of(path) == log.name)
+    free = not path.exists() or (not is_same(path, log) and source_of(path) == log.name)
     return path if free else log.with_name(f"{log.stem}-imported.nc")
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY, Entry
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.building.estimator_text import Spec, made
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
@@ -33,7 +32,8 @@ from flexaxis.experiments.logs.identification.validate import (
     fit_of,
     predicted_load,
 )
-from flexaxis.experiments.running.estimate import estimates_file, run_on
+from flexaxis.experiments.running.estimate import run_on, write_estimates
+from flexaxis.experiments.running.estimators import Spec, make_estimator
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -126,12 +126,8 @@ def save(found: Tracked, path: Path, *, estimator: str) -> None:
         If it cannot be written.
     """
     sure = found.deviations
-    claimed: Literal["deviation"] | None = None if sure is None else "deviation"
-    with estimates_file(path, found.names, len(found.time), claimed=claimed) as file:
-        file["time"][:], file["theta"][:] = found.time, found.theta
-        if claimed:
-            file["deviation"][:] = sure
-        file.attrs["estimator"] = estimator
+    about = {"estimator": estimator}
+    write_estimates(path, found.time, found.theta, found.names, about, deviation=sure)
 
 
 def track(
@@ -149,7 +145,7 @@ def track(
     axis : Axis
         As identified.
     spec : Spec
-        From `flexaxis.experiments.building.estimator_text.parse`.
+        From `flexaxis.experiments.running.estimators.parse`.
     identify : sequence of str
         What to estimate.
     start : float
@@ -178,8 +174,7 @@ def track(
     u, y = (torque, log.y) if lawful else (colour.white(torque), colour.white(log.y))
     valid = there if lawful else colour.settled(there)
     estimator = _build(spec, axis, identify, start, period=period, output=output, torque=u)
-    changed: dict[str, Any] = {output: y}
-    theta, claimed, alarms = run_on(estimator, replace(record, torque=u, valid=valid, **changed))
+    theta, claimed, alarms = run_on(estimator, u, y, valid)
     names = tuple(estimator.names)
     model = SIGNALS[output].predicted(axis.model, period)
     last = _last(theta)
@@ -249,7 +244,7 @@ def _build(
     elif axis.noise is not None:
         offered["noise"] = axis.noise
     first = replace(axis.model, nominal=values) if shipped else values
-    estimator = made(spec, first, period, offered)
+    estimator = make_estimator(spec, first, period, **offered)
     mine = tuple(estimator.names)
     if axis.model.laws:  # who knows laws may track their parameters besides
         mine = mine[: len(identify)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,11 +12,11 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.experiments.building.processes import spread
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.seeds import FIRST
+from flexaxis.experiments.running.run import parallel
 from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.seeds import FIRST
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.excitation import Multisine
@@ -192,8 +191,7 @@ def _simulate(
     ]
     total = sum(part.scenario.samples * len(part.seeds) for part in parts)
     found: dict[str, list[Record]] = {group: [] for group in wanted}
-    with closing(spread(parts, partial(_made, store=store), jobs=jobs if jobs > 1 else 0)) as made:
-        for group, records_ in made:
-            found[group] += records_
-            advance(sum(len(record.time) for record in records_) / total)
+    for group, records_ in parallel(partial(_made, store=store), parts, jobs=jobs):
+        found[group] += records_
+        advance(sum(len(record.time) for record in records_) / total)
     return {group: sorted(made, key=lambda r: r.seed or 0) for group, made in found.items()}

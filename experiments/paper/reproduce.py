@@ -7,14 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+import matplotlib as mpl
+
+from flexaxis.experiments.files import write_json, write_text, writing
 from flexaxis.experiments.paper.claim import SHARES, Claim, Evidence, Measured, gather
 from flexaxis.experiments.paper.claims import CHECKS
 from flexaxis.experiments.paper.data import Size
-from flexaxis.experiments.paper.figures import FIGURES
-from flexaxis.experiments.reporting import figures, page, tables
-from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.paper.figures import CAPTIONS, FIGURES
+from flexaxis.experiments.reporting import page
+from flexaxis.experiments.reporting.tables import Cell, Table
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.storage.files import new_file, write_json, write_text, writing
 
 CLAIMS, PAGE = "claims.json", "index.html"
 
@@ -53,12 +55,11 @@ def reproduce(
         tempfile.TemporaryFile(dir=folder).close()
     e = gather(size or Size(), jobs=jobs, store=store, advance=advance)
     claims = decide(e)
-    charts = {name: figure(e) for name, figure in FIGURES.items()}
-    for chart in charts.values():
-        draw(chart, folder)
-        advance(SHARES["figures"] / len(charts))
+    for name in FIGURES:
+        draw(name, e, folder)
+        advance(SHARES["figures"] / len(FIGURES))
     write_json(folder / CLAIMS, [claim.as_json() for claim in claims])
-    write_text(folder / PAGE, render(e, claims, charts, command))
+    write_text(folder / PAGE, render(e, claims, command))
     return claims
 
 
@@ -67,30 +68,30 @@ def decide(e: Evidence) -> list[Claim]:
     return [check(e) for check in CHECKS]
 
 
-def draw(chart: Chart, folder: Path) -> None:
+def draw(name: str, e: Evidence, folder: Path) -> None:
     """Write a figure as SVG and PNG."""
-    figure = figures.figure(chart)
-    write_text(folder / f"{chart.name}.svg", figures.svg(figure))
-    with new_file(folder / f"{chart.name}.png") as part:
-        figure.savefig(part, dpi=200)
+    figure = FIGURES[name](e)
+    with mpl.rc_context({"svg.hashsalt": "flexaxis"}):
+        figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+    figure.savefig(folder / f"{name}.png", dpi=200)
 
 
-def render(e: Evidence, claims: Sequence[Claim], charts: Mapping[str, Chart], command: str) -> str:
+def render(e: Evidence, claims: Sequence[Claim], command: str) -> str:
     """Return the page that tells the story: equations, figures, claims.
 
     Parameters
     ----------
     e : Evidence
     claims : sequence of Claim
-    charts : mapping of str to Chart
-        By name.
     command : str
         The line that makes the page again.
     """
     content = {
         "claims": claims,
         "about": lambda *words, but=None: _about(claims, words, but),
-        "figures": charts,
+        "figures": {n: page.drawn(f, CAPTIONS[n][0], e) for n, f in FIGURES.items()},
+        "captions": CAPTIONS,
+        "title": "The paper, reproduced and checked",
         "seeds": [record.seed for record in e.data.nominal],
         "runs": {"long": len(e.data.long), "few": len(e.data.pause)},
         "measured": {claim.id: claim.measured for claim in claims},
@@ -100,17 +101,17 @@ def render(e: Evidence, claims: Sequence[Claim], charts: Mapping[str, Chart], co
         "table": claims_table(claims),
         "written": in_words,
     }
-    return page.render("paper/templates/paper.html", content)
+    return page.render("paper/templates/paper.html", looks={}, **content)
 
 
-def claims_table(claims: Sequence[Claim]) -> tables.Table:
+def claims_table(claims: Sequence[Claim]) -> Table:
     """Return all claims as a table, for the page and for the terminal."""
     heads = ("holds", "claim", "measured", "to hold", "source")
     rows = [
         ("✓" if c.holds else "✗", c.claim, in_words(c.measured), c.expected, c.source)
         for c in claims
     ]
-    return tables.texts("All claims", heads, rows)
+    return Table("All claims", heads, [("", [Cell(text) for text in row]) for row in rows])
 
 
 def _about(claims: Sequence[Claim], words: Sequence[str], but: str | None) -> list[Claim]:

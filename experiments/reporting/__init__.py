@@ -1,6 +1,7 @@
-"""What people look at: pages, figures, tables, words.
+"""What people look at: figures, pages, tables, words.
 
-`charts` and `tables` are what is to be shown, as data; `drawing` makes SVG of it and `figures`
-matplotlib, `page` a page that needs no network, `terminal` text; `styles` gives each estimator its
-colour. In come pooled rows and curves, out go pages and text; `run` and `study` are two reports.
+`figures` draws with matplotlib in the look of `styles`, `tables` writes numbers, `words` makes
+sentences, `page` puts all of it into HTML that needs no network, `terminal` prints. In come the
+rows and traces that `inputs` obtains; out go the reports `run`, `study` and `compare`. The pages of
+logs and the demo still draw with `charts_old`.
 """

@@ -1,154 +1,433 @@
-"""Charts drawn with matplotlib, for notebooks and papers; a page has them by `drawing`.
+"""Every figure of flexaxis: a function each, which returns a matplotlib Figure.
 
-Truth is dashed black, an estimator has the same colour everywhere, a fault is a thin vertical line,
-burn-in is shaded.
+Pages, `.plot()` in Python, notebooks, docs and the paper draw with these. A page hides an
+estimator, and shows a value on hover, by the tags that `styles.tag` gives to artists. Figures are
+430 px wide: letters are readable on a telephone, and a screen shows several side by side.
 """
 
 from __future__ import annotations
 
-import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from flexaxis.experiments.reporting import styles
-from flexaxis.experiments.reporting.charts import Array, Chart, Line
-from flexaxis.experiments.reporting.scales import across, upward
-from flexaxis.experiments.reporting.tables import SYMBOL
+from flexaxis.experiments.comparison.ranking import REFERENCE
+from flexaxis.experiments.reporting.styles import BACK, MUTED, SOFT, TEXT, Style, look, styled, tag
+from flexaxis.experiments.reporting.tables import SYMBOL, between, number, short
 
-LONGEST = 40  # characters of a name in a legend
+if TYPE_CHECKING:
+    import pandas as pd
 
+    from flexaxis.sim.scenario import Scenario
 
-def colour(estimator: str) -> str:
-    """Return the colour of an estimator, the same in every figure; see `styles`."""
-    return styles.style(estimator).light
-
-
-def _dash(style: styles.Style) -> Any:
-    """Return a line style as matplotlib takes it."""
-    lengths = [float(part) for part in style.dash.split()]
-    return (0, lengths) if lengths else "-"
-
-
-def _mark(ax: Axes, spans: Any, marks: Any) -> None:
-    for begin, end, _ in spans:
-        ax.axvspan(begin, end, color="0.5", alpha=0.12, lw=0)
-    for at, _ in marks:
-        ax.axvline(at, color="0.3", lw=0.8)
-
-
-def figure(chart: Chart) -> Figure:
-    """Draw a chart as a figure of its own, its panels below one another, the legend beside them."""
-    count = len(chart.panels)
-    found = Figure(figsize=(8.0, 0.8 + (3.6 if count == 1 else 2.6 * count)), layout="constrained")
-    axes = found.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    for place in range(count):
-        draw(chart, axes[place], panel=place).label_outer()
-    handles = {
-        label: line
-        for ax in axes
-        for line, label in zip(*ax.get_legend_handles_labels(), strict=True)
-    }
-    found.legend(
-        handles.values(), handles.keys(), loc="outside right upper", frameon=False, fontsize=8
-    )
-    return found
-
-
-def draw(
-    chart: Chart,
-    ax: Axes,
-    *,
-    panel: int = 0,
-    looks: Mapping[str, styles.Style] = MappingProxyType({}),
-) -> Axes:
-    """Draw a panel of a chart on given axes, as pages have it.
-
-    Parameters
-    ----------
-    chart : Chart
-    ax : Axes
-    panel : int
-        Which.
-    looks : mapping of str to Style, optional
-        Of those that look otherwise here than in other figures.
-    """
-    shown = chart.panels[panel]
-    for line in shown.lines:
-        _draw_line(ax, line, looks.get(line.who) or styles.style(line.who))
-    _mark(ax, chart.spans, chart.marks)
-    x, y = across(chart)[0][1], upward(shown, across(chart)[0][1])
-    ax.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear")
-    for axis, scale, limits in ((ax.xaxis, x, ax.set_xlim), (ax.yaxis, y, ax.set_ylim)):
-        limits(scale.low, scale.high)
-        axis.set_major_locator(FixedLocator([value for value, _ in scale.ticks]))
-        axis.set_major_formatter(FixedFormatter([text for _, text in scale.ticks]))
-        axis.set_minor_formatter(NullFormatter())
-    ax.grid(alpha=0.25)
-    ax.set_xlabel(typeset(chart.x))
-    ax.set_ylabel(typeset(shown.y))
-    ax.set_title(typeset(shown.title), fontsize=10, loc="left")
-    return ax
-
-
-def _draw_line(ax: Axes, line: Line, style: styles.Style) -> None:
-    """Draw a curve or points as `drawing` does: truth dashed, bounds dotted, others in style."""
-    role = _ROLES.get(line.role, {})
-    own = {"color": style.light} if line.who else {}
-    solid = {"color": "0.4", "lw": 1.3, "ls": _dash(style) if line.who else "-"}
-    look: dict[str, Any] = {**solid, **role, **own, "label": _shortened(line.label or line.who)}
-    if line.kind == "steps":
-        look["drawstyle"] = "steps-post"
-    if line.kind in {"points", "both"}:
-        look |= {"marker": style.marker if line.who else "o", "ms": 5, "capsize": 2}
-        look |= {"ls": "none"} if line.kind == "points" else {}
-        bars = [_bars(line.x, line.x_low, line.x_high), _bars(line.y, line.low, line.high)]
-        ax.errorbar(line.x, line.y, xerr=bars[0], yerr=bars[1], **look)
-        return
-    if line.low is not None and line.high is not None:
-        ax.fill_between(line.x, line.low, line.high, color=look["color"], alpha=0.18, lw=0)
-    ax.plot(line.x, line.y, **look)
-
-
-_ROLES: dict[str, dict[str, Any]] = {
-    "truth": {"color": "k", "ls": "--", "lw": 1.0},
-    "bound": {"color": "k", "ls": ":", "lw": 1.0},
-    "data": {"color": "0.4", "ls": "-"},
+Looks = Mapping[str, Style]
+USUAL: Looks = MappingProxyType({})
+MARKERS = "oD^sv<"  # of faults, where estimators have a row each
+ROLES: dict[str, dict[str, Any]] = {
+    "truth": {"color": TEXT, "lw": 1.1, "ls": (0, (5, 3)), "zorder": 5},
+    "bound": {"color": TEXT, "lw": 1.1, "ls": (0, (1.5, 2))},
+    "single": {"color": MUTED, "lw": 1.1, "ls": (0, (6, 2, 1, 2))},
+    "data": {"color": MUTED, "lw": 1.0},
 }
 
 
-def _bars(values: Array, low: Array | None, high: Array | None) -> Any:
-    """Return how far intervals reach below and above some values (2, n)."""
-    if low is None or high is None:
-        return None
-    return np.maximum(0.0, np.nan_to_num([values - low, high - values]))
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Series:
+    """A curve, or points.
 
-
-def _shortened(text: str) -> str:
-    """Return a text for a legend: of a long one, such as a command, beginning and end.
-
-    Else nothing would be left of the figure beside it.
+    Attributes
+    ----------
+    x, y : (M,) array
+    low, high : (M,) array, optional
+        A band about a curve; whiskers of points.
+    estimator : str
+        Decides the look.
+    label : str
+        For the legend, where the estimator's name will not do.
+    role : {"", "truth", "bound", "single", "data"}
+        What is of no estimator; `single` is the bound of a parameter that changes alone.
+    kind : {"line", "steps", "points", "both"}
+    tips : sequence of str
+        What is shown on hover, of each point or of the curve.
     """
-    rest = LONGEST // 2 - 1
-    return text if len(text) <= LONGEST else f"{text[:rest]} … {text[-rest:]}"
+
+    x: Any
+    y: Any
+    low: Any = None
+    high: Any = None
+    estimator: str = ""
+    label: str = ""
+    role: str = ""
+    kind: Literal["line", "steps", "points", "both"] = "line"
+    tips: Sequence[str] = ()
 
 
-def typeset(text: str) -> str:
-    """Return a text with its symbols as matplotlib sets them."""
+PLAIN: Any = "none"  # no layout engine
+
+
+def new(height: float) -> Figure:
+    """Return an empty figure of a height [px]."""
+    return Figure(figsize=(430 / 96, height / 96))
+
+
+@styled
+def curves(
+    panels: Mapping[str, Sequence[Series]],
+    *,
+    x: str,
+    logs: Sequence[str] = (),
+    limits: Mapping[str, Any] = MappingProxyType({}),
+    marks: Sequence[tuple[float, str]] = (),
+    spans: Sequence[tuple[float, float, str]] = (),
+    titles: Sequence[str] = (),
+    height: float = 190,
+    axes: Sequence[Axes] | None = None,
+    looks: Looks = USUAL,
+    legend: bool = True,
+) -> Figure:
+    """Draw curves over a common abscissa, a panel below the other.
+
+    Parameters
+    ----------
+    panels : mapping of str to sequence of Series
+        By the label of the ordinate, with its unit.
+    x : str
+        Label of the abscissa, with its unit.
+    logs : sequence of str
+        Labels of the axes with a logarithmic scale.
+    limits : mapping of str to (float, float)
+        By the labels of axes.
+    marks : sequence of (float, str)
+        Where something happens, and what.
+    spans : sequence of (float, float, str)
+        What is shaded, such as burn-in.
+    titles : sequence of str
+        One for each panel, or none.
+    height : float
+        Of a panel [px].
+    axes : sequence of Axes, optional
+        Where to draw, one for each panel; a new figure by default.
+    looks : mapping of str to Style
+        Of the estimators of a page.
+    legend : bool
+        Whether there is one in each panel, of what no earlier panel names.
+    """
+    if axes is None:
+        high = 60 + height * len(panels)
+        # Margins are the same in all figures: a layout engine would take half of the time.
+        room = {"left": 0.15, "right": 0.97, "bottom": 44 / high, "top": 1 - 18 / high}
+        figure = Figure(figsize=(430 / 96, high / 96), layout=PLAIN)
+        axes = list(
+            figure.subplots(len(panels), sharex=True, squeeze=False, gridspec_kw=room)[:, 0]
+        )
+    named: dict[str, Any] = {}
+    for i, (ax, (label, series)) in enumerate(zip(axes, panels.items(), strict=True)):
+        for begin, end, text in spans:
+            tag(ax.axvspan(begin, end, color=MUTED, alpha=0.12, lw=0), tip=text)
+        for at, text in marks:
+            tag(ax.axvline(at, color=MUTED, lw=0.9), tip=text)
+        for place, one in enumerate(series):
+            _draw(ax, one, looks, place / len(series))
+        ax.set(ylabel=symbols(label), title=symbols(titles[i]) if titles else "")
+        for axis, name in ((ax.xaxis, x), (ax.yaxis, label)):
+            if name in logs:
+                logarithmic(axis)
+        pointed = any(one.kind in ("points", "both") for one in series)
+        ax.autoscale()  # the axes may have limits from an earlier call
+        ax.set_ylim(limits.get(label) or (ax.get_ylim() if pointed else _limits(ax)))
+        if x in limits:
+            ax.set_xlim(limits[x])
+        shown = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+        if legend and (fresh := {k: line for k, line in shown.items() if k not in named}):
+            for entry in ax.legend(fresh.values(), fresh.keys()).get_texts():
+                entry.set_parse_math(False)  # a name may hold a dollar sign
+        named |= shown
+    axes[-1].set_xlabel(symbols(x))
+    return _of(axes[0])
+
+
+def _of(ax: Axes) -> Figure:
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    return figure
+
+
+def _draw(ax: Axes, one: Series, looks: Looks, phase: float) -> None:
+    """Draw a series; its first marker stands at a share of their distance."""
+    who, own = one.estimator, dict(ROLES.get(one.role, {"color": MUTED, "marker": "o", "ms": 4}))
+    label = one.label or who or one.role or "_"
+    if who:
+        usual = look(who, looks)
+        own = own | {"color": usual["color"]} if one.role else usual
+    x, y, pointed = (
+        np.asarray(one.x, float),
+        np.asarray(one.y, float),
+        one.kind in ("points", "both"),
+    )
+    if one.low is not None and pointed:
+        tag(ax.vlines(x, one.low, one.high, color=own["color"], lw=0.9, alpha=0.5), who)
+    elif one.low is not None:
+        tag(ax.fill_between(x, one.low, one.high, color=own["color"], alpha=0.14, lw=0), who)
+    if pointed:
+        for u, v, tip in zip(x, y, one.tips or [""] * len(x), strict=True):
+            usual_tip = f"{label}: {short(v)} at {short(u)}"
+            tag(ax.plot(u, v, **own | {"ls": "", "label": "_"})[0], who, tip or usual_tip)
+    line: dict[str, Any] = {"drawstyle": "steps-post"} if one.kind == "steps" else {}
+    if pointed:
+        ax.plot([], [], **own | {"label": label})
+        line = {"marker": "", "label": "_", "ls": own.get("ls", "-") if one.kind == "both" else ""}
+    elif not one.role:
+        every = max(1, len(x) // 5)
+        line["markevery"] = (int(phase * every), every)
+    tag(ax.plot(x, y, **{"label": label} | own | line)[0], who, (*one.tips, label)[0])
+
+
+def logarithmic(axis: Any) -> None:
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5, or at the decades of many."""
+    getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 2e3 * low else (1,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _limits(ax: Axes) -> tuple[float, float]:
+    """Return limits that show all curves of some axes; a burst does not set the scale."""
+    lines = [np.asarray(line.get_ydata(), float) for line in ax.get_lines()]
+    known = [np.nanpercentile(y, (2, 98)) for y in lines if len(y) > 2 and np.isfinite(y).any()]
+    low, high = ax.get_ylim()
+    if not known or ax.get_yscale() == "log":
+        return low, high
+    room = 0.6 * np.ptp(known) + 1e-12
+    return max(low, np.min(known) - room), min(high, np.max(known) + room)
+
+
+def around(scenario: Scenario) -> dict[str, Any]:
+    """Return what a figure over the time of a scenario marks, as options of `curves`."""
+    events = {event.parameter: event for event in reversed(scenario.events())}
+    edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
+    still = [(a, b, "no excitation") for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return {
+        "marks": [(e.index * scenario.period, f"{e.parameter} changes") for e in events.values()],
+        "spans": [(0.0, scenario.burn_in, "burn-in"), *still],
+    }
+
+
+@styled
+def over_bound(
+    matched: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str], *, looks: Looks = USUAL
+) -> Figure:
+    """Draw lag over bound: a row an estimator, a dot a fault, 95 % intervals, the bound at 1.
+
+    Parameters
+    ----------
+    matched : DataFrame
+        ``fault, estimator, lag, lag_interval, bound, over_bound``, at equal noise.
+    order : sequence of str
+        Estimators from top to bottom.
+    faults : mapping of str to str
+        What each fault is called.
+    looks : mapping of str to Style
+    """
+    figure = new(44 * len(order) + 95)
+    ax, count = figure.subplots(), len(faults)
+    shapes = dict(zip(faults, MARKERS if count <= len(MARKERS) else "o" * count, strict=False))
+    small: dict[str, Any] = {"color": MUTED, "fontsize": 8.5, "ha": "right", "va": "center"}
+    for place, who in enumerate(order):
+        ax.axhspan(place - 0.5, place + 0.5, color=BACK if place % 2 else SOFT, lw=0)
+        own, colour = matched[matched["estimator"] == who], look(who, looks)["color"]
+        for row in own.to_dict("records"):
+            y = place + 0.5 * (list(faults).index(row["fault"]) + 0.5) / count - 0.25
+            ends = row["lag_interval"] or (np.nan, np.nan)
+            tip = f"{who}, {faults[row['fault']]}: lag {short(row['lag'])} s ({between(ends)} s), "
+            tip += f"{short(row['over_bound'])} × bound"
+            tag(ax.hlines(y, *np.divide(ends, row["bound"]), color=colour, alpha=0.65), who, tip)
+            dot = ax.plot(row["over_bound"], y, shapes[row["fault"]], color=colour, mec=BACK, ms=6)
+            tag(dot[0], who, tip)
+        text = f"{between(own['over_bound'])} ×"
+        tag(ax.text(1, place, text, transform=ax.get_yaxis_transform(), **small), who)
+    ax.axvline(1, color=TEXT, lw=1.2)
+    logarithmic(ax.xaxis)
+    ax.set(xlabel="lag / Cramér–Rao bound (1)", ylim=(len(order) - 0.5, -0.5))
+    ax.set_xlim(min(0.72, ax.get_xlim()[0]), 3 * ax.get_xlim()[1])
+    ax.set_yticks(range(len(order)), order, parse_math=False)
+    ax.grid(axis="y", visible=False)
+    for fault, shape in shapes.items() if count <= len(MARKERS) else ():
+        ax.plot([], [], shape, color=MUTED, label=faults[fault])
+    figure.legend(loc="outside upper left", ncols=2, handletextpad=0.1, columnspacing=1)
+    return figure
+
+
+def speed_noise(
+    swept: pd.DataFrame,
+    order: Sequence[str],
+    faults: Mapping[str, str],
+    *,
+    looks: Looks = USUAL,
+    legend: bool = True,
+) -> Figure:
+    """Draw lag against the noise before the fault, a line an estimator, and both bounds.
+
+    Parameters
+    ----------
+    swept : DataFrame
+        ``fault, estimator, setting, factor, lag, lag_interval, std, lag_bound,
+        lag_bound_single``, a row a setting.
+    order : sequence of str
+    faults : mapping of str to str
+        What each fault is called; a panel each.
+    looks : mapping of str to Style
+    legend : bool
+    """
+    panels: dict[str, list[Series]] = {}
+    for fault in faults:
+        own = swept[(swept["fault"] == fault) & (swept["lag"] > 0) & (swept["std"] > 0)]
+        usual = own[(own["estimator"] == REFERENCE) & (own["factor"] == 1)]
+        own = own.assign(x=own["std"] / (usual if len(usual) else own)["std"].median())
+        series = [points(own[own["estimator"] == w].sort_values("factor"), "x", "lag", w)
+                  for w in reversed(order)]  # fmt: skip
+        for role, name in (("bound", "lag_bound"), ("single", "lag_bound_single")):
+            bound, ends = own[name].astype(float).median(), own["x"].agg(["min", "max"])
+            series.append(
+                Series(x=ends, y=[bound, bound], role=role, tips=[f"{role} {short(bound)} s"])
+            )
+        panels[f"lag [s]{' ' * len(panels)}"] = series
+    x = f"noise before the fault / that of {REFERENCE}"
+    return curves(panels, x=x, logs=[x, *panels], titles=list(faults.values()), height=165,
+                  marks=[(1.0, "read off in the table")], looks=looks, legend=legend)  # fmt: skip
+
+
+def points(rows: pd.DataFrame, x: str, y: str, estimator: str, **options: Any) -> Series:
+    """Return columns of rows as points with the intervals of the second, on a line."""
+    kept = rows[rows[y].notna()]
+    spans = kept.get(f"{y}_interval", [None] * len(kept))
+    ends = np.array([s if isinstance(s, list | tuple) else (np.nan, np.nan) for s in spans], float)
+    low, high = ends.reshape(-1, 2).T
+    tips = [
+        f"{row.get('setting', estimator)}: {y} {short(row[y])} at {short(row[x])}"
+        for row in kept.to_dict("records")
+    ]
+    return Series(x=kept[x], y=kept[y], low=low, high=high, estimator=estimator, tips=tips,
+                  **{"kind": "both"} | options)  # fmt: skip
+
+
+def lag_against_noise(rows: pd.DataFrame, order: Sequence[str], **options: Any) -> Figure:
+    """Draw lag against noise, a point a row: single runs, or faults at default settings.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        ``estimator, setting, lag, std``; `setting` is what is shown on hover.
+    order : sequence of str
+    **options
+        As of `curves`.
+    """
+    able, x = rows[(rows["lag"] > 0) & (rows["std"] > 1e-9)], "std before the fault [% of nominal]"
+    series = [points(able[able["estimator"] == w], "std", "lag", w, kind="points") for w in order]
+    return curves({"lag [s]": series}, x=x, logs=[x, "lag [s]"], height=280, **options)
+
+
+def shares(ratios: Mapping[str, Any], problems: int, **options: Any) -> Figure:
+    """Draw the share of runs with a lag of at most so many times the bound.
+
+    Parameters
+    ----------
+    ratios : mapping of str to ndarray
+        lag / bound of the runs that reached anything, increasing, by estimator.
+    problems : int
+        Number of runs, those that reached nothing among them.
+    **options
+        As of `curves`.
+    """
+    end, series = 1.1 * np.concatenate([*ratios.values(), [2.0]]).max(), []
+    for who, each in ratios.items():
+        x, y = np.r_[each, end], np.r_[1 : len(each) + 1, len(each)] / problems
+        part = slice(None, None, max(1, len(x) // 240))
+        tip = (
+            f"{who}: {100 * np.sum(each <= 2) / problems:.0f} % of the runs within twice the bound"
+        )
+        series.append(Series(x=x[part], y=y[part], estimator=who, kind="steps", tips=[tip]))
+    x, y = "lag / Cramér–Rao bound", "share of runs"
+    return curves({y: series}, x=x, logs=[x], limits={y: (0.0, 1.02)}, marks=[(1.0, "bound")],
+                  height=280, **options)  # fmt: skip
+
+
+@styled
+def score_map(
+    cells: pd.DataFrame, *, title: str, x: str, y: str, limits: tuple[float, float]
+) -> Figure:
+    """Draw a score of an estimator over two axes of a study, its value in each cell.
+
+    Parameters
+    ----------
+    cells : DataFrame
+        Values of the ordinate down, those of the abscissa across.
+    title, x, y : str
+    limits : (float, float)
+        Of the colours, the same in maps that are compared.
+    """
+    figure, values = new(90 + 32 * len(cells)), np.ma.masked_invalid(cells.to_numpy(float))
+    ax, norm = figure.subplots(), LogNorm(limits[0], 1.001 * limits[1])
+    ax.pcolormesh(values, norm=norm, cmap=colormaps["cividis"])
+    for (row, column), value in np.ndenumerate(values.filled(np.nan)):
+        letters = "#000000" if norm(value) > 0.47 else "#fffffe"  # from there black reads easier
+        ax.text(column + 0.5, row + 0.5, short(value), color=letters, ha="center", va="center")
+    ax.set_xticks(np.arange(cells.shape[1]) + 0.5, map(number, cells.columns))
+    ax.set_yticks(np.arange(cells.shape[0]) + 0.5, map(number, cells.index))
+    ax.set(xlabel=symbols(x), ylabel=symbols(y))
+    ax.set_title(title, parse_math=False)
+    ax.grid(visible=False)
+    return figure
+
+
+VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
+
+
+@styled
+def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = None) -> Figure:
+    """Draw changes with their intervals and margins, a line a score, in the order of the rows.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        ``name, verdict, change, interval, margin``; changes as shares, -0.1 is 10 % less.
+    axes : Axes, optional
+        Where to draw; a new figure by default.
+    """
+    ax = axes or new(60 + 24 * len(rows)).subplots()
+    for place, row in enumerate(rows):
+        # A difference may be less than all of the base: it ends at the edge of the scale.
+        change, low, high = (max(1 + end, 0.01) for end in (row["change"], *row["interval"]))
+        colour, margin = VERDICTS.get(row["verdict"], MUTED), 1 + row["margin"]
+        ax.hlines(place, 1 / margin, margin, color=MUTED, lw=7, alpha=0.25)
+        ax.hlines(place, low, high, color=colour, lw=2)
+        dot = ax.plot(change, place, "o", color=colour)[0]
+        tag(
+            dot,
+            tip=f"{row['name']}: {row['verdict']}, × {short(change)} ({short(low)}–{short(high)})",
+        )
+    ax.axvline(1.0, color=TEXT, lw=0.9)
+    ax.set(ylim=(len(rows) - 0.4, -0.6), xlabel="candidate / base: less is better")
+    ax.set_yticks(range(len(rows)), [symbols(f"{row['name']}: {row['verdict']}") for row in rows])
+    logarithmic(ax.xaxis)
+    ax.grid(axis="y", visible=False)
+    return _of(ax)
+
+
+def symbols(text: str) -> str:
+    """Return a text with its symbols, such as f_m, as matplotlib sets them.
+
+    Examples
+    --------
+    >>> symbols("1/J_a / nominal")
+    '1/$J_{a}$ / nominal'
+    """
     return SYMBOL.sub(r"$\1_{\2}$", text)
-
-
-def svg(figure: Figure) -> str:
-    """Return a figure as SVG to put inside a page, the same text for the same figure."""
-    import matplotlib
-
-    buffer = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": "flexaxis", "svg.fonttype": "path"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    text = buffer.getvalue()
-    return text[text.index("<svg") :]

@@ -1,162 +1,157 @@
-"""Every page is made here: one environment of templates, one base, one style sheet, one script.
+"""Pages: figures as SVG inside one HTML file that needs no network; one template under all of them.
 
-A page extends `reporting/templates/page.html`; a template is named by its path in `experiments`.
+Text in a figure stays text. Colours are variables of the style sheet, so that a page is dark at
+night; an estimator has a class of its own, by which the script hides it.
 """
 
 from __future__ import annotations
 
-import base64
-import hashlib
+import html
+import io
 import json
 import re
-import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable
 from functools import cache
-from html import unescape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
+import matplotlib as mpl
 from markupsafe import Markup, escape
+from matplotlib.figure import Figure
 
-from flexaxis.experiments.reporting import styles
-from flexaxis.experiments.reporting.charts import ChartError, Pick
-from flexaxis.experiments.reporting.drawing import drawn, swatch
-from flexaxis.experiments.reporting.tables import TERMS, number, pair, symbols, tone_style
+from flexaxis.experiments.reporting import tables
+from flexaxis.experiments.reporting.figures import PLAIN, Looks
+from flexaxis.experiments.reporting.styles import NINE, SETTINGS, VARIABLES, assigned, look, styled
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-# What is escaped cannot read so: known only when the whole page is there.
-DATA, RULES, MARKS = "<!-- data -->", "/* the estimators of this page */", "<!-- marks -->"
-SCRIPT = ("dom", "state", "chart", "read", "table", "save", "pick", "bar", "start")
-"""The parts of `assets/`, in order: each uses those before it, and `start` sets all up."""
+_TAG = re.compile(r"""<g id=(?:"([^"]*)"|'([^']*)')>""")
+_UNNAMED = re.compile(r' id="(?:[a-z]+_|[A-Z][A-Za-z]+_|xtick|ytick|legend|matplotlib)[\w.]*"')
 
 
-def render(template: str, content: Mapping[str, Any]) -> str:
-    """Return a page as HTML: one file, readable without a network, that asks for nothing.
+def render(template: str, *, looks: Looks, **content: Any) -> str:
+    """Return a page as HTML.
 
     Parameters
     ----------
     template : str
-        Such as ``"reporting/templates/run.html"``.
-    content : mapping of str to object
-        What the template names; whatever text is in it is escaped. A name that is missing is an
-        error. The filter ``drawn`` draws a chart. What stands under ``picks``, as from `packed`,
-        opens by a click on what names it; what stands under ``glossary``, by term, is shown by
-        hover where something has that ``data-term``; estimators under ``aside`` are hidden in
-        charts at first.
-
-    Raises
-    ------
-    LookupError
-        If something that the template names is missing.
-    ChartError
-        If two charts of the page have the same name.
+        Path in `flexaxis.experiments`, such as ``"reporting/templates/run.html"``. It extends
+        ``reporting/templates/page.html``, which needs a `title`.
+    looks : mapping of str to Style
+        Of the estimators that the page can hide, from `looks_of`.
+    **content
+        What the template names. Text is escaped; a name that is missing is an error.
     """
-    from jinja2 import UndefinedError
-
-    code = source()
-    frame = {"script": Markup(code), "policy": policy(code), "data": DATA, "styles": styles.NINE}
-    try:
-        text = _environment().get_template(template).render({**content, **frame})
-    except UndefinedError as error:  # a key that a table from a file has not
-        raise LookupError(str(error)) from error
-    return _completed(text, content)
+    swatches = {name: _swatch(name, looks) for name in looks}
+    page = environment().get_template(template)
+    return page.render(styles=NINE, looks=looks, swatches=swatches, **content)
 
 
-def _completed(text: str, content: Mapping[str, Any]) -> str:
-    """Return a page with what is known only of all of it: who is drawn how, and the data."""
-    places = re.findall(r'<figure class="chart" id="([^"]*)"', text)
-    for place in places:
-        if places.count(place) > 1:
-            raise ChartError(f"two charts of a page are named {place!r}: give one a `name`")
-    names = re.findall(r' data-(?:who|toggle)="([^"]+)"', text)
-    found = styles.assigned(unescape(name) for name in names)
-    aside = [name for name in content.get("aside", ()) if name in found]
-    rules = styles.rules(found) + "".join(
-        f"\nhtml:not(.scripted) svg .{styles.css_class(name)} {{ display: none; }}"
-        for name in aside
-    )
-    terms = {**TERMS, **content.get("glossary", {})}
-    data = {
-        "picks": content.get("picks", {}),
-        "aside": aside,
-        "everyone": list(found),
-        "terms": {n: w for n, w in terms.items() if f'data-term="{escape(n)}"' in text},
-    }
-    block = json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
-    for place, what in ((RULES, rules), (MARKS, styles.marks(found)), (DATA, block)):
-        text = text.replace(place, what, 1)
-    return text
+def looks_of(names: Iterable[str]) -> Looks:
+    """Return the looks of the estimators of a page, in the order of their names."""
+    unique = dict.fromkeys(names)
+    looks = assigned(unique)
+    return {name: looks[name] for name in unique}
 
 
-def packed(pick: Pick) -> str:
-    """Return what opens at a click as HTML, deflated, in base64: the script unpacks it then."""
-    html = _environment().get_template("reporting/templates/pick.html").render(
-        pick=pick, charts=[(c, drawn(c, f"pick-{i}")) for i, c in enumerate(pick.charts)]
-    )  # fmt: skip
-    return base64.b64encode(zlib.compress(html.encode(), 7)).decode()
-
-
-def macros(template: str) -> Any:
-    """Return the macros of a template, as functions that give HTML."""
-    return _environment().get_template(template).module
-
-
-def term(text: str, name: str = "") -> Markup:
-    """Return a word with what it means behind it, by the glossary; `name` where it reads so."""
-    known = name or text
-    if known not in TERMS:
-        raise ChartError(f"no term {known!r} in the glossary: give one of {', '.join(TERMS)}")
-    return Markup('<dfn data-term="{}">{}</dfn>').format(known, text)
-
-
-def source(changed: Callable[[str], str] = lambda text: text) -> str:
-    """Return the script of a page.
+def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -> Markup:
+    """Return a figure as SVG for a page.
 
     Parameters
     ----------
-    changed : callable, optional
-        What is to be done to the text, for a test that wants a feature dead.
+    draw : callable
+        A function of `figures`.
+    label : str
+        What the figure shows, for those who cannot see it; no other on the page has the same.
+    *args, **options
+        For `draw`.
     """
-    folder = files("flexaxis.experiments.reporting") / "assets"
-    parts = [(folder / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPT]
-    return "(() => {\n" + '"use strict";\n' + changed("\n".join(parts)) + "\n})();"
+    return svg(draw(*args, **options), slug(label), f'role="img" aria-label="{escape(label)}"')
 
 
-def policy(script: str) -> str:
-    """Return the Content-Security-Policy of a page with this script: it may ask for nothing.
-
-    Styles stand in the page, pictures are data, no other script runs than this one.
-    """
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return (
-        "default-src 'none'; base-uri 'none'; form-action 'none'; "
-        f"img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+def svg(figure: Figure, name: str, attributes: str) -> Markup:
+    """Return a figure as SVG; its ids begin with a name that no other figure has."""
+    buffer = io.StringIO()
+    with mpl.rc_context(SETTINGS):
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
+    text = buffer.getvalue()
+    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
+    text = _UNNAMED.sub("", _TAG.sub(_opened, text))
+    text = re.sub(r"<[^>]+>", _shorter, text)
+    text = re.sub("|".join(VARIABLES), lambda match: f"var(--{VARIABLES[match[0]]})", text)
+    text = re.sub(r'( id="|url\(#|href="#)', rf"\g<1>{name}-", text)
+    text = (
+        re.sub(r"\s*\n\s*", "\n", text).replace("'DejaVu Sans'", "system-ui").replace("xlink:", "")
     )
+    return Markup(re.sub(r"^.*?<svg .*?(?=viewBox=)", f"<svg {attributes} ", text, flags=re.DOTALL))
+
+
+def _shorter(element: re.Match[str]) -> str:
+    """Return an element with hundredths of a point; a path has tenths, and lines without an L."""
+    text = re.sub(r"(\.\d\d)\d+", r"\1", element[0])
+    path = text.startswith("<path")
+    return re.sub(r"\nL(?= )", "", re.sub(r"(\.\d)\d", r"\1", text)) if path else text
+
+
+def _opened(match: re.Match[str]) -> str:
+    """Return the opening of a group with its class and title, of an artist that has a tag."""
+    text = html.unescape(match[1] or match[2])
+    if not text.startswith("["):
+        return match[0]
+    estimator, tip = json.loads(text)
+    title = f"<title>{escape(tip)}</title>" if tip else ""
+    return f'<g class="{css_class(estimator)}">{title}' if estimator else f"<g>{title}"
+
+
+@styled
+def _swatch(estimator: str, looks: Looks) -> Markup:
+    """Return a piece of the line of an estimator with its marker."""
+    figure = Figure(figsize=(32 / 96, 13 / 96), layout=PLAIN)
+    ax = figure.add_axes((0, 0, 1, 1), xlim=(0, 1), ylim=(0, 1))
+    ax.set_axis_off()
+    ax.plot([0.02, 0.5, 0.98], [0.5] * 3, **look(estimator, looks) | {"markevery": [1]})
+    name = f"swatch-{slug(estimator)}"
+    return svg(figure, name, f'class="swatch" id="{name}" aria-hidden="true"')
+
+
+def slug(text: str) -> str:
+    """Return a text as it may stand in an id; two texts have different ones."""
+    plain = re.sub(r"\W+", "-", text).strip("-")
+    return plain if plain == text else f"{plain}-{crc32(text.encode()):x}"
+
+
+def css_class(estimator: str) -> str:
+    """Return the class of an estimator in a page."""
+    return f"est-{slug(estimator)}"
+
+
+def symbols(text: str) -> Markup:
+    """Return text with symbols as letter and index, such as f_m, and `code` as such.
+
+    Examples
+    --------
+    >>> symbols("1/J_a < f_m")
+    Markup('1/<i>J</i><sub>a</sub> &lt; <i>f</i><sub>m</sub>')
+    """
+    typeset = tables.SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", str(escape(text)))
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", typeset))
 
 
 @cache
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Return the environment of all templates."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
-    found = Environment(
+    folder = files("flexaxis.experiments")
+    loader = FunctionLoader(lambda name: (folder / name).read_text(encoding="utf-8"))
+    environment = Environment(
         autoescape=True,
-        undefined=StrictUndefined,
         trim_blocks=True,
-        loader=FunctionLoader(_source),
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+        loader=loader,
     )
-    found.filters |= {
-        "number": number,
-        "pair": pair,
-        "symbols": symbols,
-        "term": term,
-        "tone_style": tone_style,
-        "look": swatch,
-        "drawn": drawn,
-    }
-    return found
-
-
-def _source(template: str) -> str:
-    return (files("flexaxis.experiments") / template).read_text(encoding="utf-8")
+    environment.filters |= {"symbols": symbols, "slug": slug, "css_class": css_class}
+    return environment

@@ -1,4 +1,4 @@
-"""How estimators are drawn: nine styles of colour, dash and marker, given out per page.
+"""The look of every figure: matplotlib settings, and nine styles of colour, dash and marker.
 
 Any two of the nine colours differ by ΔE*76 ≥ 20, also for a deuteranope, and have a contrast of 3
 or more with what they are drawn on (WCAG 2.1, 1.4.11), in the light and in the dark variant;
@@ -7,9 +7,13 @@ or more with what they are drawn on (WCAG 2.1, 1.4.11), in the light and in the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import json
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from zlib import crc32
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+import matplotlib as mpl
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.registry import REGISTRY
@@ -41,8 +45,9 @@ class Style:
     hollow: bool = False
 
 
-LIGHT_BACK, DARK_BACK = "#ffffff", "#16191d"
-LIGHT_TEXT, DARK_TEXT = "#222222", "#e4e4e4"  # truth is drawn in these
+# Colours of everything but estimators. A page replaces them by variables, which change at night.
+TEXT, MUTED, LINE, SOFT, BACK = "#222222", "#5c6066", "#dfe2e6", "#f4f5f7", "#ffffff"
+DARK_BACK, DARK_TEXT = "#16191d", "#e4e4e4"
 
 NINE = (
     Style(0, "#136CD1", "#4C9BFF", "", "o"),  # blue
@@ -63,17 +68,89 @@ _PLACES = dict(zip(LEADING, (0, 1, 2, 3, 4, 5, 8), strict=True)) | {
     "another": 8,
 }  # fmt: skip
 
-_SHAPES = {
-    "o": "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0z",
-    "s": "M-3.5,-3.5h7v7h-7z",
-    "D": "M0,-5L5,0L0,5L-5,0z",
-    "^": "M0,-4.8L4.6,3.6H-4.6z",
-    "v": "M0,4.8L4.6,-3.6H-4.6z",
-    "P": "M-1.6,-4.6h3.2v3h3v3.2h-3v3h-3.2v-3h-3v-3.2h3z",
-    "X": "M-4.6,-2.6l2,-2L0,-2l2.6,-2.6l2,2L2,0l2.6,2.6l-2,2L0,2l-2.6,2.6l-2,-2L-2,0z",
-    "*": "M0,-5.4L1.4,-1.7H5.2L2.2,0.7L3.3,4.5L0,2.3L-3.3,4.5L-2.2,0.7L-5.2,-1.7H-1.4z",
-    "<": "M-4.8,0L3.6,4.6V-4.6z",
-}  # fmt: skip
+VARIABLES = {TEXT: "text", MUTED: "muted", LINE: "line", SOFT: "soft", BACK: "back"}
+VARIABLES |= {style.light.lower(): f"style-{style.place}" for style in NINE}
+"""Names of the variables of the style sheet that stand for the colours of a figure."""
+
+SETTINGS: Any = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "flexaxis",  # or two builds of a page differ
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "mathtext.fontset": "dejavusans",
+    "text.color": TEXT,
+    "axes.labelcolor": TEXT,
+    "axes.edgecolor": MUTED,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.use_mathtext": False,
+    "grid.color": LINE,
+    "grid.linewidth": 0.8,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": TEXT,
+    "ytick.labelcolor": TEXT,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "xtick.major.size": 0,
+    "ytick.major.size": 0,
+    "xtick.minor.size": 0,
+    "ytick.minor.size": 0,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.5,
+    "figure.constrained_layout.use": True,
+}
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
+    """Return a function that draws in the style of all figures."""
+
+    @wraps(draw)
+    def drawn(*args: P.args, **options: P.kwargs) -> R:
+        with mpl.rc_context(SETTINGS):
+            return draw(*args, **options)
+
+    return drawn
+
+
+def tag(artist: Any, estimator: str = "", tip: str = "") -> Any:
+    """Name what an artist is of, and what a page shows on hover; return the artist."""
+    artist.set_gid(json.dumps([estimator, tip]))
+    return artist
+
+
+def look(estimator: str, looks: Mapping[str, Style], **more: Any) -> dict[str, Any]:
+    """Return the look of an estimator as matplotlib's options of a line with markers.
+
+    Parameters
+    ----------
+    estimator : str
+    looks : mapping of str to Style
+        As from `assigned`; an estimator that is not in it has its usual `style`.
+    **more
+        Options that take precedence.
+    """
+    own = looks.get(estimator) or style(estimator)
+    dash = [float(part) / 1.5 for part in own.dash.split()]  # matplotlib scales by the width
+    return {
+        "color": own.light,
+        "ls": (0, tuple(dash)) if dash else "-",
+        "marker": own.marker,
+        "mfc": BACK if own.hollow else own.light,
+        "ms": 8 if own.marker == "*" else 5,
+        "mew": 1.2 if own.hollow else 0.7,
+    } | more
 
 
 def assigned(names: Iterable[str]) -> dict[str, Style]:
@@ -112,34 +189,6 @@ def style(estimator: str) -> Style:
         others = [name for name in sorted(REGISTRY, key=_rank) if name not in LEADING]
         return [*(n for n in NINE if n.place not in _PLACES.values()), *_more()][others.index(base)]
     return _more()[sum(estimator.encode()) % (len(NINE) * (len(NINE) - 1))]
-
-
-def css_class(who: str) -> str:
-    """Return the class of an estimator in a page: letters and digits, whatever its name is."""
-    return f"w{crc32(who.encode()):08x}" if who else ""
-
-
-def phase(who: str) -> float:
-    """Return where along a line the first marker of an estimator stands: a share of their gap."""
-    return (style(who).place * 7) % 9 / 9
-
-
-def rules(found: dict[str, Style]) -> str:
-    """Return what a style sheet says of the estimators of a page."""
-    return "\n".join(
-        f".{css_class(who)} {{ --c: var(--style-{each.place}); --d: {each.dash or 'none'}; }}"
-        for who, each in found.items()
-    )
-
-
-def marks(found: dict[str, Style]) -> str:
-    """Return the markers of the estimators of a page, and that of lines of nobody, for ``use``."""
-    own = (
-        f'<path id="mark-{css_class(who)}" d="{_SHAPES[each.marker]}" '
-        f'class="shape {css_class(who)}{" hollow" if each.hollow else ""}"/>'
-        for who, each in found.items()
-    )
-    return f'<path id="mark" class="shape hollow" d="{_SHAPES["o"]}"/>{"".join(own)}'
 
 
 def _more() -> list[Style]:

@@ -1,7 +1,8 @@
-"""From a plan to rows: cases on records, many processes, shares and what is merged of them.
+"""From a study to rows: simulate, estimate, score, store.
 
-`study` is what is asked for, `plan` what of it is missing, `engine` runs it on many processes or
-any executor, `work` is what one of them does: simulate or take from the `cache`, run a `case`,
-score it. `estimate` runs one estimator from file to file. In come scenarios, estimators, seeds; out
-go rows in a `folder`.
+`study` lists the units of work, `run` hands them to worker processes, `case` does the work there,
+`store` keeps the rows in one SQLite file, and `results` gives them as a pandas DataFrame.
+`estimators` turns text into estimators, `user_code` loads and reports on code that is not ours,
+`cache` keeps simulated records, `estimate` runs one estimator on one record, `progress` says how
+far it is. In come scenarios, estimators and seeds, out go rows in a folder.
 """

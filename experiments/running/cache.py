@@ -1,10 +1,7 @@
-"""Simulated records kept for the next run, addressed by their content.
+"""Simulated records kept for the next run: one NetCDF file each, the least recently used go first.
 
 A record is known by what plant and sensors see of its scenario (`Scenario.record_hash`), its seed,
-the version of the engine and digests of the MJCF and of our simulation code, so that a change of
-any of them simulates anew, and a change of what estimators are told or asked does not. Entries are
-written at once or not at all, carry checksums, and the least recently used ones go when the folder
-is full.
+the version of MuJoCo and a digest of the simulation code and the MJCF.
 """
 
 from __future__ import annotations
@@ -17,21 +14,18 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-import numpy as np
+import h5netcdf
+import h5py
 
+from flexaxis.experiments.files import digest_of
 from flexaxis.experiments.scoring.nominal import nominal_runs
-from flexaxis.experiments.storage.files import digest_of
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.record import Record
+from flexaxis.sim.files import atomic
+from flexaxis.sim.record import SIGNALS, Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import made_with, simulate
-from flexaxis.sim.storage.atomic_files import atomic
-from flexaxis.sim.storage.record_file import SIGNALS
 
-LIMIT = 2 * 1024**3  # bytes
-SHARE = 1 / 64  # of its limit, by which a process may overfill a folder before it looks again
-_put: dict[Path, int] = {}
-"""Bytes that this process has put into each folder since it last looked how full that is."""
+LIMIT = 2048  # MB
 
 
 @dataclass(frozen=True)
@@ -39,91 +33,81 @@ class RecordCache:
     """A folder of records, and how large it may grow [bytes]."""
 
     folder: Path
-    limit: int = LIMIT
+    limit: int = LIMIT * 1024**2
 
     def get(self, scenario: Scenario, seed: int, *, repeat: int = 0) -> Record | None:
-        """Return a record, or None if it is not here; a damaged entry is removed."""
+        """Return a record, or None if it is not here; a damaged file is removed."""
         path, run = self._path(scenario, seed, repeat), scenario.drawn(seed)
         try:
-            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
-                record = Record(
-                    **{name: stored[name] for name in SIGNALS if name in stored},
-                    true_parameters=run.true_parameters(),
-                    parameter_names=scenario.parameter_names,
-                    scenario=run.resolved(),
-                    hash=scenario.hash,
-                    seed=seed,
-                    burn_in=scenario.burn_in,
-                    versions=made_with(scenario),
-                )
+            with h5py.File(path) as file:
+                signals = {name: file[name][()] for name in SIGNALS if name in file}
             os.utime(path)  # used just now
-        except OSError:  # not there, or not readable
+            return Record(
+                **signals,
+                true_parameters=run.true_parameters(),
+                parameter_names=scenario.parameter_names,
+                scenario=run.resolved(),
+                hash=scenario.hash,
+                seed=seed,
+                burn_in=scenario.burn_in,
+                versions=made_with(scenario),
+            )
+        except FileNotFoundError:
             return None
-        except Exception:  # a damaged file fails in many ways
+        except (OSError, TypeError, ValueError):
             path.unlink(missing_ok=True)
             return None
-        return record
 
     def put(self, scenario: Scenario, record: Record, *, repeat: int = 0) -> None:
-        """Keep a record; a folder that is full or cannot be written is no error."""
+        """Keep a record; a full or read-only folder is no error."""
         path = self._path(scenario, record.seed or 0, repeat)
         with suppress(OSError):
             self.folder.mkdir(parents=True, exist_ok=True)
+            content = io.BytesIO()  # HDF5 itself would end the process on a full disk
+            with h5netcdf.File(content, "w") as file:
+                file.dimensions = {"time": len(record.time)}
+                for name in SIGNALS:
+                    if (values := getattr(record, name)) is not None:
+                        file.create_variable(name, ("time",), data=values)
             with atomic(path) as new:
-                known = {name: getattr(record, name) for name in SIGNALS}
-                np.savez(new, **{name: x for name, x in known.items() if x is not None})
-            if self.folder in _put:
-                _put[self.folder] += _size(path)
-
-    def make_room(self) -> None:
-        """Evict, but for a process that has put little since it last did.
-
-        To look at a folder of thousands takes as long as to simulate a record.
-        """
-        if _put.get(self.folder, self.limit) > SHARE * self.limit:
-            self.evict()
-            _put[self.folder] = 0
+                new.write_bytes(content.getvalue())
 
     def entries(self) -> list[Path]:
         """Return the files, the least recently used first."""
         found = []
-        for path in self.folder.glob("*.npz"):
+        for path in self.folder.glob("*.nc"):
             with suppress(FileNotFoundError):  # another process may evict at the same time
                 found.append((path.stat().st_mtime_ns, path))
         return [path for _, path in sorted(found)]
 
     def size(self) -> int:
         """Return the size of all entries [bytes]."""
-        return sum(_size(path) for path in self.entries())
+        return sum(path.stat().st_size for path in self.entries())
 
-    def evict(self) -> int:
-        """Remove the least recently used entries until the limit is met; return how many."""
-        entries = self.entries()
-        total, removed = sum(map(_size, entries)), 0
-        for path in entries:
-            if total <= self.limit:
+    def evict(self, limit: int | None = None) -> int:
+        """Remove the least recently used entries down to a size [bytes]; return how many."""
+        entries, removed = self.entries(), 0
+        sizes = [path.stat().st_size for path in entries]
+        total = sum(sizes)
+        for path, size in zip(entries, sizes, strict=True):
+            if total <= (self.limit if limit is None else limit):
                 break
-            total -= _size(path)
             path.unlink(missing_ok=True)
-            removed += 1
+            total, removed = total - size, removed + 1
         return removed
 
     def clear(self) -> int:
         """Remove all entries; return how many."""
-        entries = self.entries()
-        for path in entries:
-            path.unlink(missing_ok=True)
-        return len(entries)
+        return self.evict(-1)
 
-    def _path(self, scenario: Scenario, seed: int, repeat: int = 0) -> Path:
-        run = f"{seed}.{repeat}" if repeat else f"{seed}"
-        code = digest_of("models_mjcf", "sim")
-        key = f"{scenario.record_hash} {run} {sorted(made_with(scenario).items())} {code}"
-        return self.folder / f"{sha256(key.encode()).hexdigest()}.npz"
+    def _path(self, scenario: Scenario, seed: int, repeat: int) -> Path:
+        parts = [scenario.record_hash, seed, repeat, sorted(made_with(scenario).items()),
+                 digest_of("models_mjcf", "sim")]  # fmt: skip
+        return self.folder / f"{sha256(' '.join(map(str, parts)).encode()).hexdigest()}.nc"
 
 
 def default_cache() -> RecordCache:
-    """Return the user's cache: the folder in FLEXAXIS_CACHE, else one in the user's cache folder.
+    """Return the user's cache: the folder FLEXAXIS_CACHE, else one in the user's cache folder.
 
     FLEXAXIS_CACHE_LIMIT sets its size in MB (default 2048).
 
@@ -135,7 +119,7 @@ def default_cache() -> RecordCache:
     from flexaxis.estimators.models.compiler import user_cache
 
     folder = os.environ.get("FLEXAXIS_CACHE")
-    limit = os.environ.get("FLEXAXIS_CACHE_LIMIT", str(LIMIT // 1024**2))
+    limit = os.environ.get("FLEXAXIS_CACHE_LIMIT", str(LIMIT))
     if not limit.isdigit():
         raise FlexaxisError(f"FLEXAXIS_CACHE_LIMIT is {limit!r}: give a whole number of MB")
     path = Path(folder) if folder else user_cache() / "flexaxis" / "records"
@@ -143,31 +127,28 @@ def default_cache() -> RecordCache:
 
 
 def records(
-    scenario: Scenario, seeds: Sequence[int], store: RecordCache | None, *, repeat: int = 0
+    scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None, *, repeat: int = 0
 ) -> tuple[list[Record], int]:
-    """Return the records of some seeds, simulating those that the cache lacks, and their number.
+    """Return the records of some seeds, and how many of them had to be simulated.
 
-    A cached record is bit for bit what simulating it gives, whatever the batch.
+    A kept record is equal to a simulated one to the last bit.
     """
-    known = {seed: store.get(scenario, seed, repeat=repeat) for seed in seeds} if store else {}
-    missing = [seed for seed in seeds if known.get(seed) is None]
+    known: dict[int, Record] = {}
+    for seed in seeds if cache else ():
+        if cache and (record := cache.get(scenario, seed, repeat=repeat)):
+            known[seed] = record
+    missing = [seed for seed in seeds if seed not in known]
     made = simulate(scenario, missing, repeat=repeat) if missing else []
-    for seed, record in zip(missing, made, strict=True):
-        known[seed] = record
-        if store:
-            store.put(scenario, record, repeat=repeat)
-    if store and made:
-        store.make_room()
-    return [record for record in known.values() if record], len(missing)
+    for record in made:
+        if cache:
+            cache.put(scenario, record, repeat=repeat)
+    if cache and made:
+        with suppress(FileNotFoundError):  # another process evicts, too
+            cache.evict()
+    known |= dict(zip(missing, made, strict=True))
+    return [known[seed] for seed in seeds], len(made)
 
 
-def kept_runs(store: RecordCache | None) -> AbstractContextManager[None]:
-    """Keep the nominal runs, too, that are simulated inside: each serves many scenarios."""
-    return nominal_runs(lambda scenario: records(scenario, [0], store)[0][0].torque)
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except FileNotFoundError:
-        return 0
+def keep_nominal_runs(cache: RecordCache | None) -> AbstractContextManager[None]:
+    """Keep the nominal runs that are simulated inside, too: each serves many scenarios."""
+    return nominal_runs(lambda scenario: records(scenario, [0], cache)[0][0].torque)

@@ -1,50 +1,59 @@
-"""What is studied: scenarios, estimators, seeds, the points of a sweep; and units of work of it.
-
-A run is a study without axes: its points are one, at which nothing is changed.
-"""
+"""What is run: scenarios × estimators × seeds × any dotted key, in units that share records."""
 
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from itertools import product
 from typing import Any
 
-from flexaxis.experiments.storage.files import StudyError
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.files import StudyError
+from flexaxis.experiments.running import estimators
+from flexaxis.experiments.scoring.parameter_names import check_model
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
 Point = dict[str, Any]
-"""Values by dotted key, one for each axis."""
-ALL = "estimator"  # before the name of an option: that of every estimator
-SIZE = re.compile(r"fault\[(\d+)\]\.factor")  # the size of a fault
+"""Values by dotted key."""
+ALL = "estimator"
+"""Before the name of an option: that of every estimator."""
+SIZE = re.compile(r"fault\[(\d+)\]\.factor")
+SEEDS_PER_UNIT = 16  # enough to share the cost of a batch, few enough to see progress
+UNITS = 16  # at least, if there are enough records, so that many processes have work
+MOST_CASES = 10**7
+SHOWN = 20  # problems in one message
 
 
 @dataclass(frozen=True)
 class Study:
-    """What is run: every estimator, at every point, on every seed of every scenario.
+    """Every estimator at every point on every seed of every scenario.
 
     Attributes
     ----------
     name : str
     scenarios : tuple of Scenario
-        Each with a name of its own.
+        Each with its own name.
     estimators : tuple of str
         Texts as for `--estimator`.
     seeds : tuple of int
     axes : tuple of str
         Swept keys; none for a run.
     points : tuple of dict
-        Values of these.
+        Values on the axes.
     streams : {"common", "own"}
-        Whether the points of a scenario share its random numbers, so that what differs between
-        them is not noise.
+        Whether the points of a scenario share its random numbers.
+    repeat : int
+        As in `simulate`: 0, or the number of another noise realisation on the same runs.
 
     Raises
     ------
     StudyError
-        If two scenarios have one name, or are the same.
+        If two scenarios have one name or one content, or the study has too many cases.
     """
 
     name: str
@@ -54,138 +63,225 @@ class Study:
     axes: tuple[str, ...] = ()
     points: tuple[Point, ...] = ({},)
     streams: str = "common"
+    repeat: int = 0
 
     def __post_init__(self) -> None:
-        hashes: dict[str, str] = {}
+        by_hash: dict[str, str] = {}
         for scenario in self.scenarios:
-            first = hashes.setdefault(scenario.hash, scenario.name)
+            first = by_hash.setdefault(scenario.hash, scenario.name)
             if first != scenario.name:
                 raise StudyError(
-                    f"{self.name}: the scenarios {first} and {scenario.name} are the same but for "
-                    "their names, and would have the same rows: leave one out"
+                    f"{self.name}: the scenarios {first} and {scenario.name} differ only in their "
+                    "names and would have the same rows: leave one out"
                 )
         names = [scenario.name for scenario in self.scenarios]
         if doubles := {name for name in names if names.count(name) > 1}:
             raise StudyError(
-                f"{self.name}: two scenarios have the name {min(doubles)!r}, under which their "
-                "results would be mixed: give each a `name` of its own"
+                f"{self.name}: two scenarios have the name {min(doubles)!r}, so their results "
+                "could not be told apart: give each its own `name`"
             )
+        if self.cases > MOST_CASES:
+            raise StudyError(f"{self.name}: {self.cases:,} cases are too many: at most 10 million")
 
+    @property
+    def cases(self) -> int:
+        """Number of cases, at most."""
+        sizes = map(len, (self.scenarios, self.estimators, self.seeds, self.points))
+        return math.prod(sizes)
 
-def applies(key: str, estimator: str) -> bool:
-    """Whether an axis is an option of this estimator: "estimator.X" of all, "NAME.X" of one.
-
-    Examples
-    --------
-    >>> applies("estimator.forgetting", "rpem-forgetting")
-    True
-    >>> applies("ekf.walk", "rpem-forgetting")
-    False
-    """
-    return key.rpartition(".")[0] in {ALL, estimator.partition("[")[0].strip()}
-
-
-def is_option(key: str, estimators: Sequence[str]) -> bool:
-    """Whether an axis is an option of estimators, and not a key of the scenario."""
-    return key.rpartition(".")[0] == ALL or any(applies(key, text) for text in estimators)
-
-
-def in_words(axes: Mapping[str, Any]) -> str:
-    """Return a point in words: "fault[0].factor = 1.5, start = 1.2"."""
-    return ", ".join(f"{key} = {json.dumps(value)}" for key, value in axes.items())
+    @property
+    def block(self) -> int:
+        """Number of seeds in a unit. It depends on the study alone, as shards need it."""
+        records = len(self.scenarios) * len(self.points) * len(self.seeds)
+        return min(SEEDS_PER_UNIT, max(1, records // UNITS))
 
 
 @dataclass(frozen=True)
-class EstimatorSetting:
-    """An estimator at one setting of its swept options.
+class Setting:
+    """An estimator with its swept options.
 
     Attributes
     ----------
-    method : str
+    estimator : str
         As it stands in the study.
     text : str
-        With the options set.
-    axes : dict
-        The options, by their swept keys.
-    code : str, optional
-        Digest of the code of a user, as it was when this was planned.
+        With the swept options.
+    axes : mapping
+        The swept options by key.
+    spec : Spec
     """
 
-    method: str
+    estimator: str
     text: str
     axes: Mapping[str, Any]
-    code: str | None = None
+    spec: estimators.Spec
 
 
-@dataclass(frozen=True)
-class Variant:
-    """A scenario at one setting of its swept keys, and the estimators that get its records."""
-
-    base: Scenario
-    axes: Mapping[str, Any]
-    hash: str
-    duration: float
-    entries: tuple[EstimatorSetting, ...]
-    common: bool = True
-
-    def scenario(self) -> Scenario:
-        """Return the scenario: made when it is needed, for a plan may hold many."""
-        return varied(self.base, self.axes, common=self.common)
-
-
-def varied(base: Scenario, axes: Mapping[str, Any], *, common: bool = True) -> Scenario:
-    """Return a point of a sweep: by default with the random numbers of the scenario it varies."""
-    return base.override(axes, inherit=common) if axes else base
-
-
-def find_point(bases: Sequence[Scenario], axes: Mapping[str, Any], key: str) -> Variant | None:
-    """Return the point of a sweep that has a hash; None where no scenario gives it.
-
-    Parameters
-    ----------
-    bases : sequence of Scenario
-        Of the study.
-    axes : mapping
-        Values of the swept keys of the scenario.
-    key : str
-        Hash of the scenario at the point.
-    """
-    for base in bases:
-        for common in (True, False):
-            try:
-                found = varied(base, axes, common=common)
-            except ScenarioError:  # the axes are those of another scenario of the study
-                continue
-            if found.hash == key:
-                return Variant(base, axes, key, found.duration, (), common)
-    return None
+PlannedCase = tuple[str, Setting, int]
+"""Id, estimator and seed."""
 
 
 @dataclass(frozen=True)
 class Unit:
-    """Work that one process does at a time: some seeds of variants that share their records.
+    """Work of one process: one scenario variant, a block of seeds, all estimators.
 
     Attributes
     ----------
-    variants : tuple of Variant
-        Each with those of its estimators that are to be run.
+    scenario : Scenario
+        At its point of the sweep.
+    base : str
+        Name of the scenario before the sweep.
+    axes : mapping
+        Swept keys of the scenario.
+    settings : tuple of Setting
     seeds : tuple of int
     repeat : int
-        As in `simulate`: 0, or the number of another noise on the same runs.
+        As in `Study`.
+    done : frozenset of str
+        Cases that are not to be run.
+    alone : bool
+        Whether it is one case, run alone after a worker died on its unit.
+    error : str
+        If there is one, the case is known to fail and is not run.
     """
 
-    variants: tuple[Variant, ...]
+    scenario: Scenario
+    base: str
+    axes: Mapping[str, Any]
+    settings: tuple[Setting, ...]
     seeds: tuple[int, ...]
     repeat: int = 0
+    done: frozenset[str] = frozenset()
+    alone: bool = False
+    error: str = ""
 
-    @property
-    def cases(self) -> int:
-        """Number of cases."""
-        return sum(len(variant.entries) for variant in self.variants) * len(self.seeds)
+    def cases(self) -> list[PlannedCase]:
+        """Return the cases that are to be run: id, estimator and seed."""
+        every = (
+            (case_id(self.scenario.hash, setting, seed, self.repeat), setting, seed)
+            for setting, seed in product(self.settings, self.seeds)
+        )
+        return [case for case in every if case[0] not in self.done]
+
+    def one_by_one(self) -> list[Unit]:
+        """Return a unit for each case."""
+        return [
+            replace(self, settings=(setting,), seeds=(seed,), alone=True)
+            for _, setting, seed in self.cases()
+        ]
 
     def __str__(self) -> str:
-        seeds = f"{self.seeds[0]} … {self.seeds[-1]}" if self.seeds[1:] else str(self.seeds[0])
-        first, *more = self.variants
-        names = ", ".join(entry.text for entry in first.entries)
-        others = f" and {len(more)} variants of it" if more else ""
-        return f"{first.scenario().name}{others}, seeds {seeds}, {names}"
+        names = ", ".join(setting.text for setting in self.settings)
+        return f"{names} on {self.scenario.name}, seed {', '.join(map(str, self.seeds))}"
+
+
+def case_id(scenario_hash: str, setting: Setting, seed: int, repeat: int = 0) -> str:
+    """Return the identity of a case: 64 bits of a hash, in hexadecimal."""
+    parts = [scenario_hash, setting.text, setting.spec.digest or "", seed, repeat or ""]
+    return sha256(" ".join(map(str, parts)).encode()).hexdigest()[:16]
+
+
+def applies(key: str, estimator: str) -> bool:
+    """Return whether a key is an option of an estimator: "estimator.X" of all, "NAME.X" of one.
+
+    Examples
+    --------
+    >>> applies("estimator.forgetting", "rpem-forgetting"), applies("ekf.walk", "imm")
+    (True, False)
+    """
+    return key.rpartition(".")[0] in {ALL, estimator.partition("[")[0].strip()}
+
+
+def is_option(key: str, names: Sequence[str]) -> bool:
+    """Return whether a key is an option of estimators, and not a key of the scenario."""
+    return key.rpartition(".")[0] == ALL or any(applies(key, name) for name in names)
+
+
+def units(study: Study) -> list[Unit]:
+    """Return the units of a study.
+
+    Raises
+    ------
+    StudyError
+        With one line for each problem, naming the point of the sweep.
+    """
+    problems: dict[str, str] = {}  # each with the first point that has it
+    found = []
+    for base, (key, settings) in product(study.scenarios, _settings(study, problems).items()):
+        axes = json.loads(key)
+        try:
+            scenario = base.override(axes, inherit=study.streams == "common") if axes else base
+            check_model(scenario)
+        except ScenarioError as error:
+            for problem in error.problems:
+                problems.setdefault(problem.removeprefix(f"{base.name}: "), key)
+            continue
+        for first in range(0, len(study.seeds), study.block):
+            seeds = study.seeds[first : first + study.block]
+            found.append(Unit(scenario, base.name, axes, settings, seeds, study.repeat))
+    if problems:
+        lines = []
+        for text, key in problems.items():
+            point = ", ".join(f"{k} = {json.dumps(v)}" for k, v in json.loads(key).items())
+            lines.append(f"{study.name}: sweep: {point}: {text}" if point else text)
+        more = [f"… and {len(lines) - SHOWN} more"] * (len(lines) > SHOWN)
+        raise StudyError("\n".join(lines[:SHOWN] + more))
+    return found
+
+
+def _settings(study: Study, problems: dict[str, str]) -> dict[str, tuple[Setting, ...]]:
+    """Return the estimators at each point of the scenario's own axes (as JSON)."""
+    options = [key for key in study.axes if is_option(key, study.estimators)]
+    found: dict[str, dict[str, Setting]] = {}
+    for point in study.points:
+        own = {key: value for key, value in point.items() if key not in options}
+        here = found.setdefault(json.dumps(own), {})
+        for name in study.estimators:
+            axes = {key: point[key] for key in options if applies(key, name)}
+            try:
+                text = estimators.with_options(
+                    name, {key.rpartition(".")[2]: value for key, value in axes.items()}
+                )
+                here.setdefault(text, Setting(name, text, axes, estimators.parse(text)))
+            except EstimatorError as error:
+                problems.setdefault(str(error), json.dumps(axes))
+    return {key: tuple(settings.values()) for key, settings in found.items()}
+
+
+def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
+    """Yield the units with cases that are not done; a case in two units is left to the first."""
+    planned = set(done)
+    for unit in every:
+        ids = {case for case, _, _ in unit.cases()}
+        if not ids <= planned:
+            yield replace(unit, done=frozenset(ids & planned))
+            planned |= ids
+
+
+def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
+    """Return what a folder keeps of a study, as JSON: what was asked for, and how it is labelled.
+
+    Parameters
+    ----------
+    study : Study
+    every : sequence of Unit
+        As from `units`.
+    """
+    variants = {
+        (unit.scenario.hash, setting.text): {
+            "hash": unit.scenario.hash, "setting": setting.text, "code": setting.spec.digest,
+            "scenario": unit.base, "estimator": setting.estimator,
+            "axes": {**unit.axes, **setting.axes},
+        }
+        for unit in reversed(every) for setting in reversed(unit.settings)  # the first one stays
+    }  # fmt: skip
+    return {
+        "name": study.name,
+        "scenarios": [{"hash": s.hash, "definition": s.resolved()} for s in study.scenarios],
+        "estimators": list(study.estimators),
+        "seeds": list(study.seeds),
+        "axes": list(study.axes),
+        "streams": study.streams,
+        "points": len(study.points),
+        "variants": [*variants.values()][::-1],
+    }

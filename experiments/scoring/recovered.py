@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring.scores import Track, finite
+from flexaxis.experiments.scoring.windows import remembered, windows
+from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.simulate import tracked
+
+Array = NDArray[np.float64]
 
 COSTS = 0.2
 """By which part the fault has to raise the tracking error for the score to be defined."""
@@ -40,3 +49,61 @@ def recovered(tracking: Mapping[str, float] | None, whose: str) -> float | None:
     if worst < (1 + COSTS) * best:
         return None
     return finite(100 * (worst - tracking[whose]) / (worst - best))
+
+
+class TrueParameters:
+    """An estimator that knows the parameters which act from the next sample on."""
+
+    output = "speed"
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.names, truth = scenario.parameter_names, scenario.true_parameters()
+        self._next: Iterator[Array] = iter([*truth[1:], truth[-1]])
+
+    def step(self, u: float, y: float) -> Array:
+        """Return the true parameters."""
+        return next(self._next)
+
+
+def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, float] | None:
+    """Return how well the motor follows its reference in the 5 s after the first fault.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Before its onset is drawn.
+    seed : int
+    estimator : Estimator
+        At its start; the controller follows it.
+
+    Returns
+    -------
+    mapping of str to float, or None
+        Root mean square tracking error [rad] ``without_fault``, with the fault but ``frozen``
+        parameters, with the truth (``told``) and ``estimated`` ones; ``limited``, the samples in
+        which limits acted on the estimates. None without feed-forward or without a fault.
+    """
+    if scenario.controller.adapt is None or not scenario.fault:
+        return None
+    drawn = scenario.drawn(seed)
+    rms, limited = _tracking_rms(scenario, [drawn], seed, [estimator])
+    return {**_baselines(scenario, seed), "estimated": rms[0], "limited": float(limited[0])}
+
+
+@remembered()
+def _baselines(scenario: Scenario, seed: int) -> Mapping[str, float]:
+    """Return the tracking errors that do not depend on the estimator."""
+    drawn = scenario.drawn(seed)
+    healthy = drawn.override({"fault": []}, inherit=True)
+    runs, followers = [drawn, drawn, healthy], [None, TrueParameters(drawn), None]
+    rms, _ = _tracking_rms(scenario, runs, seed, followers)
+    return dict(zip(("frozen", "told", "without_fault"), rms, strict=True))
+
+
+def _tracking_rms(
+    scenario: Scenario, runs: Sequence[Scenario], seed: int, followers: Sequence[Any]
+) -> tuple[list[float], Any]:
+    first = windows(runs[0], runs[0].identify)[0]
+    error, limited = tracked(scenario, runs, seed, followers, samples=first.stop)
+    rms = np.sqrt(np.mean(error[first.start : first.stop] ** 2, axis=0))
+    return rms.tolist(), limited

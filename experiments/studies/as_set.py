@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.comparison.matching import Setting, plain
-from flexaxis.experiments.results.groups import Groups
-from flexaxis.experiments.studies.sweep import listed
+from flexaxis.experiments.comparison.sweep import listed
+from flexaxis.experiments.running.results import Results
 
 
-def as_set(groups: Groups, pooled: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def as_set(results: Results, pooled: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """
     Return what each estimator is worth at the one setting it was run at, seed by seed.
 
     Parameters
     ----------
-    groups : Groups
-        Of the rows of a run, by scenario (base) and estimator (method).
+    results : Results
+        Of a run.
     pooled : sequence of mapping
-        What `groups.pooled` gives.
+        Its rows pooled by scenario and estimator.
 
     Returns
     -------
@@ -33,37 +33,29 @@ def as_set(groups: Groups, pooled: Sequence[Mapping[str, Any]]) -> list[dict[str
         all the seeds of the fault; None where the estimator has none.
     """
     found = []
-    seeds = _seeds(groups)
-    for group, row in enumerate(pooled):
-        columns = groups.columns(group)
-        lines = zip(*(columns[name] for name in _OF_NOISE), strict=True)
-        rows = [dict(zip(_OF_NOISE, line, strict=True)) for line in lines]
-        setting = Setting(row["method"], 1.0, rows)
+    parts = results.groups("scenario", "estimator", "parameter", "changed")
+    seeds: dict[tuple[str, str], NDArray[np.float64]] = {}
+    for key, part in parts:  # the seeds on which any estimator ran
+        known = seeds.get(_fault(key), np.empty(0))
+        seeds[_fault(key)] = np.union1d(known, part["seed"].to_numpy(float))
+    for (_, columns), row in zip(parts, pooled, strict=True):
+        setting = Setting(row["estimator"], 1.0, columns)
         values = {name: listed(plain(setting, name)) for name in ("lag", "std")}
         if not row["changed"] or None in (row["lag"], row["std"], *values.values()):
             continue
         every = seeds[_fault(row)]
         place = np.searchsorted(every, columns["seed"])
         placed = {name: _placed(each or (), place, len(every)) for name, each in values.items()}
-        own = {"scenario": row["base"], "estimator": row["method"], "values": placed}
+        own = {"scenario": row["scenario"], "estimator": row["estimator"], "values": placed}
         found.append(own | {name: row[name] for name in _POOLED})
     return found
 
 
-_OF_NOISE = ("lag", "std", "bias", "lost_before")
 _POOLED = ("parameter", "seeds", "lag", "lag_interval", "std", "std_interval", "diverged")
 
 
 def _fault(key: Mapping[str, Any]) -> tuple[str, str]:
-    return key["base"], key["parameter"]
-
-
-def _seeds(groups: Groups) -> dict[tuple[str, str], NDArray[np.float64]]:
-    """Return the seeds on which anyone ran, by fault: an estimator may have failed on some."""
-    found: dict[tuple[str, str], list[NDArray[np.float64]]] = {}
-    for group, key in enumerate(groups.keys):
-        found.setdefault(_fault(key), []).append(groups.columns(group)["seed"])
-    return {fault: np.unique(np.concatenate(each)) for fault, each in found.items()}
+    return key["scenario"], key["parameter"]
 
 
 def _placed(values: Sequence[float], place: NDArray[np.intp], size: int) -> list[float | None]:

@@ -13,20 +13,22 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building import estimator_text as specs
-from flexaxis.experiments.building.code import names_code
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.seeds import END, parse_seeds
+from flexaxis.experiments.files import StudyError
+from flexaxis.experiments.running import estimators as specs
 from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_option
-from flexaxis.experiments.storage.files import StudyError
-from flexaxis.experiments.studies.design import MOST, Span, listed, product, sobol
+from flexaxis.experiments.running.user_code import names_code
+from flexaxis.experiments.seeds import END, parse_seeds
+from flexaxis.experiments.studies.design import MOST, Span, listed, product, sample
+from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
+from flexaxis.sim.files import read_toml
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.storage.reading import read_toml
 from flexaxis.sim.tables.config import Config, Word
-from flexaxis.sim.tables.problems import explain
 
 Problem = tuple[str, str]
+DRAWN = ("sobol", "latin")
+"""Designs whose points are drawn."""
 
 
 def _one_or_more(given: Any) -> Any:
@@ -80,7 +82,7 @@ class StudyFile(Config):
     seeds: Annotated[tuple[int, ...], BeforeValidator(_numbers), Field(strict=False)]
     override: Annotated[dict[str, Any], BeforeValidator(_flat)] = Field(default_factory=dict)
     sweep: Annotated[dict[str, Any], BeforeValidator(_axes)] = Field(default_factory=dict)
-    design: Literal["product", "list", "sobol"] = "product"
+    design: Literal["product", "list", "sobol", "latin"] = "product"
     samples: Annotated[int, Field(ge=1, le=MOST)] | None = None
     design_seed: Annotated[int, Field(ge=0, lt=END)] = 0
     streams: Literal["common", "own"] = "common"
@@ -149,9 +151,9 @@ def _scenario(name: str, folder: Path | None) -> Scenario:
 
 
 def _points(file: StudyFile) -> list[Point]:
-    if file.design == "sobol":
+    if file.design in DRAWN:
         spans = {key: Span.model_validate(value) for key, value in file.sweep.items()}
-        return sobol(spans, file.samples or 1, file.design_seed)
+        return sample(spans, file.samples or 1, file.design_seed, file.design)
     return (product if file.design == "product" else listed)(file.sweep) or [{}]
 
 
@@ -171,11 +173,11 @@ def _twins(file: StudyFile) -> Iterator[Point]:
 
 
 def _design_problems(file: StudyFile) -> Iterator[Problem]:
-    if (file.design == "sobol") != (file.samples is not None):
-        yield "samples", 'the number of points, goes with design = "sobol", and only with it'
+    if (file.design in DRAWN) != (file.samples is not None):
+        yield "samples", 'the number of points, goes with design = "sobol" or "latin" only'
     if file.design != "product" and not file.sweep:
         yield "sweep", f"design = {file.design!r} needs at least one axis"
-    check = _span_problem if file.design == "sobol" else _values_problem
+    check = _span_problem if file.design in DRAWN else _values_problem
     for key, value in file.sweep.items():
         if not (_first(key) in Scenario.model_fields or is_option(key, file.estimators)):
             near = _near(key, file.estimators)

@@ -68,27 +68,35 @@ def listed(axes: Mapping[str, Sequence[Any]]) -> list[Point]:
     return [dict(zip(axes, row, strict=True)) for row in zip(*axes.values(), strict=True)]
 
 
-def sobol(axes: Mapping[str, Span], samples: int, seed: int) -> list[Point]:
-    """Return points of a scrambled Sobol sequence: the first N do not depend on how many follow.
+def sample(axes: Mapping[str, Span], samples: int, seed: int, design: str) -> list[Point]:
+    """Return random points that fill the space of the axes.
 
     Parameters
     ----------
     axes : mapping of str to Span
     samples : int
-        Number of points; best a power of two.
+        Number of points; best a power of two for a Sobol sequence.
     seed : int
         Of the scrambling.
+    design : {"sobol", "latin"}
+        A scrambled Sobol sequence, whose first N points do not depend on how many follow, or a
+        Latin hypercube, which has one point in each of N parts of every axis.
 
     References
     ----------
-    Owen, A. B.: Randomly permuted (t, m, s)-nets and (t, s)-sequences, 1995;
-    `scipy.stats.qmc.Sobol`.
+    Owen, A. B.: Randomly permuted (t, m, s)-nets and (t, s)-sequences, 1995.
+    McKay, M. D., Beckman, R. J. and Conover, W. J.: A comparison of three methods for selecting
+    values of input variables, 1979. `scipy.stats.qmc`.
     """
     from scipy.stats import qmc
 
-    power = max(0, math.ceil(math.log2(samples)))
-    drawn = qmc.Sobol(len(axes), rng=np.random.default_rng(seed)).random_base2(power)
+    rng = np.random.default_rng(seed)
+    if design == "sobol":
+        power = max(0, math.ceil(math.log2(samples)))
+        drawn = qmc.Sobol(len(axes), rng=rng).random_base2(power)[:samples]
+    else:
+        drawn = qmc.LatinHypercube(len(axes), rng=rng).random(samples)
     return [
         {key: span.at(fraction) for (key, span), fraction in zip(axes.items(), row, strict=True)}
-        for row in drawn[:samples]
+        for row in drawn
     ]

@@ -1,9 +1,12 @@
 """A short scenario, so that a whole run takes a second."""
 
+import json
 import signal
 import sys
+from concurrent.futures import Future
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -29,6 +32,31 @@ def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("FLEXAXIS_CACHE", str(tmp_path / "cache"))
 
 
+class InProcess:
+    """A worker without a process: to start one takes seconds."""
+
+    def submit(self, work, *args):
+        """Return a future that is done."""
+        future = Future()
+        try:
+            future.set_result(work(*args))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def stop(self):
+        """Do nothing: what it is given is done at once."""
+
+    end = stop
+
+
+@pytest.fixture(autouse=True)
+def no_workers(request, monkeypatch):
+    """Fast tests run cases in their own process."""
+    if "slow" not in request.keywords:
+        monkeypatch.setattr("flexaxis.experiments.running.run.Worker", InProcess)
+
+
 @pytest.fixture(scope="session")
 def short():
     """f_m +50 % at 6 of 8 s."""
@@ -44,38 +72,37 @@ def short_toml(short, tmp_path):
 
 
 @pytest.fixture
-def stubs(monkeypatch):
-    """The stand-ins for workers, importable here and in processes of a pool."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
-    import study_stubs
-
-    return study_stubs
-
-
-@pytest.fixture
 def stored():
     """A function that writes rows to a folder as a run or a study does, and gives `Results`."""
-    from flexaxis.experiments.results.results import Results
+    from flexaxis.experiments.reporting.old_results import Results
+    from flexaxis.experiments.running.case import NUMBERS, Done, _number
+    from flexaxis.experiments.running.store import Store
     from flexaxis.experiments.scoring.score_table import undefined
-    from flexaxis.experiments.storage.store import Store
 
     def write(folder, rows, axes=(), **study):
-        folder.mkdir(exist_ok=True)
         each = {
             "case": "0", "hash": "h", "scenario": "s", "estimator": "e", "seed": 0,
             **undefined(), "parameter": "f_m", "changed": True, "diverged": False,
             "never_settled": False, "cost": {"us_per_sample": 1.0},
-            "base": "s", "method": "e", "axes": {}, "seconds": 20.0, "rows": 1, "error": None,
+            "base": "s", "method": "e", "axes": {}, "seconds": 20.0, "error": None,
         }  # fmt: skip
-        known = {row["case"]: 0 for row in rows}
+        cases = {}
         for row in rows:
-            known[row["case"]] += 1
-        lines = [each | row | {"rows": known[row["case"]]} for row in rows]
-        for line in lines:
-            line["case"] = f"{int.from_bytes(line['case'].encode()):016x}"
-            line.setdefault("code", line["case"])  # by which cases that are alike are told apart
-        with Store(folder / "scores.sqlite", axes) as store:
-            store.add(lines)
-        return Results(folder, {"axes": list(axes), "estimators": [], "scenarios": []} | study)
+            cases.setdefault(row["case"], []).append(each | row)
+        store = Store(folder)
+        content = {"name": "s", "axes": list(axes), "estimators": [], "scenarios": []} | study
+        store.set_study(content)
+        for case, lines in cases.items():
+            first = lines[0]
+            about = {
+                "scenario": first["base"], "estimator": first["method"], "code": None,
+                "setting": first["estimator"], "hash": first["hash"], "axes": first["axes"],
+                "seconds": first["seconds"], "parameters": [line["parameter"] for line in lines],
+            }  # fmt: skip
+            numbers = np.array([[_number(line, name) for name in NUMBERS] for line in lines])
+            named = first["isolation"] and json.dumps(first["isolation"])
+            store.add([Done(case, json.dumps(about), first["seed"], numbers, named,
+                            first["error"], "here")])  # fmt: skip
+        return Results(store, content)
 
     return write

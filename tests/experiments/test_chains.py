@@ -3,19 +3,18 @@
 import mujoco
 import numpy as np
 import pytest
+from engine_cases import BenchHere
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.experiments.catalogue.card import reference_card
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.demo.view import model_of, poses, scene
-from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running.cache import SIGNALS, RecordCache, records
-from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.running.study import Study, units
 from flexaxis.experiments.scoring.bounds import limits
 from flexaxis.models_mjcf import MODEL_NAMES
-from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.simulate import simulate
@@ -30,7 +29,7 @@ def chain(name):
 
 def linearised(q, name):
     """A and B of twists and speeds, from the accelerations of the plant in unit states."""
-    model = Plant([q], period=T, substeps=5, model=name).model(0)
+    model = Plant([q], period=T, substeps=5, model=name)._batch.get_model(0)
     data, n = mujoco.MjData(model), model.nv
     mujoco.mj_forward(model, data)
     lengths = np.zeros((model.ntendon, n))
@@ -68,7 +67,7 @@ def test_the_estimators_model_is_the_plant(name):
 def test_estimators_follow_a_fault_of_a_chain(name):
     """The lag of rpem is that of its memory of 1 s, and nobody is faster than the bound."""
     scenario = chain(name)
-    with Bench([scenario]) as bench:
+    with BenchHere() as bench:
         runs = bench.runs([scenario], ["rpem-forgetting", "ekf", "frozen"], [1000])
     rows = {key[1]: {row["parameter"]: row for row in case} for key, (case,) in runs.items()}
     for found in rows.values():
@@ -174,5 +173,5 @@ def test_without_a_model_nothing_is_estimated_and_no_bound_is_taken(unknown, tmp
     assert "estimators have no model two_mass" in capsys.readouterr().err
     assert limits(unknown, unknown.identify, record.torque)[2].lag_bound is None
     assert reference_card(unknown)["bound"].startswith("none")
-    with pytest.raises(ScenarioError, match="estimators have no model two_mass"):
-        make_plan(Study("s", (unknown,), ("frozen",), (0,)))
+    with pytest.raises(StudyError, match="estimators have no model two_mass"):
+        units(Study("s", (unknown,), ("frozen",), (0,)))

@@ -5,18 +5,18 @@ import base64
 import numpy as np
 import pytest
 
-from flexaxis.experiments.reporting import page
-from flexaxis.experiments.reporting.charts import (
+from flexaxis.experiments.reporting.charts_old import page
+from flexaxis.experiments.reporting.charts_old.charts import (
     Chart,
     ChartError,
     Line,
     Panel,
     Pick,
 )
-from flexaxis.experiments.reporting.drawing import drawn
-from flexaxis.experiments.reporting.scales import Scale, upward
-from flexaxis.experiments.reporting.shapes import SLACK, UNITS
-from flexaxis.experiments.reporting.styles import css_class
+from flexaxis.experiments.reporting.charts_old.drawing import drawn
+from flexaxis.experiments.reporting.charts_old.marks import css_class
+from flexaxis.experiments.reporting.charts_old.scales import Scale, upward
+from flexaxis.experiments.reporting.charts_old.shapes import SLACK, UNITS
 from tests.experiments.page_data import charts_of, lines, page_data
 
 
@@ -122,7 +122,7 @@ def chart(title, who="ekf", **more):
     return Chart(title=title, words="", x="x", panels=[Panel(y="y", lines=[line])], **more)
 
 
-TEMPLATE = """{% extends "reporting/templates/page.html" %}{% block body %}
+TEMPLATE = """{% extends "reporting/charts_old/templates/page.html" %}{% block body %}
 {% for c in charts %}{{ c|drawn }}{% endfor %}
 <tr data-who="a&amp;b">{{ "lag"|term }}{% endblock %}"""
 
@@ -175,7 +175,7 @@ def test_an_unknown_term_is_refused():
 def test_the_policy_names_the_script_that_is_there():
     import hashlib
 
-    html = page.render("reporting/templates/page.html", {})
+    html = page.render("reporting/charts_old/templates/page.html", {})
     code = html.partition("<script>")[2].rpartition("</script>")[0]
     digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
     assert f"script-src &#39;sha256-{digest}&#39;" in html
@@ -187,7 +187,7 @@ def test_files_of_code_are_short():
     import re
     from importlib.resources import files
 
-    folder = files("flexaxis.experiments.reporting") / "assets"
+    folder = files("flexaxis.experiments.reporting.charts_old") / "assets"
     there = {each.name for each in folder.iterdir() if each.name.endswith(".js")}
     assert there == {f"{name}.js" for name in page.SCRIPT}
     for name in there:

@@ -5,11 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.running.case import pack, run_case, unpack
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.scoring.curves import curve_of, near_fault, residual
-from flexaxis.experiments.storage.traces import packed, unpacked
 from flexaxis.sim.simulate import simulate
 
 
@@ -89,7 +88,7 @@ def test_a_finding_of_a_user_needs_no_more_than_the_contract(short, record):
 def test_traces_come_back_as_they_were(short, record):
     cases = [case_on(short, record, text) for text in ("glr", "frozen")]
     for case in cases:
-        back = unpacked(packed(case))
+        back = unpack(pack(case))
         np.testing.assert_array_equal(back.curve, case.curve)
         np.testing.assert_array_equal(back.detail.near, case.detail.near)
         assert back.detail.findings == case.detail.findings

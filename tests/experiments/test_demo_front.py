@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.demo import curves
 from flexaxis.experiments.demo.session import DemoSession
-from flexaxis.experiments.reporting.drawing import drawn
-from flexaxis.experiments.reporting.figures import draw
+from flexaxis.experiments.reporting.charts_old.drawing import drawn
+from flexaxis.experiments.reporting.charts_old.figures import draw
 from flexaxis.sim.timing import PERIOD
 from tests.experiments.page_data import charts_of
 

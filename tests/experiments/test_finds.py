@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.results.finds import _thresholds, finds
+from flexaxis.experiments.reporting.finds import _thresholds, finds
 from flexaxis.experiments.scoring.detection import find_of, moved_of
 from flexaxis.experiments.scoring.intervals import rate_interval, share_interval
 from flexaxis.experiments.scoring.scores import Track

@@ -5,9 +5,9 @@ import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.code import digest, give
-from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.running.estimators import parse, text_of
+from flexaxis.experiments.running.user_code import EstimatorCrash
 from flexaxis.sim.errors import FlexaxisError
 
 
@@ -43,25 +43,10 @@ def test_two_classes_of_one_name_are_refused(short):
         fx.benchmark([one, other], scenarios=short, seeds=1)
 
 
-def test_rows_of_a_class_of_the_session_are_not_gone_on_with(short, tmp_path):
-    class Able(named_still()):
-        def __init__(self, nominal, period):
-            self.theta = [nominal["f_m"]]
-
-        def step(self, u, y):
-            return self.theta
-
-    how = {"scenarios": short, "folder": tmp_path, "seeds": 1}
-    assert fx.benchmark(Able, **how).cases == 1
-    with pytest.raises(FlexaxisError, match=r"a class of a session.*overwrite=True"):
-        fx.benchmark(Able, **how)
-    assert fx.benchmark(Able, **how, overwrite=True).cases == 1
-
-
 def test_classes_without_text_are_told_apart():
-    first = digest(give(made("class Hidden: a = 1")))
-    assert first == digest("Hidden")
-    assert first != digest(give(made("class Hidden: a = 2")))
+    first = parse(text_of(made("class Hidden: a = 1"))).digest
+    assert first == parse("Hidden").digest
+    assert first != parse(text_of(made("class Hidden: a = 2"))).digest
 
 
 @pytest.mark.parametrize(
@@ -194,7 +179,7 @@ def test_paths_and_generators_are_taken(short_toml):
     path = Path(short_toml)
     assert len(fx.simulate(path).torque) == len(fx.simulate(str(path)).torque)
     found = fx.benchmark((e for e in ["frozen"]), scenarios=(s for s in [path]), seeds=1)
-    assert {row["estimator"] for row in found.scores()} == {"frozen"}
+    assert set(found.scores()["estimator"]) == {"frozen"}
 
 
 @pytest.mark.parametrize("given", [None, 3, b"short.toml"])

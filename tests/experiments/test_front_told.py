@@ -58,8 +58,8 @@ def test_a_batch_hides_nothing_that_is_scored(tmp_path, monkeypatch, short):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hides.py").write_text(BATCH)
     names = ["hides.py:Alone", "hides.py:Batch"]
-    rows = list(fx.benchmark(names, scenarios=short, seeds=2).rows)
-    own = ("case", "estimator", "method", "cost")
+    rows = fx.benchmark(names, scenarios=short, seeds=2).frame.to_dict("records")
+    own = ("case", "estimator", "setting", "cost")
     alone, batch = (
         [
             {k: v for k, v in row.items() if not k.startswith(own)}
@@ -69,7 +69,7 @@ def test_a_batch_hides_nothing_that_is_scored(tmp_path, monkeypatch, short):
         for name in names
     )
     assert json.dumps(alone, default=str) == json.dumps(batch, default=str)
-    assert all(row["nees"] is not None and row["nis"] is not None for row in batch)
+    assert all(row["nees"] >= 0 and row["nis"] >= 0 for row in batch)
 
 
 def test_a_truth_of_zero_is_shown(short):

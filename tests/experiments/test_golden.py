@@ -8,8 +8,8 @@ import pytest
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.sim.simulate import simulate
 from tests.golden import contents
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from identify_axes import VALUES, log
 
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.errors import LogError
@@ -16,6 +15,7 @@ from flexaxis.experiments.logs.identification.validate import Fit, validate
 from flexaxis.experiments.logs.identification.verdict import _bounds, _restless
 from flexaxis.experiments.logs.pages.identify_page import content, units
 from flexaxis.experiments.logs.track import track
+from flexaxis.experiments.running.estimators import parse
 
 F_C = 10 * VALUES[1]["f_m"]
 

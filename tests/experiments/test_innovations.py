@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from engine_cases import BenchHere
 from scipy.stats import chi2
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.consistency import nis, whiteness
 
 LAGS = 20
@@ -113,7 +113,7 @@ class Words(Silent):
 
 
 def row_of(scenario, name):
-    (((row,),),) = Bench([scenario]).runs([scenario], [f"{Path(__file__)}:{name}"], [0]).values()
+    (((row,),),) = BenchHere().runs([scenario], [f"{Path(__file__)}:{name}"], [0]).values()
     return row
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.offline.descent import Problem
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import find_axis
@@ -17,6 +16,7 @@ from flexaxis.experiments.logs.identification.log import UNKNOWN, gaps, log_of
 from flexaxis.experiments.logs.identification.setup import Setup
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.track import track
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("J_m", "J_l", "k", "d", "f_m")

@@ -13,7 +13,7 @@ from flexaxis.experiments.logs.pages.import_page import log_chart
 from flexaxis.experiments.logs.pages.page import LogPage, capital, write_page
 from flexaxis.experiments.logs.pages.track_page import track_page
 from flexaxis.experiments.logs.track import Tracked
-from flexaxis.experiments.reporting.shapes import COLUMNS, extremes
+from flexaxis.experiments.reporting.charts_old.shapes import COLUMNS, extremes
 from flexaxis.sim.record import Record
 
 N = 200_000

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.sim.simulate import simulate
 
@@ -19,7 +19,7 @@ def reading(changes):
     # robust = 0: without our guards, one of which begins anew where much of y is not explained
     estimator = build(parse("rpem-forgetting[robust=0]"), scenario)
     theta = run_estimator(estimator, record.torque, record.speed, None)
-    truth = true_theta(scenario.identify, scenario.nominal.as_array())
+    truth = true_theta(scenario.identify, np.array([*scenario.nominal.values()]))
     return theta[2000:].mean(axis=0) / truth - 1
 
 

@@ -22,7 +22,7 @@ def test_the_template_is_the_shipped_method(mine, short):
     import numpy as np
 
     from flexaxis.estimators import Rpem, three_mass
-    from flexaxis.experiments.building.estimator_text import build, parse
+    from flexaxis.experiments.running.estimators import build, parse
     from flexaxis.sim.simulate import simulate
 
     record = simulate(short, [0])[0]

@@ -4,17 +4,18 @@ import itertools
 
 import numpy as np
 import pytest
+from engine_cases import BenchHere
 
 import flexaxis as fx
-from flexaxis.experiments.building.estimator_text import parse
-from flexaxis.experiments.building.offer import offer_of, torque_of
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.catalogue.names import hashes
-from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running import estimators
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.case import pieces, run_case
+from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.scoring.bounds import limits
 from flexaxis.experiments.scoring.curves import later, shifted
+from flexaxis.experiments.scoring.parameter_names import started_nominal
 from flexaxis.experiments.scoring.windows import claimed_at, quiet, windows
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.record import load_record
@@ -90,36 +91,30 @@ def test_a_record_is_that_of_its_own_scenario_whatever_the_batch(tmp_path):
     assert load_record(path).scenario["fault"][0]["at"] == scenario.drawn(1).fault[0].at
 
 
-def test_nobody_is_told(short):
-    """What a factory gets is the same whenever the fault comes; so are the pieces of a run."""
-    for name in ("fm_step-v2", "pause_fm_step-v2"):
-        scenario = find_scenario(name)
-        offers = [offer_of(scenario.drawn(seed)) for seed in range(3)]
-        assert offers[0] == offers[1] == offers[2] == offer_of(scenario)
-    torques = [torque_of(short.drawn(seed), "reference") for seed in range(2)]
-    assert np.array_equal(*torques) and np.array_equal(torques[0], torque_of(short, "reference"))
-
-    class Claims:
-        covariance = np.eye(1)
-
-    cuts = {tuple(p.start for p in pieces(short.drawn(s), Claims(), 1200)) for s in range(9)}
-    assert cuts == {(0, 200, 400, 600, 800, 1000)}
+def test_no_estimator_is_told_the_onset(short):
+    """What a constructor gets is the same whenever the fault comes."""
+    known = [estimators._known(parse("glr"), short.drawn(seed)) for seed in range(2)]
+    assert known[0].keys() == known[1].keys()
+    for name, value in known[0].items():
+        assert np.array_equal(value, known[1][name])
+    nominal = [started_nominal(short.drawn(seed)) for seed in range(2)]
+    assert nominal[0] == nominal[1]
 
 
 def test_scores_are_those_of_the_drawn_scenario(short):
     """A row of a drawn run is the row of the scenario that its record says, but for identity."""
     assert short.drawn(1000).events()[0].index != short.drawn(1001).events()[0].index
-    estimators = ["rpem-forgetting", "oracle-reset", "glr"]
-    found = Bench([short]).runs([short], estimators, (1000, 1001))
+    names = ["rpem-forgetting", "oracle-reset", "glr"]
+    found = BenchHere().runs([short], names, (1000, 1001))
     for i, seed in enumerate((1000, 1001)):
         run = short.drawn(seed)
-        alone = Bench([run]).runs([run], estimators, (seed,))
-        for estimator in estimators:
+        alone = BenchHere().runs([run], names, (seed,))
+        for estimator in names:
             for mine, other in zip(
                 found[short.hash, estimator][i], alone[run.hash, estimator][0], strict=True
             ):
                 assert mine.pop("onset") == run.events()[0].index * run.period
-                assert "onset" not in other
+                assert other["onset"] is None
                 for key in ("case", "hash", "cost", "onset"):
                     mine.pop(key, None), other.pop(key, None)
                 assert mine == other

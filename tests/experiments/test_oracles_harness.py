@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from engine_cases import BenchHere
 
-from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.sim.simulate import simulate
 
@@ -32,7 +32,7 @@ class Silent(Counter):
 
 
 def nees(scenario, name):
-    (((row,),),) = Bench([scenario]).runs([scenario], [f"{Path(__file__)}:{name}"], [0]).values()
+    (((row,),),) = BenchHere().runs([scenario], [f"{Path(__file__)}:{name}"], [0]).values()
     return row["nees"]
 
 

@@ -7,7 +7,7 @@ import h5netcdf
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.storage.files import OutputError, spare, write_json, write_text
+from flexaxis.experiments.files import OutputError, check_not_input, write_json, write_text
 from flexaxis.sim.record import load_record
 from flexaxis.sim.simulate import simulate
 
@@ -88,7 +88,7 @@ def test_an_input_is_refused_as_output(here, capsys, case):
     out, err = capsys.readouterr()
     assert content(here) == before
     assert (out, len(err.splitlines())) == ("", 1) and err.startswith("flexaxis: ")
-    assert "is read by this command" in err
+    assert "is an input of this command" in err
 
 
 def test_a_log_in_netcdf_is_imported_beside_itself(here, capsys):
@@ -109,13 +109,13 @@ def test_a_log_in_netcdf_is_imported_beside_itself(here, capsys):
 def test_the_default_of_another_command_is_no_input_either(here, capsys):
     shutil.copy("axis.toml", "rec-axis.toml")
     assert main(["identify", "rec.nc", "--model", "rec-axis.toml"]) == 2
-    assert "rec-axis.toml is read by this command" in capsys.readouterr().err
+    assert "rec-axis.toml is an input of this command" in capsys.readouterr().err
 
 
 def test_what_is_not_there_cannot_be_lost(here):
-    spare(["fm_step-v1", None, "", "x" * 5000], "fm_step-v1", None, "new.nc")
-    with pytest.raises(OutputError, match=r"rec\.nc is read"):
-        spare(["missing", "rec.nc"], "new.nc", "rec.nc")
+    check_not_input(["fm_step-v1", None, "", "x" * 5000], "fm_step-v1", None, "new.nc")
+    with pytest.raises(OutputError, match=r"rec\.nc is an input"):
+        check_not_input(["missing", "rec.nc"], "new.nc", "rec.nc")
 
 
 def test_what_cannot_be_written_is_one_line_that_names_the_file(tmp_path):

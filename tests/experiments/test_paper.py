@@ -16,9 +16,8 @@ from flexaxis.experiments.paper.data import Size
 from flexaxis.experiments.paper.figures import FIGURES
 from flexaxis.experiments.paper.model_measures import worst
 from flexaxis.experiments.paper.reproduce import claims_table, in_words, render
-from flexaxis.experiments.reporting.figures import figure
-from flexaxis.experiments.reporting.tables import symbols
-from flexaxis.experiments.reporting.terminal import show_table
+from flexaxis.experiments.reporting.page import symbols
+from flexaxis.experiments.reporting.terminal import lines, show
 
 # Seeds below 100: what is reported is on others. The least for which the claims that are
 # statistical can hold; 15 s.
@@ -73,21 +72,18 @@ def test_claims_are_strict_json(claims):
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_draws(evidence, name):
-    chart = FIGURES[name](evidence)
-    assert chart.name == name
-    for line in (line for panel in chart.panels for line in panel.lines):
-        assert len(line.x) and np.isfinite(line.x).all() and np.isfinite(line.y).all()
-    for ax in figure(chart).axes:
-        drawn = [np.asarray(line.get_ydata(), float) for line in ax.lines]
-        assert all(np.isfinite(y).all() for y in drawn)
+    for ax in FIGURES[name](evidence).axes:
+        curves = [line for line in ax.lines if len(line.get_ydata())]
+        assert curves and all(np.isfinite(line.get_xydata().astype(float)).all() for line in curves)
+        assert ax.get_ylabel()
 
 
 def test_a_figure_is_written_twice_the_same(evidence, tmp_path):
     files = []
     for _ in range(2):
-        reproduce.draw(FIGURES["fig3"](evidence), tmp_path)
+        reproduce.draw("fig3", evidence, tmp_path)
         files.append((tmp_path / "fig3.svg").read_text(encoding="utf-8"))
-    assert files[0] == files[1] and files[0].startswith("<svg")
+    assert files[0] == files[1] and "<svg" in files[0]
     assert (tmp_path / "fig3.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -105,14 +101,13 @@ class Links(HTMLParser):
 
 def test_the_page_tells_every_claim_and_needs_no_network(evidence, claims):
     wrong = [replace(claims[0], holds=False), *claims[1:]]
-    charts = {name: draw(evidence) for name, draw in FIGURES.items()}
-    page = render(evidence, wrong, charts, "flexaxis paper")
+    page = render(evidence, wrong, "flexaxis paper")
     text = re.sub("<[^>]+>", "", page)
     for claim in wrong:
         assert re.sub("<[^>]+>", "", str(symbols(claim.claim))) in text
     held = sum(claim.holds for claim in wrong)
     assert f"{held} of {len(wrong)} claims hold" in text
-    assert page.count('<figure class="chart"') == len(FIGURES)
+    assert page.count('<svg role="img"') == len(FIGURES)
     assert all(re.fullmatch(r"#.*|fig\w\.(png|svg)", link) for link in Links(page).found)
 
 
@@ -122,7 +117,8 @@ def test_numbers_and_symbols_are_readable():
 
 
 def test_the_table_shows_brackets(capsys):
-    show_table(claims_table([Claim("a", "b", "c", 1.0, "t63 [s] of k_T", True)]), caption="1")
+    table = claims_table([Claim("a", "b", "c", 1.0, "t63 [s] of k_T", True)])
+    show(lines("1", table.heads, [[cell.text for cell in table.rows[0][1]]], ""))
     assert "t63 [s] of k_T" in capsys.readouterr().out
 
 

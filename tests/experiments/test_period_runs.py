@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
+from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.sim.record import load_record
 from tests.experiments.command import flexaxis
-from tests.experiments.kept_rows import lines_of
 
 STUDY = """\
 scenario = "short.toml"
@@ -28,13 +28,13 @@ def test_a_study_sweeps_the_period(short_toml, tmp_path, capsys):
     words = ["study", tmp_path / "sweep.toml", "-o", tmp_path / "out", "--jobs", 1]
     status, _, err = flexaxis(capsys, *words)
     assert status == 0, err
-    rows = lines_of(tmp_path / "out")
+    rows = Results.load(tmp_path / "out").frame.to_dict("records")
     assert rows
     bounds = {}
     for row in rows:
         if row["parameter"] != "f_m":
             continue
-        period = float(row["scenario"].rpartition("period=")[2].partition("+")[0])
+        period = row["period"]
         if row["estimator"] == "frozen":
             # as long as it is from the fault at 6 s to the end at 8 s
             assert [row["lag"], row["lag_null"]] == pytest.approx([2.0, 2.0], rel=1e-9)

@@ -4,9 +4,11 @@ import math
 import statistics
 
 import pytest
+from engine_cases import nested
 from scipy import stats
 
-from flexaxis.experiments.results.results import Results
+from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 
@@ -90,8 +92,9 @@ def test_a_hundred_pooled_numbers_are_what_the_rows_say(short, tmp_path):
     late = short.override({"name": "late", "fault[0].factor": 0.6, "start": 1.1})
     names = ("rpem-forgetting", "frozen", f"{tmp_path}/own.py:Raises")
     study = Study("t", (short, late), names, tuple(range(1000, 1007)))
-    found = benchmark(Benchmark(study, title="t", command="flexaxis run"), tmp_path / "out")
-    rows = list(Results.load(tmp_path / "out").rows)
+    with Runner(tmp_path / "out") as runner:
+        found = benchmark(Benchmark(study, title="t", command="flexaxis run"), runner)
+    rows = nested(Results.load(tmp_path / "out").frame)
     compared = 0
     for pooled in found.summary["rows"]:
         key = ("scenario", "estimator", "parameter", "changed")

@@ -2,17 +2,20 @@
 
 import numpy as np
 import pytest
+from engine_cases import BenchHere
 
-from flexaxis.experiments.building import estimator_text as specs
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
-from flexaxis.experiments.running import adapted
-from flexaxis.experiments.running.adapted import Told, tracking
-from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.scoring.recovered import COSTS, recovered
+from flexaxis.experiments.running.estimators import build, parse
+from flexaxis.experiments.scoring import recovered as module
+from flexaxis.experiments.scoring.recovered import COSTS, TrueParameters, recovered, tracking
 from flexaxis.sim.simulate import simulate
 
 SHORT = {"duration": 9.0, "fault[0].at": 4.0, "burn_in": 1.0}
 MOVES = find_scenario("control_fm_moves-v1").override(SHORT)
+
+
+def frozen(scenario):
+    return build(parse("frozen"), scenario.drawn(3))
 
 
 def rms(path, record):
@@ -21,7 +24,7 @@ def rms(path, record):
 
 def test_it_is_of_the_loop_that_the_record_is_of():
     """Frozen is the record's own loop, and without the fault it is that of a scenario without."""
-    found = tracking(MOVES, 3, specs.parse("frozen"))
+    found = tracking(MOVES, 3, frozen(MOVES))
     assert found["estimated"] == pytest.approx(found["frozen"], rel=1e-12) and not found["limited"]
     whole = MOVES.override({"fault": []}, inherit=True)
     (faulty,), (intact,) = simulate(MOVES, [3]), simulate(whole, [3])
@@ -34,7 +37,7 @@ def test_it_is_of_the_loop_that_the_record_is_of():
 
 
 def test_the_told_one_is_told_in_time():
-    told = Told(MOVES)
+    told = TrueParameters(MOVES)
     theta = np.array([told.step(0.0, 0.0) for _ in range(MOVES.samples)])
     truth = MOVES.true_parameters()
     assert np.array_equal(theta[:-1], truth[1:]) and np.array_equal(theta[-1], truth[-1])
@@ -43,11 +46,12 @@ def test_the_told_one_is_told_in_time():
 
 @pytest.mark.parametrize("name", ["control_ja_moves-v1", "control_wg_kt_moves-v1"])
 def test_who_is_told_recovers_most_of_any_fault(name):
-    found = tracking(find_scenario(name).override(SHORT), 3, specs.parse("frozen"))
+    scenario = find_scenario(name).override(SHORT)
+    found = tracking(scenario, 3, frozen(scenario))
     assert recovered(found, "told") > 80
 
 
-class Slipped(Told):
+class Slipped(TrueParameters):
     """Told the truth, and the fault taken the wrong way round."""
 
     def step(self, u, y):
@@ -56,11 +60,11 @@ class Slipped(Told):
 
 
 def test_who_takes_the_fault_the_wrong_way_round_loses(monkeypatch):
-    right = recovered(tracking(MOVES, 3, specs.parse("frozen")), "told")
-    monkeypatch.setattr(adapted, "Told", Slipped)
-    adapted._others.cache_clear()
-    wrong = recovered(tracking(MOVES, 3, specs.parse("frozen")), "told")
-    adapted._others.cache_clear()
+    right = recovered(tracking(MOVES, 3, frozen(MOVES)), "told")
+    monkeypatch.setattr(module, "TrueParameters", Slipped)
+    module._baselines.cache_clear()
+    wrong = recovered(tracking(MOVES, 3, frozen(MOVES)), "told")
+    module._baselines.cache_clear()
     assert right > 95 and wrong < -50
 
 
@@ -75,7 +79,7 @@ def test_the_score():
 
 
 def test_rows_have_numerator_and_denominator():
-    rows = Bench([MOVES]).runs([MOVES], ["rpem-forgetting", "frozen"], [3])
+    rows = BenchHere().runs([MOVES], ["rpem-forgetting", "frozen"], [3])
     for (_, name), (run,) in rows.items():
         first = run[0]
         parts = first["tracking"]
@@ -87,7 +91,7 @@ def test_rows_have_numerator_and_denominator():
         assert first["recovered_told"] > 95
         assert (first["recovered"] > 50) == (name == "rpem-forgetting")  # and nothing for frozen
     plain = find_scenario("fm_step-v1").override({"duration": 6.0, "fault[0].at": 3.0})
-    ((run,),) = Bench([plain]).runs([plain], ["frozen"], [3]).values()
+    ((run,),) = BenchHere().runs([plain], ["frozen"], [3]).values()
     assert run[0]["recovered"] is None and run[0]["tracking"] is None
 
 

@@ -6,10 +6,10 @@ with other random numbers, so agreement within 15 and 20 % also checks the plant
 
 import numpy as np
 import pytest
+from engine_cases import BenchHere
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.scoring.summary import pool_group
+from flexaxis.experiments.scoring.summary import pool_rows
 
 SEEDS = range(1000, 1060)
 STD = (0.121, 0.048, 0.307)  # % of nominal: k_T, 1/J_a, f_m
@@ -23,9 +23,9 @@ STD = (0.121, 0.048, 0.307)  # % of nominal: k_T, 1/J_a, f_m
 def test_forgetting_of_0995(name, column, lag):
     scenario = find_scenario(name)
     text = "rpem-forgetting[forgetting=0.995]"
-    (runs,) = Bench([scenario]).runs([scenario], [text], SEEDS).values()
+    (runs,) = BenchHere().runs([scenario], [text], SEEDS).values()
     lags = [run[column]["lag"] for run in runs]
-    pooled = pool_group(runs, scenario)
+    pooled = pool_rows([row for run in runs for row in run], scenario)
     std = [row["std"] for row in pooled]
     print(f"{name}: lag {np.mean(lags):.3f} s, std before {np.round(std, 4)} %")
     assert np.mean(lags) == pytest.approx(lag, rel=0.15)

@@ -8,8 +8,8 @@ from flexaxis.experiments.reporting import styles
 
 APART = 20.0  # ΔE*76
 CONTRAST = 3.0  # WCAG 2.1, 1.4.11
-BACKS = {"light": styles.LIGHT_BACK, "dark": styles.DARK_BACK}
-TEXTS = {"light": styles.LIGHT_TEXT, "dark": styles.DARK_TEXT}
+BACKS = {"light": styles.BACK, "dark": styles.DARK_BACK}
+TEXTS = {"light": styles.TEXT, "dark": styles.DARK_TEXT}
 
 
 # D65 white, sRGB primaries (IEC 61966-2-1).

@@ -6,10 +6,10 @@ from identify_axes import VALUES, log
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.discretisation import law_plan
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.changes import changes_along
 from flexaxis.experiments.logs.track import track
+from flexaxis.experiments.running.estimators import parse
 
 RATE = 100.0
 AXIS = """

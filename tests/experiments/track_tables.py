@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from identify_axes import NAMES, VALUES, log
 
-from flexaxis.experiments.building.estimator_text import parse
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.track import track
+from flexaxis.experiments.running.estimators import parse
 
 AT, FACTOR, WINDOW = 20.0, 1.5, 5.0  # s, of f_m, s
 ESTIMATORS = ("glr", "ekf")

@@ -7,16 +7,18 @@ import json
 import math
 import platform
 from collections import defaultdict
+from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import flexaxis as fx
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
-from flexaxis.experiments.running.bench import Bench
-from flexaxis.sim.law_parameters import LAW_NAMES
+from flexaxis.experiments.scoring.score_table import columns
+from flexaxis.sim.parameters import LAW_NAMES
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate, versions
 
@@ -63,40 +65,28 @@ RECORD_RTOL = 1e-9
 
 
 def score_rows(name: str) -> list[dict[str, Any]]:
-    """Return the rows of every registered estimator on one scenario, flat, without times."""
-    scenario = find_scenario(name)
-    found = Bench([scenario]).runs([scenario], list(REGISTRY), SEEDS)
-    by_seed = zip(*found.values(), strict=True)
-    rows = [without(row) for runs in by_seed for run in runs for row in run]
-    # what a run costs is another number every time; that it is told is not
-    return [
-        flat(json.loads(json.dumps(row | {"cost": sorted(row["cost"].keys() - {"versions"})})))
-        for row in rows
-    ]
+    """Return the rows of every registered estimator on one scenario, without times."""
+    results = fx.benchmark(list(REGISTRY), scenarios=name, seeds=SEEDS)
+    frame = results.to_dataframe()
+    rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
+    for row in rows:
+        row["isolation"] = row["isolation"] and json.loads(row["isolation"])
+    return [comparable(row) for row in rows]
 
 
-def without(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row without what says only from which study it is."""
-    return {key: value for key, value in row.items() if key not in OF_THE_STUDY}
-
-
-OF_THE_STUDY = ("base", "method", "axes", "seconds", "code", "rows", "error", "failed")
-
-
-def flat(row: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return a row with "bound.100" instead of a table in the table."""
-    found = {}
-    for key, value in row.items():
-        if isinstance(value, dict) and value:
-            found |= flat(value, f"{prefix}{key}.")
-        else:
-            found[prefix + key] = value
-    return found
+def comparable(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is compared of a row; truths and whole numbers as floats."""
+    found = {name: row.get(name) for name in (*IDENTITY, "hash", "changed", *columns())}
+    return {
+        name: float(value) if isinstance(value, int | float) and name != "seed" else value
+        for name, value in found.items() if name != "failed"
+    }  # fmt: skip
 
 
 def golden_rows(path: Path = SCORES) -> list[dict[str, Any]]:
     """Return the rows of the file."""
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return [comparable(json.loads(line)) for line in lines]
 
 
 def moves(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[str]:

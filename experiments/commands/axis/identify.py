@@ -25,10 +25,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands.answers import add_output, answer
+from flexaxis.experiments.files import check_not_input
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import say_problems, waiting
 from flexaxis.experiments.logs.options import add_log_options, assignments, tables_of, treatment
-from flexaxis.experiments.storage.files import spare
 from flexaxis.sim.errors import did_you_mean
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def main(args: argparse.Namespace) -> int:
 
     path = args.output or args.log.with_name(args.log.stem + "-axis.toml")
     report = path.with_suffix(".html")
-    spare((args.log, args.map, args.model, args.validate), path, report)
+    check_not_input((args.log, args.map, args.model, args.validate), path, report)
     require_suffix(path, ".toml", "an axis")
     spare_foreign(path, report)
     fixed, starts = assignments("fix", args.fix), assignments("start", args.start)

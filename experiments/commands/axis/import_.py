@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands.answers import add_output, answer
+from flexaxis.experiments.files import check_not_input
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import MARKS, lightened, ordered, waiting
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
-from flexaxis.experiments.storage.files import spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.errors import LogError
@@ -55,7 +55,7 @@ def main(args: argparse.Namespace) -> int:
 
     path = args.output or record_beside(args.log)
     report = path.with_suffix(".html")
-    spare((args.log, args.map), path, report)
+    check_not_input((args.log, args.map), path, report)
     require_suffix(path, ".nc", "a record")
     spare_foreign(path, report)
     if is_record(args.log):

@@ -18,12 +18,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.building.code import code_file
 from flexaxis.experiments.commands.answers import add_output, answer
+from flexaxis.experiments.files import check_not_input
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import problems_of, say_problems, show, tell, waiting
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
-from flexaxis.experiments.storage.files import spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.track import Tracked
@@ -56,7 +55,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
-    from flexaxis.experiments.building.estimator_text import parse
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.files import require_suffix, spare_foreign
     from flexaxis.experiments.logs.importing import import_any
@@ -67,10 +65,12 @@ def main(args: argparse.Namespace) -> int:
         save,
         track,
     )
+    from flexaxis.experiments.running.estimators import parse
+    from flexaxis.experiments.running.user_code import code_file
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     report = path.with_suffix(".html")
-    spare((args.log, args.map, args.model, code_file(args.estimator or "")), path, report)
+    check_not_input((args.log, args.map, args.model, code_file(args.estimator or "")), path, report)
     require_suffix(path, ".nc", "a file of estimates")
     spare_foreign(path, report)
     if not args.start > 0:

@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands.answers import add_output, answer
+from flexaxis.experiments.files import REPORT, write_json
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import tell
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
-from flexaxis.experiments.storage.files import REPORT, write_json
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.trend.trend import Trend

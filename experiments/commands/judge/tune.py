@@ -29,12 +29,12 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
-from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.files import OutputError, write_json, write_text
+from flexaxis.experiments.files import OutputError, write_json
+from flexaxis.experiments.seeds import parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.studies.tuning import Tuned
+    from flexaxis.experiments.comparison.tune import Tuned
 
 HELP = "find the knob at which an estimator is as noisy as the reference, or sweep it"
 
@@ -76,44 +76,37 @@ def _sweep(args: argparse.Namespace) -> int:
     """Sweep the knobs, match the noise and draw."""
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.comparison.ranking import overall
-    from flexaxis.experiments.reporting.figures import figure, svg
-    from flexaxis.experiments.reporting.run.speed import tradeoff
+    from flexaxis.experiments.comparison.sweep import TURNS, reference, settings, sweep, texts
+    from flexaxis.experiments.reporting.figures import speed_noise
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
-    from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
+    from flexaxis.experiments.reporting.words import fault_words, faults_of
 
     scenarios, *_ = select(args.sweep)
     estimators = list(dict.fromkeys(args.estimator)) or [*SWEPT]
     seeds = parse_seeds(args.seeds or "16")
     command, folder = options.line(args), args.output or Path("results/sweep")
     most = len(texts(settings(estimators, factors=TURNS))) * len(scenarios) * len(seeds)
-    how = {"overwrite": args.overwrite, "about": {"command": command}}
-    with (
-        options.working(args, f"at most {most} cases", most) as (means, _),
-        Bench(scenarios, folder, means, **how) as bench,
-    ):
-        swept = sweep(scenarios, estimators, seeds, bench)
+    with options.working(args, f"at most {most} cases", most, folder) as (runner, _):
+        swept = sweep(scenarios, estimators, seeds, runner.rows)
         ranking = overall(swept.at_excess)
-        content = {"command": command, "seeds": seeds, "reference": reference()}
+        content: dict[str, Any] = {"command": command, "seeds": seeds, "reference": reference()}
         content |= asdict(swept) | {"overall": ranking}
+        content |= {"definitions": {s.name: s.resolved() for s in scenarios}}
         path = folder / "sweep.svg"
-        write_text(path, svg(figure(tradeoff(swept.points, estimators))))
+        speed_noise(faults_of(swept.points), estimators, fault_words(content)).savefig(path)
         write_json(folder / "sweep.json", content)
-    table = equal_noise_table(swept.matched, ranking)
+    table = equal_noise_table(content, len(seeds))
     return answer(args, content | {"figure": path}, 0, path, show=lambda: show(table))
 
 
 def _tune(args: argparse.Namespace) -> int:
     """Tune and print."""
-    from flexaxis.experiments.building.crashes import no_room
-    from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.studies.tuning import (
+    from flexaxis.experiments.comparison.tune import (
         Trials,
-        forget,
         match_noise,
         save,
-        tuning_scenario,
     )
+    from flexaxis.experiments.running.user_code import is_of_the_machine
 
     names, path = _names(args), _file(args)
     seeds = args.seeds or "0:16"
@@ -121,21 +114,19 @@ def _tune(args: argparse.Namespace) -> int:
     missed: list[str] = []
     folder = args.output or Path("results") / "tune" / _folder("all" if args.all else names[0])
     # How many cases it takes is not known: the progress is that of the settings found.
-    work = options.working(args, f"{len(names)} to tune", len(names), by_case=False)
-    with (
-        work as (means, advance),
-        Bench([tuning_scenario()], folder, means, overwrite=args.overwrite) as bench,
-    ):
+    work = options.working(args, f"{len(names)} to tune", len(names), folder, by_case=False)
+    with work as (runner, advance):
         for name in names:
             try:
-                tuned = match_noise(name, Trials(parse_seeds(seeds), bench, args.match))
+                trials = Trials(parse_seeds(seeds), runner.rows, args.match)
+                tuned = match_noise(name, trials)
             except FlexaxisError as error:
-                if not args.all or no_room(error):
+                if not args.all or is_of_the_machine(error):
                     raise
                 print(error, file=sys.stderr)  # the others can still be tuned
                 missed.append(name)
                 if path:
-                    forget(path, name)
+                    save(path, name, None)
                 continue
             finally:
                 advance(1)
@@ -176,11 +167,11 @@ def _names(args: argparse.Namespace) -> list[str]:
 def _file(args: argparse.Namespace) -> Path | None:
     """Return where to write; refuse what cannot be, before the tuning, which takes long."""
     from flexaxis.estimators import tuned
-    from flexaxis.experiments.building.guest import is_guest
+    from flexaxis.experiments.running.user_code import names_code
 
     if args.save is None:
         return None
-    if args.save is True and args.estimator and is_guest(args.estimator[0]):
+    if args.save is True and args.estimator and names_code(args.estimator[0]):
         raise FlexaxisError(
             "--save without a file writes to that of the registry, which your estimator is not "
             "in: give a file, --save mine.toml"

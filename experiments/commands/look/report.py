@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
-from flexaxis.experiments.storage.files import REPORT, as_written, spare, write_text
+from flexaxis.experiments.files import REPORT, SUMMARY, check_not_input, write_text
 
 HELP = "write report.html again from the results in a folder"
 
@@ -20,50 +21,41 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="folder of a run or a study")
     add_output(parser, "FILE", "default: in DIR")
-    parser.add_argument(
-        "--size",
-        type=float,
-        metavar="MB",
-        help="how large the report of a run may be: what does not fit of single runs is left out "
-        "(default: 3, and 12 with more than twelve scenarios)",
-    )
 
 
 def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
-    from flexaxis.experiments.running.folder import read_study
-    from flexaxis.experiments.studies.benchmark import inputs
+    from flexaxis.experiments.running.results import Results
+    from flexaxis.experiments.running.store import ROWS
 
     path = args.output or args.folder / REPORT
-    spare(inputs(args.folder), path)
-    study = read_study(args.folder)
-    with as_written(args.folder):
-        return (_of_study if study["axes"] else _of_run)(args, path)
-
-
-def _of_study(args: argparse.Namespace, path: Path) -> int:
-    from flexaxis.experiments.reporting.study.page import write_report
-    from flexaxis.experiments.results.results import Results
-
+    check_not_input([args.folder / ROWS, args.folder / SUMMARY], path)
     results = Results.load(args.folder)
-    write_report(results, path)
+    return _of_study(args, path, results) if results.axes else _of_run(args, path)
+
+
+def _of_study(args: argparse.Namespace, path: Path, results: Any) -> int:
+    from flexaxis.experiments.reporting.study import render
+    from flexaxis.experiments.studies.finds import finds
+
+    write_text(path, render(results, finds(results)))
     if args.json:
         return answer(args, {"rows": results.pooled(), "report": path})
-    print(path)
+    print(f"report: {path}")
     return 0
 
 
 def _of_run(args: argparse.Namespace, path: Path) -> int:
-    from flexaxis.experiments.reporting.run.page import render
+    from flexaxis.experiments.reporting.inputs import RunInputs
+    from flexaxis.experiments.reporting.run import render
     from flexaxis.experiments.reporting.terminal import show_run
-    from flexaxis.experiments.results.pooled import load
 
-    found = load(args.folder)
-    write_text(path, render(found, size=args.size))
+    found = RunInputs.of(args.folder)
+    write_text(path, render(found))
     if args.json:
         known = {key: value for key, value in found.summary.items() if key != "command"}
         return answer(args, known | {"made_by": found.summary["command"], "report": path})
     show_run(found.summary)
     options.tell_failures(found.summary.get("failures", []))
-    print(path)
+    print(f"report: {path}")
     return 0

@@ -12,17 +12,11 @@ example:
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from flexaxis.experiments.building.code import code_file
-from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
-from flexaxis.experiments.running.progress import progress
-from flexaxis.experiments.storage.files import spare
-
-if TYPE_CHECKING:
-    from flexaxis.experiments.running.estimate import Estimated
+from flexaxis.experiments.files import check_not_input
 
 HELP = "run an estimator on a record and save the estimates (NetCDF-4)"
 
@@ -42,43 +36,30 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="estimates only: several times faster on long records",
     )
-    options.add_time_limit(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
-    from flexaxis.experiments.building.estimator_text import parse
-    from flexaxis.experiments.building.guest import limited
-    from flexaxis.experiments.catalogue.find import find_scenario
-    from flexaxis.experiments.running.estimate import estimate
-    from flexaxis.sim.record import count_samples
+    import flexaxis as fx
+    from flexaxis.experiments.running.user_code import code_file
 
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")
-    spare((args.record, args.scenario, code_file(args.estimator)), path)
-    spec = parse(args.estimator)
-    scenario = find_scenario(args.scenario) if args.scenario else None
-    what = f"estimating with {spec.text}"
-    with limited(args.time_limit), progress(what, count_samples(args.record)) as advance:
-        found = estimate(
-            args.record,
-            spec,
-            path,
-            scenario=scenario,
-            covariance=not args.no_covariance,
-            advance=advance,
-        )
-    content = {"estimates": path, "estimator": spec.text, "samples": found.samples}
-    content |= {"last": found.last, "truth": found.truth}
-    return answer(args, content, 0, path, show=lambda: _print(found))
+    check_not_input((args.record, args.scenario, code_file(args.estimator)), path)
+    estimate = fx.estimate(args.record, args.estimator, scenario=args.scenario)
+    estimate.save(path, covariance=not args.no_covariance)
+    truth = {name: float(values[-1]) for name, values in estimate.truth.items()}
+    content = {"estimates": path, "estimator": args.estimator, "samples": len(estimate.theta)}
+    content |= {"last": estimate.last, "truth": truth}
+    return answer(args, content, 0, path, show=lambda: _print(estimate.last, truth))
 
 
-def _print(found: Estimated) -> None:
+def _print(last: Mapping[str, float], truth: Mapping[str, float]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table("parameter", "last estimate", "truth", "error [%]", box=None, pad_edge=False)
-    for name, value in found.last.items():
-        true = found.truth.get(name)
+    for name, value in last.items():
+        true = truth.get(name)
         known = ("", "") if true is None else (f"{true:.6g}", f"{100 * (value / true - 1):+.3f}")
         table.add_row(name, f"{value:.6g}", *known)
     Console().print(table)

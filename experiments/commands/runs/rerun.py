@@ -1,8 +1,7 @@
 """Run some cases of a run or a study again, chosen at random, and compare.
 
-Rows that were made on this machine with these versions must be identical (but for `cost`); others
-agree within 1e-6 of the value or 1e-9. The exit status is 1 if any does not. Rows that name code as
-their estimator are refused, and the code shown; --run-code runs it.
+Every number of a row must be the same, except `cost`; the exit status is 1 if one is not. Code that
+the rows name as their estimators is run: rerun only what you trust.
 
 example:
   flexaxis rerun results/friction --sample 20
@@ -13,7 +12,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.building.code import add_run_code
 from flexaxis.experiments.commands.answers import SEED, answer, at_most
 from flexaxis.sim.errors import FlexaxisError
 
@@ -27,26 +25,25 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--sample", type=at_most(10**6), default=10, metavar="N", help="cases (default: 10)"
     )
     parser.add_argument("--seed", type=at_most(SEED), default=0, help="of the choice (default: 0)")
-    add_run_code(parser, "rows in RUN")
 
 
 def main(args: argparse.Namespace) -> int:
     """Run again, compare, and name what differs."""
-    from dataclasses import asdict
-
-    from flexaxis.experiments.running.verify import verify
+    from flexaxis.experiments.running.results import Results, rerun
+    from flexaxis.experiments.running.run import Runner
 
     if args.sample < 1:
         raise FlexaxisError(f"--sample {args.sample}: give the number of cases, 1 or more")
-    command = args.line
-    how = {"sample": args.sample, "seed": args.seed, "run_code": args.run_code}
-    verdicts = list(verify(args.folder, command=command, **how))
-    wrong = [verdict for verdict in verdicts if verdict.differences]
-    cases = [asdict(verdict) for verdict in verdicts]
-    lines = ["\n  ".join((f"{each.case} ({each.what}):", *each.differences)) for each in wrong]
-    exact = sum(verdict.exact for verdict in verdicts)
-    lines += [
-        f"{len(verdicts) - len(wrong)} of {len(verdicts)} cases agree; {exact} had to be identical "
-        f"(made on this machine with these versions), the others within the tolerance"
-    ]
-    return answer(args, {"cases": cases, "differ": len(wrong)}, int(bool(wrong)), *lines)
+    results = Results.load(args.folder, whole=True)
+    with Runner() as runner:
+        differ = rerun(results, args.sample, runner, seed=args.seed)
+    number, wrong = min(args.sample, results.cases), len(differ.index.unique("case"))
+    names = results.frame.drop_duplicates("case").set_index("case")
+    lines = []
+    for (case, parameter, column), line in differ.iterrows():
+        run = ", ".join(map(str, names.loc[case, ["scenario", "setting", "seed"]]))
+        values = f"was {line['before']} and is {line['now']}"
+        lines.append(f"{run}, {parameter}: {column} {values}")
+    lines += [f"{number - wrong} of {number} cases agree"]
+    content = {"cases": number, "differ": wrong, "differences": lines[:-1]}
+    return answer(args, content, int(bool(wrong)), *lines)

@@ -24,19 +24,20 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_output, answer
+from flexaxis.experiments.commands.answers import add_output, answer, say
+from flexaxis.experiments.files import REPORT, check_not_input
 from flexaxis.experiments.running.progress import remark
-from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.storage.files import REPORT, spare
+from flexaxis.experiments.seeds import parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.catalogue.find import Selection
+    from flexaxis.experiments.running.results import Results
+    from flexaxis.experiments.running.run import Runner
 
 HELP = "run estimators on scenarios, score them, write a report"
 
@@ -59,100 +60,95 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
+    from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.studies.benchmark import benchmark
 
     if args.shards:
         return options.merge_shards(args)
     if not args.names:
         raise FlexaxisError("name a suite or a scenario, such as smoke; `flexaxis list` shows them")
-    work, share = wanted(args, args.names), options.shard(args)
-    folder = args.output or Path("results") / Path(args.names[0]).stem
-    spare(args.names, folder)
-    with ExitStack() as stack:
-        place = options.executor(args, stack)
-        about = f"{work.cases} case{'s'[: work.cases != 1]}"
-        working = options.working(args, about, work.cases, cache=args.cache, place=place)
-        simulated = 0
-
-        def landed(outcome: Any) -> None:
-            nonlocal simulated
-            simulated += outcome.simulated
-
-        with working as (means, _):
-            found = benchmark(
-                work, folder, means.also(landed), shard=share, overwrite=args.overwrite,
-                say=lambda text: _say(work, text),
-            )  # fmt: skip
-    remark(f"{simulated} record{'s'[: simulated != 1]} simulated")
-    if found is None:
-        return _share_told(args, folder, share)
-    return _told(args, folder, found)
+    shard, folder = options.shard(args), args.output or Path("results") / Path(args.names[0]).stem
+    check_not_input(args.names, folder)
+    chosen = select(args.names)
+    total = _most(args, chosen)
+    about = f"{total} case{'s'[: total != 1]}"
+    with options.working(args, about, total, folder, cache=args.cache) as (runner, _):
+        work = wanted(args, chosen, runner)
+        results = benchmark(work, runner, shard=shard, say=lambda text: _say(total, text))
+    remark(f"{runner.simulated} record{'s'[: runner.simulated != 1]} simulated")
+    if shard != (1, 1):
+        return _of_shard(args, folder, results)
+    return _answer(args, folder, results.summary)
 
 
-def _say(work: Any, text: str) -> None:
-
-    if work.cases > 2000:  # else it is a matter of a few seconds
+def _say(cases: int, text: str) -> None:
+    if cases > 2000:  # else it is a matter of a few seconds
         remark(text)
 
 
-def wanted(args: argparse.Namespace, names: Sequence[str]) -> Any:
-    """Return what is to be run: the benchmark of some names, with `estimator` and `seeds`."""
-    from flexaxis.experiments.catalogue.find import select
+def _most(args: argparse.Namespace, chosen: Selection) -> int:
+    """Return how many cases there are, the settings of a sweep included."""
+    from flexaxis.experiments.comparison import sweep
+
+    estimators = args.estimator or chosen.estimators
+    swept = sweep.texts(sweep.settings(_swept(args, chosen)))
+    plain = len(chosen.scenarios) * len(estimators)
+    seeds = len(parse_seeds(args.seeds or str(chosen.seeds)))
+    return (plain + len(chosen.swept_scenarios) * len(swept)) * seeds
+
+
+def _swept(args: argparse.Namespace, chosen: Selection) -> Sequence[str]:
     from flexaxis.experiments.comparison.ranking import REFERENCE
+
+    return (
+        list(dict.fromkeys([REFERENCE, *args.estimator]))
+        if args.estimator
+        else (chosen.swept_estimators)
+    )
+
+
+def wanted(args: argparse.Namespace, chosen: Selection, runner: Runner) -> Any:
+    """Return what is to be run, without the scenarios that a named estimator cannot read."""
     from flexaxis.experiments.running.study import Study
     from flexaxis.experiments.studies.benchmark import Benchmark
 
-    chosen = select(names)
-    estimators = list(dict.fromkeys(args.estimator or chosen.estimators))
-    swept = list(dict.fromkeys([REFERENCE, *estimators]))
-    readable = _readable(chosen, args.estimator or ())
-    title = " ".join(names)
+    every = {s.name: s for s in [*chosen.scenarios, *chosen.swept_scenarios]}
+    left = runner.misfits(list(every.values()), args.estimator) if args.estimator else {}
+    if all(s.name in left for s in chosen.scenarios):
+        left = {}  # running them will say why
+    for name, reason in left.items():
+        say(f"{name} is left out: {reason}")
+    title = " ".join(args.names)
     return Benchmark(
         study=Study(
             name=title,
-            scenarios=tuple(s for s in chosen.scenarios if s.name in readable),
-            estimators=tuple(estimators),
+            scenarios=tuple(s for s in chosen.scenarios if s.name not in left),
+            estimators=tuple(dict.fromkeys(args.estimator or chosen.estimators)),
             seeds=tuple(parse_seeds(args.seeds or str(chosen.seeds))),
         ),
         title=title,
         command=options.line(args, whole=True),
-        swept_scenarios=[s for s in chosen.swept_scenarios if s.name in readable],
-        swept_estimators=swept if args.estimator else chosen.swept_estimators,
+        swept_scenarios=[s for s in chosen.swept_scenarios if s.name not in left],
+        swept_estimators=_swept(args, chosen),
     )
 
 
-def _readable(chosen: Selection, estimators: Sequence[str]) -> set[str]:
-    """Return the names of the scenarios that all estimators can read which were typed.
-
-    Those of a suite read whatever it has. Where nothing is left to run, all are, so that it is
-    told why they cannot be.
-    """
-    both = {s.name: s for s in [*chosen.scenarios, *chosen.swept_scenarios]}
-    if not estimators:
-        return set(both)
-    kept = {s.name for s in options.leave_out(list(both.values()), estimators)}
-    return kept if kept & {s.name for s in chosen.scenarios} else set(both)
-
-
-def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) -> int:
-    """Print what became of a share; the report is of all of them, by `run --from`."""
-    from flexaxis.experiments.results.results import Results
-
-    failures = Results.load(folder).failures()
+def _of_shard(args: argparse.Namespace, folder: Path, results: Results) -> int:
+    """Print what became of a shard; the report is of all of them, by `run --from`."""
+    failures = results.failures.to_dict("records")
     options.tell_failures(failures)
-    told = {"folder": str(folder), "shard": "/".join(map(str, share)), "failed": len(failures)}
-    status = options.failed(failures, args.remarks)
-    return answer(args, told, status, folder)
+    content = {"folder": str(folder), "shard": args.shard, "failed": len(failures)}
+    return answer(args, content, options.failed(failures, args.remarks), folder)
 
 
-def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
-    """Print what was found; what could not be run is said, and is a finding or a crash."""
+def _answer(args: argparse.Namespace, folder: Path, summary: dict[str, Any]) -> int:
+    """Print the scores; cases that failed are a finding or a crash."""
     from flexaxis.experiments.reporting.terminal import show_run
 
-    failures = found.summary["failures"]
+    failures = summary["failures"]
     status = options.failed(failures, args.remarks)
     if not args.json:
-        show_run(found.summary)
+        show_run(summary)
     options.tell_failures(failures)
     path = folder / REPORT
-    return answer(args, found.summary | {"report": path}, status, path)
+    return answer(args, summary | {"report": path}, status, f"report: {path}")

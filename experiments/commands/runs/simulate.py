@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands.answers import SEED, add_output, answer, at_most
+from flexaxis.experiments.files import check_not_input
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.options import add_style_options, style_of
 from flexaxis.experiments.running.progress import progress
-from flexaxis.experiments.running.seeds import check_seed
-from flexaxis.experiments.storage.files import spare
+from flexaxis.experiments.seeds import check_seed
 
 if TYPE_CHECKING:
     from flexaxis.sim.record import Record
@@ -53,7 +53,7 @@ def main(args: argparse.Namespace) -> int:
         raise LogError(f"-o {path}: a log as {suffix} ends in .{suffix}")
     if style_given := [w for w in args.words if w.partition("=")[0] in _STYLE and not args.as_log]:
         raise LogError(f"{style_given[0]} is for a log: add --as-log csv")
-    spare([args.scenario], path)
+    check_not_input([args.scenario], path)
     spare_foreign(path)
     with progress(f"simulating {scenario.name}", 1.0) as advance:
         done = 0.0

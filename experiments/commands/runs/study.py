@@ -15,8 +15,8 @@ file; --overwrite removes what is there first. A case
 that cannot be run is a row that says why; the exit status is then 1, or 70 if code crashed. The
 folder gets report.html.
 
-A file that names code (path.py:Class, module:Class, pipe:COMMAND) is refused, and the code shown;
---run-code runs it. A dry run never does.
+Code that the file names (path.py:Class, module:Class, pipe:COMMAND) is run: run only files you
+trust. A dry run does not run it.
 
 example:
   flexaxis study docs/examples/friction_steps.toml --dry-run
@@ -28,19 +28,16 @@ example:
 from __future__ import annotations
 
 import argparse
-from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from flexaxis.experiments.building.code import add_run_code, require
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_output, answer
-from flexaxis.experiments.running.progress import remark
-from flexaxis.experiments.storage.files import REPORT, STUDY, spare
+from flexaxis.experiments.files import REPORT, check_not_input
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.running.plan import Plan, Work
+    from flexaxis.experiments.running.study import Study
 
 HELP = "sweep scenarios, faults and estimators over many seeds, resumable"
 
@@ -59,11 +56,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="whose estimates to write to DIR/trajectories (default: none)",
     )
     options.add_cache(parser, default=False)
-    add_run_code(parser, "estimators of FILE.toml")
 
 
 def main(args: argparse.Namespace) -> int:
-    """Read, ask for consent, plan, run and report."""
+    """Read, plan, run and report."""
+    from flexaxis.experiments.reporting.study import title
+    from flexaxis.experiments.studies.benchmark import report
     from flexaxis.experiments.studies.definition import load_study
 
     if args.shards:
@@ -71,91 +69,42 @@ def main(args: argparse.Namespace) -> int:
     if args.file is None:
         raise FlexaxisError("name the study's TOML file; docs/studies.md has every key")
     study = load_study(args.file)
-    consent = {"source": str(args.file), "command": args.line.replace(" --dry-run", "")}
-    if not args.dry_run:
-        require(args.run_code, study.estimators, **consent)
-    try:
-        status = _planned_and_run(args, study)
-    except KeyboardInterrupt as error:
-        if error.args or args.dry_run:
-            raise
-        raise KeyboardInterrupt(options.go_on(args, 0)) from None  # while it was planned
-    require(args.run_code, study.estimators, **consent)
-    return status
+    folder = args.output or Path("results") / study.name
+    check_not_input([args.file], folder, folder / REPORT)
+    if args.dry_run:
+        return _plan(args, study, folder)
+    shard, total = options.shard(args), study.cases
+    with options.working(args, f"{total} cases", total, folder, cache=args.cache) as (runner, _):
+        about = {"title": study.name, "command": options.line(args)}
+        results = runner.run(
+            study, shard=shard, traces=not study.axes, trajectories=args.keep == "all", about=about
+        )
+        path = report(folder, runner) if shard == (1, 1) else folder
+    failures = results.failures.to_dict("records")
+    options.tell_failures(failures)
+    content = {"folder": folder, "report": path, "cases": results.cases, "of": total}
+    content |= {"run": runner.done, "failed": len(failures)}
+    words = f"{results.cases} of {total} cases done, {runner.done} of them just now"
+    status = options.failed(failures, args.remarks)
+    if shard != (1, 1):
+        return answer(args, content, status, words, path)
+    return answer(args, content, status, words, title(results), f"report: {path}")
 
 
-def _planned_and_run(args: argparse.Namespace, study: Any) -> int:
-    from flexaxis.experiments.running.folder import check, done
-    from flexaxis.experiments.running.plan import make_plan
+def _plan(args: argparse.Namespace, study: Study, folder: Path) -> int:
+    """Print what would be run."""
+    from flexaxis.experiments.running.store import ROWS, Store
+    from flexaxis.experiments.running.study import missing, units
 
     shard = options.shard(args)
-    plan = make_plan(study, shard=shard, run_code=not args.dry_run)
-    folder = args.output or Path("results") / plan.study.name
-    spare([args.file], folder, *(folder / name for name in (STUDY, REPORT)))
-    if folder.is_dir() and not args.overwrite:
-        check(plan.study, folder)
-    there = None if args.overwrite else done(folder, plan)
-    with ExitStack() as stack:
-        place = options.executor(args, stack)
-        whole, todo = plan.work(), plan.work(there).cases
-        told = _announced(plan, whole, todo)
-        if not args.dry_run:
-            remark(told)
-            return _run(args, plan, folder, place, todo)
-    planned = {"folder": folder, "variants": len(plan.variants), "cases": whole.cases}
-    return answer(args, planned | {"records": whole.records, "to_run": todo}, 0, told)
-
-
-def _announced(plan: Plan, whole: Work, todo: int) -> str:
-    """Return the plan in words."""
-    text = (
-        f"{_several(len(plan.variants), 'variant')} of "
-        f"{_several(len(plan.study.scenarios), 'scenario')} × "
-        f"{_several(len(plan.study.seeds), 'seed')}: {_several(whole.cases, 'case')} on "
-        f"{_several(whole.records, 'record')}"
-    )
-    if whole.cases > todo:
-        text += f"; {_several(whole.cases - todo, 'case')} done, {todo} to run"
-    return text
-
-
-def _several(number: int, what: str) -> str:
-    return f"{number} {what}{'s'[: number != 1]}"
-
-
-def _run(
-    args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, int], todo: int
-) -> int:
-    from flexaxis.experiments.running.engine import run_study
-
-    working = options.working(args, _several(todo, "case"), todo, cache=args.cache, place=place)
-    with working as (means, _):
-        finished = run_study(
-            plan,
-            folder,
-            means,
-            overwrite=args.overwrite,
-            keep=args.keep,
-            traced=not plan.study.axes,
-            run_code=args.run_code,
-            about={"title": plan.study.name, "command": options.line(args)},
-        )
-    return _report(args, plan, folder, finished.cases)
-
-
-def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int:
-    from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.running.folder import done
-    from flexaxis.experiments.studies.benchmark import report
-
-    total = plan.work().cases
-    counted = total - plan.work(done(folder, plan)).cases
-    failures = Results.load(folder).failures()
-    # The report is of all shards, by `study --from`.
-    path = report(folder) if plan.shard[1] == 1 else folder
-    status = options.failed(failures, args.remarks)
-    told = {"folder": folder, "report": path, "cases": counted, "of": total}
-    told |= {"run": run, "failed": len(failures)}
-    words = f"{counted} of {_several(total, 'case')} done, {run} of them just now"
-    options.tell_failures(failures)
-    return answer(args, told, status, words, path)
+    every = units(study)[shard[0] - 1 :: shard[1]]
+    stored = (folder / ROWS).exists() and not args.overwrite
+    done = Store.read(folder).done() if stored else set[str]()
+    counts = {
+        "variants": len({unit.scenario.hash for unit in every}),
+        "records": sum(len(unit.seeds) for unit in every),
+        "cases": sum(len(unit.cases()) for unit in every),
+        "to_run": sum(len(unit.cases()) for unit in missing(every, done)),
+    }
+    words = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in counts.items())
+    return answer(args, {"folder": folder, **counts}, 0, words)

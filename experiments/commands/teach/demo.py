@@ -26,10 +26,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.building.code import add_run_code, require
 from flexaxis.experiments.commands.answers import SEED, at_most
+from flexaxis.experiments.files import check_not_input
 from flexaxis.experiments.running.progress import progress
-from flexaxis.experiments.storage.files import spare
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
@@ -62,7 +61,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
     parser.add_argument("--record", type=Path, metavar="FILE.gif", help="draw into a file")
     parser.add_argument("--script", type=Path, metavar="LESSON.toml", help="what is recorded")
-    add_run_code(parser, "the estimators of LESSON.toml")
     parser.add_argument("--print-script", action="store_true", help="print the default lesson")
 
 
@@ -83,7 +81,7 @@ def main(args: argparse.Namespace) -> int:
         raise FlexaxisError(f"--seed {args.seed}: give zero or more")
     path = args.lesson or args.script
     if args.record:
-        spare([path], args.record)
+        check_not_input([path], args.record)
         return _record(args, load_lesson(path), path)
     if args.script:
         raise FlexaxisError(
@@ -96,9 +94,6 @@ def _serve(args: argparse.Namespace, lesson: Lesson | None) -> int:
     from flexaxis.experiments.demo.lesson import Player
     from flexaxis.experiments.demo.serve import serve
     from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
-
-    if lesson:
-        _consent(args, lesson, args.lesson)
 
     def warned(line: str) -> None:
         print(f"flexaxis: {line}", file=sys.stderr, flush=True)
@@ -120,16 +115,9 @@ def _serve(args: argparse.Namespace, lesson: Lesson | None) -> int:
     return 0
 
 
-def _consent(args: argparse.Namespace, lesson: Lesson, path: Path | None) -> None:
-
-    named = lesson.named[2:] if args.estimator else lesson.named
-    require(args.run_code, named, source=str(path), command=args.line)
-
-
 def _record(args: argparse.Namespace, lesson: Lesson, path: Path | None) -> int:
     from flexaxis.experiments.demo.movie import record
 
-    _consent(args, lesson, path)
     with progress(f"recording {args.record}", 1.0) as advance:
         record(
             lesson,

@@ -15,8 +15,8 @@ from flexaxis.experiments.logs.identification.friction import linear_part
 from flexaxis.experiments.logs.identification.identify import Identification
 from flexaxis.experiments.logs.identification.validate import Validation, liveliest
 from flexaxis.experiments.logs.pages.page import LogPage, compared, line, means, panel
-from flexaxis.experiments.reporting.charts import Chart, Line, Panel
-from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
+from flexaxis.experiments.reporting.charts_old.charts import Chart, Line, Panel
+from flexaxis.experiments.reporting.charts_old.tables import Cell, Column, Row, Table, texts
 
 TOLD = 3  # estimates in the sentence that the page begins with
 UNITS = {"delay": " [s]"} | dict.fromkeys(("offset", "g_sin", "g_cos"), " [as the torque]")

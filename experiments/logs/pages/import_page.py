@@ -13,8 +13,8 @@ from flexaxis.experiments.logs.findings import Finding, ordered
 from flexaxis.experiments.logs.importing import Imported
 from flexaxis.experiments.logs.pages.page import LogPage, gaps, line, panel
 from flexaxis.experiments.logs.spectra import spectra
-from flexaxis.experiments.reporting.charts import Chart
-from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
+from flexaxis.experiments.reporting.charts_old.charts import Chart
+from flexaxis.experiments.reporting.charts_old.tables import Cell, Column, Row, Table
 from flexaxis.sim.record import Record
 
 COLUMNS = (

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.reporting.charts import Chart, Line, Panel
-from flexaxis.experiments.reporting.page import render
-from flexaxis.experiments.reporting.tables import Table
-from flexaxis.experiments.storage.files import write_text
+from flexaxis.experiments.reporting.charts_old.charts import Chart, Line, Panel
+from flexaxis.experiments.reporting.charts_old.page import render
+from flexaxis.experiments.reporting.charts_old.tables import Table
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.identification.validate import MATCHED, correlations
 from flexaxis.experiments.logs.pages.page import LogPage, capital, compared, gaps, panel
 from flexaxis.experiments.logs.track import Tracked
-from flexaxis.experiments.reporting.charts import Chart, Line, Panel
-from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
+from flexaxis.experiments.reporting.charts_old.charts import Chart, Line, Panel
+from flexaxis.experiments.reporting.charts_old.tables import Cell, Column, Row, Table
 
 Array = NDArray[np.float64]
 

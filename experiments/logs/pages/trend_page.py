@@ -20,8 +20,8 @@ from flexaxis.experiments.logs.trend.wear import (
     WearVerdict,
 )
 from flexaxis.experiments.logs.trend.words import remarks, sentences
-from flexaxis.experiments.reporting.charts import Chart, Line, Panel
-from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
+from flexaxis.experiments.reporting.charts_old.charts import Chart, Line, Panel
+from flexaxis.experiments.reporting.charts_old.tables import Cell, Column, Row, Table, texts
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+import sqlite3
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -14,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.processes import spread
+from flexaxis.experiments.files import REPORT, OutputError, make_folder
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import labels
@@ -23,8 +25,7 @@ from flexaxis.experiments.logs.importing import read_any
 from flexaxis.experiments.logs.reading.log import open_log
 from flexaxis.experiments.logs.trend.covariates import dated
 from flexaxis.experiments.logs.trend.refit import refit, seen
-from flexaxis.experiments.storage.files import REPORT, make_folder
-from flexaxis.experiments.storage.store import Lines
+from flexaxis.experiments.running.run import parallel
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 
@@ -127,6 +128,40 @@ def plan_for(logs: Sequence[Path], axis: Axis, source: Source, names: Sequence[s
     raise problem or LogError("there are no logs")
 
 
+class Lines:
+    """Tables by a key of theirs in an SQLite file; each is written at once."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with self._reported():
+            self._db = sqlite3.connect(path, 600.0)
+            self._db.execute("CREATE TABLE IF NOT EXISTS lines (key TEXT PRIMARY KEY, line TEXT)")
+
+    def __enter__(self) -> Lines:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._db.close()
+
+    def all(self) -> dict[str, dict[str, Any]]:
+        """Return all of them, by their keys."""
+        with self._reported():
+            return {k: json.loads(v) for k, v in self._db.execute("SELECT key, line FROM lines")}
+
+    def put(self, key: str, line: Mapping[str, Any]) -> None:
+        """Keep one, in the place of what has this key."""
+        with self._reported(), self._db:
+            text = json.dumps(line, allow_nan=False)
+            self._db.execute("INSERT OR REPLACE INTO lines VALUES (?, ?)", (key, text))
+
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise OutputError(f"{self._path}: cannot be read or written: {error}") from error
+
+
 def estimate_all(
     plan: Plan,
     logs: Sequence[Path],
@@ -163,7 +198,7 @@ def estimate_all(
         there = rows.all()
         missing = [same[0] for case, same in alike.items() if case not in there]
         advance(len(logs) - len(missing))
-        for row in spread(missing, partial(row_of, plan), jobs=jobs if jobs > 1 else 0):
+        for row in parallel(partial(row_of, plan), missing, jobs=jobs):
             rows.put(row["case"], row)
             advance(1)
         every = rows.all()

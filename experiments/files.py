@@ -1,0 +1,150 @@
+"""Files that results are written to: whole or not at all, and never over an input."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.files import Refusal, atomic, json_value, read_text
+
+REPORT, SUMMARY = "report.html", "summary.json"
+SHORT = 12
+"""Hexadecimal digits of a digest."""
+PathLike = str | os.PathLike[str] | None
+
+
+class OutputError(FlexaxisError):
+    """A result cannot be written or read."""
+
+
+class StudyError(FlexaxisError):
+    """A study is wrong or cannot continue; the message has one line for each problem."""
+
+
+class NotRun(FlexaxisError):
+    """Cases are missing because of the machine (disk, memory); the same command resumes."""
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn an `OSError` into an `OutputError` that names the file, the reason and the next step."""
+    try:
+        yield
+    except OSError as error:
+        full = error.errno in {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+        reason = f"{path}: cannot be written: {error.strerror or error}. Choose another place"
+        raise OutputError(f"{reason} with -o{', or free some space' * full}") from error
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and its parents.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made, or is a file.
+    """
+    if path.exists() and not path.is_dir():
+        raise OutputError(f"{path} is a file, but a folder is needed: choose another with -o")
+    with writing(path):
+        path.mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[Path]:
+    """Give a temporary path; at the end its file replaces `path` in one step.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; the old file stays.
+    """
+    with writing(path), atomic(path) as part:
+        yield part
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all; errors as from `new_file`."""
+    with new_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write strict, indented JSON; errors as from `new_file`."""
+    text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1)
+    write_text(path, text + "\n")
+
+
+def json_table(path: Path, refuse: Refusal) -> dict[str, Any]:
+    """Return the table in a JSON file; `refuse` makes the error from a message."""
+    content = json_value(read_text(path, refuse), source=str(path), refuse=refuse)
+    if not isinstance(content, dict):
+        raise refuse(f"{path}: holds no table")
+    return content
+
+
+def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
+    """Refuse to overwrite an input, before anything is computed.
+
+    Parameters
+    ----------
+    inputs : iterable of path, str or None
+        What the command reads. Names that are no files, such as scenarios, are ignored.
+    *outputs : path or None
+
+    Raises
+    ------
+    OutputError
+        If an output is an input, by any path or link.
+    """
+    read = [Path(path) for path in inputs if path and os.path.exists(path)]
+    for output in (Path(path) for path in outputs if path):
+        if any(is_same(output, path) for path in read):
+            raise OutputError(
+                f"{output} is an input of this command and would be overwritten: choose another "
+                "place with -o"
+            )
+
+
+def is_same(one: Path, other: Path) -> bool:
+    """Return whether two paths are one file, also where a part does not exist yet."""
+    try:
+        return os.path.samefile(one, other)
+    except OSError:  # at least one does not exist
+        return one.resolve() == other.resolve()
+
+
+def optional_package(name: str) -> Any:
+    """Return an optional package, or say how to install it.
+
+    Raises
+    ------
+    StudyError
+        If it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise StudyError(f"this needs {name}: python -m pip install {name}") from error
+
+
+@cache
+def digest_of(*packages: str) -> str:
+    """Return a digest of the code, models and settings in packages of flexaxis."""
+    content = sha256()
+    for package in packages:
+        folder = Path(str(files(f"flexaxis.{package}")))
+        for path in sorted(folder.rglob("*")):
+            if path.suffix in {".py", ".xml", ".toml"}:
+                content.update(path.read_bytes())
+    return content.hexdigest()[:SHORT]

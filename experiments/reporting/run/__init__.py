@@ -1,6 +1,0 @@
-"""The report of a run.
-
-`first` is the top: answers and the table that ranks; `tables`, `measures`, `over_time`, `speed`
-and `singles` are its parts, `page` puts them together. In comes a pooled run (`results.pooled`),
-out goes one HTML file.
-"""

@@ -1,6 +1,0 @@
-"""Rows as a table: columns, groups, cubes, exports; and what a run comes to.
-
-`source` asks the rows of a folder in SQL, `results` gives them to Python, `groups` and `pooled`
-pool them over seeds, `finds` counts what was found, `export` writes CSV, Parquet, NetCDF. In comes
-the folder of a run or a study, out go tables and what its report is made of.
-"""

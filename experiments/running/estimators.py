@@ -1,0 +1,395 @@
+"""From the text of `--estimator` to an estimator, which is given what it may know of the axis.
+
+The text is a name of the registry or of an entry point in the group `flexaxis.estimators`,
+``path/file.py:Class``, ``package.module:Class``, each with options in brackets as in TOML
+(``rpem-forgetting[forgetting=0.99]``), or ``pipe:COMMAND``, a program in any language.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import shlex
+import sys
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from hashlib import sha256
+from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+import numpy as np
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.offline.priors import stored_P
+from flexaxis.estimators.protocol import Estimator, run_estimator
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.files import SHORT
+from flexaxis.experiments.running.user_code import (
+    PIPE,
+    PipeEstimator,
+    load_class,
+    names_code,
+    reported,
+    user_line,
+)
+from flexaxis.experiments.scoring.parameter_names import check_model, known_names, started_nominal
+from flexaxis.models_mjcf import DEFAULT
+from flexaxis.sim.conflicts import estimated_problems
+from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.files import shown, toml_tables
+from flexaxis.sim.parameters import ESTIMATED_ONLY, LAW_NAMES
+from flexaxis.sim.scenario import Scenario
+
+GROUP = "flexaxis.estimators"
+KEPT = 48  # built estimators of the registry in a process
+Factory = Callable[..., Any]
+
+
+class Misfit(EstimatorError):
+    """An estimator and a scenario that do not fit each other, though each is right."""
+
+
+@dataclass(frozen=True)
+class Spec:
+    """An estimator to be built.
+
+    Attributes
+    ----------
+    text : str
+    options : mapping
+    session : callable or None
+        A class of this session, which no file holds.
+    """
+
+    text: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    session: Factory | None = None
+
+    @property
+    def name(self) -> str:
+        """The text without its options."""
+        return self.text if self.text.startswith(PIPE) else self.text.partition("[")[0].strip()
+
+    @property
+    def is_users(self) -> bool:
+        """Whether it is code of a user: a file, module, program, entry point or session class."""
+        return self.session is not None or self.name not in REGISTRY
+
+    @cached_property
+    def make(self) -> Factory:
+        """The class, or what makes an estimator; user code is imported when it is first asked."""
+        if self.text.startswith(PIPE):
+            return partial(PipeEstimator, self.text.removeprefix(PIPE))
+        if self.session is not None:
+            return self.session
+        if self.name in REGISTRY:
+            return REGISTRY[self.name].factory
+        if names_code(self.text):
+            return load_class(self.name)
+        with reported(self.text, "when it was imported"):
+            return _installed()[self.name].load()  # type: ignore[no-any-return]
+
+    @cached_property
+    def digest(self) -> str | None:
+        """Digest of the code of a user, None for an estimator of the registry.
+
+        It covers the file and the files beside it that it imports, the words of a command that
+        are files, or the source of a class of this session.
+        """
+        if self.session is not None:
+            return _short(_source(self.session))
+        if not names_code(self.text):
+            return None
+        return _short(b"".join(path.read_bytes() for path in _files_of(self.name)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in vars(self).items() if key != "make"}
+
+
+def _short(content: bytes) -> str:
+    return sha256(content).hexdigest()[:SHORT]
+
+
+def _source(make: Factory) -> bytes:
+    try:
+        return inspect.getsource(make).encode()
+    except (OSError, TypeError):  # typed into an interpreter
+        return bytes(cloudpickle.dumps(make))
+
+
+def _files_of(name: str) -> list[Path]:
+    """Return the files of a user's estimator that decide what it does."""
+    if name.startswith(PIPE):
+        paths = [Path(word) for word in shlex.split(name.removeprefix(PIPE))]
+    elif (module := name.rpartition(":")[0]).endswith(".py"):
+        path = Path(module)
+        imports = re.findall(r"^\s*(?:from|import)\s+\.?(\w+)", path.read_text(), re.MULTILINE)
+        paths = [path, *(path.with_name(f"{name}.py") for name in sorted({*imports}))]
+    else:
+        spec = find_spec(module)
+        paths = [Path(spec.origin)] if spec and spec.origin else []
+    return [path for path in paths if path.is_file()]
+
+
+_session: dict[str, Factory] = {}
+
+
+def text_of(make: Factory) -> str:
+    """Return the text for a class: its module's, or its name in this session, if it has one."""
+    name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
+    if not name.isidentifier():
+        raise EstimatorError(f"{make!r} has no name to stand in results: give a class")
+    home = sys.modules.get(module)
+    if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]
+        return f"{module}:{name}"
+    if name in REGISTRY:
+        raise EstimatorError(f"{name} is the name of a registered estimator: rename the class")
+    _session[name] = make
+    return name
+
+
+def parse(text: str) -> Spec:
+    """Return what the text of `--estimator` stands for; code of users is not imported.
+
+    Raises
+    ------
+    EstimatorError
+        If there is no such estimator, file or option.
+    """
+    if text.startswith(PIPE):  # brackets are part of the command
+        return Spec(text)
+    spec = Spec(text, written_options(text), _session.get(text.partition("[")[0].strip()))
+    name = spec.name
+    module = name.rpartition(":")[0]
+    if module.endswith(".py") and not (path := Path(module)).is_file():
+        near = did_you_mean(path.name, [file.name for file in path.parent.glob("*.py")])
+        raise EstimatorError(f"{path} cannot be imported: there is no such file.{near}")
+    ours = name in REGISTRY or spec.session or names_code(name)
+    if not ours and name not in (installed := _installed()):
+        raise EstimatorError(
+            f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis "
+            "list` shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
+        )
+    if name in REGISTRY:
+        _check_options(spec)
+    return spec
+
+
+def _installed() -> dict[str, Any]:
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def written_options(text: str) -> dict[str, Any]:
+    """Return the options in a text.
+
+    Raises
+    ------
+    EstimatorError
+        If they are not written as in TOML.
+
+    Examples
+    --------
+    >>> written_options("mine.py:Mine[gain=0.1]")
+    {'gain': 0.1}
+    """
+    rest = "" if text.startswith(PIPE) else text.partition("[")[2]
+    source = f"{shown(text)}: write options as in [forgetting=0.99, regularization=1e-6]"
+    table = "options = {" + rest.removesuffix("]") + "}"
+    return toml_tables(table, source=source, refuse=EstimatorError)["options"] if rest else {}
+
+
+def with_options(text: str, options: Mapping[str, Any]) -> str:
+    """Return an estimator's text with some options set.
+
+    Examples
+    --------
+    >>> with_options("ekf[walk=0.1]", {"walk": 0.002})
+    'ekf[walk=0.002]'
+    """
+    if not options:
+        return text
+    every = written_options(text) | dict(options)
+    inside = ",".join(f"{key}={_written(key, value)}" for key, value in every.items())
+    return f"{text.partition('[')[0].strip()}[{inside}]"
+
+
+def _written(key: str, value: Any) -> str:
+    plain = value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+    if isinstance(plain, float) and np.isfinite(plain):
+        return f"{plain:.12g}"
+    try:
+        text = json.dumps(plain, allow_nan=False)
+    except (TypeError, ValueError):
+        text = "null"
+    if "null" in text or text[0] == "{":
+        raise EstimatorError(
+            f"option {key} is {value!r}: give a finite number, a text, True or False, or a list of "
+            "these"
+        )
+    return text
+
+
+def keywords(make: Factory, name: str = "") -> set[str]:
+    """Return what a constructor takes by keyword besides nominal values and period."""
+    try:
+        parameters = list(inspect.signature(make).parameters.values())[2:]
+    except (TypeError, ValueError) as error:
+        raise EstimatorError(
+            f"{name} cannot be made from nominal values and a period: {error}"
+        ) from error
+    return {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
+
+
+def _check_options(spec: Spec) -> None:
+    known = keywords(spec.make, spec.name)
+    for key in spec.options:
+        if key not in known:
+            raise EstimatorError(
+                f"{spec.name} has no option {key!r}.{did_you_mean(key, known)} "
+                f"It has: {', '.join(sorted(known)) or 'none'}"
+            )
+
+
+class Nominal(dict[str, float]):
+    """Nominal values by parameter; a wrong name is answered with the nearest right one."""
+
+    def __missing__(self, name: str) -> float:
+        hint = did_you_mean(str(name), self)
+        raise KeyError(f"nominal has no {name!r}.{hint} It has: {', '.join(self)}")
+
+
+def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
+    """Return an estimator from nominal values (a mapping, or a model) and a period [s].
+
+    What is `known` is given to the constructor if it has such a keyword; options of the text go
+    before.
+
+    Raises
+    ------
+    EstimatorError
+        If it refuses an option, or is no estimator.
+    EstimatorCrash
+        If its constructor raises anything else.
+    """
+    _check_options(spec)
+    names = keywords(spec.make)
+    given = {key: value for key, value in known.items() if key in names} | dict(spec.options)
+    if spec.is_users and isinstance(nominal, Mapping):
+        nominal = Nominal(nominal)
+    with reported(spec.text, "when it was made", refusing=True):
+        try:
+            estimator = spec.make(nominal, period, **given)
+        except (EstimatorError, TypeError, ValueError) as error:
+            if not isinstance(error, EstimatorError) and user_line(error):
+                raise
+            raise EstimatorError(f"{spec.text}: {error}") from error  # it refuses an option
+    for attribute in ("names", "output", "step"):
+        if not hasattr(estimator, attribute):
+            raise EstimatorError(f"{spec.text}: an estimator needs `{attribute}`, this has none")
+    names = estimator.names
+    wrong = isinstance(names, str) or not isinstance(names, Sequence | np.ndarray)
+    if wrong or not len(names) or not all(isinstance(name, str) for name in names):
+        raise EstimatorError(
+            f"{spec.text}: `names` must be a sequence of parameters, such as ('k_T', '1/J_a'), "
+            f"not {names!r}"
+        )
+    return estimator  # type: ignore[no-any-return]
+
+
+_built: OrderedDict[str, Any] = OrderedDict()  # the last ones used
+
+
+def build(spec: Spec, scenario: Scenario) -> Estimator:
+    """Return an estimator at its start, given what it may know of a scenario.
+
+    That is nominal parameters (off by `start`, with those of the data sheet), period, and, if its
+    constructor has such keywords, `identify`, `output`, `noise` (if the data sheet has it) and
+    `torque` (of a nominal run, to compute P(0)). Estimators of the registry are kept and reset,
+    because building one takes as long as running it; code of users is built for each run.
+
+    Raises
+    ------
+    EstimatorError
+        If an option is refused, or it does not fit the scenario (`Misfit`).
+    EstimatorCrash
+        If its constructor raises anything else.
+    """
+    check_model(scenario)
+    nominal, known = started_nominal(scenario), _known(spec, scenario)
+    shipped = scenario.model != DEFAULT and not spec.is_users
+    axis: Any = MODELS[scenario.model].factory(nominal) if shipped else nominal
+    parts = [spec.text, scenario.model, nominal, scenario.period,
+             *((key, _content(value)) for key, value in known.items())]  # fmt: skip
+    estimator = None if spec.is_users else _built.pop(key := repr(parts), None)
+    if estimator is None:
+        estimator = make_estimator(spec, axis, scenario.period, **known)
+        if not spec.is_users and hasattr(estimator, "reset"):
+            run_estimator(estimator, np.zeros(2), np.zeros(2))  # compiles it: no part of the cost
+    _check_fits(spec.text, estimator, scenario)
+    if not spec.is_users and hasattr(estimator, "reset"):
+        estimator.reset()
+        _built[key] = estimator
+        while len(_built) > KEPT:
+            _built.popitem(last=False)
+    return estimator  # type: ignore[no-any-return]
+
+
+def _content(value: Any) -> Any:
+    return _short(value.tobytes()) if isinstance(value, np.ndarray) else value
+
+
+def _known(spec: Spec, scenario: Scenario) -> dict[str, Any]:
+    """Return what an estimator is given besides nominal values and period, by keyword."""
+    from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
+
+    entry = REGISTRY.get(spec.name, spec.make)
+    laws = bool(getattr(entry, "laws", False))
+    identify = tuple(n for n in scenario.identify if laws or n not in LAW_NAMES)
+    if not identify:
+        raise Misfit(
+            f"{spec.text} does not declare `laws`, and {scenario.name} identifies only "
+            f"{', '.join(scenario.identify)}: leave the scenario out"
+        )
+    known: dict[str, Any] = {"identify": identify, "output": scenario.output}
+    if (noise := scenario.data_sheet.get("noise")) is not None:
+        known["noise"] = noise
+    if spec.name == "oracle-reset":  # the baseline that is told when
+        known["onsets"] = tuple(event.index for event in scenario.events())
+    if "torque" in keywords(spec.make, spec.name) and "P0" not in spec.options:
+        if laws:  # friction is of the size of the torque
+            known["torque"] = design_torque(scenario)
+        elif spec.is_users or not _has_prior(scenario, identify):
+            known["torque"] = nominal_torque(scenario)
+    return known
+
+
+def _has_prior(scenario: Scenario, identify: tuple[str, ...]) -> bool:
+    """Return whether P(0) is stored with the estimators."""
+    model = MODELS[scenario.model].factory(started_nominal(scenario))
+    return stored_P(model, identify, scenario.period, forgetting=None) is not None
+
+
+def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
+    """Refuse an estimator that cannot read a scenario, or whose estimates cannot be scored."""
+    names, besides = tuple(estimator.names), (*LAW_NAMES, *ESTIMATED_ONLY)
+    if names != scenario.identify:
+        problems = estimated_problems(names, scenario, key="names", besides=besides)
+        if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
+            raise EstimatorError("\n".join(lines))
+    if not known_names(scenario, names):
+        raise Misfit(
+            f"{text} estimates {', '.join(names)}, but {scenario.name} has "
+            f"{', '.join(scenario.parameter_names)}: nothing of it could be scored"
+        )
+    if estimator.output != scenario.output:
+        raise Misfit(
+            f"{text} reads {estimator.output!r}, but {scenario.name} gives {scenario.output!r}: "
+            "set its `output` to that, or leave the scenario out"
+        )

@@ -1,0 +1,296 @@
+"""Code of users: load it, say what failed in it and where, end it in time; programs behind a pipe.
+
+User code runs in the process that runs the case. It is trusted: run only code you trust.
+"""
+
+from __future__ import annotations
+
+import errno
+import faulthandler
+import importlib
+import re
+import shlex
+import struct
+import subprocess
+import sys
+import traceback
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
+from functools import cache
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from threading import Timer
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.protocol import StepError
+from flexaxis.estimators.signals import SIGNALS
+from flexaxis.sim.errors import did_you_mean
+
+PIPE = "pipe:"
+OURS = ("sim", "estimators", "experiments", "models_mjcf")
+TIME_LIMIT = 600.0
+"""Default time for one run of a user's estimator [s]."""
+
+
+class EstimatorCrash(EstimatorError):
+    """The code of an estimator raised an exception; the message says which, what and where."""
+
+
+def names_code(text: str) -> bool:
+    """Return whether a text names code of a user: files, modules and programs have a colon.
+
+    Examples
+    --------
+    >>> names_code("rpem-forgetting[forgetting=0.99]"), names_code("mine.py:Mine[gain=0.1]")
+    (False, True)
+    """
+    return ":" in text.partition("[")[0]
+
+
+def code_file(text: str) -> str:
+    """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
+    file = text.partition("[")[0].rpartition(":")[0]
+    return file if file.endswith(".py") else ""
+
+
+def load_class(text: str) -> Callable[..., Any]:
+    """Return the class that ``path/file.py:Class`` or ``package.module:Class`` names.
+
+    Raises
+    ------
+    EstimatorError
+        If the module cannot be imported, or has no such class.
+    """
+    module, _, name = text.rpartition(":")
+    with reported(text, "when it was imported"):
+        if module.endswith(".py"):
+            home = _module_of(Path(module).resolve())
+        else:
+            home = importlib.import_module(module)
+    if not hasattr(home, name):
+        classes = [key for key, value in vars(home).items() if isinstance(value, type)]
+        raise EstimatorError(f"{text}: {module} has no {name!r}.{did_you_mean(name, classes)}")
+    return getattr(home, name)  # type: ignore[no-any-return]
+
+
+@cache
+def _module_of(path: Path) -> Any:
+    """Import a file; its folder goes to the end of the path, so it hides no library."""
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
+    name = f"_flexaxis_user_{path.stem}_{abs(hash(path))}"
+    spec = spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None  # a .py file has both
+    sys.modules[name] = module = module_from_spec(spec)  # dataclasses look it up there
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+@contextmanager
+def reported(
+    text: str, where: str, *, first: int = 0, period: float = 0.0, refusing: bool = False
+) -> Iterator[None]:
+    """Turn what an estimator raises inside into an error that names it, the place and the sample.
+
+    Parameters
+    ----------
+    text : str
+        The estimator, as for `--estimator`.
+    where : str
+        "when it was made", "on fm_step-v1, seed 1000".
+    first : int
+        Number of the first sample.
+    period : float
+        Sampling period [s].
+    refusing : bool
+        Whether an `EstimatorError` passes as it is.
+
+    Raises
+    ------
+    EstimatorError
+        If `step` returns another number of values than there are names.
+    EstimatorCrash
+        For every other exception, `sys.exit` included; not for Ctrl-C.
+    """
+    try:
+        with redirect_stdout(sys.stderr):  # stdout is for results
+            yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        if refusing and isinstance(error, EstimatorError):
+            raise
+        k = getattr(error, "at_sample", None)
+        time = f" ({period * (first + k):g} s)" if k is not None and period else ""
+        place = where if k is None else f"{where}, sample {first + k}{time}"
+        if isinstance(error, StepError):
+            raise EstimatorError(f"{text}, {place}: {error}") from error
+        raise EstimatorCrash(f"{text} crashed {place}: {describe(error)}") from error
+
+
+def describe(error: BaseException) -> str:
+    """Return kind, message and place of an exception in one line."""
+    words = " ".join(str(error).split())
+    place = user_line(error)
+    kind = type(error).__name__ + (f": {words}" if words else "")
+    return f"{kind} ({place})" if place else kind
+
+
+def user_line(error: BaseException) -> str:
+    """Return the last line, as ``file.py:12``, that is neither ours nor of a library."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return next((f"{f.filename}:{f.lineno}" for f in frames[::-1] if _is_users(f.filename)), "")
+
+
+@cache
+def _is_users(filename: str) -> bool:
+    packages = [importlib.import_module(f"flexaxis.{name}") for name in OURS]
+    ours = [str(Path(folder).resolve()) for package in packages for folder in package.__path__]
+    path = filename if filename.startswith("<") else str(Path(filename).resolve())
+    return not path.startswith(("<", sys.prefix, sys.base_prefix, *ours))
+
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.ENOMEM, errno.EMFILE, errno.ENFILE}
+
+
+def is_of_the_machine(error: BaseException) -> bool:
+    """Return whether memory, a disk, or a package that is missing caused an error."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, MemoryError | ModuleNotFoundError) or (
+            isinstance(cause, OSError) and cause.errno in FULL
+        ):
+            return True
+        cause = cause.__cause__
+    return False
+
+
+@contextmanager
+def ended_after(seconds: float, log: str) -> Iterator[None]:
+    """End this process if the block takes longer; `log` gets the traceback of all threads.
+
+    Python does it in C, so code that never returns to Python ends, too.
+    """
+    with open(log, "w") as file:
+        faulthandler.dump_traceback_later(seconds, exit=True, file=file)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+
+
+def why_it_ended(log: str, seconds: float) -> str:
+    """Return why a worker died, from the file that `ended_after` wrote."""
+    with suppress(OSError):
+        if text := Path(log).read_text(errors="replace"):
+            lines = re.findall(r'File "(.+)", line (\d+)', text)
+            place = next((f" ({file}:{line})" for file, line in lines if _is_users(file)), "")
+            return (
+                f"TimeoutError: no end within {seconds:g} s{place}; if it needs longer, give "
+                "--time-limit (in Python time_limit=)"
+            )
+    return "its process died: the code ended it, memory ran out, or it was killed"
+
+
+PATIENCE = 30.0  # s for an answer of a program
+HEAD = struct.pack("<8sII", b"FLEXAXIS", 1, 0x01020304)  # version and byte order
+BLOCK = 2048  # samples in flight: fewer bytes than a pipe holds, so neither side waits
+
+
+class PipeEstimator:
+    """A program in any language: samples to its stdin, estimates from its stdout (docs/pipes.md).
+
+    Parameters
+    ----------
+    command : str
+        As typed, but no shell reads it.
+    nominal : mapping of str to float
+    period : float
+        [s].
+    identify : sequence of str
+        What the scenario asks for; the program says what it estimates.
+    output : str
+        What y is.
+    patience : float
+        Longest time for an answer [s].
+
+    Raises
+    ------
+    EstimatorError
+        If the program cannot be started, ends, or does not answer as the protocol says.
+    """
+
+    def __init__(
+        self, command: str, nominal: Mapping[str, float], period: float, *,
+        identify: Sequence[str], output: str = "speed", patience: float = PATIENCE,
+    ) -> None:  # fmt: skip
+        self._patience, signals = patience, tuple(SIGNALS)
+        try:
+            self._process = subprocess.Popen(
+                shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            )
+        except (OSError, ValueError, IndexError) as error:
+            raise EstimatorError(f"the program cannot be started: {error}") from error
+        weakref.finalize(self, _end, self._process)
+        values = [(name.encode(), x) for name, x in nominal.items() if isinstance(x, int | float)]
+        sizes = signals.index(output), len(values), len(identify)
+        parts = [struct.pack("<32sd", *value) for value in values]
+        parts += [struct.pack("32s", name.encode()) for name in identify]
+        head = HEAD + struct.pack("<dIII", period, *sizes)
+        answer = self._ask(head + b"".join(parts), 24)
+        p, place = struct.unpack("<II", answer[16:])
+        if answer[:16] != HEAD or not 0 < p < 64 or place >= len(signals):
+            raise EstimatorError(f"the program answered {answer!r}: docs/pipes.md has the header")
+        names = struct.iter_unpack("32s", self._ask(b"", 32 * p))
+        self.names = tuple(name.rstrip(b"\0").decode() for (name,) in names)
+        self.output = signals[place]
+
+    def step(self, u: float, y: float | None) -> NDArray[np.float64]:
+        """Return θ[k] (p,) of u[k] and y[k]; None is a gap, and is sent as NaN."""
+        return self.run([u], [np.nan if y is None else y])[0]
+
+    def run(self, u: ArrayLike, y: ArrayLike, valid: Any = True) -> NDArray[np.float64]:
+        """Return θ (N, p) of u and y (N,)."""
+        samples = np.column_stack([u, np.where(valid, y, np.nan)]).astype("<f8")
+        parts = []
+        for first in range(0, len(samples), BLOCK):
+            part = samples[first : first + BLOCK]
+            size = len(part) * len(self.names) * 8
+            parts.append(self._ask(struct.pack("<Q", len(part)) + part.tobytes(), size))
+        return np.frombuffer(b"".join(parts), "<f8").reshape(len(samples), -1).astype(float)
+
+    def _ask(self, content: bytes, size: int) -> bytes:
+        """Send bytes and return the answer; a program that is silent too long is killed."""
+        to, back = self._process.stdin, self._process.stdout
+        timer = Timer(self._patience, self._process.kill)
+        assert to is not None and back is not None
+        answer = b""
+        timer.start()
+        with suppress(OSError):  # the program has ended
+            to.write(content)
+            to.flush()
+            answer = back.read(size)
+        timer.cancel()
+        if len(answer) < size:
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(1)
+            raise EstimatorError(
+                f"the program wrote {len(answer)} of {size} bytes (exit status "
+                f"{self._process.poll()}; it has {self._patience:g} s for an answer; docs/pipes.md)"
+            )
+        return answer
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a program, and close its pipes."""
+    with suppress(OSError), process:
+        process.kill()

@@ -1,0 +1,81 @@
+"""What tells scenarios apart: their hash, the key of their random numbers, and their records."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from hashlib import sha256
+from typing import Annotated, Any
+
+from pydantic import AfterValidator
+
+from flexaxis.models_mjcf import DEFAULT, SHIPPED, model_digest
+from flexaxis.sim.timing import PERIOD
+
+PLANT, CONTENT = "plant", "content"
+"""Keys of the random streams: what plant and sensors see, or the whole content."""
+
+_WORDS = frozenset({"name", "card", "group", "difficulty", "preset"})
+# The axis does not know what is estimated of it, from where, and what is scored.
+_NOT_SEEN = _WORDS | {"identify", "start", "told", "output", "burn_in", "streams"}
+
+
+def _a_key(streams: str) -> str:
+    if streams in (PLANT, CONTENT) or re.fullmatch("[0-9a-f]{64}", streams):
+        return streams
+    raise ValueError(
+        f'must be "{PLANT}", "{CONTENT}", or the `key` of another scenario (64 hex digits), '
+        f"not {streams!r}"
+    )
+
+
+Streams = Annotated[str, AfterValidator(_a_key)]
+
+
+def content_hash(resolved: Mapping[str, Any]) -> str:
+    """Return the SHA-256 (64 hex digits) of a resolved scenario without the words on it.
+
+    ``streams = "content"`` is left out, the period of 5 ms and the paper's axis: the scenarios that
+    have them are older than the keys. The MJCF is in it where it is not as published.
+    """
+    without = _WORDS | ({"streams"} if resolved["streams"] == CONTENT else set())
+    return _digest({k: v for k, v in _told_apart(resolved).items() if k not in without})
+
+
+def stream_key(resolved: Mapping[str, Any]) -> str:
+    """Return what the random streams of a resolved scenario are keyed by (64 hex digits)."""
+    match resolved["streams"]:
+        case "plant":
+            return _digest(_seen(resolved))
+        case "content":
+            return content_hash(resolved)
+        case key:
+            return str(key)
+
+
+def record_hash(resolved: Mapping[str, Any]) -> str:
+    """Return the SHA-256 (64 hex digits) of all that the signals of a record depend on but seeds.
+
+    Scenarios that differ in nothing but what estimators are told or asked share it, where they
+    share the key of the random streams.
+    """
+    return _digest(_seen(resolved) | {"key": stream_key(resolved)})
+
+
+def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what plant and sensors see of a scenario."""
+    return {key: value for key, value in _told_apart(resolved).items() if key not in _NOT_SEEN}
+
+
+def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a resolved scenario without what every scenario once had, and with a new MJCF."""
+    usual, model = {"period": PERIOD, "model": DEFAULT}, resolved["model"]
+    content = {key: value for key, value in resolved.items() if usual.get(key) != value}
+    digest = model_digest(model)
+    return content if SHIPPED.get(model) == digest else content | {"mjcf": digest}
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return sha256(text.encode()).hexdigest()

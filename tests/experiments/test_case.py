@@ -1,0 +1,141 @@
+"""Cases as a worker runs them: scores of good runs, and a failed run for each way to fail."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from engine_cases import short, small_study, user_file
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.case import NUMBERS, Options, pack, run_case, run_unit, unpack
+from flexaxis.experiments.running.estimators import parse
+from flexaxis.experiments.running.study import Study, units
+from flexaxis.sim.simulate import simulate
+
+LAG = NUMBERS.index("lag")
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return RecordCache(tmp_path_factory.mktemp("records"))
+
+
+def outcome_of(text, cache, **options):
+    study = Study("one", (short(),), (text,), (0,))
+    (unit,) = units(study)
+    return run_unit(unit, Options(cache, **options))
+
+
+def test_rows_are_the_scores_of_the_run(cache):
+    (done,) = outcome_of("frozen", cache).cases
+    record = simulate(short(), [0])[0]
+    truth = record.true_parameters[:, record.parameter_names.index("f_m")]
+    start = round(2.0 / 0.005)
+    lag = 0.005 * np.sum(np.abs(truth[start:] - truth[0])) / abs(truth[-1] - truth[0])
+    assert done.numbers[2, LAG] == pytest.approx(lag)
+    assert done.error is None
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("Raises", "KeyError"), ("Exits", "SystemExit: 3"), ("Shape", "2 values|3 are")],
+)
+def test_a_failed_case_names_estimator_scenario_seed_and_sample(name, words, tmp_path, cache):
+    text = f"{user_file(tmp_path)}:{name}"
+    (done,) = outcome_of(text, cache).cases
+    assert all(part in done.error for part in (text, short().name, "seed 0", "sample 200"))
+    if name != "Shape":
+        assert words in done.error
+        assert "mine.py:" in done.error.partition(words)[2]
+
+
+def test_a_failed_case_is_a_run_lost_at_its_first_sample(tmp_path, cache):
+    (done,) = outcome_of(f"{user_file(tmp_path)}:Raises", cache).cases
+    scores = dict(zip(NUMBERS, done.numbers.T, strict=True))
+    assert scores["failed"].all()
+    assert scores["diverged"].all()
+    assert (scores["lost_at"] == 0).all()
+
+
+def test_nan_is_a_diverged_run_and_a_remark(tmp_path, cache):
+    found = outcome_of(f"{user_file(tmp_path)}:Nan", cache)
+    scores = dict(zip(NUMBERS, found.cases[0].numbers.T, strict=True))
+    assert scores["diverged"].all()
+    assert not scores["failed"].any()
+    assert "sample 200" in found.remarks[0][1]
+
+
+def test_a_missing_package_leaves_no_row(tmp_path, cache):
+    path = tmp_path / "lacks.py"
+    path.write_text("import no_such_package_at_all\nclass Mine: pass\n")
+    found = outcome_of(f"{path}:Mine", cache)
+    assert not found.cases
+    assert "no_such_package_at_all" in found.missing[0]
+
+
+def test_what_is_done_is_skipped(cache):
+    (unit,) = units(Study("one", (short(),), ("frozen",), (0,)))
+    ((case, _, _),) = unit.cases()
+    object.__setattr__(unit, "done", frozenset([case]))
+    assert not run_unit(unit, Options(cache)).cases
+
+
+def test_records_are_simulated_once_and_shared(cache):
+    first = units(small_study("frozen", "rpem-forgetting", seeds=2))[0]
+    assert run_unit(first, Options(cache)).simulated == len(first.seeds)
+    assert run_unit(first, Options(cache)).simulated == 0
+
+
+def test_a_trace_comes_back_as_it_was(cache):
+    record = simulate(short(), [0])[0]
+    case = run_case(short(), record, parse("frozen"), Options())
+    back = unpack(pack(case))
+    assert back.names == case.names
+    np.testing.assert_array_equal(back.curve, case.curve)
+    np.testing.assert_array_equal(back.detail.near, case.detail.near)
+    assert back.relative.keys() == case.relative.keys()
+
+
+def test_a_kept_record_is_the_simulated_one(cache):
+    record = simulate(short(), [7])[0]
+    cache.put(short(), record)
+    kept = cache.get(short(), 7)
+    for name in ("torque", "speed", "true_speed", "true_parameters"):
+        np.testing.assert_array_equal(getattr(kept, name), getattr(record, name))
+    assert cache.get(short(), 8) is None
+    assert cache.get(short().override({"noise.speed": 0.3}), 7) is None
+
+
+def test_the_least_recently_used_records_go_first(tmp_path):
+    small, record = RecordCache(tmp_path), simulate(short(), [0])[0]
+    for repeat in range(3):
+        small.put(short(), record, repeat=repeat)
+    small.get(short(), 0, repeat=0)
+    assert small.evict(small.size() - 1) == 1
+    assert small.get(short(), 0, repeat=1) is None
+    assert small.clear() == 2
+
+
+def test_a_damaged_record_is_simulated_again(tmp_path):
+    small = RecordCache(tmp_path)
+    small.put(short(), simulate(short(), [0])[0])
+    small.entries()[0].write_bytes(b"no NetCDF")
+    assert small.get(short(), 0) is None
+    assert not small.entries()
+
+
+def test_an_estimator_of_the_registry_is_reset_between_runs(cache):
+    spec, record = parse("rpem-forgetting"), simulate(short(), [0])[0]
+    first, second = (run_case(short(), record, spec, Options()) for _ in range(2))
+    np.testing.assert_array_equal(first.theta, second.theta)
+
+
+def test_a_scenario_that_gives_another_output_is_refused(tmp_path):
+    path = tmp_path / "other.py"
+    path.write_text(
+        "class Mine:\n    names, output = ('k_T',), 'increment'\n"
+        "    def __init__(self, nominal, period): pass\n    def step(self, u, y): return [1.0]\n"
+    )
+    with pytest.raises(EstimatorError, match=r"reads 'increment'.*gives 'speed'"):
+        run_case(short(), simulate(short(), [0])[0], parse(f"{path}:Mine"), Options())

@@ -1,0 +1,310 @@
+"""The rules catch what they are for, and nothing else."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.check.check import check
+from flexaxis.experiments.check.rules import RULES
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.estimators import parse
+
+OF_ALL = ("Spread", "Largest", "Smallest", "Mean", "Median", "Torque", "Crest", "Correlation")
+CONTROLS = str(Path(__file__).with_name("wrong.py"))
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """One record for all of them."""
+    return RecordCache(tmp_path_factory.mktemp("records"))
+
+
+def broken(text, store):
+    return {finding.rule for finding in check(parse(text), store=store) if finding.holds is False}
+
+
+# Seconds and more each.
+LONG = ("literal-rpem",)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in LONG)) for n in REGISTRY]
+)
+def test_registered_estimators_keep_the_rules(name, store):
+    findings = {finding.rule: finding for finding in check(parse(name), store=store)}
+    assert {rule for rule, finding in findings.items() if finding.holds is False} == set()
+    moves = findings["a shift of u hurts"].holds
+    assert moves is (None if name == "frozen" else True)
+
+
+@pytest.mark.slow
+def test_the_example_of_an_own_estimator_keeps_the_rules(store):
+    path = Path(__file__).parents[2] / "docs" / "examples" / "ukf.py"
+    assert "flexaxis" not in path.read_text(encoding="utf-8").partition("import numpy")[2]
+    findings = {finding.rule: finding for finding in check(parse(f"{path}:Ukf"), store=store)}
+    assert {rule for rule, finding in findings.items() if finding.holds is False} == set()
+    assert findings["a shift of u hurts"].holds
+
+
+def test_the_cheater_is_caught(store):
+    assert {"no look ahead", "step equals run"} <= broken(f"{CONTROLS}:Cheater", store)
+
+
+def test_hindsight_is_caught(store):
+    """Statistics of a whole record look ahead as well."""
+    assert broken(f"{CONTROLS}:Hindsight", store) == {"no look ahead", "step equals run"}
+
+
+def test_the_sloppy_one_is_caught(store):
+    assert broken(f"{CONTROLS}:Sloppy", store) == {
+        "keeps no reference",
+        "reset",
+        "survives a gap",
+        "a shift of u hurts",
+    }
+
+
+def test_controls_are_in_no_suite():
+    assert not {name for name in REGISTRY if "heat" in name or "loppy" in name or "sight" in name}
+
+
+class Base:
+    """Harmless: follows a part of y, and can be spoilt in one way at a time."""
+
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        self.theta, self.u = nominal["f_m"], 0.0
+
+    def step(self, u, y):
+        self.theta += 0.0 if y is None else 1e-6 * y * self.u
+        self.u = u
+        return [self.theta]
+
+
+class WrongShape(Base):
+    def step(self, u, y):
+        return [1.0, 2.0]
+
+
+class NotFinite(Base):
+    def step(self, u, y):
+        return [np.nan]
+
+
+class Random(Base):
+    def step(self, u, y):
+        return [np.random.default_rng().random()]
+
+
+class Centred(Base):
+    def run(self, u, y):
+        return (0.05 + 1e-3 * np.convolve(y, np.ones(5) / 5, "same"))[:, None]
+
+
+class OfAll(Base):
+    """Uses a number that is taken over the whole record, which some orders leave as it is."""
+
+    def run(self, u, y):
+        return np.full((len(u), 1), 0.05 + 1e-3 * self.number(u, y))
+
+
+class Spread(OfAll):
+    def number(self, u, y):
+        return np.std(y)
+
+
+class Largest(OfAll):
+    def number(self, u, y):
+        return np.max(np.abs(y))
+
+
+class Smallest(OfAll):
+    def number(self, u, y):
+        return np.min(y)
+
+
+class Mean(OfAll):
+    def number(self, u, y):
+        return np.round(np.mean(y), 6)  # else an order shows in the last digits
+
+
+class Median(OfAll):
+    def number(self, u, y):
+        return np.median(np.abs(y))
+
+
+class Torque(OfAll):
+    def number(self, u, y):
+        return np.percentile(u, 95)
+
+
+class Crest(OfAll):
+    """Knows no scale and no offset."""
+
+    def number(self, u, y):
+        return np.ptp(y) / np.std(y)
+
+
+class Correlation(OfAll):
+    def number(self, u, y):
+        return np.round(np.corrcoef(u, y)[0, 1], 6)
+
+
+class Writes(Base):
+    def run(self, u, y):
+        y -= y[0]
+        y += 1.0
+        return np.full((len(u), 1), 0.05)
+
+
+class KeepsView(Base):
+    def __init__(self, nominal, period):
+        self.seen = []
+
+    def run(self, u, y):
+        self.seen.append(y)
+        return np.full((len(u), 1), 1e-3 * sum(map(np.sum, self.seen)))
+
+
+class NoGap(Base):
+    def step(self, u, y):
+        return [0.05 + 1e-4 * y]
+
+
+class Spiked(Base):
+    def step(self, u, y):
+        return [0.05 if y is None or abs(y) < 50 else np.inf]
+
+
+class Slow(Base):
+    def step(self, u, y):
+        import time
+
+        time.sleep(0.006)
+        return super().step(u, y)
+
+
+class Late(Base):
+    """Right but for the input, which is one sample late."""
+
+    names = ("k_T", "1/J_a", "f_m")
+
+    def __init__(self, nominal, period):
+        self.inner, self.u = REGISTRY["rpem-forgetting"].factory(nominal, period), 0.0
+
+    def step(self, u, y):
+        late, self.u = self.u, u
+        return self.inner.step(late, y)
+
+
+@pytest.mark.parametrize(
+    ("name", "rule"),
+    [
+        ("WrongShape", "shapes"),
+        ("NotFinite", "finite"),
+        ("Random", "deterministic"),
+        ("Centred", "no look ahead"),
+        *((name, "no look ahead") for name in OF_ALL),
+        ("Writes", "keeps no reference"),
+        ("KeepsView", "keeps no reference"),
+        ("NoGap", "survives a gap"),
+        ("Spiked", "finite after a spike"),
+        ("Late", "a shift of u hurts"),
+        ("Negative", "covariance"),
+        ("Skew", "covariance"),
+        ("Indefinite", "covariance"),
+    ],
+)
+def test_each_rule_catches_its_mistake(name, rule, store):
+    assert rule in broken(f"{Path(__file__)}:{name}", store)
+
+
+class Claims(Base):
+    """Claims a covariance that is right up to a sample."""
+
+    def __init__(self, nominal, period):
+        super().__init__(nominal, period)
+        self.k, p = 0, len(self.names)
+        self.covariance = 1e-6 * np.eye(p)
+
+    def step(self, u, y):
+        self.k += 1
+        if self.k > 500:
+            self.covariance = self.wrong(self.covariance.copy())
+        return super().step(u, y)
+
+
+class Negative(Claims):
+    """A variance that rounding has made negative, as (I − K H) P does."""
+
+    def wrong(self, P):
+        P[0, 0] = -1e-9
+        return P
+
+
+class Skew(Claims):
+    names = ("f_m", "k_T")
+
+    def step(self, u, y):
+        return [super().step(u, y)[0], 1.0]
+
+    def wrong(self, P):
+        P[0, 1] = 1e-7
+        return P
+
+
+class Indefinite(Skew):
+    def wrong(self, P):
+        P[0, 1] = P[1, 0] = 2e-6
+        return P
+
+
+class Thousandfold(Base):
+    """In another unit, and so wrong by far, with a shift or without."""
+
+    def step(self, u, y):
+        return [1e3 * super().step(u, y)[0]]
+
+
+def test_who_is_wrong_by_far_is_told_to_look_elsewhere_first(store):
+    found = check(parse(f"{Path(__file__)}:Thousandfold"), store=store)
+    shift = next(finding for finding in found if finding.rule == "a shift of u hurts")
+    assert shift.holds is False and "units" in shift.seen
+
+
+def test_what_is_not_finite_in_each_run_is_not_said_to_be_random(store):
+    rules = broken(f"{Path(__file__)}:NotFinite", store)
+    assert "finite" in rules and not {"deterministic", "no look ahead"} & rules
+
+
+@pytest.mark.slow
+def test_a_slow_step_is_caught(store):
+    assert "cost" in broken(f"{Path(__file__)}:Slow", store)
+
+
+def test_reads_increments_only(store, tmp_path):
+    path = tmp_path / "increments.py"
+    path.write_text(
+        "from flexaxis.estimators.registry import REGISTRY\n"
+        "def make(nominal, period):\n"
+        "    return REGISTRY['rpem-forgetting'].factory(nominal, period, output='increment')\n"
+    )
+    assert broken(f"{path}:make", store) == set()
+
+
+def test_as_a_program(capsys):
+    assert main(["check", f"{CONTROLS}:Cheater"]) == 1
+    out = capsys.readouterr().out
+    rule = next(rule for rule in RULES if rule.name == "no look ahead")
+    assert "BROKEN" in out and rule.reason in out and rule.hint in out
+    assert main(["check", "frozen", "--json"]) == 0
+
+
+def test_at_least_2000_samples(store):
+    from flexaxis.experiments.check.check import _subject
+
+    assert len(_subject(parse("frozen"), store).u) >= 2000

@@ -1,0 +1,290 @@
+"""Reports: what they say is computed, figures hold what they are given, pages stand alone."""
+
+import json
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from flexaxis.experiments.reporting import compare, figures, page, styles, tables, terminal, words
+from flexaxis.experiments.reporting.figures import Series
+
+SEEDS = 8
+STEP = {"parameter": "f_m", "kind": "step", "at": 10.0, "factor": 2.0}
+
+
+def matched(estimator, lag, fault="s1", *, leads=False, how="matched"):
+    values = [float(np.log(lag or 1.0))] * SEEDS
+    return {
+        "scenario": fault, "parameter": "f_m", "estimator": estimator, "lag": lag, "how": how,
+        "lag_interval": lag and [0.9 * lag, 1.1 * lag], "bound": 0.04, "leads": leads,
+        "over_bound": lag and lag / 0.04, "std_after": 0.4, "false_alarms_per_1000_s": None,
+        "values": {"lag": values if lag else None},
+    }  # fmt: skip
+
+
+def summary(rows, **more):
+    names = list(dict.fromkeys(row["estimator"] for row in rows))
+    definition = {"name": "s1", "fault": [STEP]}
+    overall = [{"estimator": name, "score": 90.0 - i, "score_interval": [80, 95], "leads": i == 0,
+                "how": "matched"} for i, name in enumerate(names)]  # fmt: skip
+    swept = {"matched": rows, "overall": overall, "points": [],
+             "definitions": {name: definition for name in ("s1", "s2")}}  # fmt: skip
+    return {
+        "title": "test",
+        "seeds": list(range(SEEDS)),
+        "estimators": dict.fromkeys(names, "e"),
+        "tradeoff": swept,
+        "rows": [],
+        "scenarios": {"s1": {"definition": definition}},
+    } | more
+
+
+def pooled(estimator, *, bias=0.1, diverged=0, scenario="s1"):
+    return {"scenario": scenario, "parameter": "f_m", "estimator": estimator, "changed": True,
+            "lag": 0.1, "bias": bias, "std": 1.0, "diverged": diverged, "seeds": SEEDS,
+            "cross_talk": None}  # fmt: skip
+
+
+THREE = [matched("glr", 0.05, leads=True), matched("ekf", 0.5), matched("rpem-forgetting", 1.0),
+         matched("glr", 0.1, "s2", leads=True), matched("ekf", 0.5, "s2"),
+         matched("rpem-forgetting", 1.2, "s2")]  # fmt: skip
+
+
+def every(rows, **change):
+    return [row | change for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("rows", "title"),
+    [
+        (THREE, "glr tracks a fault 12 to 20 times faster than rpem-forgetting, at equal noise"),
+        (THREE[:1], "glr takes 1.2 times the shortest lag that theory allows"),
+        (every(THREE, leads=True), "8 seeds cannot tell the estimators apart"),
+        (every(THREE, leads=False), "8 seeds cannot tell the estimators apart"),
+        (every(THREE, lag=None), "No estimator survived: every run was lost"),
+        ([], "test: nothing was compared at equal noise"),
+        ([matched("ekf", 0.5), matched("rpem-forgetting", 0.2, leads=True)],
+         "rpem-forgetting is fastest in 1 of 1 faults, at equal noise"),
+        (THREE[:2], "glr is fastest in 1 of 1 faults, at equal noise"),
+        (every(THREE, how="noisier"), "glr is fastest in 2 of 2 faults, at equal noise"),
+        (every(THREE, values={"lag": [0.0, 0.1]}),
+         "test: 2 seeds are too few to rank: from 5 on"),
+    ],
+)  # fmt: skip
+def test_the_title_is_the_answer(rows, title):
+    assert words.answer(summary(rows))[0] == title
+
+
+def test_what_stands_below_the_title():
+    rows = [*THREE, matched("imm", 0.06), matched("imm", 0.1, "s2", leads=True)]
+    fastest, far = words.answer(summary(rows))[1]
+    assert fastest == "Fastest: glr. imm ties in 1 of 2."
+    assert far.startswith("glr takes 1.2–2.5 times") and far.endswith("method, 25–30 times.")
+
+
+def test_what_must_not_be_missed():
+    dry = {"definition": {"name": "dry", "fault": [STEP], "friction": {"coulomb": 0.1}}}
+    rows = [pooled(name, scenario="dry", bias=bias)
+            for name, bias in (("a", 34.0), ("b", -49.0), ("c", 40.0), ("glr", 0.0))]  # fmt: skip
+    plain = [pooled("a"), pooled("glr")]
+    scenarios = {"dry": dry, "s1": {"definition": {"fault": [STEP]}}}
+    text, place = words.warning(plain + rows, scenarios)
+    assert place == "dry" and text.startswith("With dry friction that the model lacks, every")
+    assert "every estimator but glr is off by 34–49 %" in text
+    text, place = words.warning([pooled("a", diverged=3), pooled("glr")], scenarios)
+    assert text == "With motor friction +100 %, a is lost in 3 of 16 runs (default settings)."
+    assert words.warning(plain, scenarios) is None
+
+
+def test_the_words_of_a_study_axis():
+    study = {"scenarios": [{"definition": {"fault": [STEP]}}]}
+    assert words.axis_words("fault[0].factor", study) == "motor friction after the fault / before"
+    assert words.axis_words("estimator.forgetting", study) == "forgetting factor λ"
+
+
+def test_curves_hold_what_they_are_given():
+    x = np.linspace(1, 100, 50)
+    one = Series(x=x, y=x**2, low=x, high=x**3, estimator="ekf")
+    two = Series(x=[1, 2], y=[3, 4], low=[2, 3], high=[4, 5], estimator="mine[a=$1]", kind="both")
+    drawn = figures.curves({"y": [one], "z [s]": [two]}, x="x", logs=["x"], limits={"y": (0, 9)})
+    first, second = drawn.axes
+    (line,) = [n for n in first.lines if n.get_label() == "ekf"]
+    np.testing.assert_array_equal(line.get_xydata(), np.stack([x, x**2], axis=1))
+    assert first.get_ylim() == (0, 9) and first.get_xscale() == "log"
+    ends = [segment[:, 1].tolist() for segment in second.collections[0].get_segments()]
+    assert ends == [[2, 4], [3, 5]]
+    assert [text.get_text() for text in second.get_legend().get_texts()] == ["mine[a=$1]"]
+
+
+def test_a_burst_does_not_set_the_scale():
+    y = np.ones(1000) + 0.1 * np.sin(np.arange(1000))
+    y[500] = 1e6
+    assert figures.curves({"y": [Series(x=np.arange(1000), y=y)]}, x="x").axes[0].get_ylim()[1] < 2
+
+
+def test_curves_are_added_to_axes_that_have_some():
+    ax = Figure().subplots()
+    for name, high in (("ekf", 2), ("glr", 20)):
+        one = Series(x=[0, 1, high], y=[0, 1, high], estimator=name)
+        figures.curves({"y": [one]}, x="x", axes=[ax])
+    assert ax.get_ylim()[1] >= 20 and ax.get_xlim()[1] >= 20
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["ekf", "glr"]
+
+
+def swept(estimator, factor, lag):
+    return {"scenario": "s1", "parameter": "f_m", "estimator": estimator, "factor": factor,
+            "setting": f"{estimator}[{factor}]", "lag": lag, "std": factor, "diverged": 0,
+            "lag_interval": [0.9 * lag, 1.1 * lag], "lag_bound": 0.04,
+            "lag_bound_single": None}  # fmt: skip
+
+
+def test_speed_against_noise_is_measured_by_the_reference():
+    rows = [swept("rpem-forgetting", f, 1 / f) for f in (0.5, 1.0, 2.0)] + [swept("ekf", 1.0, 3.0)]
+    drawn = figures.speed_noise(words.faults_of(rows), ["rpem-forgetting", "ekf"], {"s1: f_m": "w"})
+    (ax,) = drawn.axes
+    (line,) = [n for n in ax.lines if n.get_label() != "_" and len(n.get_xdata()) == 0
+               and n.get_label() == "ekf"]  # fmt: skip
+    curve = next(n for n in ax.lines if len(n.get_xdata()) == 3)
+    np.testing.assert_allclose(curve.get_xydata(), [[0.5, 2], [1, 1], [2, 0.5]])
+    assert line.get_color() == styles.style("ekf").light and ax.get_title(loc="left") == "w"
+    assert [n.get_ydata()[0] for n in ax.lines if n.get_label() == "bound"] == [0.04]
+
+
+def test_over_bound_has_a_dot_a_fault_and_its_interval():
+    rows = words.faults_of(THREE)
+    faults = {"s1: f_m": "one", "s2: f_m": "two"}
+    ax = figures.over_bound(rows, ["glr", "ekf", "rpem-forgetting"], faults).axes[0]
+    dots = sorted(n.get_xdata()[0] for n in ax.lines if len(n.get_xdata()) == 1 and n.get_gid())
+    np.testing.assert_allclose(dots, np.sort(rows["over_bound"]))
+    spans = [c.get_segments()[0][:, 0] for c in ax.collections]
+    assert np.allclose(spans[0], [0.9 * 1.25, 1.1 * 1.25])
+
+
+def test_shares_reach_what_was_reached():
+    drawn = figures.shares({"glr": np.array([1.0, 1.5, 3.0])}, 4)
+    x, y = next(n for n in drawn.axes[0].lines if n.get_label() == "glr").get_data()
+    assert [y[np.searchsorted(x, at, "right") - 1] for at in (1.0, 2.0, 3.2)] == [0.25, 0.5, 0.75]
+    assert "50 % of the runs within twice the bound" in page.drawn(
+        figures.shares, "s", {"glr": np.array([1.0, 1.5, 3.0])}, 4)  # fmt: skip
+
+
+def test_a_map_writes_its_values():
+    cells = pd.DataFrame([[0.1, 1.0], [np.nan, 10.0]], index=[1.0, 2.0], columns=[3.0, 4.0])
+    drawn = figures.score_map(cells, title="$a$", x="x", y="f_m", limits=(0.1, 10.0))
+    assert {t.get_text() for t in drawn.axes[0].texts} == {"0.10", "1.0", "–", "10"}
+
+
+ROW = {"metric": "lag", "parameter": "f_m", "scenario": "s1", "verdict": "worse", "change": 0.5,
+       "interval": [0.2, 0.9], "margin": 0.02, "scale": None, "base": 0.1, "candidate": 0.15,
+       "text": ["s1", "lag f_m", "0.1", "0.15", "+50 %", "+20 … +90 %", "worse"]}  # fmt: skip
+VERDICT = {"headline": "WORSE: lag", "verdict": "worse", "advice": ["Look."], "base": "a<b>",
+           "candidate": "b", "seeds": [1, 2], "rows": [ROW, ROW | {"change": None}],
+           "columns": list("abcdefg"), "legend": ["l"], "command": "",
+           "worst": {"scenario": "s1", "seed": 3, "command": "flexaxis run"}}  # fmt: skip
+
+
+def test_a_comparison_draws_ratios_with_their_intervals():
+    ax = figures.verdict_intervals(compare.changes(VERDICT)).axes[0]
+    (dot,) = [n for n in ax.lines if n.get_marker() == "o"]
+    assert dot.get_xdata()[0] == pytest.approx(1.5)
+    margin, interval = (c.get_segments()[0][:, 0] for c in ax.collections)
+    np.testing.assert_allclose([*margin, *interval], [1 / 1.02, 1.02, 1.2, 1.9])
+
+
+def ids(html):
+    return re.findall(r' id="([^"]+)"', html)
+
+
+def test_the_page_of_a_comparison_stands_alone():
+    x = np.arange(3.0)
+    worst = {"time": x, "truth": x, "base": x, "candidate": x, "parameter": "f_m"}
+    html = compare.render(VERDICT, worst)
+    assert html.index("WORSE: lag") < html.index("<svg role") < html.index("<table")
+    assert "a&lt;b&gt;" in html and "a<b>" not in html
+    assert len(ids(html)) == len(set(ids(html)))
+    assert not re.findall(r'(?:src|href)="(?!#)', html)
+    assert "http:" not in re.sub("xmlns[^>]*", "", html) and "https:" not in html
+    named = re.findall(r'href="#([^"]+)"|url\(#([^)]+)\)', html)
+    assert {a or b for a, b in named} <= {*ids(html), "content"}
+
+
+def test_a_figure_of_a_page_has_classes_titles_and_variables():
+    name = '<b>$x_1$ & "y"[a=1]'
+    series = [Series(x=[0, 1, 2], y=[0, 1, 2], estimator=name, tips=["5 > 4"])]
+    looks = page.looks_of([name])
+    html = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks, legend=False)
+    root = ElementTree.fromstring(html)  # well-formed
+    text = ElementTree.tostring(root, encoding="unicode")
+    assert f'class="{page.css_class(name)}"' in text and "5 &gt; 4" in text
+    assert f"var(--style-{looks[name].place})" in text and looks[name].light.lower() not in text
+    assert page.css_class("a[b=1]") != page.css_class("a[b=-1]")
+    again = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks, legend=False)
+    assert html == again
+
+
+def test_numbers_that_are_read_keep_their_digits():
+    series = [Series(x=[0, 1, 2], y=[1.001, 1.002, 1.003], tips=["0.98765"])]
+    html = page.drawn(figures.curves, "f", {"y": series}, x="x")
+    assert "<title>0.98765</title>" in html and re.search(r">1\.00[12]\d*</text>", html)
+    assert not re.search(r'[ "]-?\d+\.\d{3,}[ "]', html)
+
+
+def test_the_script_is_short_and_asks_for_nothing():
+    script = page.environment().loader.get_source(None, "reporting/templates/page.js")[0]
+    assert len(script.splitlines()) <= 150
+    assert not re.search(r"fetch|XMLHttp|import\(|eval\(|innerHTML", script)
+
+
+def test_numbers_have_two_digits():
+    assert [tables.short(v) for v in (0.0999, 9.96, 99.6, 1234.5, np.nan)] == [
+        "0.100", "10.0", "100", "1234", "–",
+    ]  # fmt: skip
+    assert tables.between(pd.Series([3.0, np.nan, 1.0])) == "1.0–3.0"
+
+
+def test_a_table_has_intervals_and_values_to_sort_by():
+    rows = pd.DataFrame(
+        [{"estimator": "e", "lag": 0.12345, "lag_interval": [0.1, 0.2], "std": np.nan}]
+    )
+    ((who, cells),) = tables.table("t", rows, {"estimator": "e", "lag": "lag", "std": "s"}).rows
+    assert who == "e" and cells[1] == ("0.12", "0.1235", "0.10–0.20", False)
+    assert cells[2][:2] == ("–", "")
+
+
+def text_of(table, capsys):
+    terminal.show(table)
+    return capsys.readouterr().out
+
+
+def test_the_terminal_says_who_leads(capsys):
+    rows = every(THREE, false_alarms_per_1000_s=0)
+    shown = text_of(terminal.equal_noise_table(summary(rows)["tradeoff"], 8), capsys)
+    assert "motor friction +100 %  (s1: f_m)" in shown and "★ glr (recommended)" in shown
+    lines = [line.split() for line in shown.splitlines()]
+    assert ["rpem-forgetting", "1.0", "0.90–1.1", "25", "0.40", "0"] in lines
+    few = every(THREE, values={"lag": [0.0, 0.1]})
+    shown = text_of(terminal.equal_noise_table(summary(few)["tradeoff"], 2), capsys)
+    assert "2 seeds are too few" in shown and "★ glr" not in shown
+
+
+def test_a_lag_that_says_nothing_has_a_star_and_the_frozen_one_stands_last(capsys):
+    rows = [pooled("frozen"), pooled("ekf[a=1]")]
+    shown = text_of(terminal.default_table(rows, {("s1", "f_m", "ekf[a=1]")}), capsys)
+    assert "0.10*" in shown and shown.index("ekf[a=1]") < shown.index("frozen (never moves)")
+
+
+def test_failures_of_one_kind_are_one_sentence():
+    rows = [{"scenario": "s", "estimator": "mine", "seed": seed,
+             "error": f"EstimatorError: mine failed on s, seed {seed}, sample {seed} (x): no"}
+            for seed in range(3)]  # fmt: skip
+    ((text, count),) = words.failures_in_words(rows)
+    assert count == 3 and text.startswith("mine failed on s, seed 0")
+
+
+def test_tags_are_json_for_every_name():
+    artist = styles.tag(Figure(), '"a|b"', "tip")
+    assert json.loads(artist.get_gid()) == ['"a|b"', "tip"]

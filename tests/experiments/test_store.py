@@ -1,0 +1,185 @@
+"""Rows in SQLite: whole units, each case once, and tables that say what was stored."""
+
+from __future__ import annotations
+
+import sqlite3
+
+import numpy as np
+import pandas as pd
+import pytest
+from engine_cases import small_study
+
+from flexaxis.experiments.files import NotRun, OutputError, StudyError
+from flexaxis.experiments.running import store as module
+from flexaxis.experiments.running.case import NUMBERS, Done, Options, run_unit
+from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.running.store import ROWS, Store
+from flexaxis.experiments.running.study import describe, units
+from flexaxis.experiments.scoring.summary import pool_columns
+
+STUDY = small_study("frozen", "rpem-forgetting", seeds=3)
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    return [run_unit(unit, Options(traces=True)) for unit in units(STUDY)]
+
+
+def filled(folder, outcomes):
+    store = Store(folder)
+    store.set_study(describe(STUDY, units(STUDY)))
+    for outcome in outcomes:
+        store.add(outcome.cases)
+    return store
+
+
+def test_rows_do_not_depend_on_the_order_in_which_they_came(tmp_path, outcomes):
+    filled(tmp_path / "a", outcomes).close()
+    filled(tmp_path / "b", outcomes[::-1]).close()
+    first, second = (Results.load(tmp_path / name).frame for name in "ab")
+    pd.testing.assert_frame_equal(first, second)
+    assert list(first.columns[:6]) == [
+        "scenario", "estimator", "seed", "parameter", "changed", "fault[0].factor"
+    ]  # fmt: skip
+
+
+def test_the_frame_holds_the_numbers_that_were_stored(outcomes):
+    frame = Results(filled(None, outcomes), describe(STUDY, units(STUDY))).frame
+    done = outcomes[0].cases[0]
+    rows = frame[frame["case"] == done.id]
+    np.testing.assert_array_equal(rows["lag"], done.numbers[:, NUMBERS.index("lag")])
+    assert rows["changed"].tolist() == [False, False, True]
+
+
+def test_a_case_is_there_once_and_the_first_one_stays(tmp_path, outcomes):
+    store = filled(tmp_path, outcomes)
+    done = outcomes[0].cases[0]
+    store.add([Done(done.id, done.about, 0, done.numbers * 2, None, None, "")])
+    frame = Results.load(tmp_path).frame
+    assert len(frame) == 2 * 2 * 3 * 3
+    rows = frame[frame["case"] == done.id]
+    np.testing.assert_array_equal(rows["lag"], done.numbers[:, NUMBERS.index("lag")])
+
+
+def test_a_unit_is_stored_whole_or_not_at_all(tmp_path, outcomes):
+    store = Store(tmp_path)
+    broken = Done("x", "about", 0, None, None, None, "")
+    with pytest.raises(AttributeError):
+        store.add([*outcomes[0].cases, broken])
+    assert not Store(tmp_path).done()
+
+
+def test_two_stores_fill_one_folder(tmp_path, outcomes):
+    one, other = Store(tmp_path), Store(tmp_path)
+    one.add(outcomes[0].cases)
+    other.add(outcomes[0].cases + outcomes[1].cases)
+    assert one.done() == other.done() == {c.id for o in outcomes[:2] for c in o.cases}
+
+
+def test_shards_put_together_are_the_whole(tmp_path, outcomes):
+    filled(tmp_path / "whole", outcomes)
+    for i in range(2):
+        filled(tmp_path / str(i), outcomes[i::2])
+    store = Store(tmp_path / "together")
+    assert sum(store.take(tmp_path / str(i)) for i in (0, 1, 0)) >= len(store.done())
+    pd.testing.assert_frame_equal(
+        Results.load(tmp_path / "together").frame, Results.load(tmp_path / "whole").frame
+    )
+
+
+def test_rows_of_other_code_are_refused_with_both_ways_out(tmp_path, outcomes, monkeypatch):
+    filled(tmp_path, outcomes).close()
+    monkeypatch.setattr(module, "made_with", lambda: {"mujoco": "9", "code": "other"})
+    with pytest.raises(StudyError, match=r"code .*, now other.*-o, or .*--overwrite"):
+        Store(tmp_path).check()
+    Store(tmp_path, overwrite=True).check()
+
+
+def test_a_full_disk_is_said_and_keeps_what_is_there(tmp_path, outcomes):
+    store = filled(tmp_path, outcomes[:1])
+    kept = store.done()
+    pages = store._db.execute("PRAGMA page_count").fetchone()[0]
+    store._db.execute(f"PRAGMA max_page_count = {pages}")
+    large = Done("big", "{}", 0, np.zeros((2000, 50)), None, None, "")
+    with pytest.raises(NotRun, match=r"full.*free some space"):
+        store.add([large])
+    assert Store(tmp_path).done() == kept
+
+
+def test_what_is_no_store_is_refused(tmp_path):
+    with pytest.raises(StudyError, match="is not the folder of a run"):
+        Results.load(tmp_path)
+    (tmp_path / ROWS).write_text("no database" * 1000)
+    with pytest.raises(StudyError, match="damaged"):
+        Results.load(tmp_path)
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="is a file"):
+        Store(tmp_path / "file")
+
+
+def test_the_file_is_one_sqlite_file_that_anyone_reads(tmp_path, outcomes):
+    filled(tmp_path, outcomes).close()
+    with sqlite3.connect(tmp_path / ROWS) as db:
+        (count,) = db.execute("SELECT count(*) FROM cases WHERE error IS NULL").fetchone()
+    db.close()
+    assert count == 12
+    assert [path.name for path in tmp_path.iterdir()] == [ROWS]
+
+
+def test_scores_are_pooled_over_the_seeds_of_a_group(outcomes):
+    results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
+    table = results.scores("estimator", "fault[0].factor")
+    (line,) = table[
+        (table["estimator"] == "frozen") & table["changed"] & (table["fault[0].factor"] == 1.5)
+    ].to_dict("records")
+    rows = results.frame.query("estimator == 'frozen' and changed and `fault[0].factor` == 1.5")
+    assert line["seeds"] == len(rows) == 3
+    assert line["lag"] == pytest.approx(np.exp(np.log(rows["lag"]).mean()))
+    assert pool_columns({"std": np.ones(3)}, []) == {}
+
+
+def test_bins_put_values_of_an_axis_together(outcomes):
+    results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
+    (first, *_), *more = results.groups("fault[0].factor", bins={"fault[0].factor": [1.0, 2.0]})
+    assert first == {"fault[0].factor": 1.5}
+    assert not more
+
+
+def test_selections_and_wrong_columns(outcomes):
+    results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
+    some = results.select({"estimator": "frozen", "seed": [0, 1]})
+    assert some.cases == 4
+    with pytest.raises(StudyError, match="Did you mean 'estimator'"):
+        results.select({"estimater": 1})
+    with pytest.raises(StudyError, match="score"):
+        results.scores(scores=["lagg"])
+
+
+def test_files_for_others(tmp_path, outcomes):
+    results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
+    results.to_csv(tmp_path / "rows.csv")
+    results.to_parquet(tmp_path / "rows.parquet")
+    back = pd.read_csv(tmp_path / "rows.csv")
+    np.testing.assert_allclose(back["lag"], results.frame["lag"])
+    back = pd.read_parquet(tmp_path / "rows.parquet")
+    assert back["setting"].tolist() == results.frame["setting"].tolist()
+    cube = results.to_xarray().set_index(point="fault[0].factor")
+    key = {"estimator": "frozen", "point": 1.2, "seed": 2, "parameter": "f_m"}
+    row = results.frame.query(
+        "estimator == 'frozen' and `fault[0].factor` == 1.2 and seed == 2 and parameter == 'f_m'"
+    )
+    assert cube["lag"].sel(key).item() == row["lag"].item()
+
+
+def test_traces_are_found_by_scenario_and_setting(outcomes):
+    results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
+    row = results.frame.iloc[0]
+    traces = results.traces(row["hash"], row["setting"])
+    assert sorted(traces) == [0, 1, 2]
+    assert traces[0].curve.shape == (80, 3)
+
+
+def test_the_scenario_of_a_row_is_that_of_its_point(outcomes):
+    results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
+    for _, row in results.frame.drop_duplicates("hash").iterrows():
+        assert results.scenario(row).hash == row["hash"]
