@@ -14,8 +14,8 @@ from flexaxis.estimators.glr.mixture import _between
 from flexaxis.estimators.glr.records import time_scale
 from flexaxis.estimators.models.axes import N1, one_mass, three_mass
 from flexaxis.estimators.protocol import Finding
-from flexaxis.experiments.building.estimator_text import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.sim.simulate import simulate
 
 
