@@ -162,9 +162,9 @@ def test_a_damaged_record(capsys, short_toml, tmp_path):
     ("number", "status"), [(errno.ENOSPC, 70), (errno.EFBIG, 70), (errno.EACCES, 2)]
 )
 def test_a_full_disk_is_no_wrong_use(short_toml, monkeypatch, capsys, number, status):
-    def write_netcdf(*_):
+    def atomic(*_):
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr("flexaxis.sim.record.write_netcdf", write_netcdf)
+    monkeypatch.setattr("flexaxis.sim.record.atomic", atomic)
     assert main(["simulate", str(short_toml), "-o", str(short_toml.with_name("rec.nc"))]) == status
     assert "rec.nc: cannot be written" in capsys.readouterr().err

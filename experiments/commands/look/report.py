@@ -36,7 +36,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _of_study(args: argparse.Namespace, path: Path, results: Any) -> int:
     from flexaxis.experiments.reporting.study import render
-    from flexaxis.experiments.studies.finds import finds
+    from flexaxis.experiments.reporting.finds import finds
 
     write_text(path, render(results, finds(results)))
     if args.json:
