@@ -99,7 +99,7 @@ def render(e: Evidence, claims: Sequence[Claim], command: str) -> str:
         "command": command,
         "versions": {name: version(name) for name in ("flexaxis", "mujoco", "numpy", "scipy")},
         "table": claims_table(claims),
-        "written": in_words,
+        "in_words": in_words,
     }
     return page.render("paper/templates/paper.html", looks={}, **content)
 
