@@ -17,21 +17,56 @@ difference of the two estimates, as of any mixture.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.loop import Record, record
 from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.models.memory import items, matrix
 
 LEVEL = 0.95  # of χ², at which what was told and what was learnt weigh the same
 SETTLED = 1e-9  # of a variance, below which nothing is left of it
 
 
-def told_records(
-    tracked: int, groups: Sequence[tuple[Sequence[int], Sequence[float]]]
-) -> tuple[Record, Record]:
+class Told(NamedTuple):
     """
-    Return what `draw_estimates` needs of tuning and state.
+    What was told of parameters, and estimates given that.
+
+    Attributes
+    ----------
+    union : (u,) array
+        Which of θ are estimates, or in a group.
+    members, values : (groups, most) arrays
+        Of each group: its places in the union, −1 for none, and what was told.
+    limit : (groups,) array
+        c.
+    given : (u,) array
+        The estimate; given_P + given_between is its covariance.
+    given_P, given_between, P : (u, u) arrays
+    mean, column : (u,) arrays
+    share : (groups,) array
+        w.
+    """
+
+    union: NDArray[np.int64]
+    members: NDArray[np.int64]
+    values: NDArray[np.float64]
+    limit: NDArray[np.float64]
+    given: NDArray[np.float64]
+    given_P: NDArray[np.float64]
+    given_between: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    P: NDArray[np.float64]
+    column: NDArray[np.float64]
+    share: NDArray[np.float64]
+
+
+def told_arrays(
+    tracked: int, groups: Sequence[tuple[Sequence[int], Sequence[float]]]
+) -> dict[str, NDArray]:
+    """
+    Return what `draw_estimates` needs, by name.
 
     Parameters
     ----------
@@ -53,67 +88,88 @@ def told_records(
         members[row, : len(indices)] = np.searchsorted(union, indices)
         values[row, : len(indices)] = told
         limit[row] = chi2.ppf(LEVEL, len(indices))
-    tuning = record(union=union, members=members, told=values, limit=limit)
-    state = record(
-        given=np.zeros(len(union)),
-        given_P=np.zeros((len(union), len(union))),
-        given_between=np.zeros((len(union), len(union))),
-        told_mean=np.zeros(len(union)),
-        told_P=np.zeros((len(union), len(union))),
-        column=np.zeros(len(union)),
-        told_share=np.zeros(len(limit)),
-    )
-    return tuning, state
+    q, square = np.zeros(len(union)), np.zeros((len(union), len(union)))
+    return {
+        "union": union,
+        "members": members,
+        "told": values,
+        "limit": limit,
+        "given": q,
+        "given_P": square,
+        "given_between": square,
+        "told_mean": q,
+        "told_P": square,
+        "column": q,
+        "told_share": np.zeros(len(limit)),
+    }
 
 
 @inlined
-def draw_estimates(tuning, state, P, theta, estimates):
+def told_in(block, at):
+    """Return what of a block `draw_estimates` needs, whose arrays come in the order of `Told`."""
+    return Told(
+        items(block, at[0])[0].view(np.int64),
+        matrix(block, at[1])[0].view(np.int64),
+        matrix(block, at[2])[0],
+        items(block, at[3])[0],
+        items(block, at[4])[0],
+        matrix(block, at[5])[0],
+        matrix(block, at[6])[0],
+        items(block, at[7])[0],
+        matrix(block, at[8])[0],
+        items(block, at[9])[0],
+        items(block, at[10])[0],
+    )
+
+
+@inlined
+def draw_estimates(told, P, theta, estimates):
     """
     Write estimates (q,) given what was told, as far as the data do not contradict it.
 
     θ (p,) and P are what is thought without it. Of all that is given, ``given_P + given_between``
     is the covariance.
     """
-    union, given, given_P = tuning["union"], state["given"], state["given_P"]
+    union, given, given_P = told.union, told.given, told.given_P
     for a in range(len(union)):
         given[a] = theta[union[a]]
         for b in range(a + 1):
             given_P[a, b] = given_P[b, a] = P[union[a], union[b]]
-    state["given_between"][:] = 0.0
-    for g in range(len(state["told_share"])):
-        state["told_share"][g] = _draw(tuning, state, g)
+    told.given_between[:] = 0.0
+    for g in range(len(told.share)):
+        told.share[g] = _draw(told, g)
     for i in range(len(estimates)):
         estimates[i] = given[i]
 
 
 @inlined
-def _draw(tuning, state, g):
+def _draw(told, g):
     """
     Draw what is thought towards one group as it was told, and return how far.
 
     The group is a measurement without noise of one parameter after the other; what varies no more
     given those before is as it was told already.
     """
-    given, P, between = state["given"], state["given_P"], state["given_between"]
-    mean, C, column = state["told_mean"], state["told_P"], state["column"]
+    given, P, between = told.given, told.given_P, told.given_between
+    mean, C, column = told.mean, told.P, told.column
     for a in range(len(given)):
         mean[a] = given[a]
         for b in range(len(given)):
             C[a, b] = P[a, b]
     square = 0.0
-    for i in range(tuning["members"].shape[1]):
-        m = tuning["members"][g, i]
+    for i in range(told.members.shape[1]):
+        m = told.members[g, i]
         if m < 0 or C[m, m] <= SETTLED * P[m, m]:
             continue
         for a in range(len(given)):
             column[a] = C[a, m]
-        e, variance = tuning["told"][g, i] - mean[m], column[m]
+        e, variance = told.values[g, i] - mean[m], column[m]
         square += e**2 / variance
         for a in range(len(given)):
             mean[a] += column[a] * e / variance
             for b in range(len(given)):
                 C[a, b] -= column[a] * column[b] / variance
-    share = 1.0 / (1.0 + np.exp(min(0.5 * (square - tuning["limit"][g]), 100.0)))
+    share = 1.0 / (1.0 + np.exp(min(0.5 * (square - told.limit[g]), 100.0)))
     for a in range(len(given)):
         for b in range(len(given)):
             apart = (mean[a] - given[a]) * (mean[b] - given[b])

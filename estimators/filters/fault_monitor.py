@@ -20,9 +20,10 @@ All is relative to y and to what is known of its noise, so that units do not mat
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from flexaxis.estimators.filters.loop import Record, record
 from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.models.memory import Memory
 
 FAR = 10.0  # standard deviations that ŷ moves; twice those in which a coarse encoder may repeat
 FORETOLD = 0.5  # of what is left, which the residual before foretells: it is no noise
@@ -47,29 +48,17 @@ KEPT = (
 )  # what is known of the sensor, whatever comes
 
 
-def monitor_records(period: float, heeds: float = HEEDS_ALL) -> tuple[Record, Record]:
-    """Return what `is_stuck` and `check_residual` need, with what a filter heeds."""
-    tuning = record(
-        astray_memory=MEMORY / period,
-        unknown=round(UNKNOWN / period),
-        heeds=heeds,
-    )
-    state = record(
-        reading=np.nan,  # the last one
-        foreseen=0.0,  # ŷ as it was when this reading first came
-        stuck=0.0,
-        rails=np.full(2, np.nan),  # lowest and highest reading, where the sensor was stuck there
-        doubted=0.0,  # 1 from when a sensor is found to be stuck until it reads on
-        squares=np.zeros(3),  # means of ε², of y², and of ε[k] ε[k−1]
-        judged=0.0,  # samples since they began
-        last_left=0.0,  # ε of the last sample
-        gone=0.0,  # samples for which the filter has been lost
-        patience=PATIENCE,  # memories before it is judged
-        anew=0.0,  # 1 where the filter should begin anew, 2 where its R is worth nothing either
-        earlier=np.nan,  # R before it last began anew
-        waits=0.0,  # samples that it still waits for its state, in mid-motion
-    )
-    return tuning, state
+def monitor_numbers(period: float, heeds: float = HEEDS_ALL) -> dict[str, ArrayLike]:
+    """Return the numbers that `is_stuck` and `check_residual` need, with what a filter heeds."""
+    return {
+        "astray_memory": MEMORY / period,
+        "unknown": round(UNKNOWN / period),
+        "heeds": heeds,
+        "reading": np.nan,
+        "rails": np.nan,
+        "patience": PATIENCE,
+        "earlier": np.nan,
+    }
 
 
 @inlined
@@ -97,13 +86,13 @@ def is_stuck(state, y, prediction, variance):
 
 
 @inlined
-def check_residual(tuning, state, y, epsilon):
+def check_residual(state, y, epsilon):
     """Take a residual, and mark a filter that is lost; it is asked again after twice the time."""
     if y**2 > ABSURD**2 * max(state["signal"], state["expected"] ** 2, state["noise"]):
         return  # a mean of squares would not forget it for minutes
     squares = state["squares"]
     state["judged"] += 1.0
-    count = min(state["judged"], tuning["astray_memory"])
+    count = min(state["judged"], state["astray_memory"])
     squares[0] += (epsilon**2 - squares[0]) / count
     squares[1] += (y**2 - squares[1]) / count
     squares[2] += (epsilon * state["last_left"] - squares[2]) / count
@@ -111,8 +100,8 @@ def check_residual(tuning, state, y, epsilon):
     lost = squares[0] > LEFT * squares[1] and squares[2] > FORETOLD * squares[0]
     # all the while, as it takes time after every jump
     state["gone"] = state["gone"] + 1.0 if lost else 0.0
-    lost = state["gone"] >= state["patience"] * tuning["astray_memory"]
-    if state["judged"] >= state["patience"] * tuning["astray_memory"]:
+    lost = state["gone"] >= state["patience"] * state["astray_memory"]
+    if state["judged"] >= state["patience"] * state["astray_memory"]:
         if lost:
             state["patience"] *= 2.0
             state["anew"] = 2.0
@@ -120,16 +109,16 @@ def check_residual(tuning, state, y, epsilon):
             state["patience"] = PATIENCE
 
 
-def begin_anew(tuning: Record, state: Record, start: Record) -> None:
+def begin_anew(state: Memory, start: Memory) -> None:
     """
     Put a filter, or several side by side, to the start, but for what is known of the sensor.
 
     The torque alone moves the state from rest until it is that of the axis; what is wrong in it
     would be learnt as structure. R is learnt again; until then that before judges the sensor.
     """
-    earlier = state["noise"].copy() if state["anew"].max() < 2.0 else np.nan
-    sensor = {name: state[name].copy() for name in KEPT}
-    state[:] = start
-    for name, value in sensor.items():
+    kept: dict[str, ArrayLike] = {name: np.copy(state[name]) for name in KEPT}
+    kept["earlier"] = np.copy(state["noise"]) if np.max(state["anew"]) < 2.0 else np.nan
+    state.block[...] = start.block
+    for name, value in kept.items():
         state[name] = value
-    state["earlier"], state["waits"] = earlier, tuning["unknown"]
+    state["waits"] = state["unknown"]

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import copy, deepcopy
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, Self
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import begin_anew
-from flexaxis.estimators.models.compiler import Compiled
+from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.signals import check_sample, check_signals
 
 Array = NDArray[np.float64]
@@ -146,60 +147,47 @@ class RecursiveEstimator(ABC):
 
 class CompiledFilter(RecursiveEstimator):
     """
-    A compiled loop with its records, as an estimator.
+    A compiled loop with its block of memory, as an estimator.
 
     Parameters
     ----------
-    loop : Compiled
-        ``loop(tuning, state, u, y, valid, estimates, trace)`` takes samples, from ``state`` and
-        back into it, and writes η (N, p), and ŷ, innovation and its variance (N, 3).
-    tuning, start
-        Its first two arguments, as they are before the first sample.
+    loop : str
+        Module and name of the loop for linear models; that for models with laws has the same name
+        and ``_with_laws``. ``loop(block, at, u, y, valid, estimates, trace)`` takes samples, writes
+        η (N, p), and ŷ, innovation and its variance (N, 3), and returns how many it has taken, less
+        than zero where it should begin anew: `flexaxis.estimators.filters.fault_monitor`.
+    start : Memory
+        As before the first sample.
     design : Design
         Names, output, scale and box.
     read : callable
         ``read(state)`` gives η and the covariance that is claimed of it, of all parameters or of
         those that are tracked.
-    restarts : bool
-        Whether the loop stops where the filter is to begin anew, and returns what it has taken; see
-        `flexaxis.estimators.filters.fault_monitor`.
 
     Attributes
     ----------
-    state
-        What the loop left, in the form of the module that made the filter.
+    state : Memory
     """
 
-    _shared = (
-        *RecursiveEstimator._shared,
-        "_design",
-        "_loop",
-        "_tuning",
-        "_begin",
-        "_read",
-        "_restarts",
-    )
+    _shared = (*RecursiveEstimator._shared, "_design", "_loop", "_begin", "_read")
 
     def __init__(
         self,
-        loop: Compiled,
-        tuning: Any,
-        start: Any,
+        loop: str,
+        start: Memory,
         design: Design,
-        read: Callable[[Any], tuple[Array, Array]],
-        *,
-        restarts: bool = False,
+        read: Callable[[Memory], tuple[Array, Array]],
     ) -> None:
         super().__init__(design.names, design.output, design.bounds)
-        self._design, self._loop, self._tuning = design, loop, tuning
-        self._begin, self._read, self._restarts = start, read, restarts
+        module, name = loop.split(":")
+        name += "" if design.model.laws is None else "_with_laws"
+        self._loop = getattr(import_module(module), name)
+        self._design, self._begin, self._read = design, start, read
         self.reset()
-        nothing = np.empty(0)
-        samples = nothing, nothing, np.empty(0, bool), np.empty((0, len(self.names)))
-        loop.prepare(lambda: loop(tuning, self.state, *samples, np.empty((0, 3))))
+        self.run([], [])  # what it compiles it compiles now, not in the first step
 
     def _start(self) -> None:
-        self.state = deepcopy(self._begin)
+        self.state = self._begin.copy()
 
     @property
     def theta(self) -> Array:  # noqa: D102
@@ -217,14 +205,15 @@ class CompiledFilter(RecursiveEstimator):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        done = 0
-        while done < len(u):
+        state, done, running = self.state, 0, True
+        while running:
             rest = slice(done, None)
             given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
-            taken = self._loop(self._tuning, self.state, *given)
-            done += taken if self._restarts else len(u)
-            if self._restarts and (self.state["anew"] > self._tuning["heeds"]).any():
-                begin_anew(self._tuning, self.state, self._begin)
+            taken = self._loop(state.block, state.at, *given)
+            done += abs(taken)
+            if taken < 0:
+                begin_anew(state, self._begin)
+            running = done < len(u)
         estimates *= self._design.scale[: len(self.names)]
 
 

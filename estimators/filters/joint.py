@@ -1,96 +1,216 @@
-"""State and parameters in one extended Kalman filter, on lanes: what its kinds share."""
+"""
+State and parameters in one extended Kalman filter: `predict` over a sample, `update` by y.
+
+θ stays over a sample and x moves, ξ⁺ = F ξ with F = [I 0; G], so that the block θθ of P only gains
+W. G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, both by ξ of the sample before, come from the rows of X. P is taken
+over the sample with the measurement at its end, as G P and P h are one product.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.covariance import bound, carry, padded, project
-from flexaxis.estimators.filters.covariance import look as look_at
+from flexaxis.estimators.filters.covariance import bound, project
 from flexaxis.estimators.filters.design import Design
-from flexaxis.estimators.filters.loop import Record, joined, on_lanes, record
+from flexaxis.estimators.filters.lanes import on_lanes
 from flexaxis.estimators.filters.noise import level
-from flexaxis.estimators.models.compiler import inlined
-from flexaxis.estimators.models.discretisation import Pattern
+from flexaxis.estimators.filters.numbers import NUMBERS, WORDS
+from flexaxis.estimators.models.compiler import embedded, fused, inlined, summed
+from flexaxis.estimators.models.memory import Memory, items, matrix, numbers, records
+from flexaxis.estimators.models.rows import multiply, padded
+from flexaxis.estimators.models.series import (
+    FIELDS,
+    Axis,
+    axis_in,
+    lawful_sample,
+    linear_sample,
+)
+
+Array = NDArray[np.float64]
 
 
-def ekf_records(design: Design, pattern: Pattern, *, rests: bool = False) -> tuple[Record, Record]:
+class Joint(NamedTuple):
     """
-    Return tuning and start of the filter.
+    The state of a joint filter for p parameters and n states, m = p + n.
+
+    Attributes
+    ----------
+    axis, now
+        Model and numbers.
+    theta : (p,) array
+    X : (> n, lanes) array
+        States and output, with derivatives by ξ at the start of the sample.
+    P : (m, w) array
+        Of ξ; what pads a row is zero.
+    G, GP : (n+1, m), (n+1, w) arrays
+        ∂[x⁺; y⁺]/∂ξ, and that times P.
+    gain : (m,) array
+        K √S.
+    drift : (p, p) array
+        W.
+    ceiling, lower, upper : (p,) arrays
+        Largest variance of θ, and its box.
+    """
+
+    axis: Axis
+    now: NDArray[np.void]
+    theta: Array
+    X: Array
+    P: Array
+    G: Array
+    GP: Array
+    gain: Array
+    drift: Array
+    ceiling: Array
+    lower: Array
+    upper: Array
+
+
+JOINT_FIELDS = FIELDS + len(Joint._fields) - 1
+"""Arrays of a block before those of a filter that has more."""
+
+
+@embedded
+def joint_in(block, at):
+    """Return the state of a block, whose arrays come in this order: numbers, model, the rest."""
+    i = 1 + FIELDS
+    return Joint(
+        axis_in(block, at[1:i]),
+        records(block, at[0], WORDS)[0].view(NUMBERS),
+        items(block, at[i])[0],
+        matrix(block, at[i + 1])[0],
+        matrix(block, at[i + 2])[0],
+        matrix(block, at[i + 3])[0],
+        matrix(block, at[i + 4])[0],
+        items(block, at[i + 5])[0],
+        matrix(block, at[i + 6])[0],
+        items(block, at[i + 7])[0],
+        items(block, at[i + 8])[0],
+        items(block, at[i + 9])[0],
+    )
+
+
+def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[str, NDArray]:
+    """
+    Return the arrays of a filter before the first sample, by name.
 
     Parameters
     ----------
     design : Design
-    pattern : Pattern
     rests : bool
         As for `flexaxis.estimators.filters.noise.level`.
+    **more
+        Numbers of a filter that has more.
     """
-    p, n, m = len(design.theta0), pattern.states, pattern.p
-    tuning, start = on_lanes(design, pattern)
-    blocks, P = design.model.blocks(design.theta0), np.zeros((m, padded(m)))
-    P[:p, :p] = design.P0
-    P[p:, p:m] = design.x0_covariance
-    X, C = start["X"][0], blocks[:, -1, :-1]
+    p, n = len(design.theta0), design.model.states
+    m, w = p + n, padded(p + n)
+    axis, X = on_lanes(design, 1 + m)
+    blocks, P = design.model.blocks(design.theta0), np.zeros((m, w))
+    P[:p, :p], P[p:, p:m] = design.P0, design.x0_covariance
+    C = blocks[:, -1, :-1]
     X[:n, 1 + p : 1 + m] = np.eye(n)
     X[-1, 1 : 1 + p], X[-1, 1 + p : 1 + m] = C[1:] @ design.x0, C[0, :n]
-    limits = record(
-        drift=design.drift,
-        ceiling=np.ones(p),  # of the variance of θ
-        lower=design.lower,
-        upper=design.upper,
-    )
-    work = record(
-        P=P,  # of ξ = [θ; x]
-        Ph=np.zeros(m),
-        gain=np.zeros(m),  # K √S
-        spread=0.0,  # hᵀPh
-    )
-    known, level_start = level(design, rests=rests)
-    return joined(tuning, limits, known), joined(start, work, level_start)
-
-
-def with_state(pattern: Pattern) -> Pattern:
-    """
-    Return the pattern with a parameter more for each state, on which no entry depends.
-
-    Their lanes, set to one at x(0), become the derivatives by the state at the start of the
-    sample: the transition matrix comes out of the same rows as ∂x/∂θ.
-    """
-    n = pattern.states
-    return pattern._replace(
-        p=pattern.p + n, terms=tuple((*term, *[0] * n) for term in pattern.terms)
+    return (
+        {"now": numbers(NUMBERS, level(design, rests=rests) | more)}
+        | axis
+        | {
+            "theta": design.theta0,
+            "X": X,
+            "P": P,
+            "G": np.zeros((n + 1, m)),
+            "GP": np.zeros((n + 1, w)),
+            "gain": np.zeros(m),
+            "drift": design.drift,
+            "ceiling": np.ones(p),
+            "lower": design.lower,
+            "upper": design.upper,
+        }
     )
 
 
 @inlined
-def start_sample(X, n, p):
+def start_sample(state):
     """Set the derivatives by ξ at the start of a sample: ∂x/∂θ = 0, ∂x/∂x = I."""
-    for i in range(n):
-        for j in range(1, 1 + p + n):
+    X, p = state.X, len(state.lower)
+    for i in range(len(state.gain) - p):
+        for j in range(1, 1 + len(state.gain)):
             X[i, j] = 1.0 if j == 1 + p + i else 0.0
 
 
 @inlined
-def look(state):
-    """Write P h and hᵀPh, with h = ∂y⁺/∂ξ by ξ of the sample before."""
-    state["spread"] = look_at(state["X"], state["P"], state["Ph"])
+def predict(state, u):
+    """Take ξ over a sample of a linear model with u held, with derivatives by ξ before it."""
+    start_sample(state)
+    linear_sample(state.axis, state.theta, state.X, u)
 
 
 @inlined
-def correct(tuning, state, y, noise):
+def predict_with_laws(state, u):
+    """Do as `predict` for a model with laws."""
+    start_sample(state)
+    lawful_sample(state.axis, state.theta, state.X, u)
+
+
+@fused
+def look(state):
+    """Write G, G P, whose last row is hᵀP, and hᵀPh."""
+    X, G, GP = state.X, state.G, state.GP
+    n, m = len(G) - 1, G.shape[1]
+    for i in range(n + 1):
+        k = i if i < n else len(X) - 1  # behind the states may be torques of laws
+        for a in range(m):
+            G[i, a] = X[k, 1 + a]
+    multiply(G, state.P, GP)
+    state.now[0]["spread"] = _dot(GP[n], G[n])
+
+
+@summed
+def _dot(a, b):
+    """Return Σ a·b over the length of b, in whatever order."""
+    total = 0.0
+    for q in range(len(b)):
+        total += a[q] * b[q]
+    return total
+
+
+@fused
+def update(state, y, noise):
     """
     Take P over the last sample, and ξ and P through the measurement unless that is NaN.
 
-    With F = [I 0; G], G = ∂x⁺/∂ξ, and h = ∂y⁺/∂ξ, both by ξ of the sample before:
     S = hᵀPh + R, K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
     """
-    P, X, gain, theta = state["P"], state["X"], state["gain"], state["theta"]
-    p = len(tuning["lower"])
+    P, X, gain, theta, W = state.P, state.X, state.gain, state.theta, state.drift
+    G, GP = state.G, state.GP
+    p, n = len(state.lower), len(G) - 1
     measured = not np.isnan(y)
-    root = 1.0 / np.sqrt(state["spread"] + noise) if measured else 0.0
-    carry(X, state["Ph"], root, tuning["drift"], P, gain)
+    root = 1.0 / np.sqrt(state.now[0]["spread"] + noise) if measured else 0.0
+    for a in range(p):
+        gain[a] = root * GP[n, a]
+    for i in range(n):
+        gain[p + i] = root * _dot(GP[i], G[n])
+    for a in range(p):
+        for b in range(a + 1):
+            P[a, b] = P[b, a] = P[a, b] + W[a, b] - gain[a] * gain[b]
+    for i in range(n):
+        a = p + i
+        for b in range(p):
+            P[a, b] = P[b, a] = GP[i, b] - gain[a] * gain[b]
+        for j in range(i + 1):
+            b = p + j
+            P[a, b] = P[b, a] = _dot(GP[i], G[j]) - gain[a] * gain[b]
     if measured:
         innovation = (y - X[-1, 0]) * root
         for i in range(p):
             theta[i] += gain[i] * innovation
-        for i in range(len(gain) - p):
+        for i in range(n):
             X[i, 0] += gain[p + i] * innovation
-    bound(P, tuning["ceiling"])
-    project(theta, tuning["lower"], tuning["upper"])
+    bound(P, state.ceiling)
+    project(theta, state.lower, state.upper)
+
+
+def read_joint(state: Memory) -> tuple[Array, Array]:
+    """Return η (p,) and its covariance (p, p)."""
+    p = len(state["theta"])
+    return state["theta"], state["P"][:p, :p]

@@ -18,10 +18,10 @@ All is relative to what the filter has seen, so that units of y do not matter.
 from math import erf, exp, pi, sqrt
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexaxis.estimators.filters.design import Design
-from flexaxis.estimators.filters.fault_monitor import is_stuck, monitor_records
-from flexaxis.estimators.filters.loop import Record, joined, record
+from flexaxis.estimators.filters.fault_monitor import is_stuck, monitor_numbers
 from flexaxis.estimators.models.compiler import inlined
 
 MEMORY = 2.0  # s, of R; 400 samples at 5 ms give a relative standard deviation of 5 %
@@ -50,9 +50,9 @@ def clipped_variance(clip: float) -> float:
 CONSISTENCY = clipped_variance(CLIP)
 
 
-def level(design: Design, *, rests: bool = False) -> tuple[Record, Record]:
+def level(design: Design, *, rests: bool = False) -> dict[str, ArrayLike]:
     """
-    Return what `judge` needs of tuning and state; σ is learnt where the design has none.
+    Return the numbers that `judge` needs; σ is learnt where the design has none.
 
     Parameters
     ----------
@@ -61,31 +61,19 @@ def level(design: Design, *, rests: bool = False) -> tuple[Record, Record]:
         Whether an axis at rest tells of its noise as well, wherever the reading is not the one
         before, which only an encoder's is.
     """
-    tuning = record(
-        known=float(design.noise > 0),
-        memory=max(MEMORY / design.period, KNOWN),
-        rests=float(rests),
-    )
-    state = record(
-        prediction=np.nan,
-        innovation=np.nan,
-        innovation_variance=np.nan,
-        noise=design.noise**2,  # R, 0 while nothing is known of it
-        levels=np.zeros(4),  # means of squares and of squared differences, and over the last KNOWN
-        samples=0.0,  # that they are the means of
-        past=np.zeros(3),  # innovations before, the last one first
-        run=0.0,  # samples in a row that were used
-        latest=0.0,  # the innovation before, whether its sample was used or not
-        wild=0.0,  # samples in a row that are far from ŷ and from the one before
-        lone=0.0,  # whether the last sample was, by WILD, and the one before it as usual, by CLIP
-        spikes=0.0,  # whether such a one was followed by a usual one, or its opposite, ever
-    )
-    more, sensor = monitor_records(design.period)
-    return joined(tuning, more), joined(state, sensor)
+    return monitor_numbers(design.period) | {
+        "known": float(design.noise > 0),
+        "memory": max(MEMORY / design.period, KNOWN),
+        "rests": float(rests),
+        "prediction": np.nan,
+        "innovation": np.nan,
+        "innovation_variance": np.nan,
+        "noise": design.noise**2,
+    }
 
 
 @inlined
-def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
+def judge(state, y, valid, prediction, spread):
     """
     Keep the innovation and learn R from it; return y as it is to be used, or NaN if it is not.
 
@@ -97,7 +85,7 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     state["prediction"], state["innovation"] = prediction, np.nan
     state["innovation_variance"] = S if noise > 0.0 else np.nan
     fresh = y != state["reading"]
-    judged = state["samples"] >= KNOWN or tuning["known"] > 0.0
+    judged = state["samples"] >= KNOWN or state["known"] > 0.0
     if not valid:
         state["reading"] = np.nan
     elif is_stuck(state, y, prediction, S if judged else spread + state["earlier"]):
@@ -109,7 +97,7 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     e = y - prediction
     state["innovation"] = e
     if noise <= 0.0:
-        nothing = not fresh or e**2 + spread == 0.0 if tuning["rests"] > 0.0 else prediction == 0.0
+        nothing = not fresh or e**2 + spread == 0.0 if state["rests"] > 0.0 else prediction == 0.0
         if nothing:
             return np.nan
         _begin(state, e**2 + spread)
@@ -121,9 +109,9 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     e = min(max(e, -ODD * sd), ODD * sd)
     rough = _roughness(state["past"], e)
     state["run"] += 1.0
-    moves = fresh if tuning["rests"] > 0.0 else prediction**2 > MOVING**2 * noise
-    if tuning["known"] == 0.0 and moves:
-        _learn(tuning, state, spread, e**2, rough if state["run"] > 3.0 else np.nan)
+    moves = fresh if state["rests"] > 0.0 else prediction**2 > MOVING**2 * noise
+    if state["known"] == 0.0 and moves:
+        _learn(state, spread, e**2, rough if state["run"] > 3.0 else np.nan)
         state["noise"] = max(state["noise"], (FINEST * prediction) ** 2)
     return prediction + e
 
@@ -164,7 +152,7 @@ def _roughness(past, e):
 
 
 @inlined
-def _learn(tuning, state, spread, square, rough):
+def _learn(state, spread, square, rough):
     """Take squares of the innovation and of its difference into R."""
     R, levels = state["noise"], state["levels"]
     S = spread + R
@@ -174,7 +162,7 @@ def _learn(tuning, state, spread, square, rough):
         state["samples"] < KNOWN
     ):  # R is kept on the high side, so that no sample is believed too much
         scale = 1.0
-    count = state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
+    count = state["samples"] = min(state["samples"] + 1.0, state["memory"])
     levels[2] += (rest + scale * square - levels[2]) / min(count, KNOWN)
     if rough >= 0.0:  # not NaN, as after a gap
         levels[3] += (rest + scale * rough - levels[3]) / min(count, KNOWN)
@@ -193,6 +181,6 @@ def _learn(tuning, state, spread, square, rough):
 
 @inlined
 def show(state, row):
-    """Write ŷ, innovation and its variance (3,), as `filters.loop` wants them of a sample."""
+    """Write ŷ, innovation and its variance (3,) of a sample."""
     row[0], row[1] = state["prediction"], state["innovation"]
     row[2] = state["innovation_variance"]

@@ -6,8 +6,10 @@ estimate really has for a unit noise variance, Σ ← (I − Kψᵀ) Σ (I − K
 in slow, steady adaptation it is P/2; after a reset of P it is not.
 """
 
+from typing import NamedTuple
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.covariance import bound, project
@@ -17,11 +19,14 @@ from flexaxis.estimators.filters.fault_monitor import (
     HEEDS_NOTHING,
     check_residual,
     is_stuck,
-    monitor_records,
+    monitor_numbers,
 )
-from flexaxis.estimators.filters.loop import Record, joined, record
+from flexaxis.estimators.filters.lanes import on_lanes
 from flexaxis.estimators.filters.noise import FINEST, KNOWN, MEMORY, clipped_variance
+from flexaxis.estimators.filters.numbers import NUMBERS, WORDS
 from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.models.memory import Memory, items, matrix, numbers, records
+from flexaxis.estimators.models.series import FIELDS, Axis, axis_in
 
 Array = NDArray[np.float64]
 
@@ -29,9 +34,7 @@ ASLEEP = 1e-2  # Σψ²/R̂, ψ by relative parameters, below which a sample tel
 # parameter would move y by less than a tenth of its noise
 CEILING = 1.0  # (Δθ/θ(0))², of R̂ P_ii: no parameter is more uncertain than by its own size
 GRANTED = 3.0  # times P(0): what P may be in any case, as where a parameter is hardly excited
-LINEAR = (
-    1e-3  # of y, which a model that is linear in a change of half of θ leaves unexplained: what
-)
+LINEAR = 1e-3  # of y, what a model that is linear in a change of half of θ leaves unexplained: what
 # is less is no outlier, and no noise to reckon with after a reset. With less one reset in three
 # ended elsewhere (σ = 7e-5 of y, 20 runs), with this none
 EARLY = 100.0  # times P(0), the ceiling while R̂ is not known
@@ -42,116 +45,202 @@ CALM = 1e-3  # (Δθ/θ(0))², ceiling of R̂ P_ii: a deviation of 3 %, from whi
 # of 320 from 3 % none did (two axes, five kinds of standstill, seeds 0 to 15)
 
 
-def measurement_records(
+class Recursion(NamedTuple):
+    """
+    The state of a prediction-error method.
+
+    Attributes
+    ----------
+    axis, now
+        Model and numbers.
+    theta : (p,) array
+    X : (n+1, lanes) array
+        States and output, with derivatives.
+    P, claim : (p, p) arrays
+        P and Σ.
+    psi, gain, moved, reach : (p,) arrays
+        ψ, Pψ, the θ before, and Σψ.
+    granted : (p,) array
+        What P may be besides, after a reset of it.
+    drift : (p, p) array
+        Δ.
+    regularization, lower, upper, floor, early : (p,) arrays
+        μ, the box, what P may be in any case, and its ceiling while R̂ is not known.
+    rates, along, work : (p,), (p,), (p, p) arrays
+        Of a rule of forgetting.
+    """
+
+    axis: Axis
+    now: NDArray[np.void]
+    theta: Array
+    X: Array
+    P: Array
+    claim: Array
+    psi: Array
+    gain: Array
+    moved: Array
+    reach: Array
+    granted: Array
+    drift: Array
+    regularization: Array
+    lower: Array
+    upper: Array
+    floor: Array
+    early: Array
+    rates: Array
+    along: Array
+    work: Array
+
+
+@inlined
+def recursion_in(block, at):
+    """Return the state of a block, whose arrays come in this order: numbers, model, the rest."""
+    i = 1 + FIELDS
+    return Recursion(
+        axis_in(block, at[1:i]),
+        records(block, at[0], WORDS)[0].view(NUMBERS),
+        items(block, at[i])[0],
+        matrix(block, at[i + 1])[0],
+        matrix(block, at[i + 2])[0],
+        matrix(block, at[i + 3])[0],
+        items(block, at[i + 4])[0],
+        items(block, at[i + 5])[0],
+        items(block, at[i + 6])[0],
+        items(block, at[i + 7])[0],
+        items(block, at[i + 8])[0],
+        matrix(block, at[i + 9])[0],
+        items(block, at[i + 10])[0],
+        items(block, at[i + 11])[0],
+        items(block, at[i + 12])[0],
+        items(block, at[i + 13])[0],
+        items(block, at[i + 14])[0],
+        items(block, at[i + 15])[0],
+        items(block, at[i + 16])[0],
+        matrix(block, at[i + 17])[0],
+    )
+
+
+def recursion(
     design: Design,
     *,
-    clip: float = 0.0,
+    robust: float = 0.0,
     correct: bool = False,
     ceiling: float = CEILING,
-) -> tuple[Record, Record]:
+    rates: ArrayLike = 0.0,
+    **more: ArrayLike,
+) -> Memory:
     """
-    Return tuning and state for `measure`, `correct_state`, `predict` and `bound_P`.
+    Return a prediction-error method before the first sample.
 
     Parameters
     ----------
     design : Design
-    clip : float
+    robust : float
         Standard deviations beyond which a residual counts as one of that size, and nothing is taken
         from a stuck sensor; 0 for never.
     correct : bool
         Whether the state moves with θ.
     ceiling : float
         Largest variance of an estimate relative to θ(0)²; infinite for none.
+    rates : (p,) array_like
+        Of a rule of forgetting.
+    **more
+        Numbers of a rule.
     """
-    at_least_zero("robust", clip, "standard deviations, such as 3, or 0 for never")
+    at_least_zero("robust", robust, "standard deviations, such as 3, or 0 for never")
     if not (isinstance(ceiling, int | float) and ceiling > 0):
         raise EstimatorError(f"ceiling is {ceiling!r}; give a variance above 0, relative to θ(0)²")
-    p = len(design.theta0)
-    tuning = record(
-        forgetting=design.forgetting,
-        inflation=1 / design.forgetting,  # of P
-        drift=design.drift,
-        regularization=design.regularization,
-        lower=design.lower,
-        upper=design.upper,
-        memory=max(MEMORY / design.period, KNOWN),
-        known=float(design.noise > 0),
-        correct=float(correct),
-        clip=float(clip),
-        consistency=clipped_variance(clip) if clip else 1.0,
-        ceiling=float(ceiling),
-        floor=GRANTED * np.diag(design.P0),
-        early=np.full(p, np.inf) if np.isinf(ceiling) else EARLY * np.diag(design.P0),
+    p, P0 = len(design.theta0), design.P0
+    variances, nothing = np.diag(P0), np.zeros(p)
+    heeds = HEEDS_LOST if robust > 0 else HEEDS_NOTHING
+    now = monitor_numbers(design.period, heeds) | {
+        "forgetting": design.forgetting,
+        "memory": max(MEMORY / design.period, KNOWN),
+        "known": float(design.noise > 0),
+        "correct": float(correct),
+        "clip": float(robust),
+        "consistency": clipped_variance(robust) if robust else 1.0,
+        "largest": float(ceiling),
+        "epsilon": np.nan,
+        "scale": 1.0,
+        "variance": np.nan,
+        "noise": design.noise**2 if design.noise else 1.0,
+        "quiet": 1.0,
+    }
+    axis, X = on_lanes(design, 1 + p)
+    return Memory(
+        {"now": numbers(NUMBERS, now | more)}
+        | axis
+        | {
+            "theta": design.theta0,
+            "X": X,
+            "P": P0,
+            "claim": P0,
+            "psi": nothing,
+            "gain": nothing,
+            "moved": nothing,
+            "reach": nothing,
+            "granted": GRANTED * variances,
+            "drift": design.drift,
+            "regularization": design.regularization,
+            "lower": design.lower,
+            "upper": design.upper,
+            "floor": GRANTED * variances,
+            "early": np.full(p, np.inf) if np.isinf(ceiling) else EARLY * variances,
+            "rates": np.broadcast_to(np.asarray(rates, float), p),
+            "along": nothing,
+            "work": np.zeros((p, p)),
+        }
     )
-    state = record(
-        P=design.P0,
-        claim=design.P0,  # Σ
-        granted=GRANTED * np.diag(design.P0),  # what P may be besides, after a reset of it
-        psi=np.zeros(p),
-        gain=np.zeros(p),
-        moved=np.zeros(p),
-        spread=np.zeros(p),  # Σψ
-        expected=0.0,  # ŷ of the last sample
-        epsilon=np.nan,
-        surprise=0.0,  # the residual, clipped
-        scale=1.0,  # 1 + ψᵀPψ of the last measurement
-        variance=np.nan,  # of the innovation
-        noise=design.noise**2 if design.noise else 1.0,  # R̂
-        quiet=1.0,  # R̂ before the last measurement
-        samples=0.0,  # that R̂ is the mean of
-        signal=0.0,  # mean square of ŷ
-    )
-    heeds = HEEDS_LOST if clip > 0 else HEEDS_NOTHING
-    more, sensor = monitor_records(design.period, heeds)
-    return joined(tuning, more), joined(state, sensor)
 
 
 @inlined
-def measure(tuning, state, y, valid):
+def measure(state, y, valid):
     """Measurement update of η, P and Σ, eq. (5)–(7), and projection of η on the box."""
-    theta, psi, gain, moved = state["theta"], state["psi"], state["gain"], state["moved"]
+    now = state.now[0]
+    theta, psi, gain, moved = state.theta, state.psi, state.gain, state.moved
     p = len(theta)
     for i in range(p):
-        psi[i] = state["X"][-1, 1 + i]
+        psi[i] = state.X[-1, 1 + i]
         moved[i] = theta[i]
-    state["expected"] = state["X"][-1, 0]
-    state["epsilon"] = state["variance"] = np.nan
+    now["expected"] = state.X[-1, 0]
+    now["epsilon"] = now["variance"] = np.nan
     if valid:
-        state["scale"] = 1.0 + _form(state["P"], psi, gain)
-        valid = not (tuning["clip"] > 0.0 and _sticks(tuning, state, y))
+        now["scale"] = 1.0 + _form(state.P, psi, gain)
+        valid = not (now["clip"] > 0.0 and _sticks(now, y))
     else:
-        state["reading"] = np.nan
+        now["reading"] = np.nan
     if valid:
-        state["epsilon"] = y - state["expected"]
-        weight = 1.0 / state["scale"]
-        spread = 1.0 + _form(state["claim"], psi, state["spread"])
-        state["quiet"] = state["noise"]
-        judged = state["samples"] >= KNOWN or tuning["known"] > 0.0
-        if judged or state["samples"] > 0.0:
-            state["variance"] = state["noise"] * spread
-        surprise = _limited(tuning, state, judged)
-        state["surprise"] = surprise
+        now["epsilon"] = y - now["expected"]
+        weight = 1.0 / now["scale"]
+        spread = 1.0 + _form(state.claim, psi, state.reach)
+        now["quiet"] = now["noise"]
+        judged = now["samples"] >= KNOWN or now["known"] > 0.0
+        if judged or now["samples"] > 0.0:
+            now["variance"] = now["noise"] * spread
+        surprise = _limited(now, judged)
+        now["surprise"] = surprise
         for i in range(p):
             theta[i] += gain[i] * (surprise * weight)
-        subtract(state["P"], gain, weight)
-        _carry(state["claim"], gain, weight, state["spread"], spread)
-        excited = _learn(tuning, state, surprise**2 / spread)
-        if excited and tuning["heeds"] < HEEDS_NOTHING:
-            check_residual(tuning, state, y, state["epsilon"])
-    project(theta, tuning["lower"], tuning["upper"])
+        subtract(state.P, gain, weight)
+        _carry(state.claim, gain, weight, state.reach, spread)
+        excited = _learn(now, psi, surprise**2 / spread)
+        if excited and now["heeds"] < HEEDS_NOTHING:
+            check_residual(now, y, now["epsilon"])
+    project(theta, state.lower, state.upper)
     for i in range(p):
         moved[i] = theta[i] - moved[i]
 
 
 @inlined
-def _limited(tuning, state, judged):
+def _limited(now, judged):
     """Return the residual, or as much of it as a single sample may have."""
-    surprise = state["epsilon"]
-    if tuning["clip"] > 0.0 and (judged or state["samples"] > 0.0):
-        finest = max(state["noise"], LINEAR**2 * state["signal"])
-        limit = tuning["clip"] * np.sqrt(finest * state["scale"])
+    surprise = now["epsilon"]
+    if now["clip"] > 0.0 and (judged or now["samples"] > 0.0):
+        finest = max(now["noise"], LINEAR**2 * now["signal"])
+        limit = now["clip"] * np.sqrt(finest * now["scale"])
         if not judged:  # R̂ is the mean of a few samples, and says little yet
-            limit *= (KNOWN / state["samples"]) ** 2
+            limit *= (KNOWN / now["samples"]) ** 2
         if surprise > limit:
             surprise = limit
         elif surprise < -limit:
@@ -160,15 +249,15 @@ def _limited(tuning, state, judged):
 
 
 @inlined
-def _sticks(tuning, state, y):
+def _sticks(now, y):
     """Return whether y is that of a sensor that is stuck; the first samples are believed."""
-    known = state["samples"] >= KNOWN or tuning["known"] > 0.0
-    noise = state["noise"] if known else state["earlier"]
-    if is_stuck(state, y, state["expected"], noise * state["scale"]):
+    known = now["samples"] >= KNOWN or now["known"] > 0.0
+    noise = now["noise"] if known else now["earlier"]
+    if is_stuck(now, y, now["expected"], noise * now["scale"]):
         return True
-    if not np.isfinite(state["scale"]):  # ψ is none, or its square: as lost as where ŷ is none
-        state["anew"] = 2.0
-    return state["anew"] > max(tuning["heeds"], 1.0)  # ŷ or ψ is no number: θ stays what it was
+    if not np.isfinite(now["scale"]):  # ψ is none, or its square: as lost as where ŷ is none
+        now["anew"] = 2.0
+    return now["anew"] > max(now["heeds"], 1.0)  # ŷ or ψ is no number: θ stays what it was
 
 
 @inlined
@@ -186,7 +275,7 @@ def _form(P, psi, gain):
 
 
 @inlined
-def _learn(tuning, state, square):
+def _learn(now, psi, square):
     """
     Take a squared residual into R̂, exact over the first samples, then with a memory.
 
@@ -197,16 +286,16 @@ def _learn(tuning, state, square):
     Not while the axis is not excited; return whether it is.
     """
     excitation = 0.0
-    for i in range(len(state["psi"])):
-        excitation += state["psi"][i] ** 2
-    excited = excitation > (ASLEEP * state["noise"] if state["samples"] > 0.0 else 0.0)
+    for i in range(len(psi)):
+        excitation += psi[i] ** 2
+    excited = excitation > (ASLEEP * now["noise"] if now["samples"] > 0.0 else 0.0)
     if excited:
-        state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
-        state["signal"] += (state["expected"] ** 2 - state["signal"]) / state["samples"]
-        if tuning["known"] <= 0.0:
-            square /= tuning["consistency"]
-            state["noise"] += (square - state["noise"]) / state["samples"]
-            state["noise"] = max(state["noise"], FINEST**2 * state["signal"])
+        now["samples"] = min(now["samples"] + 1.0, now["memory"])
+        now["signal"] += (now["expected"] ** 2 - now["signal"]) / now["samples"]
+        if now["known"] <= 0.0:
+            square /= now["consistency"]
+            now["noise"] += (square - now["noise"]) / now["samples"]
+            now["noise"] = max(now["noise"], FINEST**2 * now["signal"])
     return excited
 
 
@@ -225,23 +314,23 @@ def _carry(claim, gain, weight, spread, scale):
 
 @inlined
 def correct_state(state):
-    """Move state and output to where the new θ would have taken them, x ← x + z Δθ."""
-    X, moved = state["X"], state["moved"]
-    for i in range(len(X)):
+    """Move state and output to where the new θ would have taken them, x ← x + z Δθ, if asked."""
+    X, moved = state.X, state.moved
+    for i in range(len(X) if state.now[0]["correct"] > 0.0 else 0):
         for j in range(len(moved)):
             X[i, 0] += X[i, 1 + j] * moved[j]
 
 
 @inlined
-def predict(tuning, state):
-    """Time update of P, eq. (9) or (10), and regularisation, eq. (12)."""
-    P, column = state["P"], state["gain"]  # the gain has done its work and lends its place
+def time_update(state):
+    """Take P over the time update, eq. (9) or (10), and regularise it, eq. (12)."""
+    P, column = state.P, state.gain  # the gain has done its work and lends its place
     p = len(P)
     for i in range(p):
         for j in range(p):
-            P[i, j] = tuning["inflation"] * P[i, j] + tuning["drift"][i, j]
+            P[i, j] = P[i, j] / state.now[0]["forgetting"] + state.drift[i, j]
     for axis in range(p):  # (12) measures every parameter once, with weight μ
-        mu = tuning["regularization"][axis]
+        mu = state.regularization[axis]
         if mu > 0.0:
             for i in range(p):
                 column[i] = P[i, axis]
@@ -249,30 +338,32 @@ def predict(tuning, state):
 
 
 @inlined
-def bound_P(tuning, state):
+def bound_P(state):
     """
     Keep R̂ P below the ceiling, and P below its early one until R̂ is known: scale it down.
 
     A reset grants more, until the data have brought P down again.
     """
-    P, granted, most = state["P"], state["granted"], state["gain"]  # which lends its place
-    early = state["samples"] < KNOWN and tuning["known"] <= 0.0
+    now = state.now[0]
+    P, granted, most = state.P, state.granted, state.gain  # which lends its place
+    early = now["samples"] < KNOWN and now["known"] <= 0.0
     for i in range(len(P)):
-        ceiling = tuning["early"][i] if early else tuning["ceiling"] / state["noise"]
+        ceiling = state.early[i] if early else now["largest"] / now["noise"]
         most[i] = max(ceiling, granted[i])
         if P[i, i] < granted[i]:
-            granted[i] = max(P[i, i], tuning["floor"][i])
+            granted[i] = max(P[i, i], state.floor[i])
     bound(P, most)
 
 
 @inlined
 def publish(state, k, estimates, trace):
-    """Write what `filters.loop` wants of a sample."""
+    """Write θ[k], and ŷ, innovation and its variance."""
+    now = state.now[0]
     for i in range(estimates.shape[1]):
-        estimates[k, i] = state["theta"][i]
-    trace[k, 0] = state["expected"]
-    trace[k, 1] = state["epsilon"]
-    trace[k, 2] = state["variance"]
+        estimates[k, i] = state.theta[i]
+    trace[k, 0] = now["expected"]
+    trace[k, 1] = now["epsilon"]
+    trace[k, 2] = now["variance"]
 
 
 @inlined
@@ -284,6 +375,6 @@ def subtract(P, v, w):
             P[j, i] = P[i, j]
 
 
-def read_claim(state: Record) -> tuple[Array, Array]:
+def read_claim(state: Memory) -> tuple[Array, Array]:
     """Return η (p,) and its claimed covariance R̂ Σ (p, p)."""
-    return state["theta"][0], state["noise"][0] * state["claim"][0]
+    return state["theta"], state["noise"] * state["claim"]

@@ -2,8 +2,8 @@
 A bank of hypotheses beside a Kalman filter, in compiled code: that θ_i jumped at sample k₀.
 
 What a jump of size one does to the error of the filter goes along one vector δ, which begins as
-e_i. With the output row h, the transition F and the gain K of the filter (`filters.joint`), in
-every sample
+e_i. With the output row h, the transition F and the gain K of the filter, which is of
+`flexaxis.estimators.filters.joint`, in every sample
 
     φ = hᵀδ,  J ← J + φ²/S,  d ← d + φ e/S,  δ ← F δ − K φ,
 
@@ -16,151 +16,234 @@ ratio approach to the detection and estimation of jumps in linear systems*, IEEE
 108–112). κ ≥ 1 is the mean of e²/S that no hypothesis explains: a model that is wrong tempers all
 of them alike. The estimate is the mean over "no jump" and all hypotheses.
 
-Onsets stand on a grid that thins out with age: on each level the last `PER_LEVEL` multiples of a
-spacing, which doubles from level to level. A hypothesis stands for all onsets within its spacing,
-and only where no finer level has them.
+Onsets stand on a grid that thins out with age: level 0 has the last `PER_LEVEL` multiples of a
+spacing, and each further level the `MORE` next ones of twice the spacing of the level before. An
+onset that is `PER_LEVEL` spacings old goes up a level, or is left where the next level has no place
+for it; so each stands once, for all onsets within its spacing.
 """
 
 import numpy as np
 
-from flexaxis.estimators.glr.dictionary import pair_columns, pull_columns
-from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.glr.cogging import carry_waves, pair_waves
+from flexaxis.estimators.models.compiler import fused, inlined, summed
+from flexaxis.estimators.models.rows import multiply
 
-PER_LEVEL = 8
+PER_LEVEL, MORE = 8, 4  # onsets of the first level, and of each other
+NEVER = -1  # a sample that does not come
 FIRM = 20.0  # samples of e²/S of variance one that κ starts from, so that a few say little of it
 
 
 @inlined
-def carry_columns(bank, state, e, S, p):
+def level_of(slot):
+    """Return the level of a slot."""
+    return 0 if slot < PER_LEVEL else slot // MORE - 1
+
+
+@fused
+def carry_columns(bank, state, e, S):
     """Take every δ over the last sample, and through its measurement unless e is NaN."""
-    D, moved, phi, X, gain = bank["D"], bank["moved"], bank["phi"], state["X"], state["gain"]
-    m, H = D.shape
+    b, p = bank.now[0], len(state.lower)
     measured = not np.isnan(e)
     root = 1.0 / np.sqrt(S) if measured else 0.0
-    times(phi, X[-1], root, D)
-    for i in range(m - p):
-        times(moved[i], X[i], 1.0, D)
-    if bank["searching"] > 0:
-        pull_columns(bank, root)
-    for i in range(m - p):
-        for c in range(H):
-            D[p + i, c] = moved[i, c]
+    z = e * root if measured else 0.0
+    if b["searching"] > 0:
+        waves, axis = bank.waves, state.axis
+        carry_waves(waves, axis.response, axis.sizes[0]["steps"], state.G)
+        correct(waves.D, waves.moved, state.gain, root, z, p, waves.J, waves.d)
+        pair_waves(b, waves, root, z)
+    elif b["awake"] > 0:
+        multiply(state.G, bank.D, bank.moved)
+        correct(bank.D, bank.moved, state.gain, root, z, p, bank.J, bank.d)
     if measured:
-        J, d, scaled = bank["J"], bank["d"], e * root
-        for c in range(H):
-            J[c] += phi[c] * phi[c]
-            d[c] += phi[c] * scaled
-        for a in range(m):
-            g = gain[a]
-            for c in range(H):
-                D[a, c] -= g * phi[c]
-        if bank["searching"] > 0:
-            pair_columns(bank, scaled)
-        bank["chi2"] += scaled * scaled
-        bank["used"] += 1.0
+        b["chi2"] += z * z
+        b["used"] += 1.0
+
+
+@fused
+def correct(D, moved, gain, root, z, p, J, d):  # noqa: PLR0917
+    """
+    Take columns through a measurement: φ = hᵀδ/√S, J ← J + φ², d ← d + φ z, δ ← F δ − K φ.
+
+    Parameters
+    ----------
+    D, moved : (m, H), (n+1, H) arrays
+        The columns, and what the sample made of their states and of the output.
+    gain : (m,) array
+        K √S.
+    root, z : float
+        1/√S and e/√S; 0 where there is no measurement.
+    p : int
+        Number of parameters.
+    J, d : (H,) arrays
+    """
+    n, seen = len(moved) - 1, moved[-1]
+    for c in range(D.shape[1]):
+        phi = seen[c] * root
+        J[c] += phi * phi
+        d[c] += phi * z
+    for a in range(p):
+        row, g = D[a], gain[a] * root
+        if g != 0.0:
+            for c in range(len(row)):
+                row[c] -= g * seen[c]
+    for i in range(n):
+        row, to, g = D[p + i], moved[i], gain[p + i] * root
+        for c in range(len(row)):
+            row[c] = to[c] - g * seen[c]
 
 
 @inlined
-def times(out, row, factor, D):
-    """Write a row of X, from its second lane on and times a factor, times all columns."""
-    for c in range(len(out)):
-        out[c] = 0.0
-    for a in range(D.shape[0]):
-        x = row[1 + a] * factor
-        if x != 0.0:
-            for c in range(len(out)):
-                out[c] += x * D[a, c]
+def open_slots(bank, state, now):
+    """Begin the hypotheses of this sample; older onsets go up a level, or are left."""
+    onset, base = bank.onset, bank.now[0]["base"]
+    last = level_of(len(onset) - 1)
+    for level in range(last, -1, -1):  # from above, so that nothing is lost
+        width = base << level
+        if now % width:
+            continue
+        row = _slot(level, now // width)
+        old = onset[row]
+        if level < last and old >= 0 and old % (2 * width) == 0:
+            _move(bank, row, _slot(level + 1, old // (2 * width)))
+        onset[row] = NEVER
+    if now % base == 0:
+        _begin(bank, state, _slot(0, now // base), now)
 
 
 @inlined
-def open_slots(bank, state, which, base, now, p):  # noqa: PLR0917
-    """Begin the hypotheses whose onset is this sample, in the place of the oldest of a level."""
-    onset = bank["onset"]
-    spacing, s = base, 0
-    while s < len(onset) and now % spacing == 0:
-        row = s + (now // spacing) % PER_LEVEL
-        onset[row] = now
-        bank["chi2_at"][row], bank["used_at"][row] = bank["chi2"], bank["used"]
-        q, n = len(which), bank["D"].shape[0] - p
-        for i in range(q):
-            c = row * q + i
-            for a in range(bank["D"].shape[0]):
-                bank["D"][a, c] = 0.0
-            bank["D"][which[i], c] = 1.0
-            bank["J"][c] = bank["d"][c] = 0.0
-        P, kept = state["P"], bank["kept_P"][row]
-        for a in range(P.shape[0]):
-            for b in range(P.shape[1]):
-                kept[a, b] = P[a, b]
-        for a in range(p):
-            bank["kept_xi"][row, a] = state["theta"][a]
-        for a in range(n):
-            bank["kept_xi"][row, p + a] = state["X"][a, 0]
-        spacing, s = 2 * spacing, s + PER_LEVEL
+def _slot(level, number):
+    """Return the slot of an onset, which is so many spacings of its level."""
+    return number % PER_LEVEL if level == 0 else MORE * (1 + level) + number % MORE
 
 
 @inlined
-def weigh(bank, which, variance, log_prior, base, now, least):  # noqa: PLR0917
+def _move(bank, row, to):
+    """Move an onset from a slot to another."""
+    q = len(bank.which)
+    bank.onset[to] = bank.onset[row]
+    bank.chi2_at[to], bank.used_at[to] = bank.chi2_at[row], bank.used_at[row]
+    for i in range(q):
+        bank.J[to * q + i], bank.d[to * q + i] = bank.J[row * q + i], bank.d[row * q + i]
+        for a in range(len(bank.D)):
+            bank.D[a, to * q + i] = bank.D[a, row * q + i]
+    for a in range(bank.kept_P.shape[1]):
+        bank.kept_xi[to, a] = bank.kept_xi[row, a]
+        for b in range(bank.kept_P.shape[2]):
+            bank.kept_P[to, a, b] = bank.kept_P[row, a, b]
+
+
+@inlined
+def _begin(bank, state, row, now):
+    """Begin the hypotheses of an onset."""
+    q, p = len(bank.which), len(state.lower)
+    bank.onset[row] = now
+    bank.chi2_at[row], bank.used_at[row] = bank.now[0]["chi2"], bank.now[0]["used"]
+    for i in range(q):
+        c = row * q + i
+        for a in range(len(bank.D)):
+            bank.D[a, c] = 0.0
+        bank.D[bank.which[i], c] = 1.0
+        bank.J[c] = bank.d[c] = 0.0
+    P = state.P
+    for a in range(P.shape[0]):
+        for b in range(P.shape[1]):
+            bank.kept_P[row, a, b] = P[a, b]
+    for a in range(p):
+        bank.kept_xi[row, a] = state.theta[a]
+    for a in range(len(bank.D) - p):
+        bank.kept_xi[row, p + a] = state.X[a, 0]
+
+
+@fused
+def weigh(bank, now):
     """
     Write size and weight of every hypothesis, and κ; return the logarithm of the odds of any jump.
 
-    ``least`` is κ as it was before anything changed.
+    exp ℓ = exp(½ d ν̂/κ) prior/√(1 + J σ²/κ) has a root in the place of a logarithm; ℓ itself is
+    from `write_evidence`.
     """
-    onset, J, d = bank["onset"], bank["J"], bank["d"]
-    size, weight = bank["size"], bank["weight"]
-    q = len(which)
-    best, at = 0.0, -1
-    for s in range(len(onset)):
-        width = base << (s // PER_LEVEL)
-        age = now - onset[s]
-        owned = onset[s] >= 0 and age >= (1 if s < PER_LEVEL else PER_LEVEL * width // 2)
+    J, d, size, weight, b = bank.J, bank.d, bank.size, bank.weight, bank.now[0]
+    precision, prior = bank.precision, bank.prior
+    q, H, least = len(bank.which), len(weight), b["misfit"]
+    for s in range(len(bank.onset)):
+        usable = 0 <= bank.onset[s] != now
+        wide = np.log(float(b["base"] << level_of(s)))
         for i in range(q):
-            c = s * q + i
-            A = J[c] + 1.0 / variance[i]
-            size[c] = d[c] / A
-            weight[c] = 0.5 * d[c] * size[c] if owned and variance[i] > 0.0 else -1.0
-            if weight[c] > best:
-                best, at = weight[c], s
+            known = usable and bank.variance[i] > 0.0
+            prior[s * q + i] = bank.log_prior[i] + wide if known else -np.inf
+            precision[s * q + i] = 1.0 / bank.variance[i] if known else np.inf
+    best, at = 0.0, -1
+    for c in range(H):
+        gain = d[c] * d[c] / (J[c] + precision[c])
+        if gain > best:
+            best, at = gain, c
     kappa = least
     if at >= 0:
-        used = bank["used"] - bank["used_at"][at]
-        left = bank["chi2"] - bank["chi2_at"][at] - 2.0 * best
+        used = b["used"] - bank.used_at[at // q]
+        left = b["chi2"] - bank.chi2_at[at // q] - best
         kappa = max(least, (left + FIRM * least) / (used + FIRM))
-    bank["kappa"] = kappa
+    b["kappa"] = kappa
+    for c in range(H):
+        size[c] = d[c] / (J[c] + kappa * precision[c])
+    half = 0.5 / kappa
     highest = 0.0
-    for s in range(len(onset)):
-        width = base << (s // PER_LEVEL)
-        for i in range(q):
-            c = s * q + i
-            if weight[c] >= 0.0:
-                size[c] = d[c] / (J[c] + kappa / variance[i])
-                weight[c] = (
-                    0.5 * d[c] * size[c] / kappa
-                    - 0.5 * np.log1p(J[c] * variance[i] / kappa)
-                    + log_prior[i]
-                    + np.log(float(width))
-                )
-                highest = max(highest, weight[c])
-            else:
-                weight[c] = -np.inf
-    total = 0.0
-    for c in range(len(weight)):
-        bank["evidence"][c] = weight[c]
+    for c in range(H):
+        weight[c] = half * d[c] * size[c] + prior[c]
+        highest = max(highest, weight[c])
+    for c in range(H):
         weight[c] = np.exp(weight[c] - highest)
-        total += weight[c]
-    none = np.exp(-highest)
-    for c in range(len(weight)):
-        weight[c] /= total + none
-    bank["none"] = none / (total + none)
+    for c in range(H):
+        weight[c] /= np.sqrt(1.0 + J[c] / (kappa * precision[c]))
+    total, none = _total(weight), np.exp(-highest)
+    share = 1.0 / (total + none)
+    for c in range(H):
+        weight[c] *= share
+    b["none"] = none * share
     return np.log(max(total, 1e-300)) + highest
 
 
+@summed
+def _total(a):
+    """Return Σ a_c, in whatever order."""
+    total = 0.0
+    for c in range(len(a)):
+        total += a[c]
+    return total
+
+
 @inlined
-def mean_of(bank, theta, lower, upper, mixed):
+def write_evidence(bank, now):
+    """Write ℓ of every hypothesis, for whoever has to look."""
+    q, kappa, base = len(bank.which), bank.now[0]["kappa"], bank.now[0]["base"]
+    for s in range(len(bank.onset)):
+        for i in range(q):
+            c = s * q + i
+            if 0 <= bank.onset[s] != now and bank.variance[i] > 0.0:
+                bank.evidence[c] = (
+                    0.5 * bank.d[c] * bank.size[c] / kappa
+                    - 0.5 * np.log1p(bank.J[c] * bank.variance[i] / kappa)
+                    + bank.log_prior[i]
+                    + np.log(float(base << level_of(s)))
+                )
+            else:
+                bank.evidence[c] = -np.inf
+
+
+@fused
+def mean_of(bank, theta, lower, upper):
     """Write the mean of θ (p,) over all hypotheses."""
-    D, size, weight = bank["D"], bank["size"], bank["weight"]
+    mixed = bank.mixed
+    part = bank.moved[-1]  # which has done its work and lends its place
+    for c in range(len(part)):
+        part[c] = bank.weight[c] * bank.size[c]
     for a in range(len(mixed)):
-        total = 0.0
-        for c in range(len(weight)):
-            total += weight[c] * size[c] * D[a, c]
-        mixed[a] = min(max(theta[a] + total, lower[a]), upper[a])
+        mixed[a] = min(max(theta[a] + _sum(part, bank.D[a]), lower[a]), upper[a])
+
+
+@summed
+def _sum(a, b):
+    """Return Σ a_c b_c, in whatever order."""
+    total = 0.0
+    for c in range(len(a)):
+        total += a[c] * b[c]
+    return total

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.glr.bank import PER_LEVEL
-from flexaxis.estimators.glr.records import NEVER
+from flexaxis.estimators.glr.bank import NEVER, level_of
 from flexaxis.estimators.glr.workspace import Workspace
 from flexaxis.estimators.protocol import Finding
 
@@ -149,7 +148,7 @@ class Comparison:
 
     def _best(self) -> list[_Candidate]:
         """Return the best onset of the parameters that explain most."""
-        bank, tuning, q = self._work.bank[0], self._work.tuning[0], len(self._work.jumps.which)
+        bank, q = self._work.bank, len(self._work.jumps.which)
         table = bank["evidence"].reshape(-1, q)
         rows = table.argmax(axis=0)
         best = table[rows, range(q)]
@@ -159,8 +158,8 @@ class Comparison:
         found = []
         earlier = {c.which: c for c in self._candidates if not c.instead}
         for i in order[:CANDIDATES]:
-            row, spacing = rows[i], self._work.timing.base << (int(rows[i]) // PER_LEVEL)
-            path = self._path + float(tuning["log_prior"][i]) + float(np.log(spacing))
+            row, spacing = rows[i], self._work.timing.base << level_of(int(rows[i]))
+            path = self._path + float(bank["log_prior"][i]) + float(np.log(spacing))
             before, onset = earlier.get(i), int(bank["onset"][row])
             if before and abs(before.onset - onset) < spacing:  # from when the grid was finer
                 found.append(replace(before, path=path, spread=float(spread[i])))
@@ -180,7 +179,7 @@ class Comparison:
         return found
 
     def _compare(self, candidates: Sequence[_Candidate]) -> None:
-        bank = self._work.bank[0]
+        bank = self._work.bank
         self._candidates, self._todo = list(candidates), list(candidates)
         for candidate in candidates:
             candidate.passes = 0
@@ -196,7 +195,7 @@ class Comparison:
 
     def _pass(self, candidate: _Candidate, *, follow: bool = False) -> None:
         """Go through the samples since an onset again, with the jump."""
-        i, bank = self._work.jumps.which[candidate.which], self._work.bank[0]
+        i, bank = self._work.jumps.which[candidate.which], self._work.bank
         candidate.size = self._inside(candidate)
         xi = candidate.xi.copy()
         xi[i] += candidate.size
@@ -208,7 +207,8 @@ class Comparison:
 
     def _weigh(self, candidate: _Candidate) -> float:
         """Return the step of Gauss and Newton after a pass, and note what the pass tells."""
-        bank, variance = self._work.bank[0], self._work.tuning["variance"][0, candidate.which]
+        bank = self._work.bank
+        variance = bank["variance"][candidate.which]
         J, prior = float(bank["J_one"]) / self._kappa, 1.0 / float(variance)
         step = (float(bank["d_one"]) / self._kappa - candidate.size * prior) / (J + prior)
         candidate.passes += 1
@@ -233,7 +233,7 @@ class Comparison:
             if (c.which, c.instead) != (best.which, best.instead)
         ]
         lead = best.evidence - max([0.0, *others, *self._others])
-        bank = self._work.bank[0]
+        bank = self._work.bank
         if best.evidence > (LEAD if best.instead else ALARM) and lead > LEAD:
             self._chosen = best
             self._pass(best, follow=True)
@@ -245,7 +245,7 @@ class Comparison:
     def _take(self, chosen: _Candidate) -> bool:
         """Let what was gone through with a jump take the filter's place; whether that is told."""
         work, self._chosen = self._work, None
-        bank = work.bank[0]
+        bank = work.bank
         step, delta = self._weigh(chosen), bank["delta"].copy()
         chosen.deviation = float(np.hypot(chosen.deviation, chosen.spread))
         if not np.isfinite(step):
@@ -254,7 +254,7 @@ class Comparison:
             return False
         work.move(step * delta)
         chosen.size += step
-        work.states[1]["P"][:, : len(delta)] += np.outer(delta, delta) * chosen.deviation**2
+        work.states["P"][1][:, : len(delta)] += np.outer(delta, delta) * chosen.deviation**2
         work.adopt()
         bank["chi2"], self._path = chosen.total, chosen.penalty
         told = self._tell(chosen)

@@ -8,17 +8,16 @@ from numpy.typing import NDArray
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.filters.filter import RecursiveEstimator
-from flexaxis.estimators.filters.joint import with_state
+from flexaxis.estimators.filters.joint import joint_arrays
+from flexaxis.estimators.glr.cogging import strongest_wave
 from flexaxis.estimators.glr.comparison import ALARM, Comparison
-from flexaxis.estimators.glr.contest import Contest
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
-from flexaxis.estimators.glr.loop import glr_loop
+from flexaxis.estimators.glr.loop import glr
 from flexaxis.estimators.glr.mixture import beliefs, hypotheses, mean
-from flexaxis.estimators.glr.records import Dictionary, Jumps, Timing, glr_records
-from flexaxis.estimators.glr.shapes import GEAR, IN_WORDS, best_shape, share, taken_up
-from flexaxis.estimators.glr.workspace import Kit, Workspace
-from flexaxis.estimators.models.axes import SHAPE
-from flexaxis.estimators.models.discretisation import split
+from flexaxis.estimators.glr.records import Jumps, Timing, bank_of
+from flexaxis.estimators.glr.workspace import Kit, Workspace, take_up
+from flexaxis.estimators.models.axes import COGGING
+from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.protocol import Finding
 
 Array = NDArray[np.float64]
@@ -43,12 +42,12 @@ class Glr(RecursiveEstimator):
         What of these is fixed where it is not seen, and how `fixed_because` says so.
     shapes : mapping of tuple of str to tuple of str
         Levels of dry friction, and what shapes it where one of these is not zero.
-    dictionary : Dictionary
-        Shapes of friction that are looked for.
+    waves : int
+        In a turn, of the fastest cogging that is looked for; 0 for none.
+    angle : int
+        Which state is the angle of the motor, or would be.
     richer : Glr, optional
-        One that has such a shape as its last law, and goes on where it is found.
-    geared : Glr, optional
-        One whose friction grows with the load of the gear, which goes on where it predicts better.
+        One that has a law of cogging as its last law, and goes on where cogging is found.
 
     Attributes
     ----------
@@ -67,11 +66,11 @@ class Glr(RecursiveEstimator):
         probability, and by how much; the latest first.
     fixed_because : dict of str to str
         Parameters that were not learnt, and why not.
-    shape : str
-        What friction the axis has that no law of the model tells, in words; empty for none.
+    cogging : int
+        Waves in a turn of cogging that was found, though nobody told; 0 for none.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_kit", "_plain", "_base", "_rich")
+    _shared = (*RecursiveEstimator._shared, "_kit", "_plain", "_rich")
 
     def __init__(
         self,
@@ -83,10 +82,9 @@ class Glr(RecursiveEstimator):
         told: Sequence[Mapping[str, float]],
         fixable: Mapping[str, str],
         shapes: Mapping[tuple[str, ...], tuple[str, ...]],
-        dictionary: Dictionary,
+        waves: int = 0,
         angle: int = 0,
         richer: "Glr | None" = None,
-        geared: "Glr | None" = None,
     ) -> None:
         names = design.model.names
         lower, upper = design.bounds
@@ -97,35 +95,30 @@ class Glr(RecursiveEstimator):
             for name, value in group.items()
         }
         groups = [[names.index(name) for name in group] for group in told if group]
-        pattern = with_state(split(design.model)[0])
-        records = glr_records(
+        arrays = joint_arrays(design, rests=True)
+        arrays["drift"] = np.diag(jumps.walk)
+        bank = bank_of(
             design,
-            pattern,
             jumps,
             timing,
-            ALARM,
-            [(g, [values[i] for i in g]) for g in groups],
-            tracked,
-            dictionary,
+            alarm=ALARM,
+            groups=[(g, [values[i] for i in g]) for g in groups],
+            tracked=tracked,
+            waves=waves,
         )
-        loop = glr_loop(pattern)
         at = {
             tuple(names.index(n) for n in levels): tuple(names.index(n) for n in of)
             for levels, of in shapes.items()
         }
-        self._plain = Kit(design, jumps, timing, values, dict(fixable), at, records, loop, angle)
-        self._rich, self._geared = richer._plain if richer else None, geared
+        states = Memory(arrays, times=2)
+        self._plain = Kit(design, jumps, timing, values, dict(fixable), at, states, bank, angle)
+        self._rich = richer._plain if richer else None
         self.reset()
-        loop.prepare(lambda: self.run(np.zeros(1), np.zeros(1)))  # now, not in the first step
-        self.reset()
+        self.run([], [])  # what it compiles it compiles now, not in the first step
 
     def _start(self) -> None:
         self._before: list[Finding] = []
-        self._kit = self._base = self._plain
-        self._contest: Contest | None = None
-        if self._geared:
-            self._geared.reset()
-            self._contest = Contest(self._plain.timing.first, self._plain.design.period)
+        self._kit = self._plain
         self._begin_at(0, self._kit.begin())
 
     def _begin_at(self, origin: int, work: Workspace) -> None:
@@ -136,7 +129,7 @@ class Glr(RecursiveEstimator):
         self._parts = work, Comparison(work, origin), first  # together, as a copy copies them
         self._origin, self.alarm = origin, False
         self.fixed_because: dict[str, str] = {}
-        self.shape = "" if self._base is self._plain else IN_WORDS[GEAR]
+        self.cogging = 0
         if work.timing.first == 0:
             work.bank["awake"] = 1
 
@@ -186,17 +179,17 @@ class Glr(RecursiveEstimator):
         -------
         dict
             ``nominal``: values of physical parameters; ``deviations``: their standard deviations.
-            What was fixed is not among them, nor a shape that was found; they are those of the
+            What was fixed is not among them, nor cogging that was found; they are those of the
             data, not drawn to what was told.
         """
         scale, p = self._work.design.scale, self._work.p
-        state = self._work.states[0]
+        states, cogging = self._work.states, COGGING.names if self.cogging else ()
         all_of = self._named(
-            state["theta"][:p] * scale, state["P"][:p, :p] * np.outer(scale, scale)
+            states["theta"][0] * scale, states["P"][0, :p, :p] * np.outer(scale, scale)
         )
         found: dict[str, dict[str, float]] = {"nominal": {}, "deviations": {}}
         for name, (value, deviation) in all_of.items():
-            if name in self.fixed_because or name in SHAPE.names:
+            if name in self.fixed_because or name in cogging:
                 continue
             inverse = name.startswith("1/")
             physical = name.removeprefix("1/")
@@ -210,51 +203,23 @@ class Glr(RecursiveEstimator):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        done = 0
-        while done < len(u):
-            end = done + self._contest.wanted if self._contest else len(u)
-            part = slice(done, end)
-            given = u[part], y[part], valid[part], estimates[part], trace[part]
-            self._take_alone(*given)
-            if self._contest:
-                self._contend(*given)
-            done = end
-
-    def _contend(
-        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
-    ) -> None:
-        """Take samples with the other model of friction as well; go on with it if it is better."""
-        other, contest = self._geared, self._contest
-        assert other and contest
-        theirs = np.empty_like(trace)
-        other._take_alone(u, y, valid, np.empty_like(estimates), theirs)
-        awake = all(filter_._work.bank["awake"][0] for filter_ in (self, other))
-        contest.take(trace, theirs, awake=awake, shaped=bool(self.shape))
-        if contest.won:
-            self._kit = self._base = other._kit
-            self._parts, self._before, self._origin = other._parts, other._before, other._origin
-            self.fixed_because, self.shape = other.fixed_because, IN_WORDS[GEAR]
-            estimates[-1:] = self.theta
-        if contest.over:
-            self._contest = None
-
-    def _take_alone(
-        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
-    ) -> None:
-        done = 0
-        while done < len(u) or (self._work.busy and self._work.bank["left"][0] > 0):
+        done, running = 0, True
+        while running:
             rest, work = slice(done, None), self._work
             given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
             self.alarm = self.alarm and not len(given[0])
-            done += self._kit.loop(work.tuning, work.states, work.bank, *given)
+            states, bank = work.states, work.bank
+            done += glr(states.block, states.at, bank.block, bank.at, *given)
             self._attend()
             if done and not np.isfinite(estimates[done - 1]).all():  # it has just begun anew
                 estimates[done - 1] = self._work.states["theta"][0, : len(self.names)]
-        estimates *= self._base.design.scale[: len(self.names)]
+            work = self._work
+            running = done < len(u) or (work.busy and bool(work.bank["left"] > 0))
+        estimates *= self._plain.design.scale[: len(self.names)]
 
     def _attend(self) -> None:
         """Do what is due after a sample."""
-        work, bank = self._work, self._work.bank[0]
+        work, bank = self._work, self._work.bank
         if work.states["anew"][0] > 0:
             self._begin_anew()
         elif work.caught_up and not bank["awake"]:
@@ -264,42 +229,41 @@ class Glr(RecursiveEstimator):
         elif work.busy or not bank["asks"]:
             return
         elif not bank["awake"]:
-            if not self._take_up_shape():  # else that is enough for one sample
+            if not self._take_up_cogging():  # else that is enough for one sample
                 self.fixed_because = self._parts[2].begin()
         elif 0 <= bank["due"] <= work.now:
             self._comparison.review()
         else:
             self._comparison.begin()
 
-    def _take_up_shape(self) -> bool:
-        """Go on with a filter that has the shape that the first seconds show; whether it does."""
-        work, rich, shape = self._work, self._rich, None
-        if rich and work.bank["searching"][0]:
-            variance = float(rich.design.scale[-3]) ** 2
-            shape = best_shape(work.bank[0], work.tuning[0], variance)
-        if rich and shape:
+    def _take_up_cogging(self) -> bool:
+        """Go on with a filter that knows of cogging if the first seconds show it."""
+        work, rich, wave = self._work, self._rich, None
+        if rich and work.bank["searching"]:
+            variance = float(rich.design.scale[-2]) ** 2
+            wave = strongest_wave(work.bank, variance)
+        if rich and wave:
             richer = rich.begin()
-            taken_up(work, richer, shape)
+            take_up(work, richer, wave)
             self._kit = rich
             self._begin_at(self._origin, richer)
-            self.shape = IN_WORDS[shape.which]
-        for name in ("searching", "D", "J", "d"):
-            self._work.bank[name] = 0
-        return shape is not None
+            self.cogging = wave[0]
+        self._work.bank["searching"] = 0
+        return wave is not None
 
     def _begin_anew(self) -> None:
         """Wait for the state after a sensor that did not follow; begin anew if all is lost."""
         work, p = self._work, self._work.p
-        P, begin = work.states["P"][0], work.begin[0]["P"]
-        if work.states["anew"][0] < 2 and work.bank["awake"][0]:
+        P, begin = work.states["P"][0], work.begin["P"][0]
+        if work.states["anew"][0] < 2 and work.bank["awake"]:
             P[:, p:] = P[p:] = 0.0
             P[p:, p:] = begin[p:, p:]
             work.states["anew"][0] = 0.0
             self._comparison.forget()
             work.empty()
             return
-        begin_anew(work.tuning, work.states[:1], work.begin[:1])
-        states, taken = work.states[:1].copy(), int(work.bank["taken"][0])
-        self._before, self._kit = list(self.findings), self._base
-        self._begin_at(self._origin + taken, self._base.begin())
-        share(states, self._work.states[:1])
+        begin_anew(work.states, work.begin)
+        numbers, taken = work.states["now"].copy(), int(work.bank["taken"])
+        self._before, self._kit = list(self.findings), self._plain
+        self._begin_at(self._origin + taken, self._plain.begin())
+        self._work.states["now"] = numbers

@@ -67,7 +67,7 @@ class FirstSeconds:
     def begin(self) -> dict[str, str]:
         """Fix what was not seen, begin the first pass, and return what was fixed, and why."""
         work, P = self._work, self._work.states["P"][0]
-        theta, variance = work.states["theta"][0, : work.p], np.diag(P)[: work.p]
+        theta, variance = work.states["theta"][0], np.diag(P)[: work.p]
         known, absent = seen(variance, np.diag(work.design.P0)), theta**2 < CLEAR**2 * variance
         fixable = [work.names.index(n) for n in self._fixable if n in work.names[self._tracked :]]
         fixed = [i for i in fixable if not known[i] or (self._told[i] == 0.0 and absent[i])]
@@ -80,35 +80,34 @@ class FirstSeconds:
         for i in (*fixed, *self._shapeless):
             theta[i] = self._told.get(i, work.begin["theta"][0, i])
         if fixed:
-            work.tuning = work.tuning.copy()
-            work.tuning["variance"][0, np.isin(work.jumps.which, fixed)] = 0.0
+            work.bank["variance"][np.isin(work.jumps.which, fixed)] = 0.0
         work.bank["mark"] = work.bank["taken"]
         free = np.flatnonzero(np.diag(work.states["P"][0])[: work.p] > 0)
         self._free, learnt = free, work.states["P"][0][np.ix_(free, free)]
         self._open = np.linalg.inv(OPEN * learnt)
-        self._pass(work.states["theta"][0, : work.p].copy())
+        self._pass(work.states["theta"][0].copy())
         return {work.names[i]: self._fixable[work.names[i]] for i in fixed}
 
     def _pass(self, theta: Array) -> None:
-        work, begin = self._work, self._work.begin[0]
-        P, n, free = begin["P"].copy(), len(begin["gain"]) - work.p, self._free
+        work, begin = self._work, self._work.begin
+        P, n, free = begin["P"][0].copy(), begin["gain"].shape[1] - work.p, self._free
         P[:, self._fixed] = P[self._fixed] = 0.0
         told = np.linalg.inv(P[np.ix_(free, free)])
         P[np.ix_(free, free)] = np.linalg.inv(told + self._open)
-        start = np.r_[theta, begin["X"][:n, 0]]
-        work.go_through(start, P, int(work.bank["born"][0]), first=False, follow=True)
-        work.states[1]["X"] = begin["X"]
+        start = np.r_[theta, begin["X"][0, :n, 0]]
+        work.go_through(start, P, int(work.bank["born"]), first=False, follow=True)
+        work.states["X"][1] = begin["X"][0]
         self._from = theta
 
     def go_on(self) -> bool:
         """Go on from where a pass has come to; return whether it was the last."""
-        work, bank = self._work, self._work.bank[0]
+        work, bank = self._work, self._work.bank
         if not self._catches_up:
             theta, deviation = self._weigh_once()
             cost = float(bank["cost_first"]) if np.isfinite(theta).all() else np.inf
             better = self._best is None or cost < self._best[0]
             if better:
-                self._best = cost, work.states[1].copy(), int(bank["at"])
+                self._best = cost, work.states.block[1].copy(), int(bank["at"])
             free = deviation > 0
             step = np.abs((theta - self._from)[free] / deviation[free]).max(initial=0.0)
             self._left -= 1
@@ -116,10 +115,10 @@ class FirstSeconds:
                 self._pass(theta)
                 return False
             assert self._best is not None
-            work.states[1], bank["at"] = self._best[1:]
+            work.states.block[1], bank["at"] = self._best[1:]
             bank["end"], self._catches_up = bank["taken"], True
         if work.caught_up:
-            if np.isfinite(work.states[1]["theta"]).all():
+            if np.isfinite(work.states["theta"][1]).all():
                 P = work.states["P"][1]
                 P[self._shapeless, self._shapeless] = np.diag(work.design.P0)[self._shapeless]
                 work.adopt()
@@ -129,19 +128,20 @@ class FirstSeconds:
 
     def _weigh_once(self) -> tuple[Array, Array]:
         """Take back what the start of a pass has added; return θ and its deviations (p,)."""
-        work, state, p = self._work, self._work.states[1], self._work.p
-        free, m = self._free, len(state["P"])
-        P = state["P"][:, free].copy()
+        work, p = self._work, self._work.p
+        theta, whole = work.states["theta"][1], work.states["P"][1]
+        free, m = self._free, len(whole)
+        P = whole[:, free].copy()
         if not np.isfinite(P).all():  # the pass has come to nothing, and is left
-            state["theta"][:] = np.nan
+            theta[:] = np.nan
             return np.full(p, np.nan), np.zeros(p)
         root = np.linalg.cholesky(self._open)
         told, ways = np.linalg.eigh(root.T @ P[free] @ root)  # of P D, which is below one
         ways = root @ ways / np.sqrt(1.0 - np.minimum(told, LEAST))
-        state["P"][:, :m] += P @ ways @ (P @ ways).T
-        apart = self._from - work.begin[0]["theta"][:p]
+        whole[:, :m] += P @ ways @ (P @ ways).T
+        apart = self._from - work.begin["theta"][0]
         apart[self._fixed] = 0.0
-        gained = self._open @ (state["theta"][:p] - self._from)[free]
+        gained = self._open @ (theta - self._from)[free]
         gained -= np.linalg.solve(work.design.P0, apart)[free]
-        work.move(state["P"][:, free] @ gained)
-        return state["theta"][:p].copy(), np.sqrt(np.maximum(np.diag(state["P"])[:p], 0.0))
+        work.move(whole[:, free] @ gained)
+        return theta.copy(), np.sqrt(np.maximum(np.diag(whole)[:p], 0.0))

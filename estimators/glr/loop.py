@@ -3,194 +3,174 @@
 import numpy as np
 
 from flexaxis.estimators.filters.constrained import draw_estimates
-from flexaxis.estimators.filters.joint import correct, look, start_sample
-from flexaxis.estimators.filters.loop import over_sample
+from flexaxis.estimators.filters.joint import joint_in, look, predict_with_laws, update
 from flexaxis.estimators.filters.noise import judge, show
-from flexaxis.estimators.glr.bank import carry_columns, mean_of, open_slots, weigh
-from flexaxis.estimators.glr.dictionary import begin_columns, begin_sums, look_for_shapes
-from flexaxis.estimators.glr.records import NEVER
-from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.models.discretisation import Pattern
+from flexaxis.estimators.glr.bank import (
+    NEVER,
+    carry_columns,
+    mean_of,
+    open_slots,
+    weigh,
+    write_evidence,
+)
+from flexaxis.estimators.glr.cogging import begin_sums, begin_waves, look_for_waves
+from flexaxis.estimators.glr.records import bank_in
+from flexaxis.estimators.models.compiler import inlined, loop, summed
 
 
-@remembered
-def glr_loop(pattern: Pattern) -> Compiled:
+@loop
+def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """
-    Return the compiled loop for models of this pattern.
+    Take samples until somebody has to look, and return how many.
 
-    ``run(tuning, states, bank, u, y, valid, estimates, trace)`` takes samples until somebody has to
-    look, and returns how many. ``states`` are two records: the filter, and one that goes through
-    samples again, a stated number at a time; what a pass leaves of it, ``left``, the next one has.
+    ``blocks`` are two joint filters: the filter, and one that goes through samples again, a stated
+    number at a time; what a pass leaves of it, ``left``, the next one has.
     """
-    over = over_sample(pattern)
-    search = look_for_shapes if pattern.laws else _nothing
-
-    def run(tunings, states, banks, u, y, valid, estimates, trace):  # noqa: PLR0917
-        tuning, bank = tunings[0], banks[0]
-        p, asks = len(tuning["lower"]), False
-        for k in range(-1 if bank["left"] > 0 else 0, len(u)):
-            budget = bank["left"] if k < 0 else tuning["budget"]
-            bank["left"] = budget
-            for again in range(1 if k < 0 else 0, 1 + budget):
-                if again > 0:
-                    if bank["at"] >= bank["end"]:
-                        break
-                    bank["left"] -= 1
-                state = states[min(again, 1)]
-                look(state)
-                if again == 0:
-                    _remember(tuning, state, bank, u[k], y[k], valid[k])
-                torque = _measure(tuning, states, bank, again, p)
-                start_sample(state["X"], len(state["gain"]) - p, p)
-                if again == 0:
-                    asks = _think(tuning, state, bank, p, estimates[k])
-                    show(state, trace[k])
-                over(tuning, state, torque)
-                if again == 0 and bank["searching"] > 0:
-                    search(tuning, state, bank)
-            if asks or (bank["busy"] > 0 and bank["at"] >= bank["end"]):
-                return k + 1
-        return len(u)
-
-    return Compiled(
-        run, label=f"a filter with a bank for {pattern.n} states and {pattern.p} parameters"
-    )
+    state, second = joint_in(blocks[0], at), joint_in(blocks[1], at)
+    bank = bank_in(bank_block, bank_at)
+    b = bank.now[0]
+    if b["left"] > 0:
+        _go_through(second, bank, state.now[0]["noise"])
+        if b["busy"] > 0 and b["at"] >= b["end"]:
+            return 0
+    for k in range(len(u)):
+        b["left"] = b["budget"]
+        _measure(state, bank, u[k], y[k], valid[k])
+        asks = _think(state, bank, estimates[k])
+        show(state.now[0], trace[k])
+        predict_with_laws(state, u[k])
+        if b["searching"] > 0:
+            look_for_waves(b, bank.waves.pull, state.now[0], state.axis)
+        _go_through(second, bank, state.now[0]["noise"])
+        if asks or (b["busy"] > 0 and b["at"] >= b["end"]):
+            return k + 1
+    return len(u)
 
 
 @inlined
-def _nothing(tuning, state, bank):
-    """Look for no shapes: a model without laws has none."""
+def _measure(state, bank, u, y, valid):
+    """Judge a sample, keep it for what goes through it again, and take filter and bank through."""
+    look(state)
+    now = state.now[0]
+    used = judge(now, y, valid, state.X[-1, 0], now["spread"])
+    row = bank.now[0]["taken"] % len(bank.history)
+    bank.history[row, 0], bank.history[row, 1], bank.history[row, 2] = u, used, now["noise"]
+    e, S = used - state.X[-1, 0], now["spread"] + now["noise"]
+    update(state, used, now["noise"])
+    carry_columns(bank, state, e, S)
 
 
 @inlined
-def _remember(tuning, state, bank, u, y, valid):  # noqa: PLR0917
-    """Judge a sample, and keep it for those who go through it again."""
-    row = bank["taken"] % bank["history"].shape[0]
-    history = bank["history"][row]
-    used = judge(tuning, state, y, valid, state["X"][-1, 0], state["spread"])
-    history[0], history[1], history[2] = u, used, state["noise"]
+def _go_through(state, bank, highest):
+    """Take what goes through samples again through as many as are left of the budget."""
+    b = bank.now[0]
+    while b["left"] > 0 and b["at"] < b["end"]:
+        b["left"] -= 1
+        look(state)
+        row = b["at"] % len(bank.history)
+        torque, used, noise = bank.history[row, 0], bank.history[row, 1], bank.history[row, 2]
+        if b["awake"] == 0:  # noise was not known yet when these samples came
+            noise = min(noise, highest)
+        if b["measured"] == 0:
+            e, S = used - state.X[-1, 0], state.now[0]["spread"] + noise
+            update(state, used, noise)
+            _carry_one(bank, state, e, S)
+        b["at"] += 1
+        b["measured"] = 0
+        b["rerun"] += 1
+        if b["at"] == b["mark"]:
+            b["cost_first"] = b["cost_one"]
+        predict_with_laws(state, torque)
 
 
 @inlined
-def _measure(tuning, states, bank, again, p):
-    """Take the filter, or what goes through samples again, through one; return its torque."""
-    row = (bank["taken"] if again == 0 else bank["at"]) % bank["history"].shape[0]
-    torque, used, noise = bank["history"][row]
-    state = states[min(again, 1)]
-    if again > 0 and bank["awake"] == 0:  # noise was not known yet when these samples came
-        noise = min(noise, states[0]["noise"])
-    e, S = used - state["X"][-1, 0], state["spread"] + noise
-    if again == 0 or bank["first"] == 0:
-        correct(tuning, state, used, noise)
-        if again == 0:
-            carry_columns(bank, state, e, S, p)
-        else:
-            _carry_one(bank, state, e, S, p)
-    if again > 0:
-        bank["at"] += 1
-        bank["first"] = 0
-        bank["rerun"] += 1
-        if bank["at"] == bank["mark"]:
-            bank["cost_first"] = bank["cost_one"]
-    return torque
-
-
-@inlined
-def _think(tuning, state, bank, p, estimates):
+def _think(state, bank, estimates):
     """Weigh the hypotheses and write the estimate; return whether somebody has to look."""
-    now = bank["taken"]
-    bank["taken"] = now + 1
-    if bank["end_follows"] > 0:
-        bank["end"] = now + 1
-    mixed = bank["mixed"]
-    asks = (bank["busy"] == 0 and 0 <= bank["due"] <= now) or state["anew"] > 0.0
-    if bank["awake"] > 0:
-        _follow_misfit(tuning, bank, state)
-        open_slots(bank, state, tuning["which"], tuning["base"], now, p)
-        odds = weigh(
-            bank,
-            tuning["which"],
-            tuning["variance"],
-            tuning["log_prior"],
-            tuning["base"],
-            now,
-            bank["misfit"],
-        )
-        mean_of(bank, state["theta"], tuning["lower"], tuning["upper"], mixed)
-        bank["odds"] = odds
-        if bank["busy"] == 0 and odds > tuning["alarm"] and now >= bank["patience"]:
+    b, mixed = bank.now[0], bank.mixed
+    now = b["taken"]
+    b["taken"] = now + 1
+    if b["end_follows"] > 0:
+        b["end"] = now + 1
+    asks = (b["busy"] == 0 and 0 <= b["due"] <= now) or state.now[0]["anew"] > 0.0
+    if b["awake"] > 0:
+        _follow_misfit(b, state.now[0])
+        open_slots(bank, state, now)
+        b["odds"] = weigh(bank, now)
+        mean_of(bank, state.theta, state.lower, state.upper)
+        if b["busy"] == 0 and b["odds"] > b["alarm"] and now >= b["patience"]:
             asks = True
+        if asks:
+            write_evidence(bank, now)
     else:
-        if bank["busy"] == 0:
-            asks = asks or _has_moved(tuning, state, bank, now)
-        for a in range(p):
-            mixed[a] = state["theta"][a]
-    draw_estimates(tuning, bank, state["P"], mixed, estimates)
-    bank["asks"] = 1 if asks else 0
+        if b["busy"] == 0:
+            asks = asks or _has_moved(b, bank.waves, state.now[0], now)
+        for a in range(len(mixed)):
+            mixed[a] = state.theta[a]
+    draw_estimates(bank.told, state.P, mixed, estimates)
+    b["asks"] = 1 if asks else 0
     return asks
 
 
 @inlined
-def _has_moved(tuning, state, bank, now):
+def _has_moved(b, waves, s, now):
     """Return whether the axis has moved long enough for its structure to be learnt."""
-    if state["prediction"] ** 2 > state["noise"] > 0.0:
-        bank["moves"] += 1
-        if bank["searching"] > 0 and bank["moves"] == tuning["first"] // 2:
-            begin_sums(bank)
-        if bank["born"] < 0:
-            bank["born"] = now
-            if bank["searching"] > 0:
-                begin_columns(bank)
-    long = tuning["first"]
-    late = bank["born"] >= 0 and now - bank["born"] >= 3 * long // 2
-    if late and bank["moves"] < long // 2:  # noise, or too little to learn from
-        bank["born"], bank["moves"], late = NEVER, 0, False
-    return late or bank["moves"] >= long
+    long = b["commissioning"]
+    if s["prediction"] ** 2 > s["noise"] > 0.0:
+        b["moves"] += 1
+        if b["searching"] > 0 and b["moves"] == long // 2:
+            begin_sums(b, waves)
+        if b["born"] < 0:
+            b["born"] = now
+            if b["searching"] > 0:
+                begin_waves(b, waves)
+    late = b["born"] >= 0 and now - b["born"] >= 3 * long // 2
+    if late and b["moves"] < long // 2:  # noise, or too little to learn from
+        b["born"], b["moves"], late = NEVER, 0, False
+    return late or b["moves"] >= long
 
 
 @inlined
-def _follow_misfit(tuning, bank, state):
+def _follow_misfit(b, s):
     """
     Learn κ: the mean of e²/S as it was before the oldest onset in the bank, times its repetition.
 
     Innovations of a wrong model come in rows: with the correlation ρ of successive ones, as many
     as (1+ρ)/(1−ρ) count as one.
     """
-    e, S = state["innovation"], state["innovation_variance"]
+    e, S = s["innovation"], s["innovation_variance"]
     if np.isnan(e) or not S > 0.0:
-        bank["last"] = np.nan
+        b["last"] = np.nan
         return
     z = min(max(e / np.sqrt(S), -4.0), 4.0)
-    share = tuning["misfit_share"]
-    bank["square"] += share * (z * z - bank["square"])
-    if not np.isnan(bank["last"]):
-        bank["product"] += share * (z * bank["last"] - bank["product"])
-    bank["last"] = z
-    rho = min(max(bank["product"] / bank["square"], 0.0), 0.95)
-    bank["misfit"] = max(1.0, bank["square"] * (1.0 + rho) / (1.0 - rho))
+    share = b["misfit_share"]
+    b["square"] += share * (z * z - b["square"])
+    if not np.isnan(b["last"]):
+        b["product"] += share * (z * b["last"] - b["product"])
+    b["last"] = z
+    rho = min(max(b["product"] / b["square"], 0.0), 0.95)
+    b["misfit"] = max(1.0, b["square"] * (1.0 + rho) / (1.0 - rho))
 
 
-@inlined
-def _carry_one(bank, state, e, S, p):
+@summed
+def _carry_one(bank, state, e, S):
     """Take the δ of what is gone through again over a sample, as `bank.carry_columns` does."""
-    delta, X, gain, moved = bank["delta"], state["X"], state["gain"], bank["moved_one"]
-    m = len(delta)
-    measured = not np.isnan(e)
-    root = 1.0 / np.sqrt(S) if measured else 0.0
+    delta, G, gain, moved, b = bank.delta, state.G, state.gain, bank.moved_one, bank.now[0]
+    m, n = len(delta), len(moved)
+    root = 0.0 if np.isnan(e) else 1.0 / np.sqrt(S)
     phi = 0.0
     for a in range(m):
-        phi += X[-1, 1 + a] * root * delta[a]
-    for i in range(m - p):
+        phi += G[n, a] * root * delta[a]
+    for i in range(n):
         moved[i] = 0.0
         for a in range(m):
-            moved[i] += X[i, 1 + a] * delta[a]
-    for i in range(m - p):
-        delta[p + i] = moved[i]
-    if measured:
+            moved[i] += G[i, a] * delta[a]
+    for i in range(n):
+        delta[m - n + i] = moved[i]
+    if root > 0.0:
         z = e * root
-        bank["J_one"] += phi * phi
-        bank["d_one"] += phi * z
-        bank["chi2_one"] += z * z
-        bank["cost_one"] += z * z + np.log(S)
+        b["J_one"] += phi * phi
+        b["d_one"] += phi * z
+        b["chi2_one"] += z * z
+        b["cost_one"] += z * z + np.log(S)
         for a in range(m):
             delta[a] -= gain[a] * phi

@@ -1,23 +1,24 @@
-"""Records of a filter with a bank of hypotheses, before the first sample."""
+"""The bank of a filter before the first sample, how θ may jump, and lengths of time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.constrained import told_records
+from flexaxis.estimators.filters.constrained import Told, told_arrays, told_in
 from flexaxis.estimators.filters.design import Design, at_least_zero
-from flexaxis.estimators.filters.joint import ekf_records
-from flexaxis.estimators.filters.loop import Record, joined, record
-from flexaxis.estimators.glr.bank import PER_LEVEL
-from flexaxis.estimators.models.discretisation import Pattern
+from flexaxis.estimators.glr.bank import MORE, NEVER, PER_LEVEL
+from flexaxis.estimators.glr.cogging import Waves, waves_in
+from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.meaning import moving_poles
+from flexaxis.estimators.models.memory import Memory, cube, items, matrix, numbers, records
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.models.rows import padded
 from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
-NEVER = -1  # a sample that does not come
 FIRST, REVIEW, MISFIT = 10.0, 2.6, 26.0  # time scales of the axis: of motion until structure is
 # learnt, until a name is final, and of the memory of how well the model fits
 SPAN, FINEST = 2.8, 80  # time scales that the bank covers at least, and its finest spacings in one
@@ -128,149 +129,226 @@ def lengths(
     )
 
 
-@dataclass(frozen=True)
-class Dictionary:
+BANK = np.dtype(
+    [
+        (name, int)
+        for name in (
+            "base", "budget", "commissioning",  # as of `Timing`
+            "searching",  # 1 while waves are looked for
+            "awake",  # 1 from when structure is learnt
+            "taken",  # samples
+            "at", "end",  # samples that are gone through again: the next one, and where it ends
+            "measured",  # 1 where the first of these has been through its measurement
+            "end_follows",  # 1 where it ends with the last sample that was taken
+            "busy",  # 1 while samples are gone through again
+            "left",  # of the samples that may be gone through again in this one
+            "rerun",  # samples that were gone through again, in all
+            "due",  # sample at which a name is looked at again
+            "born",  # first sample in which the axis moved
+            "moves",  # samples in which it did
+            "mark",  # where the first seconds end
+            "patience",  # sample before which nothing is compared again
+            "asks",  # 1 where somebody has to look after the last sample
+        )
+    ]
+    + [
+        (name, float)
+        for name in (
+            "alarm", "misfit_share", "period",
+            "angle", "read",  # of the motor: as far as it has turned, and its speed
+            "repeated", "z_before",  # Σ z[k] z[k−1] for z = e/√S
+            "chi2", "used",  # Σ e²/S, and of how many samples
+            "none",  # weight of no jump
+            "kappa", "misfit",  # κ, and as it was before the oldest onset
+            "square", "product", "last",  # means of z² and z[k] z[k−1], and the last z
+            "odds",
+            "J_one", "d_one", "chi2_one",  # of what is gone through again
+            "cost_one", "cost_first",  # −2 ln of the likelihood, and that of the first seconds
+        )
+    ]
+    + [("mean_speed", float, 2)]
+)  # fmt: skip
+"""The numbers of a bank."""
+
+
+class Bank(NamedTuple):
     """
-    The shapes of friction that are looked for in the first seconds.
+    A bank of H hypotheses: of jumps of q parameters at each slot.
 
     Attributes
     ----------
-    waves : int
-        In a turn, of the fastest; 0 where no shape is looked for.
-    load : int
-        The state that says how large the load is.
-    load_size : float
-        How far it moves, rms.
-    softness : float
-        The speed by which dry friction changes its sign [rad/s].
+    now
+        Its numbers.
+    which, variance, log_prior : (q,) arrays
+        Of the jumps.
+    told : Told
+        As of `flexaxis.estimators.filters.constrained`.
+    history : (length, 3) array
+        Torque, output as it is used, and R of the last samples, each at its number's remainder.
+    delta, moved_one : (m,), (n,) arrays
+        δ of what is gone through again.
+    D, moved : (m, H), (n+1, H) arrays
+        Every δ, and what a sample makes of it.
+    J, d, size, weight, evidence, precision, prior : (H,) arrays
+        Of every hypothesis; precision is 1/σ².
+    onset, chi2_at, used_at : (slots,) arrays
+        Sample of each slot, and the sums as they were then.
+    kept_P, kept_xi : (slots, m, w), (slots, m) arrays
+        The filter as it was then.
+    mixed : (p,) array
+        Mean of θ over all hypotheses.
+    waves : Waves
+        As of `flexaxis.estimators.glr.cogging`.
     """
 
-    waves: int = 0
-    load: int = 0
-    load_size: float = 1.0
-    softness: float = 1.0
+    now: NDArray[np.void]
+    which: NDArray[np.int64]
+    variance: Array
+    log_prior: Array
+    told: Told
+    history: Array
+    delta: Array
+    moved_one: Array
+    D: Array
+    moved: Array
+    J: Array
+    d: Array
+    size: Array
+    weight: Array
+    evidence: Array
+    precision: Array
+    prior: Array
+    onset: NDArray[np.int64]
+    chi2_at: Array
+    used_at: Array
+    kept_P: Array
+    kept_xi: Array
+    mixed: Array
+    waves: Waves
 
 
-def glr_records(  # noqa: PLR0917
+BANK_WORDS = BANK.itemsize // 8
+
+
+@inlined
+def bank_in(block, at):
+    """Return the bank of a block, whose arrays come in the order of `Bank`."""
+    return Bank(
+        records(block, at[0], BANK_WORDS)[0].view(BANK),
+        items(block, at[1])[0].view(np.int64),
+        items(block, at[2])[0],
+        items(block, at[3])[0],
+        told_in(block, at[4:15]),
+        matrix(block, at[15])[0],
+        items(block, at[16])[0],
+        items(block, at[17])[0],
+        matrix(block, at[18])[0],
+        matrix(block, at[19])[0],
+        items(block, at[20])[0],
+        items(block, at[21])[0],
+        items(block, at[22])[0],
+        items(block, at[23])[0],
+        items(block, at[24])[0],
+        items(block, at[25])[0],
+        items(block, at[26])[0],
+        items(block, at[27])[0].view(np.int64),
+        items(block, at[28])[0],
+        items(block, at[29])[0],
+        cube(block, at[30])[0],
+        matrix(block, at[31])[0],
+        items(block, at[32])[0],
+        waves_in(block, at[33:]),
+    )
+
+
+def bank_of(
     design: Design,
-    pattern: Pattern,
     jumps: Jumps,
     timing: Timing,
+    *,
     alarm: float,
     groups: Sequence[tuple[Sequence[int], Sequence[float]]],
     tracked: int,
-    dictionary: Dictionary,
-) -> tuple[Record, Record, Record]:
+    waves: int,
+) -> Memory:
     """
-    Return tuning (1,), states (2,) and bank (1,) of `loop.glr_loop`.
+    Return the bank of `flexaxis.estimators.glr.loop.glr` before the first sample.
 
     Parameters
     ----------
     design : Design
-    pattern : Pattern
-        Of its model, `flexaxis.estimators.filters.joint.with_state`.
     jumps : Jumps
     timing : Timing
     alarm : float
         Logarithm of the odds of a jump from which on somebody looks.
     groups
-        As for `flexaxis.estimators.filters.constrained.told_records`.
+        As for `flexaxis.estimators.filters.constrained.told_arrays`.
     tracked : int
         The first so many of θ are estimates.
-    dictionary : Dictionary
+    waves : int
+        In a turn, of the fastest cogging that is looked for; 0 for none.
     """
-    tuning, start = ekf_records(design, pattern, rests=True)
-    told, drawn = told_records(tracked, groups)
-    p, q = len(design.theta0), len(jumps.which)
-    tuning["drift"][0] = np.diag(jumps.walk)
-    more = record(
-        which=np.array(jumps.which),
-        variance=jumps.size**2,
-        log_prior=np.log(jumps.rate * design.period),
-        base=timing.base,
-        budget=timing.budget,
-        first=timing.first,
-        alarm=alarm,
-        misfit_share=1.0 / timing.memory,
-        period=design.period,
-        mean_speed=np.array(find_signal(design.output).mean_speed(design.period)),
-        **vars(dictionary)
-        | {"waves": min(dictionary.waves, (PER_LEVEL * timing.levels * q - 2) // 4)},
-    )
-    P = start["P"].shape[1:]
-    searches = record(searching=int(dictionary.waves > 0))
-    bank = joined(
-        _again(pattern, p, timing), _hypotheses(pattern, p, q, timing, P), searches, drawn
-    )
-    return joined(tuning, more, told), np.repeat(start, 2), bank
-
-
-def _hypotheses(pattern: Pattern, p: int, q: int, timing: Timing, P: tuple[int, ...]) -> Record:
-    """Return the bank of q jumps at each onset, and what the dictionary has in its place before."""
-    slots, m, n = PER_LEVEL * timing.levels, pattern.p, pattern.p - p
-    H = slots * q
-    return record(
-        pull=np.zeros(H),
-        push=np.zeros(n + pattern.laws + 1),
-        cross=np.zeros(H),
-        angle=0.0,
-        read=0.0,
-        repeated=0.0,
-        z_before=0.0,
-        D=np.zeros((m, H)),
-        moved=np.zeros((n, H)),
-        phi=np.zeros(H),
-        J=np.zeros(H),
-        d=np.zeros(H),
-        size=np.zeros(H),
-        weight=np.zeros(H),
-        evidence=np.full(H, -np.inf),
-        none=1.0,
-        onset=np.full(slots, NEVER),
-        chi2=0.0,
-        used=0.0,
-        chi2_at=np.zeros(slots),
-        used_at=np.zeros(slots),
-        kept_P=np.zeros((slots, *P)),
-        kept_xi=np.zeros((slots, m)),
-        kappa=1.0,
-        misfit=1.0,
-        square=1.0,
-        product=0.0,
-        last=np.nan,
-        odds=-np.inf,
-        mixed=np.zeros(p),
+    p, n, q = len(design.theta0), design.model.states, len(jumps.which)
+    m, slots = p + n, PER_LEVEL + MORE * (timing.levels - 1)
+    H, K = slots * q, 2 * min(waves, PER_LEVEL * timing.levels * q // 2)
+    now = {
+        "base": timing.base,
+        "budget": timing.budget,
+        "commissioning": timing.first,
+        "searching": int(waves > 0),
+        "alarm": alarm,
+        "misfit_share": 1.0 / timing.memory,
+        "period": design.period,
+        "mean_speed": find_signal(design.output).mean_speed(design.period),
+        "due": NEVER,
+        "born": NEVER,
+        "mark": NEVER,
+        "none": 1.0,
+        "kappa": 1.0,
+        "misfit": 1.0,
+        "square": 1.0,
+        "last": np.nan,
+        "odds": -np.inf,
+        "cost_first": np.inf,
+    }
+    return Memory(
+        {
+            "now": numbers(BANK, now),
+            "which": np.array(jumps.which, np.int64),
+            "variance": jumps.size**2,
+            "log_prior": np.log(jumps.rate * design.period),
+        }
+        | told_arrays(tracked, groups)
+        | {
+            "history": np.zeros((_history(timing), 3)),
+            "delta": np.zeros(m),
+            "moved_one": np.zeros(n),
+            "D": np.zeros((m, H)),
+            "moved": np.zeros((n + 1, H)),
+        }
+        | {name: np.zeros(H) for name in ("J", "d", "size", "weight")}
+        | {
+            "evidence": np.full(H, -np.inf),
+            "precision": np.zeros(H),
+            "prior": np.zeros(H),
+            "onset": np.full(slots, NEVER),
+            "chi2_at": np.zeros(slots),
+            "used_at": np.zeros(slots),
+            "kept_P": np.zeros((slots, m, padded(m))),
+            "kept_xi": np.zeros((slots, m)),
+            "mixed": np.zeros(p),
+            "wave_D": np.zeros((m, K)),
+            "wave_moved": np.zeros((n + 1, K)),
+            "wave_J": np.zeros(K),
+            "wave_d": np.zeros(K),
+            "pull": np.zeros(K),
+            "cross": np.zeros(K // 2),
+        }
     )
 
 
-def _again(pattern: Pattern, p: int, timing: Timing) -> Record:
-    """Return the samples that are kept, and how far they have been gone through again."""
-    m, n = pattern.p, pattern.p - p
+def _history(timing: Timing) -> int:
+    """Return how many samples have to be kept."""
     grows = (timing.budget / (timing.budget - 1)) ** (timing.passes + 1)  # while a pass catches up
-    needed = grows * max(1.5 * timing.first, 2.0 * (timing.span + timing.review)) + timing.budget
-    length = 2 ** int(np.ceil(np.log2(needed)))  # few lengths, as each is compiled for
-    return record(
-        history=np.zeros((length, 3)),
-        delta=np.zeros(m),
-        moved_one=np.zeros(n),
-        J_one=0.0,
-        d_one=0.0,
-        chi2_one=0.0,
-        at=0,
-        end=0,
-        first=0,
-        end_follows=0,
-        busy=0,
-        cost_one=0.0,
-        cost_first=np.inf,  # twice the negative logarithm of the likelihood of the first seconds
-        left=0,  # of the samples that may be gone through again in this one
-        rerun=0,  # samples that were gone through again, in all
-        taken=0,
-        awake=0,
-        due=NEVER,
-        born=NEVER,  # first sample in which the axis moved
-        moves=0,  # samples in which it did
-        mark=NEVER,  # where the first seconds end
-        patience=0,
-        asks=0,  # whether somebody has to look after the last sample
-    )
+    longest = max(1.5 * timing.first, 2.0 * (timing.span + timing.review))
+    return int(np.ceil(grows * longest)) + timing.budget

@@ -1,4 +1,4 @@
-"""The records of a filter with a bank, what is done to them between samples, and their start."""
+"""The memory of a filter with a bank, what is done to it between samples, and its start."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.design import Design
-from flexaxis.estimators.filters.loop import Record
-from flexaxis.estimators.glr.records import NEVER, Jumps, Timing
-from flexaxis.estimators.models.compiler import Compiled
+from flexaxis.estimators.glr.bank import NEVER
+from flexaxis.estimators.glr.records import Jumps, Timing
+from flexaxis.estimators.models.memory import Memory
 
 Array = NDArray[np.float64]
 
@@ -17,16 +17,17 @@ Array = NDArray[np.float64]
 @dataclass
 class Workspace:
     """
-    What `flexaxis.estimators.glr.loop.glr_loop` works on.
+    What `flexaxis.estimators.glr.loop.glr` works on.
 
     Attributes
     ----------
     design : Design
     jumps : Jumps
     timing : Timing
-    tuning, states, bank : Record
-        As from `flexaxis.estimators.glr.records.glr_records`.
-    begin : (2,) Record
+    states : Memory
+        Two joint filters: this one, and one that goes through samples again.
+    bank : Memory
+    begin : Memory
         The states before the first sample.
     angle : int
         Which state is the angle of the motor, or would be.
@@ -35,10 +36,9 @@ class Workspace:
     design: Design
     jumps: Jumps
     timing: Timing
-    tuning: Record
-    states: Record
-    bank: Record
-    begin: Record
+    states: Memory
+    bank: Memory
+    begin: Memory
     angle: int = 0
 
     @property
@@ -54,21 +54,21 @@ class Workspace:
     @property
     def now(self) -> int:
         """The last sample that was taken."""
-        return int(self.bank["taken"][0]) - 1
+        return int(self.bank["taken"]) - 1
 
     @property
     def busy(self) -> bool:
         """Whether samples are gone through again."""
-        return bool(self.bank["busy"][0])
+        return bool(self.bank["busy"])
 
     @property
     def caught_up(self) -> bool:
         """Whether those that are gone through again are."""
-        return self.busy and bool(self.bank["at"][0] >= self.bank["end"][0])
+        return self.busy and bool(self.bank["at"] >= self.bank["end"])
 
     def go_through(self, xi: Array, P: Array, at: int, *, first: bool, follow: bool) -> None:
         """
-        Let the second record go through samples again.
+        Let the second filter go through samples again.
 
         Parameters
         ----------
@@ -81,32 +81,31 @@ class Workspace:
         follow : bool
             Whether it goes on with samples that come meanwhile.
         """
-        bank, state, p = self.bank[0], self.states[1], self.p
-        self.states[1] = self.states[0].copy()
-        state["theta"][:p], state["X"][: len(xi) - p, 0], state["P"] = xi[:p], xi[p:], P
+        bank, states, p = self.bank, self.states, self.p
+        states.block[1] = states.block[0]
         n = len(xi) - p
-        state["X"][:n, 1 : 1 + p + n] = np.eye(n, p + n, p)
+        states["theta"][1], states["P"][1] = xi[:p], P
+        states["X"][1, :n, 0], states["X"][1, :n, 1 : 1 + p + n] = xi[p:], np.eye(n, p + n, p)
         for name in ("J_one", "d_one", "chi2_one", "cost_one"):
             bank[name] = 0.0
-        bank["at"], bank["end"], bank["first"] = at, bank["taken"], int(first)
+        bank["at"], bank["end"], bank["measured"] = at, bank["taken"], int(first)
         bank["end_follows"], bank["busy"] = int(follow), 1
 
     def move(self, direction: Array) -> None:
-        """Move ξ of the second record (m,) as it was at the last sample, and what it predicts."""
-        state, p = self.states[1], self.p
-        lower, upper = self.design.lower, self.design.upper
-        state["theta"][:p] = np.clip(state["theta"][:p] + direction[:p], lower, upper)
-        state["X"][:, 0] += state["X"][:, 1 : 1 + len(direction)] @ direction
+        """Move ξ of the second filter (m,) as it was at the last sample, and what it predicts."""
+        theta, X, p = self.states["theta"][1], self.states["X"][1], self.p
+        theta[:] = np.clip(theta + direction[:p], self.design.lower, self.design.upper)
+        X[:, 0] += X[:, 1 : 1 + len(direction)] @ direction
 
     def adopt(self) -> None:
-        """Let the second record take the place of the first, but for what is known of the noise."""
-        for name in ("theta", "X", "P", "M"):
+        """Let the second filter take the place of the first, but for what is known of the noise."""
+        for name in ("theta", "X", "P"):
             self.states[name][0] = self.states[name][1]
         self.empty()
 
     def empty(self) -> None:
         """Forget all hypotheses, and what is being gone through again."""
-        bank = self.bank[0]
+        bank = self.bank
         bank["onset"], bank["weight"], bank["evidence"] = NEVER, 0.0, -np.inf
         bank["none"], bank["busy"], bank["odds"] = 1.0, 0, -np.inf
         bank["end_follows"], bank["end"] = 0, bank["at"]
@@ -126,9 +125,8 @@ class Kit(NamedTuple):
     fixable : dict of str to str
     shapes : dict of tuple of int to tuple of int
         Levels of dry friction, and what shapes it.
-    records : tuple of Record
-        As from `flexaxis.estimators.glr.records.glr_records`.
-    loop : Compiled
+    states, bank : Memory
+        As `Workspace` has them.
     angle : int
         Which state is the angle of the motor, or would be.
     """
@@ -139,12 +137,41 @@ class Kit(NamedTuple):
     told: dict[int, float]
     fixable: dict[str, str]
     shapes: dict[tuple[int, ...], tuple[int, ...]]
-    records: tuple[Record, Record, Record]
-    loop: Compiled
+    states: Memory
+    bank: Memory
     angle: int
 
     def begin(self) -> Workspace:
         """Return a workspace as before the first sample."""
-        tuning, states, bank = self.records
-        records = tuning, states.copy(), bank.copy(), states
-        return Workspace(self.design, self.jumps, self.timing, *records, self.angle)
+        states, bank = self.states.copy(), self.bank.copy()
+        return Workspace(
+            self.design, self.jumps, self.timing, states, bank, self.states, self.angle
+        )
+
+
+def take_up(plain: Workspace, rich: Workspace, wave: tuple[int, float, float]) -> None:
+    """
+    Let a filter with a law of cogging begin where another one is.
+
+    Parameters
+    ----------
+    plain : Workspace
+        After the first seconds.
+    rich : Workspace
+        As before the first sample. Its parameters are those of the other and, as the last three,
+        sine, cosine and poles of cogging, which is its last law; the angle is one more state.
+    wave : (waves, sine, cosine)
+    """
+    rich.bank["history"], rich.bank["now"] = plain.bank["history"], plain.bank["now"]
+    rich.states["now"] = plain.states["now"]
+    was, now, p = plain.states, rich.states, plain.p
+    n, angle = was["gain"].shape[1] - p, rich.angle
+    rows = np.arange(n) + (np.arange(n) >= angle)
+    whole = np.r_[np.arange(p), rich.p + rows]
+    now["P"][0][np.ix_(whole, whole)] = was["P"][0, :, : p + n]
+    cogging = np.array([*wave[1:], wave[0]]) / rich.design.scale[p:]
+    now["theta"][0] = np.r_[was["theta"][0], cogging]
+    now["theta"][1, -1] = rich.begin["theta"][:, -1] = cogging[-1]
+    now["X"][0, rows, 0], now["X"][0, -1, 0] = was["X"][0, :n, 0], was["X"][0, -1, 0]
+    now["X"][0, angle, 0] = plain.bank["angle"]
+    rich.bank["mixed"] = now["theta"][0]

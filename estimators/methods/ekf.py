@@ -1,27 +1,12 @@
-"""Joint extended Kalman filter for state and parameters, on the lanes of `models.kernel`."""
-
-from functools import partial
-
-import numpy as np
-from numpy.typing import NDArray
+"""Joint extended Kalman filter for state and parameters."""
 
 from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.filters.fault_monitor import HEEDS_NOTHING
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.joint import (
-    correct,
-    ekf_records,
-    look,
-    start_sample,
-    with_state,
-)
-from flexaxis.estimators.filters.loop import Record, sample_loop
-from flexaxis.estimators.filters.noise import judge, show
-from flexaxis.estimators.models.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.models.discretisation import Pattern, split
+from flexaxis.estimators.filters.joint import joint_arrays, read_joint
+from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
-
-Array = NDArray[np.float64]
 
 WALK = 0.002  # 1/√s, of θ/θ(0), where no tuning is known
 
@@ -46,36 +31,8 @@ def joint_ekf(design: Design) -> CompiledFilter:
         With W, what the covariance of θ gains in every sample, as its drift. Where it has no noise
         R = σ² is learnt from the innovations, see `flexaxis.estimators.filters.noise`.
     """
-    pattern = with_state(split(design.model)[0])
-    tuning, start = ekf_records(design, pattern)
-    return CompiledFilter(
-        _ekf_loop(pattern), tuning, start, design, partial(_read, len(design.theta0))
-    )
-
-
-def _read(p: int, state: Record) -> tuple[Array, Array]:
-    return state["theta"][0, :p], state["P"][0, :p, :p]
-
-
-@remembered
-def _ekf_loop(pattern: Pattern) -> Compiled:
-    """Return the compiled loop for models of this pattern."""
-    return sample_loop(pattern, _take, "an extended Kalman filter")
-
-
-@inlined
-def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
-    """Do with a sample what `flexaxis.estimators.filters.loop.sample_loop` asks for."""
-    tuning, state = tunings[0], states[0]
-    look(state)
-    used = judge(tuning, state, y[k], valid[k], state["X"][-1, 0], state["spread"])
-    correct(tuning, state, used, state["noise"])
-    p = estimates.shape[1]
-    start_sample(state["X"], len(state["gain"]) - p, p)
-    for i in range(p):
-        estimates[k, i] = state["theta"][i]
-    show(state, trace[k])
-    return False
+    start = Memory(joint_arrays(design, heeds=HEEDS_NOTHING))
+    return CompiledFilter("flexaxis.estimators.methods.loops:ekf", start, design, read_joint)
 
 
 def _extended(

@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import above_zero, at_least_zero, make_design
+from flexaxis.estimators.glr.cogging import FASTEST
 from flexaxis.estimators.glr.filter import Glr
-from flexaxis.estimators.glr.records import Dictionary, Jumps, lengths
-from flexaxis.estimators.glr.shapes import fastest_wave
-from flexaxis.estimators.models.axes import with_shape
+from flexaxis.estimators.glr.records import Jumps, lengths
+from flexaxis.estimators.models.axes import with_cogging
 from flexaxis.estimators.models.meaning import fixable as fixable_of
 from flexaxis.estimators.models.meaning import shapes_of_friction, structure
 from flexaxis.estimators.models.model import Model
@@ -39,7 +39,6 @@ RATE = 1e-3  # 1/s, of jumps of all parameters together: one in a quarter of an 
 SUSPECTED = 0.1  # how often what is learnt once jumps, over how often what is tracked does
 SPREAD = 0.2  # of θ(0) over itself, of what is tracked
 BUDGET = 32  # samples that are gone through again, at most, in one: docs/glr.md has the choice
-SOFT = 0.02  # of the rms speed, by which dry friction changes its sign if nothing is told
 
 
 def glr(
@@ -94,9 +93,8 @@ def glr(
         Samples that are gone through again in one sample, at most, to make a candidate exact; from
         16 down what is found comes later, and below 8 too late for the bank.
     gear : bool
-        Whether the gear may have its share in the friction, as of a servo drive: then a filter that
-        knows of that runs beside the other one until it is clear which predicts better. Not where
-        `learn` is not ``"auto"``, for a model of one's own, or where bristles are told or asked.
+        Whether friction grows with the load of the gear, as of a servo drive. It has no effect on
+        a model of one's own, nor where bristles are told or asked for.
     commissioning : float, optional
         How long the axis moves until its structure is learnt [s]; ten time scales by default.
 
@@ -109,7 +107,9 @@ def glr(
     _check(period=period, walk=walk, jump=jump, rate=rate, spread=spread, budget=budget)
     if not isinstance(gear, bool):
         raise EstimatorError(f"gear is {gear!r}; give true or false")
-    model = with_laws(nominal, torque=problem.torque, period=period)
+    bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *problem.identify, *track, *suspects}
+    geared = gear and not bristles
+    model = with_laws(nominal, torque=problem.torque, period=period, geared=geared)
     told = told_of(nominal)
     if noise is None and not isinstance(nominal, Model):
         noise = nominal.get("noise")
@@ -130,22 +130,16 @@ def glr(
         commissioning=commissioning,
     )
     learns = learn == "auto" and deviations is None and commissioning != 0
-    if not learns or isinstance(nominal, Model):
+    told_laws = isinstance(nominal, Model) or {"mu_m", "poles"} & model.nominal.keys()
+    if not learns or told_laws:  # no cogging is looked for
         return made(model)
-    if "mu_m" in nominal:  # nothing else is looked for
-        return made(model)
-    geared = None
-    bristles = {"sigma_0", "sigma_1"} & {*nominal, *problem.identify, *track, *suspects}
-    if gear and not bristles:
-        other = with_laws(nominal, torque=problem.torque, period=period, geared=True)
-        geared = made(other)
-    return made(model, richer=made(with_shape(model)), geared=geared)
+    return made(model, richer=made(with_cogging(model), beside=("poles",)))
 
 
 def _made(
     model: Model,
     richer: Glr | None = None,
-    geared: Glr | None = None,
+    beside: Sequence[str] = (),
     *,
     problem: Problem,
     told: Sequence[str],
@@ -161,13 +155,13 @@ def _made(
     budget: int,
     commissioning: float | None,
 ) -> Glr:
-    """Return the filter for a model, and what it goes on with where it finds a shape."""
+    """Return the filter for a model that learns some parameters besides."""
     period, torque = problem.period, problem.torque
     inverses = (f"1/{p}" for p in model.parameters if p not in model.law_parameters)
     may = (*model.parameters, *inverses)
     track = names_of("track", track, (*may, *TRACKED))
     tracked = (*problem.identify, *(n for n in track if is_left(model, n, problem.identify)))
-    learnt = learnt_of(model, tracked, learn)
+    learnt = (*learnt_of(model, tracked, learn), *beside)
     names = (*tracked, *learnt)
     which = (*tracked, *_suspects(model, suspects, tracked, learnt, may))
     model = without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])
@@ -199,10 +193,9 @@ def _made(
         told=told_groups(model, names, learnt, stated),
         fixable={n: AS_TOLD if n in stated else AS_ABSENT for n in fixable},
         shapes=shapes_of_friction(model, names) if learn == "auto" else {},
-        dictionary=Dictionary() if richer is None else _dictionary(model, torque, period, sizes),
+        waves=_most_waves(model, torque, period) if richer else 0,
         angle=states.index("angle_motor") if "angle_motor" in states else len(states),
         richer=richer,
-        geared=geared,
     )
 
 
@@ -224,14 +217,10 @@ def _suspects(
     return [name for name in asked if name in learnt]
 
 
-def _dictionary(
-    model: Model, torque: ArrayLike | None, period: float, sizes: np.ndarray
-) -> Dictionary:
-    """Return the shapes that are looked for, in units of how the axis moves."""
+def _most_waves(model: Model, torque: ArrayLike | None, period: float) -> int:
+    """Return the most waves in a turn that cogging is looked for with."""
     ((_, motion), *_) = measured(model, torque, period)
-    load = list(model.states).index("twist_gear")
-    softness = float(model.nominal["v_0"]) or SOFT * motion.drive
-    return Dictionary(fastest_wave(motion.drive, period), load, float(sizes[load]), softness)
+    return max(1, int(FASTEST / (motion.drive * period)))
 
 
 def _walk(model: Model, names: Sequence[str], tracked: int, walk: float) -> np.ndarray:

@@ -1,20 +1,14 @@
 """Interacting multiple models: joint extended Kalman filters that share what they know."""
 
-from functools import partial
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import Design, above_zero, finite_vector
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.interacting_models import imm_loop, read_mixture
-from flexaxis.estimators.filters.joint import (
-    ekf_records,
-    with_state,
-)
-from flexaxis.estimators.filters.loop import joined, record
-from flexaxis.estimators.models.discretisation import split
+from flexaxis.estimators.filters.interacting_models import mixing_arrays, read_mixture
+from flexaxis.estimators.filters.joint import joint_arrays
+from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
@@ -64,30 +58,13 @@ def joint_imm(
     variances = finite_vector("jump", jump, p)
     if not (variances >= 0).all():
         raise EstimatorError(f"jump is {jump!r}; give variances that are not negative")
-    pattern = with_state(split(design.model)[0])
-    tuning, start = ekf_records(design, pattern)
-    tuning = np.repeat(joined(tuning, record(stay=1 - period / hold)), 1 + p)
-    tuning["stay"][0] = 1 - rate * period
+    arrays = joint_arrays(design, stay=1 - period / hold)
+    start = Memory(arrays | mixing_arrays(arrays["P"]), times=1 + p)
+    start["stay"][0] = 1 - rate * period
     for i, variance in enumerate(variances / design.scale**2):
-        tuning["drift"][1 + i, i, i] += variance
-    m = pattern.p  # θ and x
-    start = joined(
-        start,
-        record(
-            probability=0.0,
-            predicted=0.0,
-            logarithm=0.0,
-            xi=np.zeros(m),
-            apart=np.zeros(m),
-            mixed=np.zeros(m),
-            mixed_P=np.zeros_like(start["P"][0]),
-        ),
-    )
-    start = np.repeat(start, 1 + p)
+        start["drift"][1 + i, i, i] += variance
     start["probability"][0] = start["predicted"][0] = 1.0
-    return CompiledFilter(
-        imm_loop(pattern), tuning, start, design, partial(read_mixture, p), restarts=True
-    )
+    return CompiledFilter("flexaxis.estimators.methods.loops:imm", start, design, read_mixture)
 
 
 def _imm(

@@ -7,9 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.filters.design import covariance_matrix, make_design
 from flexaxis.estimators.filters.filter import CompiledFilter, Trace, trace
-from flexaxis.estimators.filters.forgetful import adaptation
-from flexaxis.estimators.filters.prediction_error import CEILING, predict, read_claim
-from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.filters.forgetful import LOOP, PAPER
+from flexaxis.estimators.filters.prediction_error import CEILING, read_claim, recursion
 from flexaxis.estimators.models.model import Model
 
 Array = NDArray[np.float64]
@@ -136,27 +135,25 @@ class Rpem(CompiledFilter):
             output=output,
             x0=x0,
         )
-        loop, tuning, start = adaptation(
+        start = recursion(
             design,
-            _adapt,
             robust=robust,
             ceiling=ceiling,
             correct=state_correction,
-            tuning={},
-            state=None,
+            rule=PAPER,
         )
-        super().__init__(loop, tuning, start, design, read_claim, restarts=True)
+        super().__init__(LOOP, start, design, read_claim)
 
     @property
     def P(self) -> Array:  # noqa: D102
-        return self.state["P"][0] * np.outer(self._design.scale, self._design.scale)
+        return self.state["P"] * np.outer(self._design.scale, self._design.scale)
 
     @P.setter
     def P(self, value: ArrayLike) -> None:
         squares = np.outer(self._design.scale, self._design.scale)
         given = covariance_matrix("P", value, len(squares)) / squares
-        self.state["P"][0] = self.state["claim"][0] = given
-        self.state["granted"][0] = np.diag(given)
+        self.state["P"] = self.state["claim"] = given
+        self.state["granted"] = np.diag(given)
 
     def restart(self, P: ArrayLike) -> None:
         """
@@ -172,32 +169,26 @@ class Rpem(CompiledFilter):
             What is known of the new θ, for a noise variance of one.
         """
         self.P = P
-        self.state["X"][0, :, 1:] = 0.0
+        self.state["X"][:, 1:] = 0.0
 
     @property
     def noise_variance(self) -> float:
         """R̂, the variance of the output noise: as given, or as estimated so far."""
-        return float(self.state["noise"][0])
+        return float(self.state["noise"])
 
     @property
     def signal_power(self) -> float:
         """Mean square of ŷ, with the memory of R̂."""
-        return float(self.state["signal"][0])
+        return float(self.state["signal"])
 
     @property
     def psi(self) -> Array:  # noqa: D102
-        return self.state["psi"][0] / self._design.scale
+        return self.state["psi"] / self._design.scale
 
     @property
     def epsilon(self) -> float:  # noqa: D102
-        return float(self.state["epsilon"][0])
+        return float(self.state["epsilon"])
 
     def trace(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
         """Do as ``run`` and keep residual, gradient and P of every sample."""
         return trace(self, u, y, valid)
-
-
-@inlined
-def _adapt(tuning, state, valid):
-    """Do the time update of the paper, in a gap as well."""
-    predict(tuning, state)

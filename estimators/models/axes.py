@@ -129,13 +129,6 @@ COGGING = Law(
     parameters={"sine": "c_sin", "cosine": "c_cos", "poles": "poles"},
 )
 """Cogging of the motor, for a model with its angle: see `with_angle`."""
-SHAPE = Law(
-    "shape",
-    drive={"speed_motor": 1.0},
-    acts={"speed_motor": "-1/J_m"},
-    parameters={"sine": "shape_sin", "cosine": "shape_cos", "waves": "shape_n", "softness": 0.1},
-)
-"""Friction of the motor whose shape is found while it moves, for a model with its angle."""
 LIMIT = Law(
     "clip",
     drive={INPUT: 1.0},
@@ -156,11 +149,11 @@ def with_angle(model: Model) -> Model:
     )
 
 
-def with_shape(model: Model) -> Model:
-    """Return an axis with friction of the motor of one more shape, which is its last law."""
-    named = {"shape_sin": 0.0, "shape_cos": 0.0, "shape_n": 10.0}
-    model = model if "angle_motor" in model.states else with_angle(model)
-    return replace(model, laws=(*model.laws, SHAPE), nominal=dict(model.nominal) | named)
+def with_cogging(model: Model) -> Model:
+    """Return an axis without an angle with cogging, which is its last law."""
+    model = with_angle(model)
+    cogging = {"c_sin": 0.0, "c_cos": 0.0, "poles": 10.0}
+    return replace(model, laws=(*model.laws, COGGING), nominal=dict(model.nominal) | cogging)
 
 
 def real_axis(nominal: Mapping[str, float]) -> Model:

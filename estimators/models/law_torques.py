@@ -9,22 +9,21 @@ Laws and roles: `flexaxis.estimators.models.laws`.
 
 import numpy as np
 
-from flexaxis.estimators.models.compiler import compiled, inlined
+from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.laws import KINDS, MOST_ROLES
 
 F, F_W, F_S, S, S_W, S_S, ROLE = range(7)
 WIDTH = ROLE + 2 * MOST_ROLES
-BRISTLE, STATIC, SPRING, SINUSOID, CLIP, SHAPE = (
-    KINDS.index(kind) for kind in ("bristle", "static", "spring", "sinusoid", "clip", "shape")
+BRISTLE, STATIC, GEAR, SPRING, SINUSOID, CLIP = (
+    KINDS.index(kind) for kind in ("bristle", "static", "gear", "spring", "sinusoid", "clip")
 )
-GEAR = KINDS.index("gear")
 SMALL = 0.1  # below it the relaxation functions are taken from their series, to round-off
 FAST = 20.0  # of v/v_0: tanh is one to round-off
 NEAR = 1e-4  # of v/v_0: below it x/tanh x is its series to round-off
 LEAST = 1e-100  # [N m] a bristle's level, whose inverse and the square of that are finite
 
 
-@compiled
+@inlined
 def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
     """
     Write the torque of a law and its derivatives.
@@ -57,8 +56,6 @@ def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
         _sinusoid(w, value, local)
     elif kind == CLIP:
         _clip(w, value, local)
-    elif kind == SHAPE:
-        _shape(w, s, h, value, local)
 
 
 @inlined
@@ -233,22 +230,3 @@ def _clip(u, value, local):
     if abs(u) > limit:
         side = 1.0 if u > 0.0 else -1.0
         local[F], local[F_W], local[ROLE] = side * limit - u, -1.0, side
-
-
-@inlined
-def _shape(v, s, h, value, local):
-    """F of one of three shapes; s is an angle at the end of the step, taken back to its middle."""
-    a, b, n, which = value[0], value[1], value[2], value[4]
-    t = np.tanh(v / value[3]) if which > 0.0 else 1.0
-    t_v = (1.0 - t * t) / value[3] if which > 0.0 else 0.0
-    if which > 1.0:
-        by_a, by_b, by_n = n * abs(s), t, a * abs(s)
-        by_s, by_v = (a * n if s >= 0.0 else -a * n), b * t_v
-    else:
-        middle = s - 0.5 * h * v
-        by_a, by_b = np.sin(n * middle), np.cos(n * middle)
-        turned = a * by_b - b * by_a
-        by_s, by_v, by_n = n * turned, -0.5 * h * n * turned, middle * turned
-    level = a * by_a + b * by_b
-    local[F], local[F_W], local[F_S] = level * t, by_v * t + level * t_v, by_s * t
-    local[ROLE], local[ROLE + 2], local[ROLE + 4] = by_a * t, by_b * t, by_n * t

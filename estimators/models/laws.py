@@ -18,11 +18,6 @@ spring (cubic, gap)
     outside a gap of that width.
 sinusoid (sine, cosine, poles)
     F = a sin(N φ) + b cos(N φ), such as cogging, or gravity for N = 1.
-shape (sine, cosine, waves, softness, which)
-    Friction of a shape that nobody told: F = a sin(N φ) + b cos(N φ) over an angle φ for ``which``
-    0; that times tanh(v/v_0) for 1; [a N |x| + b tanh(v/v_0)] tanh(v/v_0) for 2, which grows with
-    a load x and is larger one way. It is driven by v, and reads φ or x from a state that compiled
-    code is told as its memory.
 gear (coulomb, breakaway, stribeck, sharpness, motor, external, motor_slow, external_slow,
 softness; input, stiffness, ratio)
     Friction that grows with the load of a gear,
@@ -156,23 +151,13 @@ LAWS: Mapping[str, Kind] = {
         {
             "sine": Role("force", (0.0, 0.1, -1.0, 1.0), signed=True),
             "cosine": Role("force", (0.0, 0.1, -1.0, 1.0), signed=True),
-            "poles": Role(needed=True, told=True),
+            "poles": Role("1", (10.0, 0.5, 0.1, 1e3), needed=True, told=True),
         },
         nominal=(0.0424, 0.85, 118.0),
     ),
     "clip": Kind(
         {"limit": Role("drive", (5.0, 1.0, 0.1, 100.0), needed=True, told=True)},
         nominal=(0.85, 0.85, 0.0),
-    ),
-    "shape": Kind(
-        {
-            "sine": Role("force", (0.0, 0.1, -1.0, 1.0), signed=True),
-            "cosine": Role("force", (0.0, 0.1, -1.0, 1.0), signed=True),
-            "waves": Role("1", (10.0, 0.5, 0.1, 1e3)),  # the nearest whole number is known
-            "softness": Role(needed=True),
-            "which": Role(),
-        },
-        nominal=(5.0, 0.85, 176.0),
     ),
 }
 """All kinds of law; their torques are in `flexaxis.estimators.models.law_torques`."""

@@ -10,22 +10,21 @@ stiff friction is. Its derivatives are exact, from (I − G F_w) w̄' = c' + G' 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.compiler import compiled, inlined
+from flexaxis.estimators.models.acting import Acting
+from flexaxis.estimators.models.compiler import fused, inlined
 from flexaxis.estimators.models.law_torques import (
     F_S,
     F_W,
     ROLE,
     S_S,
     S_W,
-    SHAPE,
     WIDTH,
     F,
     S,
     force,
-)
+)  # fmt: skip
 from flexaxis.estimators.models.laws import MOST_ROLES
-
-Array = NDArray[np.float64]
+from flexaxis.estimators.models.rows import add, add_slopes, clear
 
 MOST_STEPS = 100  # of the search; two or three do
 TURNS = 6  # steps of Newton's method after which laws count as flat where they fall: between two
@@ -38,48 +37,71 @@ LEAST = 1e-150  # of a scale, so that none, and no square of one, divides by zer
 LEAST_SHARE = 1 / 64  # of a step that is taken where steps turn back without shrinking
 
 
-def room(L: int, lanes: int) -> dict[str, Array]:
-    """Return the arrays that `react` works in, for L laws; the first it begins the next search."""
-    return {
-        "force": np.zeros(L),  # of the last step
-        "offset": np.zeros(L),  # c
-        "change": np.zeros(L),  # of w̄ in a step of the search
-        "roles": np.zeros((L, MOST_ROLES)),
-        "local": np.zeros((L, WIDTH)),
-        "coupling": np.zeros((L, L)),  # G
-        "jacobian": np.zeros((L, L)),
-        "inverse": np.zeros((L, L)),
-        "before": np.zeros((L, lanes)),  # drives before the step
-        "mean": np.zeros((L, lanes)),  # w̄
-        "torque": np.zeros((L, lanes)),  # F
-        "reach": np.zeros(L),  # of w̄, in the search for it
-    }
+LAW = np.dtype(
+    [("kind", int), ("memory", int), ("load", int)]
+    + [(name, float) for name in ("force", "offset", "change", "reach")]
+    + [("parameter", int, MOST_ROLES), ("value", float, MOST_ROLES)]
+    + [("roles", float, MOST_ROLES), ("local", float, WIDTH)]
+)
+"""
+A law: as `flexaxis.estimators.models.acting.Acting` has it, the torque of the last step, c, w̄ in a
+step of the search and what it is made of, its parameters at θ, and what `force` writes.
+"""
 
 
-@compiled
+def law_records(laws: Acting | None, lanes: int) -> dict[str, NDArray]:
+    """
+    Return what `react` needs of the laws of a model, by name.
+
+    Parameters
+    ----------
+    laws : Acting or None
+    lanes : int
+        Length of a row of states.
+
+    Returns
+    -------
+    laws : (L,) records
+    drive : (L, n+1) array
+        For n states, without the torques of laws.
+    square : (3, L, L) array
+        G, I − G F_w and its inverse.
+    lanes : (3, L, lanes) array
+        Drives before the step, w̄ and F, with derivatives.
+    """
+    L = 0 if laws is None else len(laws.kind)
+    found, drive = np.zeros(L, LAW), np.zeros((L, 1))
+    if laws is not None:
+        for name in ("kind", "memory", "load", "parameter", "value"):
+            found[name] = getattr(laws, name)
+        drive = laws.drive
+    square, room = np.zeros((3, L, L)), np.zeros((3, L, lanes))
+    return {"laws": found, "drive": drive, "square": square, "lanes": room}
+
+
+@fused
 def drives(drive, X, u, w):
     """Write the drives w (L, lanes) of states and derivatives X (≥ n, lanes), and of the input."""
     n = drive.shape[1] - 1
     for i in range(len(drive)):
-        for a in range(w.shape[1]):
-            w[i, a] = 0.0
+        clear(w, i)
         w[i, 0] = drive[i, n] * u
         for j in range(n):
             if drive[i, j] != 0.0:
-                for a in range(w.shape[1]):
-                    w[i, a] += drive[i, j] * X[j, a]
+                add(w, i, drive[i, j], X, j)
 
 
-@compiled
-def assign(value, parameter, theta, roles):
-    """Write the parameters (L, R) of laws by role, at θ."""
-    for i in range(len(roles)):
-        for r in range(roles.shape[1]):
-            j = parameter[i, r]
-            roles[i, r] = value[i, r] * theta[j] if j >= 0 else value[i, r]
+@inlined
+def assign(laws, theta):
+    """Write the parameters of laws by role, at θ."""
+    for i in range(len(laws)):
+        law = laws[i]
+        for r in range(MOST_ROLES):
+            j = law["parameter"][r]
+            law["roles"][r] = law["value"][r] * theta[j] if j >= 0 else law["value"][r]
 
 
-@compiled
+@inlined
 def couple(drive, response, gain):
     """Write G = ½ D Γ_F."""
     for i in range(len(gain)):
@@ -89,15 +111,15 @@ def couple(drive, response, gain):
                 gain[i, j] += 0.5 * drive[i, m] * response[j, m, 0]
 
 
-@compiled
-def react(laws, h, response, u, X, work):  # noqa: PLR0917
+@fused
+def react(laws, drive, square, lanes, h, response, u, X):  # noqa: PLR0917
     """
     Add to a step what laws do in it, with derivatives.
 
     Parameters
     ----------
-    laws : tuple (kind, memory, drive, value, parameter, load)
-        As in `flexaxis.estimators.models.acting.Acting`.
+    laws, drive, square, lanes
+        As from `law_records`, with parameters, G and drives before the step written.
     h : float
         Length of the step [s].
     response : (L, N, lanes) array
@@ -105,168 +127,164 @@ def react(laws, h, response, u, X, work):  # noqa: PLR0917
     u : float
     X : (N, lanes) array
         States and output after the step, without laws; corrected here.
-    work : tuple of arrays
-        Those of `room`, in their order, with roles, coupling and before written.
     """
-    drive = laws[2]
-    _, _, _, _, local, _, _, _, before, mean, torque, _ = work
+    before, mean, torque = lanes[0], lanes[1], lanes[2]
+    gain, inverse = square[0], square[2]
     drives(drive, X, u, mean)
     for i in range(len(mean)):
         for a in range(mean.shape[1]):
             mean[i, a] = 0.5 * (mean[i, a] + before[i, a])
-    _search(laws, h, u, X, work)
-    _differentiate(laws, response, X, work)
-    for m in range(len(X)):
-        for i in range(len(mean)):
-            b, held = response[i, m, 0], local[i, F]
-            if b != 0.0:
-                X[m, 0] += b * held
-                for a in range(1, mean.shape[1]):
-                    X[m, a] += b * torque[i, a] + response[i, m, a] * held
-    _remember(laws, X, work)
-
-
-@inlined
-def _differentiate(laws, response, X, work):
-    """Write w̄' into ``mean``, as (I − G F_w) w̄', and F' into ``torque``; not their first lanes."""
-    _, memory, drive, value, parameter, load = laws
-    _, _, _, _, local, gain, _, inverse, _, mean, torque, _ = work
-    L, lanes = mean.shape
-    for i in range(L):  # F_s s' + F_θ
-        for a in range(1, lanes):
-            torque[i, a] = local[i, F_S] * X[memory[i], a] if memory[i] >= 0 else 0.0
-        for r in range(value.shape[1]):
-            if parameter[i, r] >= 0:
-                torque[i, 1 + parameter[i, r]] += local[i, ROLE + 2 * r] * value[i, r]
-    for i in range(L):
-        for j in range(L):
-            _add(mean[i], gain[i, j], torque[j])
-            for m in range(drive.shape[1] - 1):
-                if drive[i, m] != 0.0:  # G' F
-                    _add(mean[i], 0.5 * drive[i, m] * local[j, F], response[j, m])
-    for i in range(L):
-        for j in range(L):
-            _add(torque[i], local[i, F_W] * inverse[i, j], mean[j])
-            if load[i] >= 0:
-                _add(torque[i], local[i, F_S] * inverse[load[i], j], mean[j])
-
-
-@inlined
-def _remember(laws, X, work):
-    """Take the states that laws have of their own over the step, and keep their torques."""
-    kind, memory, _, value, parameter, _ = laws
-    torques, _, _, _, local, _, _, inverse, _, mean, _, _ = work
+    _search(laws, h, u, X, gain, square[1], inverse, mean)
+    _differentiate(laws, drive, gain, inverse, response, X, mean, torque)
     for i in range(len(mean)):
-        torques[i] = local[i, F]
-        m = memory[i]
-        if m >= 0 and kind[i] != SHAPE:  # which only reads a state
-            X[m, 0] = local[i, S]
-            for a in range(1, mean.shape[1]):
-                X[m, a] *= local[i, S_S]
-            for j in range(len(mean)):
-                _add(X[m], local[i, S_W] * inverse[i, j], mean[j])
-            for r in range(value.shape[1]):
-                if parameter[i, r] >= 0:
-                    X[m, 1 + parameter[i, r]] += local[i, ROLE + 2 * r + 1] * value[i, r]
+        held = laws[i]["local"][F]
+        for m in range(len(X)):
+            b = response[i, m, 0]
+            if b != 0.0:
+                value = X[m, 0] + b * held
+                add(X, m, b, torque, i)
+                add(X, m, held, response[i], m)
+                X[m, 0] = value
+    _remember(laws, inverse, mean, X)
+
+
+@fused
+def _differentiate(laws, drive, gain, inverse, response, X, mean, torque):  # noqa: PLR0917
+    """Write w̄' into ``mean``, as (I − G F_w) w̄', and F' into ``torque``; not their first lanes."""
+    L = len(laws)
+    for i in range(L):
+        law = laws[i]
+        clear(torque, i)
+        if law["memory"] >= 0:
+            add_slopes(torque, i, law["local"][F_S], X, law["memory"])
+        for r in range(MOST_ROLES):
+            if law["parameter"][r] >= 0:
+                torque[i, 1 + law["parameter"][r]] += law["local"][ROLE + 2 * r] * law["value"][r]
+    for i in range(L):
+        for j in range(L):
+            add_slopes(mean, i, gain[i, j], torque, j)
+            for m in range(drive.shape[1] - 1):
+                if drive[i, m] != 0.0:
+                    add_slopes(mean, i, 0.5 * drive[i, m] * laws[j]["local"][F], response[j], m)
+    for i in range(L):
+        for j in range(L):
+            add_slopes(torque, i, laws[i]["local"][F_W] * inverse[i, j], mean, j)
+            if laws[i]["load"] >= 0:
+                add_slopes(torque, i, laws[i]["local"][F_S] * inverse[laws[i]["load"], j], mean, j)
+
+
+@fused
+def _remember(laws, inverse, mean, X):
+    """Take the states that laws have of their own over the step, and keep their torques."""
+    for i in range(len(laws)):
+        law = laws[i]
+        law["force"] = law["local"][F]
+        m = law["memory"]
+        if m >= 0:
+            for a in range(1, X.shape[1]):
+                X[m, a] *= law["local"][S_S]
+            X[m, 0] = law["local"][S]
+            for j in range(len(laws)):
+                add_slopes(X, m, law["local"][S_W] * inverse[i, j], mean, j)
+            for r in range(MOST_ROLES):
+                if law["parameter"][r] >= 0:
+                    X[m, 1 + law["parameter"][r]] += (
+                        law["local"][ROLE + 2 * r + 1] * law["value"][r]
+                    )
 
 
 @inlined
-def _add(row, factor, other):
-    """Add a multiple of a row to another, but not of its first lane, which is a value."""
-    if factor != 0.0:
-        for a in range(1, len(row)):
-            row[a] += factor * other[a]
-
-
-@compiled
-def _search(laws, h, u, X, work):
+def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
     """
     Solve w̄ = c + G F(w̄) by Newton's method, from the torques of the step before.
 
     Where friction falls steeply with speed there may be several w̄, and none near the start: then w̄
     follows its residual, as a rule to the next that is stable.
 
-    c is ``mean[:, 0]``, in the place of which w̄ comes; the laws are left in ``local`` as they are
-    at w̄, and (I − G F_w)⁻¹ in ``inverse``.
+    c is ``mean[:, 0]``, in the place of which w̄ comes; the laws are left in their ``local`` as they
+    are at w̄, and (I − G F_w)⁻¹ in ``inverse``.
     """
-    kind, memory, _, _, _, load = laws
-    torques, offset, change, roles, local, gain, jacobian, inverse, _, mean, _, reach = work
-    L = len(torques)
+    L = len(laws)
     for i in range(L):
-        offset[i] = mean[i, 0]
-        reach[i] = abs(offset[i])
+        law = laws[i]
+        law["offset"] = mean[i, 0]
+        law["reach"] = abs(law["offset"])
         for j in range(L):
-            mean[i, 0] += gain[i, j] * torques[j]
-            reach[i] += abs(gain[i, j] * torques[j])
+            mean[i, 0] += gain[i, j] * laws[j]["force"]
+            law["reach"] += abs(gain[i, j] * laws[j]["force"])
     for i in range(L):
-        torques[i] = 0.0  # they lend their place to steps
+        laws[i]["force"] = 0.0  # it lends its place to steps
     last, share, lost, ended = np.inf, 1.0, False, False
     for n in range(MOST_STEPS):
         for i in range(L):
-            s = X[memory[i], 0] if memory[i] >= 0 else 0.0
-            if load[i] >= 0:
-                s = mean[load[i], 0]
-            force(kind[i], mean[i, 0], s, u, h, roles[i], local[i])
+            law = laws[i]
+            s = X[law["memory"], 0] if law["memory"] >= 0 else 0.0
+            if law["load"] >= 0:
+                s = mean[law["load"], 0]
+            force(law["kind"], mean[i, 0], s, u, h, law["roles"], law["local"])
         ended = ended or n == MOST_STEPS - 1
         flat = n >= TURNS and (lost or last > CLOSE) and not ended
-        _differences(gain, local, load, flat, jacobian)
+        _differences(laws, gain, flat, jacobian)
         _invert(jacobian, inverse)
         if ended:
             break
-        size = _newton(offset, change, local, gain, inverse, mean, reach)
+        size = _newton(laws, gain, inverse, mean)
         if n > TURNS and not flat and size > AWAY * last:
             lost = True  # no w̄ is so near, or one where the laws are about to fall too steeply
             continue
         if flat:
-            share = _kept_share(share, change, torques, reach)
+            share = _kept_share(laws, share)
         else:
             # a share s of a step leaves 1 − s of the way if the laws are straight there
             shrinks = size <= (1.0 - 0.5 * share) * last
             share = min(1.0, 2.0 * share) if shrinks else max(0.5 * share, LEAST_SHARE)
         last, ended = size, size <= CONVERGED
         for i in range(L):
-            mean[i, 0] += change[i] if ended else share * change[i]
+            mean[i, 0] += laws[i]["change"] if ended else share * laws[i]["change"]
 
 
 @inlined
-def _differences(gain, local, load, flat, jacobian):
+def _differences(laws, gain, flat, jacobian):
     """Write I − G F_w; where laws count as flat, without slopes that make two solutions."""
-    for j in range(len(gain)):
-        slope = local[j, F_W]
+    L = len(laws)
+    for j in range(L):
+        slope = laws[j]["local"][F_W]
         if flat and gain[j, j] * slope > 0.0:
             slope = 0.0
-        for i in range(len(gain)):
+        for i in range(L):
             jacobian[i, j] = (1.0 if i == j else 0.0) - gain[i, j] * slope
-    for j in range(len(gain)):
-        for i in range(len(gain) if load[j] >= 0 else 0):
-            jacobian[i, load[j]] -= gain[i, j] * local[j, F_S]
+    for j in range(L):
+        if laws[j]["load"] >= 0:
+            for i in range(L):
+                jacobian[i, laws[j]["load"]] -= gain[i, j] * laws[j]["local"][F_S]
 
 
 @inlined
-def _kept_share(share, change, before, reach):
+def _kept_share(laws, share):
     """Return the share of a step where laws count as flat: less after a turn; and keep the step."""
     forth = 0.0
-    for i in range(len(change)):
-        forth += change[i] * before[i] / max(reach[i], LEAST) ** 2
-        before[i] = change[i]
+    for i in range(len(laws)):
+        law = laws[i]
+        forth += law["change"] * law["force"] / max(law["reach"], LEAST) ** 2
+        law["force"] = law["change"]
     return min(1.0, 2.0 * share) if forth >= 0.0 else max(0.5 * share, LEAST_SHARE)
 
 
 @inlined
-def _newton(offset, change, local, gain, inverse, mean, reach):  # noqa: PLR0917
+def _newton(laws, gain, inverse, mean):
     """Write the step of Newton's method, and return its size relative to what w̄ is made of."""
-    size = 0.0
-    for i in range(len(change)):
-        change[i] = 0.0
-    for j in range(len(change)):
-        residual = offset[j] - mean[j, 0]
-        for m in range(len(change)):
-            residual += gain[j, m] * local[m, F]
-        for i in range(len(change)):
-            change[i] += inverse[i, j] * residual
-    for i in range(len(change)):
-        if change[i] != 0.0:
-            size = max(size, abs(change[i]) / max(reach[i], LEAST))
+    L, size = len(laws), 0.0
+    for i in range(L):
+        laws[i]["change"] = 0.0
+    for j in range(L):
+        residual = laws[j]["offset"] - mean[j, 0]
+        for m in range(L):
+            residual += gain[j, m] * laws[m]["local"][F]
+        for i in range(L):
+            laws[i]["change"] += inverse[i, j] * residual
+    for i in range(L):
+        if laws[i]["change"] != 0.0:
+            size = max(size, abs(laws[i]["change"]) / max(laws[i]["reach"], LEAST))
     return size
 
 
@@ -284,8 +302,8 @@ def _invert(A, B):
                 pivot = i
         if pivot != k:
             for j in range(n):
-                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
-                B[k, j], B[pivot, j] = B[pivot, j], B[k, j]
+                A[k, j], A[pivot, j] = (A[pivot, j], A[k, j])
+                B[k, j], B[pivot, j] = (B[pivot, j], B[k, j])
         inverse = 1.0 / A[k, k]
         for j in range(n):
             A[k, j] *= inverse

@@ -3,23 +3,21 @@ A model at fixed parameters, taken over samples with its sensitivities: linear o
 
 Over a sample with the torque held it is a matrix and its derivatives. Of a model with laws that is
 the matrix of a part of a sample, in which their torques are held; `travel` solves them in each.
-Filters, whose parameters move, have `flexaxis.estimators.models.kernel` in its place.
+Filters, whose parameters move, have `flexaxis.estimators.models.series` in its place.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.models.acting import acting
 from flexaxis.estimators.models.compiler import compiled, inlined
 from flexaxis.estimators.models.discretisation import law_steps
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.reaction import assign, couple, drives, react, room
+from flexaxis.estimators.models.reaction import assign, couple, drives, law_records, react
+from flexaxis.estimators.models.rows import padded
 
 Array = NDArray[np.float64]
-
-_NO_LAWS = acting((), (), {}, ())
 
 
 class Prepared(NamedTuple):
@@ -30,30 +28,33 @@ class Prepared(NamedTuple):
     ----------
     D : (1+p, n+1, n+1) array
         As from `sampled`, of a part of a sample.
-    laws : tuple (kind, memory, drive, value, parameter, load)
-        As in `flexaxis.estimators.models.acting.Acting`.
+    laws, drive, square, lanes
+        As from `flexaxis.estimators.models.reaction.law_records`, of 1+p+further lanes.
     cleared : (r,) int array
         States that are zero before the first part.
     steps : int
         Parts of a sample.
     h : float
         Length of a part [s].
-    response : (L, n+1, rows) array
+    response : (L, n+1, lanes) array
         What a torque of one of each law adds in a part.
     X : (rows, n+1) array
         Room for states and sensitivities.
-    work : tuple of arrays
-        Room, as `flexaxis.estimators.models.reaction.room` has it.
+    Y : (n+1, lanes) array
+        The same in columns.
     """
 
     D: Array
-    laws: tuple[Any, ...]
+    laws: NDArray[np.void]
+    drive: Array
+    square: Array
+    lanes: Array
     cleared: NDArray[np.int64]
     steps: int
     h: float
     response: Array
     X: Array
-    work: tuple[Array, ...]
+    Y: Array
 
 
 def sampled(blocks: Array, period: float) -> Array:
@@ -114,14 +115,16 @@ def prepare(
     if not L:
         D[:, :, reset] = 0.0
     rows = len(D) + further
-    response = np.zeros((L, n + 1, rows))
+    known = law_records(model.laws, padded(rows))
+    response = np.zeros((L, n + 1, padded(rows)))
     response[..., : len(D)] = D[:, :, n - L : n].T
     response[:, n - L : n] = 0.0
-    laws, work = model.laws or _NO_LAWS, tuple(room(L, rows).values())
-    assign(laws.value, laws.parameter, theta, work[3])
-    couple(laws.drive, response, work[5])
-    X = np.zeros((rows, n + 1))
-    return Prepared(D, tuple(laws), reset, steps, period / steps, response, X, work)
+    assign(known["laws"], theta)
+    couple(known["drive"], response, known["square"][0])
+    X, Y = np.zeros((rows, n + 1)), np.zeros((n + 1, padded(rows)))
+    return Prepared(
+        D, **known, cleared=reset, steps=steps, h=period / steps, response=response, X=X, Y=Y
+    )
 
 
 @compiled
@@ -137,22 +140,35 @@ def travel(prepared, X, moved, u):
         their torques, which are of no account.
     u : float
     """
-    drive = prepared.laws[2]
-    L, n = len(drive), X.shape[1] - 1
+    laws, drive, now, Y = prepared.laws, prepared.drive, prepared.X, prepared.Y
+    L, n = len(laws), X.shape[1] - 1
     if L == 0:
         move(prepared.D, X, moved, u)
         return
-    now = prepared.X
     copy(X, now)
     for i in prepared.cleared:
         _clear(now, i, i + 1)
     for part in range(prepared.steps):
         _clear(now, n - L, n)
-        drives(drive, now.T, u, prepared.work[8])
+        _turn(now, Y)
+        drives(drive, Y, u, prepared.lanes[0])
         move(prepared.D, now, moved, u)
-        react(prepared.laws, prepared.h, prepared.response, u, moved.T, prepared.work)
+        _turn(moved, Y)
+        square, lanes = prepared.square, prepared.lanes
+        react(laws, drive, square, lanes, prepared.h, prepared.response, u, Y)
+        for a in range(len(moved)):
+            for i in range(n + 1):
+                moved[a, i] = Y[i, a]
         if part + 1 < prepared.steps:
             copy(moved, now)
+
+
+@inlined
+def _turn(X, Y):
+    """Write rows into columns."""
+    for a in range(len(X)):
+        for i in range(X.shape[1]):
+            Y[i, a] = X[a, i]
 
 
 @compiled

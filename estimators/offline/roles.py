@@ -15,7 +15,6 @@ from flexaxis.estimators.offline.structure import Prior, structure_names
 ABSENT = (
     ("kappa", "gap"),
     ("c_sin", "c_cos"),
-    ("shape_sin", "shape_cos"),
     ("f_c", "f_s"),
     ("f_s",),
 )

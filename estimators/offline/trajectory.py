@@ -247,7 +247,7 @@ def _along(ready, reversing, X, u, slopes, offset, begin, first):  # noqa: PLR09
             X[first + j, offset] = slopes[j, k]
         X[-1, offset] = slopes[-1, k]
         travel(ready, X, moved, u[k])
-        if _turns(ready.laws, X, moved, peak, last):
+        if _turns(ready.laws, ready.drive, X, moved, peak, last):
             travel(reversing, X, moved, u[k])
         copy(moved, X)
         for a in range(len(X)):
@@ -256,7 +256,7 @@ def _along(ready, reversing, X, u, slopes, offset, begin, first):  # noqa: PLR09
 
 
 @compiled
-def _turns(laws, X, moved, peak, last):
+def _turns(laws, drive, X, moved, peak, last):  # noqa: PLR0917
     """
     Return whether some friction reverses in a sample, or sticks.
 
@@ -266,9 +266,8 @@ def _turns(laws, X, moved, peak, last):
     step.
     """
     found = False
-    kind, drive = laws[0], laws[2]
-    for i in range(len(kind)):
-        if kind[i] != BRISTLE and kind[i] != STATIC:
+    for i in range(len(laws)):
+        if laws[i]["kind"] != BRISTLE and laws[i]["kind"] != STATIC:
             continue
         before, after = 0.0, 0.0
         for m in range(X.shape[1] - 1):

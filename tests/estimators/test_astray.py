@@ -130,7 +130,7 @@ def test_a_filter_whose_slope_is_no_number_moves_by_none_and_begins_anew(odd):
     estimator = make("rpem-forgetting")
     estimator.run(run().u[:FAILS], run().y[:FAILS])
     before = estimator.theta.copy()
-    estimator.state["X"][:, -1, 1] = odd
+    estimator.state["X"][-1, 1] = odd
     theta = estimator.run(run().u[FAILS:], run().y[FAILS:])
     assert np.isfinite(theta).all() and np.isfinite(estimator.covariance).all()
     np.testing.assert_array_equal(theta[0], before)

@@ -1,23 +1,17 @@
 """Covariances against NumPy and samples."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from flexaxis.estimators.filters.covariance import carry, look, merge, padded
-from flexaxis.estimators.filters.loop import record
-from flexaxis.estimators.models.compiler import compiled
+from flexaxis.estimators.filters.covariance import merge
+from flexaxis.estimators.filters.joint import look, update
+from flexaxis.estimators.filters.numbers import NUMBERS
+from flexaxis.estimators.models.rows import padded
 
 SIZES = [(3, 2), (9, 5)]  # m and n: a row of one register, and of three that are not full
-
-
-@compiled
-def through(states, root, share):
-    """Do all three, one after the other."""
-    for k in range(len(states)):
-        state = states[k]
-        state["spread"] = look(state["X"], state["P"], state["Ph"])
-        carry(state["X"], state["Ph"], root, state["W"], state["P"], state["gain"])
-        merge(share, state["P"], state["other"], state["apart"])
+NOISE, INNOVATION = 0.3, 0.7
 
 
 def covariance(rng, m):
@@ -26,37 +20,36 @@ def covariance(rng, m):
 
 
 def state_of(m, n):
-    rng = np.random.default_rng(m)
-    X, p = np.zeros((n + 2, padded(1 + m))), m - n
+    rng, p = np.random.default_rng(m), m - n
+    X = np.zeros((n + 2, padded(1 + m)))
     X[:, : 1 + m] = rng.standard_normal((n + 2, 1 + m))  # one row is of no account
-    P, other = covariance(rng, m), covariance(rng, m)
-    return record(
-        X=X, W=covariance(rng, p)[:, :p], P=P, other=other, apart=rng.standard_normal(m),
-        Ph=np.zeros(m), gain=np.zeros(m), spread=0.0,
+    return SimpleNamespace(
+        X=X, theta=np.ones(p), P=covariance(rng, m), drift=covariance(rng, p)[:, :p],
+        G=np.zeros((n + 1, m)), GP=np.zeros((n + 1, padded(m))), gain=np.zeros(m),
+        ceiling=np.full(p, np.inf), lower=np.full(p, -np.inf), upper=np.full(p, np.inf),
+        now=np.zeros(1, NUMBERS),
     )  # fmt: skip
 
 
-def in_numpy(state, root, share):
-    m, p = len(state["gain"]), len(state["W"])
-    F, h, P = np.eye(m), state["X"][-1, 1 : 1 + m], state["P"][:, :m]
-    F[p:], Ph = state["X"][: m - p, 1 : 1 + m], P @ h
-    gain, W = F @ Ph * root, np.pad(state["W"], (0, m - p))
-    P = F @ P @ F.T + W - np.outer(gain, gain)
-    apart = share * (1 - share) * np.outer(state["apart"], state["apart"])
-    P = (1 - share) * P + share * state["other"][:, :m] + apart
-    P = np.pad(P, ((0, 0), (0, padded(m) - m)))
-    return {"spread": h @ Ph, "Ph": Ph, "gain": gain, "P": P}
-
-
 @pytest.mark.parametrize(("m", "n"), SIZES)
-def test_compiled_code_does_what_numpy_does(m, n):
-    state, plain = state_of(m, n), state_of(m, n)[0]
-    through(state, 0.3, 0.2)
-    for name, value in in_numpy(plain, 0.3, 0.2).items():
-        np.testing.assert_allclose(state[name][0], value, rtol=1e-12, atol=1e-13, err_msg=name)
-    P = state["P"][0]
-    np.testing.assert_array_equal(P[:, :m], P[:, :m].T)
-    np.testing.assert_array_equal(P[:, m:], 0.0)
+def test_an_update_is_that_of_the_textbook(m, n):
+    """F P Fᵀ + W − K S Kᵀ, with F and h written out as matrices."""
+    state, p = state_of(m, n), m - n
+    F, h, P = np.eye(m), state.X[-1, 1 : 1 + m].copy(), state.P[:, :m].copy()
+    F[p:] = state.X[:n, 1 : 1 + m]
+    xi, y = np.r_[state.theta, state.X[:n, 0]], state.X[-1, 0] + INNOVATION
+    look(state)
+    update(state, y, NOISE)
+    S = h @ P @ h + NOISE
+    K, W = F @ P @ h / S, np.pad(state.drift, (0, n))
+    np.testing.assert_allclose(state.now["spread"][0], h @ P @ h, rtol=1e-12)
+    np.testing.assert_allclose(state.gain, K * np.sqrt(S), rtol=1e-12)
+    moved = np.r_[state.theta, state.X[:n, 0]]
+    np.testing.assert_allclose(moved, xi + K * INNOVATION, rtol=1e-12)
+    expected = F @ P @ F.T + W - np.outer(K, K) * S
+    np.testing.assert_allclose(state.P[:, :m], expected, rtol=1e-11, atol=1e-12)
+    np.testing.assert_array_equal(state.P[:, :m], state.P[:, :m].T)
+    np.testing.assert_array_equal(state.P[:, m:], 0.0)
 
 
 def test_a_mixture_has_the_covariance_of_its_samples():

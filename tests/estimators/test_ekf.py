@@ -96,7 +96,7 @@ def test_the_covariance_stays_positive_definite(nominal, loop):
     ekf = make(nominal)
     for _ in range(5):  # 60 000 samples
         ekf.run(loop.u, loop.y)
-    P = ekf.state["P"][0]
+    P = ekf.state["P"]
     np.testing.assert_array_equal(P, P.T)
     scale = np.sqrt(P.diagonal())
     assert np.linalg.eigvalsh(P / np.outer(scale, scale))[0] > -1e-9

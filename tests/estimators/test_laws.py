@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from flexaxis.estimators import Rpem
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import make_design
-from flexaxis.estimators.filters.loop import on_lanes, over_sample
+from flexaxis.estimators.filters.lanes import on_lanes
 from flexaxis.estimators.models import discretisation, reaction
 from flexaxis.estimators.models import law_torques as torques
 from flexaxis.estimators.models.axes import (
@@ -23,10 +23,9 @@ from flexaxis.estimators.models.axes import (
     three_mass,
     with_angle,
 )
-from flexaxis.estimators.models.compiler import Compiled
-from flexaxis.estimators.models.discretisation import split
 from flexaxis.estimators.models.laws import KINDS, Law
 from flexaxis.estimators.models.sampled import prepare, travel
+from flexaxis.estimators.models.series import Axis, lawful_sample
 from flexaxis.estimators.signals import increment
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.plant import Plant
@@ -88,8 +87,8 @@ def travelled(model, u, *, steps=None, theta=None):
 
 def unsolved(ready):
     """What a step leaves of its equation, over the size of it."""
-    _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.work
-    return abs(mean[0, 0] - offset[0] - gain[0, 0] * local[0, 0]) / scale[0]
+    law, mean, gain = ready.laws[0], ready.lanes[1], ready.square[0]
+    return abs(mean[0, 0] - law["offset"] - gain[0, 0] * law["local"][0]) / law["reach"]
 
 
 def force(law, w, v):
@@ -216,24 +215,6 @@ def test_derivatives_against_differences(name, output):
         assert abs(slope - exact[:, 1 + i, -1]).max() < 1e-6 * abs(slope).max(), estimated(model)[i]
 
 
-@pytest.mark.parametrize("which", [0, 1, 2])
-def test_the_shape_of_friction_against_differences(which):
-    """Its derivatives by speed, by the state that it reads, and by its parameters."""
-    at = np.array([0.3, 0.7, 0.09, -0.05, 24.0])  # speed, state, a, b, n
-
-    def shape(v, s, a, b, n):
-        local = np.zeros(torques.WIDTH)
-        torques.force(KINDS.index("shape"), v, s, 0.0, T, np.array([a, b, n, 0.2, which]), local)
-        return local
-
-    local, got = shape(*at), []
-    for i, x in enumerate(at):
-        step = 1e-6 * abs(x) * np.eye(5)[i]
-        got.append((shape(*(at + step))[torques.F] - shape(*(at - step))[torques.F]) / 2 / step[i])
-    told = [local[torques.F_W], local[torques.F_S], *local[torques.ROLE :][:6:2]]
-    np.testing.assert_allclose(told, got, rtol=1e-6, atol=1e-9)
-
-
 @pytest.mark.parametrize("v", [-2.0, 1e-6, 3.0])
 def test_bristles_without_a_level_have_the_limit_of_little(v):
     """Their derivative by the level too: a friction that has gone can come again."""
@@ -246,42 +227,29 @@ def test_bristles_without_a_level_have_the_limit_of_little(v):
     np.testing.assert_allclose(*found, rtol=1e-6, atol=2e-15)
 
 
-def laid_out(model):
-    """What a filter's records hold, and its loop over samples without measurements."""
-    names = estimated(model)
+@pytest.mark.parametrize("output", ["speed", "increment"])
+def test_a_filter_moves_as_a_model_at_fixed_parameters(output, monkeypatch):
+    # their series end at a part in 1e9 where there are laws; that of the other is not cut
+    monkeypatch.setattr(discretisation, "LAW_TOLERANCE", discretisation.TOLERANCE)
+    model, u = axis("all"), torque(12)
+    model = model if output == "speed" else increment(model, T)
+    names, shapes = estimated(model), []
     theta = model.parametrize(names).theta
     design = make_design(
         model, identify=names, theta0=None, P0=np.ones(len(names)), period=T,
         bounds=(np.minimum(theta / 2, 2 * theta), np.maximum(theta / 2, 2 * theta)),
     )  # fmt: skip
-    pattern, _ = split(design.model)
-    over = over_sample(pattern)
-
-    def run(tuning, state, u, out):
-        for k in range(len(u)):
-            over(tuning, state, u[k])
-            out[k] = state["X"]
-
-    tuning, state = on_lanes(design, pattern)
-    return Compiled(run), tuning[0], state[0], (pattern.n + 1, pattern.lanes)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("output", ["speed", "increment"])
-def test_a_filter_moves_as_a_model_at_fixed_parameters(output, monkeypatch):
-    # their series end at a part in 1e9 where there are laws; that of the other is not cut
-    monkeypatch.setattr(discretisation, "LAW_TOLERANCE", discretisation.TOLERANCE)
-    model, u = axis("all"), torque(100)
-    model = model if output == "speed" else increment(model, T)
-    run, tuning, state, shape = laid_out(model)
-    out = np.empty((len(u), *shape))
-    run(tuning, state, u, out)
-    other = travelled(model, u).transpose(0, 2, 1)
-    forces = len(model.laws)
-    kept = [*range(shape[0] - 1 - forces), shape[0] - 1]  # the last states are torques
-    ours = out[:, kept, : other.shape[2]]
-    size = abs(other[:, kept]).max(axis=0)
-    assert np.all(abs(ours - other[:, kept]).max(axis=0) <= 1e-10 * (size + size.max(axis=0)))
+    arrays, X = on_lanes(design, 1 + len(names))
+    filled = Axis(*(arrays[name] for name in Axis._fields))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for value in u:
+            lawful_sample(filled, design.theta0, X, value)
+            shapes.append(X.copy())
+    ours, other = np.array(shapes), travelled(model, u).transpose(0, 2, 1)
+    kept = [*range(len(X) - 1 - len(model.laws)), len(X) - 1]  # the last states are torques
+    ours, other = ours[:, kept, : other.shape[2]], other[:, kept]
+    size = abs(other).max(axis=0)
+    assert np.all(abs(ours - other).max(axis=0) <= 1e-10 * (size + size.max(axis=0)))
 
 
 ENGINE = {
@@ -409,5 +377,6 @@ def test_a_law_parameter_is_identified_as_itself():
 
 def test_a_search_over_a_law_without_reach_divides_by_nothing():
     """A coordinate whose law gives nothing tells neither of a turn nor against one."""
-    steps = [0.0, 1.0], [1.0, 1.0], [0.0, 1.0]
-    assert reaction._kept_share.function(0.5, *steps) == 1.0
+    laws = np.zeros(2, reaction.LAW)
+    laws["change"], laws["force"], laws["reach"] = [0.0, 1.0], [1.0, 1.0], [0.0, 1.0]
+    assert reaction._kept_share(laws, 0.5) == 1.0

@@ -40,7 +40,7 @@ def test_a_state_that_is_given_is_where_it_starts(minute):
     sure = {"P0": [1e-20] * 3}
     from_rest = rpem(**sure)
     from_rest.run(minute.u[:1000], minute.y[:1000])
-    x = from_rest.state["X"][0, :5, 0].copy()
+    x = from_rest.state["X"][:5, 0].copy()
     late = rpem(x0=x, **sure)
     given = minute.u[1000:1400], minute.y[1000:1400]
     late.run(*given), from_rest.run(*given)

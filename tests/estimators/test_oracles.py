@@ -103,7 +103,7 @@ def test_an_outlier_is_clipped_at_deviations_of_the_prediction(nominal, loop, si
         three_mass(nominal), P0=[1e-3, 1e-3, 1e-3], forgetting=0.995, robust=clip, period=0.005
     )
     ours.run(loop.u[:N], loop.y[:N])
-    psi = ours.state["X"][0, -1, 1:4] / ours._design.scale
+    psi = ours.state["X"][-1, 1:4] / ours._design.scale
     ours.P = [1.0, 1.0, 1e-3]
     noise = ours.noise_variance
     s = 1 + psi @ ours.P @ psi

@@ -36,14 +36,6 @@ def test_every_entry_makes_an_estimator(nominal, name):
     np.testing.assert_allclose(made.theta[:3], [1.0, 1.25, 0.06])  # θ(0) is what it was given
 
 
-def test_records_of_two_estimators_have_the_same_type(nominal):
-    """Or numba compares the types field by field in every step: 5 µs instead of 3."""
-    made = [registry.REGISTRY["ekf"].factory(nominal, 0.005) for _ in range(2)]
-    for name in ("_tuning", "state"):
-        first, second = (getattr(estimator, name).dtype for estimator in made)
-        assert first is second, name
-
-
 def test_options_reach_the_filter(nominal, loop):
     def run(name, **options):
         made = registry.REGISTRY[name].factory(nominal, 0.005, **options)

@@ -83,8 +83,9 @@ def test_every_step_along_a_path_with_dry_friction_is_solved_for(monkeypatch):
 
     def watched(prepared, X, moved, u):
         travel(prepared, X, moved, u)
-        _, offset, _, _, local, gain, _, _, _, mean, _, scale = prepared.work
-        left.append(max(abs(mean[:, 0] - offset - gain @ local[:, 0]) / scale))
+        laws, mean, gain = prepared.laws, prepared.lanes[1], prepared.square[0]
+        torque = laws["local"][:, 0]
+        left.append(max(abs(mean[:, 0] - laws["offset"] - gain @ torque) / laws["reach"]))
 
     monkeypatch.setattr(true_model, "_travelled", true_model._travelled.function)
     monkeypatch.setattr(true_model, "travel", watched)

@@ -158,7 +158,7 @@ from flexaxis.experiments.demo.session import DemoSession
 
 def made():
     kernels = [each for each in gc.get_objects() if isinstance(each, Compiled) and each._called]
-    return {(kernel.label, *kernel.dispatcher.signatures) for kernel in kernels}
+    return {(kernel.name, *kernel.dispatcher.signatures) for kernel in kernels}
 
 session = DemoSession(estimators=("frozen", "frozen"))
 session.prepare()

@@ -11,7 +11,7 @@ import numpy as np
 
 from flexaxis.estimators.filters.design import above_zero
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.forgetful import forgetful_filter
+from flexaxis.estimators.filters.forgetful import CUSUM, forgetful_filter
 from flexaxis.estimators.filters.noise import KNOWN
 from flexaxis.estimators.filters.prediction_error import CEILING, LINEAR, ROBUST
 from flexaxis.estimators.models.compiler import inlined
@@ -22,26 +22,27 @@ FIRST, NEXT = 1.0, 0.5  # s before the first alarm, in which R̂ is learnt, and 
 
 
 @inlined
-def _reset_on_alarm(tuning, state, valid):
+def reset_on_alarm(state, valid):
     """P ← P/λ, eq. (9); where the sum exceeds the level, P becomes large."""
-    sums, P = state["sums"], state["P"]
+    P, now = state.P, state.now[0]
+    sums = now["sums"]
     for i in range(len(P)):
         for j in range(len(P)):
-            P[i, j] /= tuning["forgetting"]
-    if not valid or not state["variance"] > 0.0:
+            P[i, j] /= now["forgetting"]
+    if not valid or not now["variance"] > 0.0:
         return
-    square = min(state["epsilon"] ** 2 / (state["quiet"] * state["scale"]), 16.0)
+    square = min(now["epsilon"] ** 2 / (now["quiet"] * now["scale"]), 16.0)
     sums[1] += 1.0
     sums[0] = max(0.0, sums[0] + 0.375 * square - np.log(2.0))
-    if sums[0] > tuning["level"] and sums[1] > tuning["first"]:
+    if sums[0] > now["level"] and sums[1] > now["first"]:
         sums[0] = 0.0
-        sums[1] = tuning["first"] - tuning["next"]
-        noise = max(state["noise"], LINEAR**2 * state["signal"])
+        sums[1] = now["first"] - now["next"]
+        variance = now["reset"] / max(now["noise"], LINEAR**2 * now["signal"])
         for i in range(len(P)):
-            state["granted"][i] = tuning["variance"] / noise
+            state.granted[i] = variance
             for j in range(len(P)):
-                P[i, j] = tuning["variance"] / noise if i == j else 0.0
-                state["claim"][i, j] = P[i, j]
+                P[i, j] = variance if i == j else 0.0
+                state.claim[i, j] = P[i, j]
 
 
 def _cusum_reset(
@@ -71,17 +72,14 @@ def _cusum_reset(
     above_zero("level", level, "an alarm threshold in nats")
     return forgetful_filter(
         design,
-        _reset_on_alarm,
+        CUSUM,
         robust=robust,
         ceiling=ceiling,
         correct=True,  # P is large after an alarm: the state has to follow
-        tuning={
-            "variance": above_zero("reset", reset, "a standard deviation relative to θ(0)") ** 2,
-            "level": level,
-            "first": max(FIRST / problem.period, KNOWN),
-            "next": NEXT / problem.period,
-        },
-        state={"sums": np.zeros(2)},
+        reset=above_zero("reset", reset, "a standard deviation relative to θ(0)") ** 2,
+        level=level,
+        first=max(FIRST / problem.period, KNOWN),
+        next=NEXT / problem.period,
     )
 
 

@@ -12,7 +12,7 @@ any other units v = diag(P(0)) ψ takes the place of ψ: P ← P + (1/λ − 1) 
 import numpy as np
 
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.forgetful import forgetful_filter
+from flexaxis.estimators.filters.forgetful import DIRECTIONAL, forgetful_filter
 from flexaxis.estimators.filters.prediction_error import ASLEEP, CALM, ROBUST
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
@@ -20,15 +20,15 @@ from flexaxis.estimators.registry import Entry
 
 
 @inlined
-def _forget_excited(tuning, state, valid):
+def forget_excited(state, valid):
     """Do the time update; a gap renews nothing, and so forgets nothing."""
-    P, along, v, L = state["P"], state["along"], state["gain"], state["work"]
+    P, along, v, L, now = state.P, state.along, state.gain, state.work, state.now[0]
     p = len(P)
     excitation = 0.0
     for i in range(p):
-        excitation += state["psi"][i] ** 2
-        along[i] = tuning["unit"][i] * state["psi"][i]
-    if not valid or excitation <= ASLEEP * state["noise"]:
+        excitation += state.psi[i] ** 2
+        along[i] = state.rates[i] * state.psi[i]
+    if not valid or excitation <= ASLEEP * now["noise"]:
         return
     size = 0.0
     for i in range(p):  # Cholesky and forward substitution: vᵀP⁻¹v = |L⁻¹v|²
@@ -46,7 +46,7 @@ def _forget_excited(tuning, state, valid):
         size += v[i] ** 2
     for i in range(p):
         for j in range(p):
-            P[i, j] += (1.0 / tuning["forgetting"] - 1.0) * along[i] * along[j] / size
+            P[i, j] += (1.0 / now["forgetting"] - 1.0) * along[i] * along[j] / size
 
 
 def _directional_forgetting(
@@ -69,11 +69,10 @@ def _directional_forgetting(
     design = problem.forgetting_design("directional-forgetting", forgetting)
     return forgetful_filter(
         design,
-        _forget_excited,
+        DIRECTIONAL,
         robust=robust,
         ceiling=ceiling,
-        tuning={"unit": np.diag(design.P0)},
-        state={"along": np.zeros(len(design.P0)), "work": np.zeros_like(design.P0)},
+        rates=np.diag(design.P0),
     )
 
 

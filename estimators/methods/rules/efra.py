@@ -9,7 +9,7 @@ the place of I, which has no units. β = ν/10, γ = ν/10, with ν = 1/λ − 1
 import numpy as np
 
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.forgetful import forgetful_filter
+from flexaxis.estimators.filters.forgetful import EFRA, forgetful_filter
 from flexaxis.estimators.filters.prediction_error import CEILING, ROBUST
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
@@ -17,10 +17,10 @@ from flexaxis.estimators.registry import Entry
 
 
 @inlined
-def _forget_and_reset(tuning, state, valid):
+def forget_and_reset(state):
     """Do the time update."""
-    P, work, S = state["P"], state["work"], tuning["reset_P"]
-    nu = 1.0 / tuning["forgetting"] - 1.0
+    P, work, S = state.P, state.work, state.rates
+    nu = 1.0 / state.now[0]["forgetting"] - 1.0
     p = len(P)
     for i in range(p):
         for j in range(p):
@@ -55,11 +55,10 @@ def _efra(
     design = problem.forgetting_design("efra", forgetting)
     return forgetful_filter(
         design,
-        _forget_and_reset,
+        EFRA,
         robust=robust,
         ceiling=ceiling,
-        tuning={"reset_P": 10 * np.diag(design.P0)},
-        state={"work": np.zeros_like(design.P0)},
+        rates=10 * np.diag(design.P0),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from flexaxis.estimators.filters.design import above_zero
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.forgetful import forgetful_filter
+from flexaxis.estimators.filters.forgetful import VARIABLE, forgetful_filter
 from flexaxis.estimators.filters.prediction_error import CALM, ROBUST
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
@@ -22,30 +22,29 @@ FASTEST = 0.05  # s, least time constant of forgetting; λ = 0.9 at 5 ms
 
 
 @inlined
-def _forget_by_residual(tuning, state, valid):
+def forget_by_residual(state, valid):
     """Do the time update; a gap has no residual, and forgets nothing."""
     if valid:
-        factor = _variable_factor(tuning, state)
-        P = state["P"]
+        factor, P = _variable_factor(state.now[0]), state.P
         for i in range(len(P)):
             for j in range(len(P)):
                 P[i, j] /= factor
 
 
 @inlined
-def _variable_factor(tuning, state):
+def _variable_factor(now):
     """Return λ."""
-    sums, square = state["sums"], state["surprise"] ** 2
+    sums, square = now["sums"], now["surprise"] ** 2
     sums[3] += 1.0
-    short, long = min(sums[3], tuning["short"]), min(sums[3], tuning["long"])
+    short, long = min(sums[3], now["short"]), min(sums[3], now["long"])
     sums[0] += (square - sums[0]) / short
-    sums[1] += ((state["scale"] - 1.0) ** 2 - sums[1]) / short
+    sums[1] += ((now["scale"] - 1.0) ** 2 - sums[1]) / short
     sums[2] += (square - sums[2]) / long
     e, q, v = np.sqrt(sums[0]), np.sqrt(sums[1]), np.sqrt(sums[2])
-    highest = tuning["forgetting"]
-    if e <= tuning["level"] * v:
+    highest = now["forgetting"]
+    if e <= now["level"] * v:
         return highest
-    return max(min(q * v / (e - v), highest), tuning["least"])
+    return max(min(q * v / (e - v), highest), now["least"])
 
 
 def _variable_forgetting(
@@ -72,16 +71,13 @@ def _variable_forgetting(
     above_zero("level", level, "a ratio of standard deviations")
     return forgetful_filter(
         design,
-        _forget_by_residual,
+        VARIABLE,
         robust=robust,
         ceiling=ceiling,
-        tuning={
-            "level": level,
-            "short": max(SHORT / problem.period, 2.0),
-            "long": max(LONG / problem.period, 2.0),
-            "least": max(1 - problem.period / FASTEST, 0.5),
-        },
-        state={"sums": np.zeros(4)},
+        level=level,
+        short=max(SHORT / problem.period, 2.0),
+        long=max(LONG / problem.period, 2.0),
+        least=max(1 - problem.period / FASTEST, 0.5),
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import finite_vector
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.forgetful import forgetful_filter
+from flexaxis.estimators.filters.forgetful import VECTOR, forgetful_filter
 from flexaxis.estimators.filters.prediction_error import CALM, ROBUST
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
@@ -21,9 +21,9 @@ TIE = 1e-6  # relative; of parameters of which P(0) knows equally little none is
 
 
 @inlined
-def _forget_each(tuning, state, valid):
+def forget_each(state):
     """Do the time update."""
-    P, rates = state["P"], tuning["rates"]
+    P, rates = state.P, state.rates
     for i in range(len(P)):
         for j in range(len(P)):
             P[i, j] /= np.sqrt(rates[i] * rates[j])
@@ -60,9 +60,7 @@ def _vector_forgetting(
         raise EstimatorError(
             f"rates are {rates!r}; give one for each parameter, with 1 − (1−λ) rate in (0, 1]"
         )
-    return forgetful_filter(
-        design, _forget_each, robust=robust, ceiling=ceiling, tuning={"rates": factors}
-    )
+    return forgetful_filter(design, VECTOR, robust=robust, ceiling=ceiling, rates=factors)
 
 
 ENTRIES = (

@@ -1,0 +1,70 @@
+"""The numbers of a filter, in one record of a fixed type: tuning, and what changes with samples."""
+
+import numpy as np
+
+_TUNING = (
+    "forgetting",  # λ
+    "memory",  # samples, of the means that R is
+    "known",  # 1 where the noise is given
+    "rests",  # 1 where an axis at rest tells of its noise as well
+    "correct",  # 1 where the state moves with θ
+    "clip",  # standard deviations beyond which a residual counts as one of that size
+    "consistency",  # what clipping leaves of a variance
+    "largest",  # variance of an estimate relative to θ(0)²
+    "rule",  # of forgetting, see `forgetful`
+    "level", "first", "next", "reset", "short", "long", "least",  # of rules of forgetting
+    "stay",  # probability with which a mode stays
+    "astray_memory", "unknown", "heeds",  # see `fault_monitor`
+)  # fmt: skip
+_NOISE = (
+    "prediction",
+    "innovation",
+    "innovation_variance",
+    "noise",  # R, 0 while nothing is known of it
+    "samples",  # that R is the mean of
+    "run",  # samples in a row that were used
+    "latest",  # the innovation before, whether its sample was used or not
+    "wild",  # samples in a row that are far from ŷ and from the one before
+    "lone",  # whether the last sample was, by WILD, and the one before it as usual, by CLIP
+    "spikes",  # whether such a one was followed by a usual one, or its opposite, ever
+)
+_MONITOR = (
+    "reading",  # the last one
+    "foreseen",  # ŷ as it was when this reading first came
+    "stuck",
+    "doubted",  # 1 from when a sensor is found to be stuck until it reads on
+    "judged",  # samples since the means began
+    "last_left",  # ε of the last sample
+    "gone",  # samples for which one that forgets has been lost
+    "patience",  # memories before it is judged
+    "anew",  # 1 where the filter should begin anew, 2 where its R is worth nothing either
+    "earlier",  # R before it last began anew
+    "waits",  # samples that it still waits for its state, in mid-motion
+)
+_PREDICTION_ERROR = (
+    "expected",  # ŷ of the last sample
+    "epsilon",
+    "surprise",  # the residual, clipped
+    "scale",  # 1 + ψᵀPψ of the last measurement
+    "variance",  # of the innovation
+    "quiet",  # R̂ before the last measurement
+    "signal",  # mean square of ŷ
+)
+_JOINT = (
+    "spread",  # hᵀPh
+    "output",  # ŷ of a mode
+    "probability",  # of a mode
+    "predicted",  # probability of a mode before its sample is seen
+    "logarithm",  # of the likelihood of a mode
+)
+NUMBERS = np.dtype(
+    [(name, float) for name in (*_TUNING, *_NOISE, *_MONITOR, *_PREDICTION_ERROR, *_JOINT)]
+    + [
+        ("levels", float, 4),  # means of squares and of squared differences, and over KNOWN samples
+        ("past", float, 3),  # innovations before, the last one first
+        ("rails", float, 2),  # lowest and highest reading, where the sensor was stuck there
+        ("squares", float, 3),  # means of ε², of y², and of ε[k] ε[k−1]
+        ("sums", float, 4),  # of a rule of forgetting
+    ]
+)
+WORDS = NUMBERS.itemsize // 8

@@ -1,0 +1,81 @@
+"""
+Rows of a matrix whose length is a multiple of four, four numbers at a time.
+
+Their loops become vector instructions. Indices are unsigned: of others numba looks for negative
+ones first, and makes no vectors.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from flexaxis.estimators.models.compiler import Compiled
+
+ZERO, ONE, TWO, THREE, FOUR = (np.uint64(i) for i in range(5))
+
+
+_on_rows = partial(Compiled, fastmath={"contract"}, forceinline=True)  # into each of its callers
+
+
+def padded(m: int) -> int:
+    """Return the length of a row for m numbers."""
+    return -4 * (-m // 4)
+
+
+@_on_rows
+def clear(A, i):
+    """A_i ← 0."""
+    i = np.uint64(i)
+    for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
+        A[i, b] = A[i, b + ONE] = A[i, b + TWO] = A[i, b + THREE] = 0.0
+
+
+@_on_rows
+def copy(A, i, B, j):
+    """A_i ← B_j."""
+    i, j = np.uint64(i), np.uint64(j)
+    for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
+        p, q, r, s = B[j, b], B[j, b + ONE], B[j, b + TWO], B[j, b + THREE]
+        A[i, b], A[i, b + ONE], A[i, b + TWO], A[i, b + THREE] = p, q, r, s
+
+
+@_on_rows
+def add(A, i, m, B, j):
+    """A_i ← A_i + m B_j."""
+    i, j = np.uint64(i), np.uint64(j)
+    for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
+        p, q, r, s = A[i, b], A[i, b + ONE], A[i, b + TWO], A[i, b + THREE]
+        v, w, x, y = B[j, b], B[j, b + ONE], B[j, b + TWO], B[j, b + THREE]
+        A[i, b], A[i, b + ONE] = p + m * v, q + m * w
+        A[i, b + TWO], A[i, b + THREE] = r + m * x, s + m * y
+
+
+@_on_rows
+def add_slopes(A, i, m, B, j):
+    """As `add`, but the first number of the row, which is a value, stays."""
+    if m != 0.0:
+        value = A[i, 0]
+        add(A, i, m, B, j)
+        A[i, 0] = value
+
+
+@_on_rows
+def product(A, i, M, at, column, B, first, step, count):  # noqa: PLR0917
+    """A_i ← Σ_j M_(at + j, column) B_(first + j step) over ``count`` values of j."""
+    i, at, column = np.uint64(i), np.uint64(at), np.uint64(column)
+    first, step = np.uint64(first), np.uint64(step)
+    for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
+        p = q = r = s = 0.0
+        for j in range(np.uint64(count)):
+            m, of = M[at + j, column], first + j * step
+            p += m * B[of, b]
+            q += m * B[of, b + ONE]
+            r += m * B[of, b + TWO]
+            s += m * B[of, b + THREE]
+        A[i, b], A[i, b + ONE], A[i, b + TWO], A[i, b + THREE] = p, q, r, s
+
+
+@partial(Compiled, _nrt=True)
+def multiply(A, B, C):
+    """C ← A B, by the library that NumPy uses."""
+    np.dot(A, B, C)
