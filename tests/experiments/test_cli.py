@@ -111,7 +111,9 @@ def test_all_errors_of_a_file_at_once(capsys, tmp_path):
     path.write_text(BAD_TOML, encoding="utf-8")
     status, out, err = flexaxis(capsys, "run", path, "-o", tmp_path / "out")
     assert (status, out) == (2, "")
-    for words in ("durration", "duration", "k_T", "J_m", "noise.speed", "fault[0]", "nuisance[0].at"):
+    for words in (
+        "durration", "duration", "k_T", "J_m", "noise.speed", "fault[0]", "nuisance[0].at",
+    ):  # fmt: skip
         assert words in err, err
     assert all(line.startswith(f"flexaxis: {path}: ") for line in err.splitlines())
     assert not (tmp_path / "out").exists()
