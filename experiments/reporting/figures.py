@@ -138,7 +138,7 @@ def curves(
             _draw(ax, one, looks, place / len(series))
         ax.set(ylabel=symbols(label), title=symbols(titles[i]) if titles else "")
         for axis, name in ((ax.xaxis, x), (ax.yaxis, label)):
-            if name in logs:
+            if name in logs and any(np.size(one.x) for one in series):
                 logarithmic(axis)
         pointed = any(one.kind in ("points", "both") for one in series)
         ax.autoscale()  # the axes may have limits from an earlier call

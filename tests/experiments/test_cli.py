@@ -83,7 +83,7 @@ def test_run_and_report(capsys, short_toml, tmp_path):
     folder = tmp_path / "out"
     words = ("run", short_toml, "--estimator", "frozen", "--seeds", "2", "--jobs", "1")
     status, out, _ = flexaxis(capsys, *words, "-o", folder)
-    assert status == 0 and out.splitlines()[-1] == str(folder / "report.html")
+    assert status == 0 and out.splitlines()[-1] == f"report: {folder / 'report.html'}"
     first = (folder / "report.html").read_bytes()
     status, out, _ = flexaxis(capsys, "report", folder, "--json")
     assert json.loads(out)["seeds"] == [1000, 1001]

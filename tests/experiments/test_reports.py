@@ -120,6 +120,11 @@ def test_curves_hold_what_they_are_given():
     assert [text.get_text() for text in second.get_legend().get_texts()] == ["mine[a=$1]"]
 
 
+def test_nothing_to_draw_is_no_error():
+    none = pd.DataFrame({"estimator": ["frozen"], "lag": [5.0], "std": [0.0], "setting": ["s"]})
+    figures.lag_against_noise(none, ["frozen"]).canvas.draw()
+
+
 def test_a_burst_does_not_set_the_scale():
     y = np.ones(1000) + 0.1 * np.sin(np.arange(1000))
     y[500] = 1e6
