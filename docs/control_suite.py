@@ -11,6 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from making import table, write
 from scipy.stats import spearmanr
 from suite_rows import HOME, SEEDS, WHO, changed, said
@@ -19,11 +20,11 @@ from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.experiments.comparison.matching import Setting, match
 from flexaxis.experiments.comparison.ranking import REFERENCE
+from flexaxis.experiments.comparison.sweep import FACTORS
+from flexaxis.experiments.comparison.tune import with_knob
 from flexaxis.experiments.running.case import track_of
 from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.scoring.score_table import rows as scores
-from flexaxis.experiments.studies.knobs import with_knob
-from flexaxis.experiments.studies.sweep import FACTORS
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate
@@ -102,7 +103,9 @@ def _at(
         runs.append(scores(track))
     if parameter not in {row["parameter"] for row in runs[0]}:
         return None
-    return Setting.of(text, turn, runs, parameter, scenario)
+    return Setting.of(
+        text, turn, pd.json_normalize([row for run in runs for row in run]), parameter, scenario
+    )
 
 
 def order() -> str:

@@ -22,8 +22,8 @@ from flexaxis.experiments.scoring.parameter_names import nominal_theta
 from flexaxis.experiments.scoring.true_model import with_structure
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate
-from flexaxis.sim.tables.smooth_friction import GearFrictionConfig, StaticFrictionConfig
-from flexaxis.sim.tables.stability import _continuous, _sampled
+from flexaxis.sim.stability import _continuous, _sampled
+from flexaxis.sim.tables.friction import GearFrictionConfig, StaticFrictionConfig
 
 Array = NDArray[np.float64]
 

@@ -33,11 +33,10 @@ from speed_steps import PERCENTILES, time_steps
 from speed_streams import make_stream
 
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.comparison.sweep import sweep
 from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.store import made_with
-from flexaxis.experiments.studies.bench import Bench
-from flexaxis.experiments.studies.sweep import sweep
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "glr.md"
@@ -123,7 +122,7 @@ def at_excess(cases: Sequence[str], texts: Sequence[str], seeds: range, given: A
     scenarios = [find_scenario(f"{name}-v1") for name in cases]
     scenarios = [s for s in scenarios if {e.parameter for e in s.events()} & {"k_T", "J_a", "f_m"}]
     with Runner(given.store / f"sweep-{made_with()['code']}", jobs=given.jobs) as runner:
-        found = sweep(scenarios, texts, seeds, Bench(runner)).at_excess
+        found = sweep(scenarios, texts, seeds, runner.rows).at_excess
     return [
         {"case": r["scenario"].removesuffix("-v1"), "estimator": r["estimator"],
          "parameter": r["parameter"], "how": r["how"], "bound": r["bound"], "runs": len(seeds)}

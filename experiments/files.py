@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.storage.atomic_files import atomic
-from flexaxis.sim.storage.reading import Refusal, json_value, read_text
+from flexaxis.sim.files import Refusal, atomic, json_value, read_text
 
 REPORT, SUMMARY = "report.html", "summary.json"
 SHORT = 12

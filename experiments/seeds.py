@@ -1,7 +1,8 @@
-"""Seeds from text: a number of them, or a range."""
+"""Numbers that users give: seeds, as a number of them or a range, and processes."""
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 from flexaxis.sim.errors import FlexaxisError
@@ -10,6 +11,7 @@ FIRST = 1000
 """The first seed that is reported on; 0 to 99 are for tuning."""
 END = 2**63
 MOST_SEEDS = 100_000
+MOST_JOBS = max(64, 4 * (os.cpu_count() or 1))
 
 
 def parse_seeds(text: str, *, what: str = "--seeds") -> list[int]:
@@ -66,3 +68,17 @@ def check_seed(seed: Any, *, what: str = "seed") -> None:
     """
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < END:
         raise FlexaxisError(f"{what} {str(seed)[:40]}: give a whole number from 0 to 2^63 - 1")
+
+
+def check_jobs(jobs: Any, *, what: str = "jobs") -> None:
+    """Refuse a number of processes that is none; `what` is its name in the message.
+
+    Raises
+    ------
+    FlexaxisError
+    """
+    whole = hasattr(jobs, "__index__") and not isinstance(jobs, bool)
+    if not whole or not 1 <= jobs <= MOST_JOBS:
+        raise FlexaxisError(
+            f"{what} {str(jobs)[:40]}: give a number of processes, 1 to {MOST_JOBS}"
+        )

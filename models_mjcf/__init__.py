@@ -27,8 +27,6 @@ SHIPPED = {
 """Digests of the models as they were first published: what was simulated with another is told apart
 by the hash of its scenario."""
 
-__all__ = ["DEFAULT", "MODEL_NAMES", "SHIPPED", "model_digest", "model_files"]
-
 
 @cache
 def model_digest(name: str) -> str:
@@ -72,6 +70,5 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
         raise ValueError(f"unknown model {name!r}; models are {', '.join(MODEL_NAMES)}.{hint}")
     # Read through the import system, so that it also works from a wheel or a zip file.
     folder = files(__package__) / name
-    listed = sorted(folder.iterdir(), key=lambda file: file.name)
-    assets = {file.name: file.read_bytes() for file in listed if file.is_file()}
+    assets = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
     return assets[f"{name}.xml"].decode(), assets

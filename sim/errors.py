@@ -25,7 +25,7 @@ class ScenarioError(FlexaxisError):
 
     def __init__(self, *problems: str) -> None:
         super().__init__("\n".join(problems))
-        # From the message, so that it survives the way from a worker process by pickle.
+        # From the message, so that it survives pickle, which calls the class with that alone.
         self.problems = tuple(str(self).splitlines())
 
 
@@ -46,18 +46,12 @@ class SimulationError(FlexaxisError):
         What the engine said.
     """
 
-    def __init__(self, message: str, *, run: int, time: float, reason: str) -> None:
-        super().__init__(message)
+    def __init__(self, message: str, run: int, time: float, reason: str) -> None:
+        super().__init__(message, run, time, reason)  # so that it survives pickle
         self.run, self.time, self.reason = run, time, reason
 
-    def __reduce__(self) -> tuple[object, ...]:
-        # Exceptions travel between worker processes by pickle, which by default would
-        # call the class with the message alone.
-        return _rebuild, (str(self), self.run, self.time, self.reason)
-
-
-def _rebuild(message: str, run: int, time: float, reason: str) -> SimulationError:
-    return SimulationError(message, run=run, time=time, reason=reason)
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

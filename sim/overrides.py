@@ -10,28 +10,6 @@ from typing import Any
 from flexaxis.sim.errors import ScenarioError
 
 
-def set_key(content: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key in nested content, in place.
-
-    Raises
-    ------
-    AttributeError, IndexError, KeyError, TypeError, ValueError
-        If there is no such place.
-
-    Examples
-    --------
-    >>> content = {"fault": [{"factor": 1.5}]}
-    >>> set_key(content, "fault[0].factor", 2.0)
-    >>> content
-    {'fault': [{'factor': 2.0}]}
-    """
-    *path, last = [int(i) if i else word for word, i in re.findall(r"([^.\[\]]+)|\[(\d+)\]", key)]
-    place: Any = content
-    for step in path:
-        place = place.setdefault(step, {}) if isinstance(step, str) else place[step]
-    place[last] = value
-
-
 def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str) -> None:
     """Set dotted keys in nested content, in place.
 
@@ -39,11 +17,23 @@ def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str
     ------
     ScenarioError
         If there is no such place; it names source and key.
+
+    Examples
+    --------
+    >>> content = {"fault": [{"factor": 1.5}]}
+    >>> set_keys(content, {"fault[0].factor": 2.0}, source="it")
+    >>> content
+    {'fault': [{'factor': 2.0}]}
     """
     for key, value in changes.items():
         try:
-            set_key(content, key, value)
-        except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+            steps = re.findall(r"([^.\[\]]+)|\[(\d+)\]", key)
+            *path, last = [int(i) if i else word for word, i in steps]
+            place: Any = content
+            for step in path:
+                place = place.setdefault(step, {}) if isinstance(step, str) else place[step]
+            place[last] = value
+        except (AttributeError, LookupError, TypeError, ValueError):
             raise ScenarioError(f"{source}: {key}: no such key to override") from None
 
 
@@ -59,8 +49,6 @@ def suffix(changes: Mapping[str, Any]) -> str:
 
 
 def _compact(value: Any) -> str:
-    text = (
-        value if isinstance(value, str) else json.dumps(value, separators=(",", ":"), default=str)
-    )
-    shown = "".join(c if c.isprintable() else "|" for c in text)
-    return re.sub(r"[\s/\\]", "|", shown)  # a name is one word, and may become a file name
+    text = value if isinstance(value, str) else json.dumps(value, default=str).replace(" ", "")
+    # a name is one word, and may become a file name
+    return "".join(c if c.isprintable() and c not in " /\\" else "|" for c in text)

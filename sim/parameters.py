@@ -1,4 +1,4 @@
-"""The physical parameters of an axis, as its MJCF names them, and named sets of them."""
+"""The parameters of an axis, as its MJCF names them, named sets of them, and those of its laws."""
 
 from __future__ import annotations
 
@@ -7,12 +7,8 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import pairwise
-from numbers import Real
 from types import MappingProxyType
 from xml.etree import ElementTree
-
-import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import DEFAULT, MODEL_NAMES, model_files
 from flexaxis.sim.errors import ParameterError, unknown
@@ -53,14 +49,14 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
         )
 
     def number(owner: ElementTree.Element, path: str, key: str) -> float:
-        found = owner.find(path)
-        if found is None or not (text := found.get(key)):
+        element = owner.find(path)
+        if element is None or not (text := element.get(key)):
             raise ParameterError(
                 f"model {model}: {owner.get('name', 'the motor')} in its MJCF has no {key}."
             )
         return float(text.split()[2 * (key == "diaginertia")])  # the third is about the axis z
 
-    found = {"k_T": number(root, "actuator/motor", "gear")}
+    values = {"k_T": number(root, "actuator/motor", "gear")}
     for kind, owners, path, key in (
         ("J", bodies, "inertial", "diaginertia"),
         ("k", tendons, ".", "stiffness"),
@@ -69,13 +65,13 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
     ):
         for owner, name in zip(owners, chain if owners is bodies else ties, strict=True):
             alone = owners is tendons and len(tendons) == 1
-            found[kind if alone else f"{kind}_{name[0]}"] = number(owner, path, key)
+            values[kind if alone else f"{kind}_{name[0]}"] = number(owner, path, key)
     r = number(tendons[0], "joint", "coef")
-    return MappingProxyType(found if r == 1 else found | {"r": r})
+    return MappingProxyType(values if r == 1 else values | {"r": r})
 
 
 def _named(elements: Iterable[ElementTree.Element]) -> list[str]:
-    return [each.get("name") or "?" for each in elements]
+    return [each.get("name", "?") for each in elements]
 
 
 def parameter_names(model: str = DEFAULT) -> tuple[str, ...]:
@@ -110,7 +106,52 @@ MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")
 """Dampings and frictions; every other parameter must be positive."""
 
 
-def parameter_problem(name: str, value: object) -> str | None:
+LAW_UNITS = {
+    "f_c": "N m",
+    "f_s": "N m",
+    "v_s": "rad/s",
+    "sigma_0": "N m/rad",
+    "sigma_1": "N m s/rad",
+    "alpha": "s/rad",
+    "beta": "s/rad",
+    "kappa": "1/rad^2",
+    "gap": "rad",
+}
+"""Unit of each parameter of a law, in the order of their columns after those of the axis.
+
+They are the level of Coulomb friction and what it takes more to break away, the Stribeck speed,
+stiffness and damping of the bristles, the two rates of a static curve, the cubic over the linear
+coefficient of the gear spring, and the width of its gap on the arm side.
+"""
+
+LAW_NAMES = tuple(LAW_UNITS)
+"""The parameters of laws in the order of their columns."""
+
+LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
+"""What may vanish in the course of a run."""
+
+ESTIMATED_ONLY = ("c_sin", "c_cos")
+"""What an estimator may call a parameter though no record has it: the phase of cogging is free."""
+
+LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    "friction": ("f_c",),
+    "lugre": ("f_c", "f_s", "v_s", "sigma_0", "sigma_1"),
+    "static_friction": ("f_c", "f_s", "alpha", "beta"),
+    "load_friction": ("f_c",),
+    "gear_friction": ("f_c", "f_s", "v_s"),
+    "backlash": ("gap",),
+    "stiffening": ("kappa",),
+}
+"""The parameters of each table of a scenario that is a law, in the order of its keys.
+
+The table knows their values (`law`). Where two have a parameter of one name, the first owns it.
+"""
+
+FIXED = {"gap": "backlash", "kappa": "stiffening"}
+"""Parameters that cannot change in the course of a run, and the tables that they are of."""
+
+
+def parameter_problem(name: str, value: float) -> str | None:
     """Return what is wrong with a value of a parameter, or None if it is physical.
 
     Examples
@@ -120,12 +161,11 @@ def parameter_problem(name: str, value: object) -> str | None:
     >>> parameter_problem("f_m", 0.0)
     """
     unit = PARAMETER_UNITS[name]
-    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
-    if not math.isfinite(number):
+    if not math.isfinite(value):
         return f"must be a finite number [{unit}], not {value!r}"
-    if name == "r" and not 0 < number <= 1:
+    if name == "r" and not 0 < value <= 1:
         return f"must be in (0, 1], arm angle over motor angle (1/118, not 118), not {value!r}"
-    if number < 0 or (number == 0 and name not in MAY_BE_ZERO):
+    if value < 0 or (value == 0 and name not in MAY_BE_ZERO):
         allowed = "zero or positive" if name in MAY_BE_ZERO else "positive"
         return f"must be {allowed} [{unit}], not {value!r}"
     return None
@@ -154,13 +194,13 @@ class AxisParameters(Frozen):
     __slots__ = ()
 
     def __init__(self, values: Mapping[str, float] = Frozen(), /, **more: float) -> None:
-        given = {**values, **more}
-        if (model := model_with(given)) is None:
+        named = {**values, **more}
+        if (model := model_with(named)) is None:
             raise ParameterError(
-                f"no model has just the parameters {', '.join(given)}; {DEFAULT} has "
+                f"no model has just the parameters {', '.join(named)}; {DEFAULT} has "
                 f"{', '.join(PARAMETER_NAMES)}."
             )
-        super().__init__({name: given[name] for name in parameter_names(model)})
+        super().__init__({name: named[name] for name in parameter_names(model)})
         for name, value in self.items():
             if problem := parameter_problem(name, value):
                 raise ParameterError(f"{name} {problem}.")
@@ -176,10 +216,6 @@ class AxisParameters(Frozen):
     def as_dict(self) -> dict[str, float]:
         """Return the values by name."""
         return dict(self)
-
-    def as_array(self) -> NDArray[np.float64]:
-        """Return the values (P,) in the order of `parameter_names`."""
-        return np.array([*self.values()], dtype=float)
 
     def replace(self, **changes: float) -> AxisParameters:
         """Return a copy with some values changed.
@@ -201,7 +237,7 @@ def presets(model: str = DEFAULT) -> Mapping[str, Mapping[str, float]]:
 
     "n1" is what stands in its MJCF; others are tables of TOML files beside that.
     """
-    texts = [text for name, text in model_files(model)[1].items() if name.endswith(".toml")]
+    texts = [text for name, text in sorted(model_files(model)[1].items()) if name.endswith(".toml")]
     tables = [tomllib.loads(text.decode()) for text in texts]
     named = {name: values for table in tables for name, values in table.items()}
     return MappingProxyType({"n1": nominal_numbers(model)} | named)
@@ -223,3 +259,14 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
     if name not in presets(model):
         raise ParameterError(unknown("preset", name, presets(model)))
     return AxisParameters(presets(model)[name])
+
+
+def meant(parameter: str) -> str:
+    """Return the parameter that a fault means: its ``coulomb`` is f_c.
+
+    Examples
+    --------
+    >>> meant("coulomb"), meant("f_m")
+    ('f_c', 'f_m')
+    """
+    return "f_c" if parameter == "coulomb" else parameter

@@ -2,26 +2,56 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.models_mjcf import DEFAULT
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.storage.record_file import ALL, SIGNALS, file_length, read_netcdf, write_netcdf
+from flexaxis.sim.files import atomic
+from flexaxis.sim.parameters import LAW_NAMES, PARAMETER_NAMES, model_with, parameter_names
 from flexaxis.sim.timing import rate
 
+if TYPE_CHECKING:
+    import xarray
+
 Array = NDArray[np.float64]
+
+LARGEST = 8_000_000_000
+"""Bytes that a record may have in memory: 45 million samples with a dozen parameters."""
 
 ROUNDING = 2e-7  # of a period; nobody's clock is so exact
 
 OUTPUTS = ("speed", "increment", "angle")
 """The signals of which a record needs one."""
+
+SIGNALS = {
+    "time": ("s", "time of the sample"),
+    "torque": ("N m", "torque command, held from this sample to the next"),
+    "angle": ("rad", "motor angle as measured"),
+    "speed": ("rad/s", "motor speed as measured"),
+    "increment": ("rad/s", "difference of measured motor angles over the period"),
+    "true_speed": ("rad/s", "motor speed"),
+    "true_angle_m": ("rad", "motor angle"),
+    "true_angle_g": ("rad", "gear angle, arm side"),
+    "true_angle_a": ("rad", "arm angle"),
+    "true_angle_l": ("rad", "load angle"),
+}
+"""Unit and meaning of each signal (N,), by name."""
+
+_ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
+    "scenario": json.loads,
+    "versions": json.loads,
+    "hash": str,
+    "seed": int,
+    "burn_in": float,
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -60,8 +90,6 @@ class Record:
         Time from the start that is not to be scored [s].
     versions : dict
         Versions of the programs that made it.
-    first : int
-        Number of the first sample, where this is a piece of a longer record.
 
     Raises
     ------
@@ -88,14 +116,13 @@ class Record:
     seed: int | None = None
     burn_in: float = 0.0
     versions: dict[str, str] = field(default_factory=dict)
-    first: int = 0
 
     def __post_init__(self) -> None:
         for name in (*SIGNALS, "true_parameters", "valid"):
             object.__setattr__(self, name, _numbers(name, getattr(self, name)))
         _check(self)
         if self.valid is not None:
-            object.__setattr__(self, "valid", self.valid.astype(bool, copy=False))
+            object.__setattr__(self, "valid", self.valid.astype(bool))
 
     def __repr__(self) -> str:
         name = self.scenario.get("name", "of no scenario")
@@ -110,6 +137,27 @@ class Record:
         # A simulated grid is exact; a mean over it would be off by rounding.
         whole = rate(mean)
         return 1 / whole if whole and abs(mean * whole - 1) < ROUNDING else mean
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return an xarray Dataset over time and parameter, as `save` writes it."""
+        import xarray
+
+        data: dict[str, Any] = {
+            name: ("time", getattr(self, name), {"units": unit, "long_name": meaning})
+            for name, (unit, meaning) in SIGNALS.items()
+            if getattr(self, name) is not None
+        }
+        if self.valid is not None:
+            data["valid"] = ("time", self.valid.astype(np.int8))
+        if self.true_parameters is not None:
+            meaning = {"long_name": "true parameters that act from this sample to the next"}
+            data["true_parameters"] = (("time", "parameter"), self.true_parameters, meaning)
+            data["parameter"] = ("parameter", np.array(self.parameter_names, object))
+        attributes = {"burn_in": self.burn_in, "hash": self.hash}
+        attributes |= {key: json.dumps(getattr(self, key)) for key in ("scenario", "versions")}
+        if self.seed is not None:
+            attributes["seed"] = self.seed
+        return xarray.Dataset(data, attrs=attributes)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the record as NetCDF-4; a file of that name is replaced at once or not at all.
@@ -129,11 +177,16 @@ class Record:
         RecordError
             If the folder does not exist or cannot be written.
         """
-        path = Path(path)
+        path, data = Path(path), self.to_xarray()
         if not path.parent.is_dir():
             raise RecordError(f"{path}: there is no folder {path.parent}.")
+        # Columns that hardly ever change. Into memory first: HDF5 ends the process on a full disk.
+        packed = {"true_parameters": {"zlib": True, "complevel": 1}}
+        encoding = packed if self.true_parameters is not None else {}
+        content = data.to_netcdf(engine="h5netcdf", encoding=encoding)
         try:
-            write_netcdf(vars(self), path)
+            with atomic(path) as new:
+                new.write_bytes(content)
         except OSError as error:
             raise RecordError(f"{path}: cannot be written: {error}.") from error
         return path
@@ -158,61 +211,17 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     RecordError
         If the file is missing, broken, no record, or holds impossible values.
     """
-    return _read(Path(path))
+    import xarray
 
-
-def record_pieces(path: str | os.PathLike[str], *, samples: int = 100_000) -> Iterator[Record]:
-    """Read a record piece by piece, so that one of any length needs little memory.
-
-    Parameters
-    ----------
-    path : path-like
-        As for `load_record`.
-    samples : int
-        Samples in a piece.
-
-    Yields
-    ------
-    Record
-        The next piece, checked, its `first` the number of its first sample.
-
-    Raises
-    ------
-    RecordError
-        As from `load_record`, when the piece is reached.
-    """
     path = Path(path)
-    total = count_samples(path)
-    # A piece of one sample would have no period: it joins the one before.
-    starts = [k for k in range(0, max(total, 1), samples) if k == 0 or total - k > 1]
-    before: Record | None = None
-    for start, stop in zip(starts, [*starts[1:], total], strict=True):
-        piece = _read(path, slice(start, stop))
-        if before is not None:
-            _check_grid(np.append(before.time[-2:], piece.time[:1]), first=start - 2, name=path)
-        yield piece
-        before = piece
-
-
-def count_samples(path: str | os.PathLike[str]) -> int:
-    """Return the number of samples in a record file; errors as from `load_record`."""
-    return int(_guarded(Path(path), file_length))
-
-
-def _read(path: Path, span: slice = ALL) -> Record:
-    fields = _guarded(path, lambda file: read_netcdf(file, span))
-    try:
-        return Record(**fields, first=span.start or 0)
-    except RecordError as error:
-        raise RecordError(f"{path}: {error}") from error
-
-
-def _guarded(path: Path, read: Callable[[Path], Any]) -> Any:
-    """Read from a file, and say in one line what is wrong with it."""
     if not path.is_file():
         raise RecordError(f"{path}: no such file.")
     try:
-        return read(path)
+        # Plain HDF5, as from MATLAB, has no named dimensions; it is just as good.
+        with xarray.open_dataset(
+            path, engine="h5netcdf", phony_dims="sort", decode_cf=False
+        ) as file:
+            return Record(**_fields(file))
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
     except Exception as error:
@@ -220,12 +229,46 @@ def _guarded(path: Path, read: Callable[[Path], Any]) -> Any:
         raise RecordError(f"{path}: no NetCDF-4 file, or a broken one ({error}).") from error
 
 
+def _fields(file: xarray.Dataset) -> dict[str, Any]:
+    """Return the fields of a record as they stand in a file."""
+    if file.nbytes > LARGEST:
+        raise RecordError(f"{file.nbytes / 1e9:.0f} GB of data; {LARGEST / 1e9:.0f} GB are read.")
+    for name in ("time", "torque"):
+        if name not in file.variables:
+            there = ", ".join(map(str, file.variables)) or "none"
+            raise RecordError(f"variable {name!r} is missing; there are {there}.")
+    content = {name: file[name].values for name in (*SIGNALS, "valid") if name in file.variables}
+    if "true_parameters" in file.variables:
+        content |= _parameters(file)
+    for name, kind in _ATTRIBUTES.items():
+        if name in file.attrs:
+            try:
+                content[name] = kind(file.attrs[name])
+            except (TypeError, ValueError) as error:
+                raise RecordError(f"attribute {name!r} cannot be read: {error}.") from error
+    return content
+
+
+def _parameters(file: xarray.Dataset) -> dict[str, Any]:
+    """Return the true parameters with their columns in our order, and the names of these."""
+    if "parameter" not in file.variables:
+        raise RecordError("variable 'parameter', the names of the columns, is missing.")
+    names = [str(name) for name in file["parameter"].values]
+    model = model_with(name for name in names if name not in LAW_NAMES)
+    order = [*parameter_names(model or DEFAULT), *(name for name in LAW_NAMES if name in names)]
+    if sorted(names) != sorted(order):
+        raise RecordError(
+            f"parameter must name all of a model ({', '.join(PARAMETER_NAMES)}, say), and may "
+            f"name {', '.join(LAW_NAMES)}; it has {names}."
+        )
+    values = file["true_parameters"].values[:, [names.index(name) for name in order]]
+    return {"true_parameters": values, "parameter_names": tuple(order)}
+
+
 def _numbers(name: str, values: object) -> Array | None:
-    """Return a signal as an array of float; such an array, or one of bool, is left as it is."""
-    if values is None or (isinstance(values, np.ndarray) and values.dtype == bool):
-        return values  # type: ignore[return-value]
+    """Return a signal as an array of float; such an array is left as it is."""
     try:
-        return np.asarray(values, dtype=float)
+        return None if values is None else np.asarray(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise RecordError(f"{name} is no array of numbers: {error}.") from None
 
@@ -240,7 +283,7 @@ def _check(record: Record) -> None:
     for name in (*SIGNALS, "valid"):
         _check_array(record, name, (samples,))
     _check_array(record, "true_parameters", (samples, len(record.parameter_names)))
-    _check_grid(record.time, first=record.first)
+    _check_grid(record.time)
 
 
 def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
@@ -255,27 +298,22 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
     bad = ~np.isfinite(values)
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
-        where = f"sample {record.first + index[0]}"
-        if len(index) > 1:
-            where += f", {record.parameter_names[index[1]]}"
+        where = "".join(f", {record.parameter_names[i]}" for i in index[1:])
         raise RecordError(
-            f"{name} is {values[index]} at {where} ({bad.sum()} such values); mark missing "
-            "samples with valid = False and give them any finite value."
+            f"{name} is {values[index]} at sample {index[0]}{where} ({bad.sum()} such values); "
+            "mark missing samples with valid = False and give them any finite value."
         )
 
 
-def _check_grid(time: Array, *, first: int = 0, name: object = "") -> None:
-    """Raise a RecordError if time does not advance evenly; `first` numbers its first sample."""
-    where = f"{name}: " if name else ""
+def _check_grid(time: Array) -> None:
+    """Raise a RecordError if time does not advance evenly."""
     steps = np.diff(time)
     if (steps <= 0).any():
-        k = first + int(np.argmax(steps <= 0)) + 1
-        raise RecordError(f"{where}time does not advance at sample {k}.")
+        raise RecordError(f"time does not advance at sample {np.argmax(steps <= 0) + 1}.")
     uneven = np.abs(steps / np.median(steps) - 1) > 0.01
     if uneven.any():
         k = int(np.argmax(uneven))
         raise RecordError(
-            f"{where}time is not even: {steps[k]:.6g} s from sample {first + k} to "
-            f"{first + k + 1}, but {np.median(steps):.6g} s mostly; resample, or mark gaps with "
-            "valid = False."
+            f"time is not even: {steps[k]:.6g} s from sample {k} to {k + 1}, but "
+            f"{np.median(steps):.6g} s mostly; resample, or mark gaps with valid = False."
         )

@@ -6,35 +6,43 @@ import os
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from flexaxis.models_mjcf import DEFAULT
-from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.law_parameters import law_values
+from flexaxis.models_mjcf import DEFAULT, MODEL_NAMES
+from flexaxis.sim import identity
+from flexaxis.sim.conflicts import conflicts, problems
+from flexaxis.sim.errors import ScenarioError, unknown
+from flexaxis.sim.files import read_text, toml_tables, toml_text
 from flexaxis.sim.overrides import set_keys, suffix
-from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
-from flexaxis.sim.storage.reading import read_text, toml_tables
-from flexaxis.sim.storage.toml_text import toml_text
-from flexaxis.sim.tables import dry_friction as dry
-from flexaxis.sim.tables import identity
+from flexaxis.sim.parameters import (
+    DATA_SHEET,
+    DEFAULT_IDENTIFY,
+    LAW_NAMES,
+    AxisParameters,
+    preset,
+)
+from flexaxis.sim.tables import friction as rubbing
 from flexaxis.sim.tables import nonlinear as beyond
 from flexaxis.sim.tables import sensors as sensing
-from flexaxis.sim.tables import smooth_friction as smooth
-from flexaxis.sim.tables.config import Config, Frozen, NotNegative, Part, Positive, Values, Word
+from flexaxis.sim.tables.config import Config, Frozen, NotNegative, Positive, Values, Word
 from flexaxis.sim.tables.controller import ControllerConfig
-from flexaxis.sim.tables.drawn_onsets import drawn
-from flexaxis.sim.tables.events import Event, changed, find_events
+from flexaxis.sim.tables.events import Event, changed, drawn, find_events
 from flexaxis.sim.tables.excitation import Excitation, Multisine
 from flexaxis.sim.tables.faults import Fault
-from flexaxis.sim.tables.problems import conflicts, explain
-from flexaxis.sim.timing import PERIOD, Grid, sample_index
+from flexaxis.sim.timing import PERIOD, Grid, checked_period, sample_index
 
 Array = NDArray[np.float64]
 Tuple = Field(strict=False)  # TOML has arrays where we keep tuples
+
+
+def _a_model(name: str) -> str:
+    if name not in MODEL_NAMES:
+        raise ValueError(unknown("model", name, MODEL_NAMES))
+    return name
 
 
 class Scenario(Config):
@@ -91,9 +99,9 @@ class Scenario(Config):
     card: str = ""
     group: str | None = None
     difficulty: Literal["easy", "medium", "hard"] | None = None
-    period: Positive = PERIOD
+    period: Annotated[Positive, AfterValidator(checked_period)] = PERIOD
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
-    model: str = DEFAULT
+    model: Annotated[str, AfterValidator(_a_model)] = DEFAULT
     preset: str = "n1"
     parameters: Values = Field(default_factory=Frozen)
     identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
@@ -108,11 +116,11 @@ class Scenario(Config):
     encoder: sensing.EncoderConfig = sensing.EncoderConfig()
     filter: sensing.FilterConfig | None = None
     controller: ControllerConfig = ControllerConfig()
-    friction: dry.FrictionConfig | None = None
-    lugre: dry.LuGreConfig | None = None
-    static_friction: smooth.StaticFrictionConfig | None = None
-    load_friction: smooth.LoadFrictionConfig | None = None
-    gear_friction: smooth.GearFrictionConfig | None = None
+    friction: rubbing.FrictionConfig | None = None
+    lugre: rubbing.LuGreConfig | None = None
+    static_friction: rubbing.StaticFrictionConfig | None = None
+    load_friction: rubbing.LoadFrictionConfig | None = None
+    gear_friction: rubbing.GearFrictionConfig | None = None
     cogging: beyond.CoggingConfig | None = None
     backlash: beyond.BacklashConfig | None = None
     stiffening: beyond.StiffeningConfig | None = None
@@ -124,13 +132,13 @@ class Scenario(Config):
 
     @model_validator(mode="after")
     def _keys_agree(self) -> Scenario:
-        problems = [f"{key}: {text}" for key, text in conflicts(self.model_dump())]
-        if problems:
-            raise ValueError("\n".join(problems))
+        lines = [f"{key}: {text}" for key, text in conflicts(self)]
+        if lines:
+            raise ValueError("\n".join(lines))
         return self
 
     def drawn(self, seed: int) -> Scenario:
-        """Return the scenario as it is in the run of a seed, by `sim.tables.drawn_onsets`."""
+        """Return the scenario as it is in the run of a seed, by `sim.tables.events.drawn`."""
         return self if self.onset_spread is None else drawn(self, seed)
 
     @property
@@ -154,22 +162,25 @@ class Scenario(Config):
         return preset(self.preset, self.model).replace(**self.parameters)
 
     @property
-    def tables(self) -> dict[str, Part]:
-        """The tables of axis, loop and sensors that are not off, by key."""
-        fields = {key: getattr(self, key) for key in type(self).model_fields if key != "excitation"}
-        return cast("dict[str, Part]", {k: v for k, v in fields.items() if isinstance(v, Config)})
+    def tables(self) -> dict[str, Any]:
+        """The tables of axis, loop and sensors that are not off, by key.
+
+        Each has `exact`, whether the linear model describes what is logged with it, and `in_words`.
+        """
+        return {k: v for k, v in self if isinstance(v, Config) and k != "excitation"}
 
     @property
     def nonlinear(self) -> dict[str, beyond.Nonlinearity]:
         """What the plant has beyond the linear model, by key."""
-        return {
-            k: table for k, table in self.tables.items() if isinstance(table, beyond.Nonlinearity)
-        }
+        return self._tables_of(beyond.Nonlinearity)
 
     @property
     def sensors(self) -> dict[str, sensing.Sensor]:
         """What lies between axis and log, by key, in the order in which a signal meets it."""
-        return {k: table for k, table in self.tables.items() if isinstance(table, sensing.Sensor)}
+        return self._tables_of(sensing.Sensor)
+
+    def _tables_of(self, kind: type) -> dict[str, Any]:
+        return {key: table for key, table in self.tables.items() if isinstance(table, kind)}
 
     @property
     def linear(self) -> bool:
@@ -189,7 +200,10 @@ class Scenario(Config):
     @cached_property
     def laws(self) -> dict[str, float]:
         """Parameters, before any fault, of what the plant has beyond the linear model."""
-        return Frozen(law_values(self.nonlinear.values()))
+        values: dict[str, float] = {}
+        for table in self.nonlinear.values():  # of two with one name it is the first's
+            values = table.law | values
+        return Frozen({name: float(values[name]) for name in LAW_NAMES if name in values})
 
     @cached_property
     def initial(self) -> dict[str, float]:
@@ -221,11 +235,7 @@ class Scenario(Config):
         A ramp is one event at its onset; an intermittent fault is one at each switch. Where
         changes of one parameter overlap, each event has the size of its own fault alone.
         """
-        return self._events
-
-    @cached_property
-    def _events(self) -> tuple[Event, ...]:
-        return find_events(self.fault, self.nuisance or (), self.grid, self.initial.__getitem__)
+        return find_events(self.fault, self.nuisance or (), self.grid, self.initial)
 
     @cached_property
     def hash(self) -> str:
@@ -271,7 +281,8 @@ class Scenario(Config):
             If a key is unknown or a value is not allowed.
         """
         content = self.model_dump(mode="json", exclude_none=True)
-        changes = {key: _plain(value) for key, value in changes.items()}
+        # numbers and arrays of NumPy as Python's own
+        changes = {key: getattr(x, "tolist", lambda x=x: x)() for key, x in changes.items()}
         set_keys(content, changes, source=self.name)
         if "name" not in changes:
             content["name"] = self.name + suffix(changes)
@@ -279,11 +290,6 @@ class Scenario(Config):
         if not inherit or "streams" in changes or other.key == self.key:
             return other
         return scenario_from(content | {"streams": self.key}, source=self.name)
-
-
-def _plain(value: Any) -> Any:
-    """Return a number or an array of NumPy as Python's own."""
-    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
 def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
@@ -304,8 +310,8 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
     try:
         return Scenario.model_validate(dict(content))
     except ValidationError as error:
-        problems = [*explain(error, Scenario), *conflicts(content)]
-        raise ScenarioError(*(f"{source}: {key}: {text}" for key, text in problems)) from None
+        lines = problems(error, content, Scenario)
+        raise ScenarioError(*(f"{source}: {line}" for line in lines)) from None
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:

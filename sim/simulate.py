@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache, partial
 from importlib.metadata import version
 from typing import Any
@@ -59,23 +60,23 @@ def simulate(
     SimulationError
         If the engine warns or a state is not finite; names scenario, seed and time.
     """
-    seeds = _checked(seeds)
+    seeds = [int(seed) for seed in seeds]
+    if not seeds or min(seeds) < 0:
+        raise ScenarioError(f"seeds: expected at least one number from 0 on, got {seeds}.")
     grid, runs = scenario.grid, [scenario.drawn(seed) for seed in seeds]
     reference = np.column_stack(
         [
-            run.excitation.reference(grid, _stream(scenario, seed, "excitation"))
+            run.excitation.reference(grid, stream(scenario.key, seed, "excitation"))
             for run, seed in zip(runs, seeds, strict=True)
         ]
     )
     white = partial(_white, scenario, seeds, repeat)
-    try:
+    with _named(scenario, seeds):
         truth = closed_loop(runs, reference, white, threads=threads, progress=progress)
-    except SimulationError as error:
-        raise _named(error, scenario, seeds) from None
     sensors = scenario.sensors.values()
     angle = reading(sensors, "angle", white, period=grid.period)(truth.angles[:, :, 0])
     speed = reading(sensors, "speed", white, period=grid.period)(truth.speed)
-    return _records(scenario, runs, seeds, truth, angle, speed)
+    return _records(scenario, runs, seeds, truth, [angle, speed])
 
 
 def tracked(
@@ -113,79 +114,65 @@ def tracked(
         As from `simulate`.
     """
     seeds, grid = [seed] * len(runs), scenario.grid
-    one = runs[0].excitation.reference(grid, _stream(scenario, seed, "excitation"))
+    one = runs[0].excitation.reference(grid, stream(scenario.key, seed, "excitation"))
     reference = np.column_stack([one[:samples]] * len(runs))
     white = partial(_white, scenario, seeds, 0)
-    try:
+    with _named(scenario, seeds):
         truth = closed_loop(runs, reference, white, followers=followers)
-    except SimulationError as error:
-        raise _named(error, scenario, seeds) from None
     return reference - truth.angles[:, :, 0], truth.limited
-
-
-def _checked(seeds: Sequence[int]) -> list[int]:
-    numbers = [int(seed) for seed in seeds]
-    if not numbers or min(numbers) < 0:
-        raise ScenarioError(f"seeds: expected at least one number from 0 on, got {numbers}.")
-    return numbers
-
-
-def _stream(scenario: Scenario, seed: int, purpose: str) -> np.random.Generator:
-    return stream(scenario.key, seed, purpose)
 
 
 def _white(scenario: Scenario, seeds: list[int], repeat: int, purpose: str) -> Array:
     """Return white noise (N, R) of standard deviation 1 for one purpose."""
     purpose += f".{repeat}" if repeat else ""
-    columns = [_stream(scenario, seed, purpose).standard_normal(scenario.samples) for seed in seeds]
-    return np.column_stack(columns)
+    streams = [stream(scenario.key, seed, purpose) for seed in seeds]
+    return np.column_stack([each.standard_normal(scenario.samples) for each in streams])
 
 
-def _named(error: SimulationError, scenario: Scenario, seeds: list[int]) -> SimulationError:
-    message = (
-        f"{scenario.name}, seed {seeds[error.run]}: the simulation failed at "
-        f"t = {error.time:.3f} s ({error.reason}). The axis is unstable: look at the gains, the "
-        "parameters and the faults, or it is too stiff for the step of the integrator."
-    )
-    return SimulationError(message, run=error.run, time=error.time, reason=error.reason)
+@contextmanager
+def _named(scenario: Scenario, seeds: list[int]) -> Iterator[None]:
+    """Say in which scenario and seed a simulation fails."""
+    try:
+        yield
+    except SimulationError as error:
+        message = (
+            f"{scenario.name}, seed {seeds[error.run]}: the simulation failed at "
+            f"t = {error.time:.3f} s ({error.reason}). The axis is unstable: look at the gains, "
+            "the parameters and the faults, or it is too stiff for the step of the integrator."
+        )
+        raise SimulationError(message, error.run, error.time, error.reason) from None
 
 
-def _records(  # noqa: PLR0917
-    scenario: Scenario,
-    runs: list[Scenario],
-    seeds: list[int],
-    truth: Truth,
-    angle: Array,
-    speed: Array,
+def _records(
+    scenario: Scenario, runs: list[Scenario], seeds: list[int], truth: Truth, read: list[Array]
 ) -> list[Record]:
-    increment = angle_increment(angle, period=scenario.period)
+    angle, speed = read
+    signals: dict[str, Any] = {
+        "torque": truth.torque,
+        "angle": angle,
+        "speed": speed,
+        "increment": angle_increment(angle, period=scenario.period),
+        "true_speed": truth.speed,
+    }
+    masses = [name[2:] for name in scenario.nominal if name[0] == "J"]
+    signals |= {f"true_angle_{name}": truth.angles[..., i] for i, name in enumerate(masses)}
     parameters = {run.hash: run.true_parameters() for run in runs}
     for shared in parameters.values():  # by all records of the batch to which it happens at once
         shared.flags.writeable = False
     return [
         Record(
             time=scenario.times,
-            torque=truth.torque[:, run].copy(),
-            angle=angle[:, run].copy(),
-            speed=speed[:, run].copy(),
-            increment=increment[:, run].copy(),
-            true_speed=truth.speed[:, run].copy(),
-            **_angles(scenario, truth.angles[:, run]),
-            true_parameters=parameters[runs[run].hash],
+            **{name: values[:, i].copy() for name, values in signals.items()},
+            true_parameters=parameters[run.hash],
             parameter_names=scenario.parameter_names,
-            scenario=runs[run].resolved(),
+            scenario=run.resolved(),
             hash=scenario.hash,
             seed=seed,
             burn_in=scenario.burn_in,
             versions=made_with(scenario),
         )
-        for run, seed in enumerate(seeds)
+        for i, (run, seed) in enumerate(zip(runs, seeds, strict=True))
     ]
-
-
-def _angles(scenario: Scenario, angles: Array) -> dict[str, Any]:
-    masses = [name[2:] for name in scenario.nominal if name[0] == "J"]
-    return {f"true_angle_{name}": angles[:, i].copy() for i, name in enumerate(masses)}
 
 
 @cache

@@ -65,21 +65,19 @@ class Grid:
         return sample_index(time, self.period)
 
 
-def period_problem(period: float) -> str | None:
-    """Return what is wrong with a sampling period [s], or None.
+def checked_period(period: float) -> float:
+    """Return a sampling period [s], or raise a ValueError that says what is wrong with it.
 
     Examples
     --------
-    >>> period_problem(0.0025)
-    >>> period_problem(0.5)
-    'must be from 0.001 to 0.01 s, not 0.5'
+    >>> checked_period(0.0025)
+    0.0025
     """
     if not SHORTEST <= period <= LONGEST:
-        return f"must be from {SHORTEST:g} to {LONGEST:g} s, not {period:g}"
+        raise ValueError(f"must be from {SHORTEST:g} to {LONGEST:g} s, not {period:g}")
     if abs(1 / period - rate(period)) > 1e-6:
-        near = 1 / rate(period)
-        return (
-            f"must go into one second a whole number of times, such as {near:.6g} "
+        raise ValueError(
+            f"must go into one second a whole number of times, such as {1 / rate(period):.6g} "
             f"({rate(period)} Hz), not {period:g}"
         )
-    return None
+    return period

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from flexaxis.experiments.files import digest_of
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean, unknown
-from flexaxis.sim.storage.atomic_files import atomic
+from flexaxis.sim.files import atomic
 
 HOME = files("flexaxis.experiments.catalogue")
 HASHES = "hashes.toml"

@@ -123,7 +123,7 @@ def add_cache(parser: argparse.ArgumentParser, *, default: bool) -> None:
 
 def check_jobs(args: argparse.Namespace) -> None:
     """Refuse a number of processes that is none."""
-    from flexaxis.experiments.running.run import check_jobs
+    from flexaxis.experiments.seeds import check_jobs
 
     if args.jobs is not None:
         check_jobs(args.jobs, what="--jobs")

@@ -1,6 +1,6 @@
-"""Estimators beside each other: at equal noise, ranked, and what chance leaves of it.
+"""Compare estimators: at equal noise, over their tuning parameter, with uncertainty.
 
-`matching` reads lags off at equal noise, `ranking` says who leads and who is tied, `statistics`
-has the tests, `ecdf` and `mismatch` two more views. In come rows of scores by seed, or pooled; out
-go numbers with intervals, marks and sentences.
+`sweep` runs estimators over settings of their tuning parameter, and `tune` finds the setting that
+is as noisy as the reference. `matching` interpolates lags at equal noise, `ranking` says which
+estimator leads and which are tied, and `mismatch` shows the effect of wrong nominal values.
 """

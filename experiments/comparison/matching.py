@@ -1,31 +1,31 @@
 """Compare at equal noise: the lag of an estimator at that turn of its knob where it is as quiet.
 
 An estimator can be made quicker and noisier, or slower and quieter. So it is run at several
-settings of its knob, and read off between the two on either side of the reference's noise, straight
-in the logarithms. Which noise: of one fault, the standard deviation of the parameter that changes;
-of all faults together, the excess prediction error, which has no units. Where no setting is as
-quiet as the reference (or as noisy), the nearest one says what can be said: a bound on one side.
+settings of its knob, and read off between the two on either side of the noise of the reference,
+linearly in the logarithms. For one fault the noise is the standard deviation of the parameter that
+changes; for all faults together it is the excess prediction error, which has no units. Where no
+setting is as quiet as the reference (or as noisy), the nearest one gives a bound on one side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import FLOOR, pseudo_values
-from flexaxis.experiments.scoring.pooling import scatter
-from flexaxis.experiments.scoring.summary import biases_of
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Noise = Literal["std", "excess"]
+Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
+"""``run(scenarios, estimators, seeds)``: the rows of these cases, as `Runner.rows` returns them."""
 
 MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
 SPREADS = {"std": ("bias", "lost_before"), "std_after": ("bias_after", "lost_after")}
@@ -42,7 +42,7 @@ class Setting:
         As for `--estimator`.
     factor : float
         Turn of the knob, 1 for the default.
-    rows : sequence of mapping
+    rows : DataFrame
         Rows of scores, one a seed, in the order of the seeds, which all settings share.
     biases : ndarray (n, p)
         Biases of the scenario's `identify` [% of nominal].
@@ -52,40 +52,47 @@ class Setting:
 
     text: str
     factor: float
-    rows: Sequence[Mapping[str, Any]]
+    rows: pd.DataFrame
     biases: Array = field(default_factory=lambda: np.empty((0, 0)))
     information: Array | None = None
 
     @staticmethod
     def of(
-        text: str,
-        factor: float,
-        runs: Sequence[Sequence[Mapping[str, Any]]],
-        parameter: str,
-        scenario: Scenario,
+        text: str, factor: float, frame: pd.DataFrame, parameter: str, scenario: Scenario
     ) -> Setting:
-        """Return a setting from the rows of its runs, one for each parameter."""
-        rows = [next(row for row in run if row["parameter"] == parameter) for run in runs]
-        return Setting(text, factor, rows, biases_of(runs, scenario), information(scenario))
+        """Return a setting from the rows of its runs, one a seed and parameter."""
+        wide = frame.pivot(index="seed", columns="parameter", values="bias")
+        biases = wide.reindex(columns=list(scenario.identify)).fillna(0.0).to_numpy(float)
+        rows = frame[frame["parameter"] == parameter].sort_values("seed")
+        return Setting(text, factor, rows, biases, information(scenario))
 
     def array(self, name: str) -> Array:
         """Return a score seed by seed (n,), NaN where it is not defined."""
-        values = [row[name] for row in self.rows]
-        return np.array([np.nan if value is None else value for value in values], float)
+        return self.rows[name].to_numpy(float)
 
-    def noise(self, kind: Noise) -> Callable[[Index], float]:
-        """Return the pooled noise of the runs with some indices."""
-        if kind == "excess":
-            return lambda index: float(np.sqrt(max(0.0, self._excess(index))))
-        std, bias = self.array("std"), self.array("bias")
-        lost = self.array("lost_before") > 0
-        return lambda index: scatter(std[index], bias[index], lost[index])
-
-    def _excess(self, index: Index) -> float:
-        each, lost = self.array("excess"), self.array("lost_before") > 0
+    def noise(self, kind: Noise, runs: Any = slice(None)) -> float:
+        """Return the pooled noise, of some runs only if their indices are given."""
+        lost = self.array("lost_before")[runs] > 0
+        if kind == "std":
+            return pooling.scatter(self.array("std")[runs], self.array("bias")[runs], lost)
+        each = self.array("excess")[runs]
         if self.information is None:
-            return float(each[index].mean())
-        return pooling.excess(each[index], lost[index], self.biases[index], self.information)
+            return float(np.sqrt(each.mean()))
+        excess = pooling.excess(each, lost, self.biases[runs], self.information)
+        return float(np.sqrt(np.maximum(0.0, excess)))
+
+    def log(self, name: str, runs: Any = slice(None)) -> float:
+        """Return ln of a pooled score; NaN where a run has none. A `score` is a logarithm."""
+        each = self.array(name)[runs]
+        if name in SPREADS and not np.isnan(each).any():
+            bias, lost = (self.array(beside)[runs] for beside in SPREADS[name])
+            return log_of(pooling.scatter(each, bias, lost > 0))
+        return float((each if name == "score" else np.log(np.maximum(each, FLOOR))).mean())
+
+
+def log_of(value: float) -> float:
+    """Return ln of a score, at least that of the floor."""
+    return float(np.log(max(FLOOR, value)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,29 +102,58 @@ class Match:
     Attributes
     ----------
     how : {"matched", "quieter", "noisier"}
-        Whether it is as noisy there, or at all its settings quieter, or noisier.
-    settings : tuple of str
+        Whether it is as noisy, or at all its settings quieter, or noisier.
+    sides : tuple of Setting
         The two settings it lies between, or the nearest one.
     ratio : float
         Noise over that of the reference: 1 if matched.
-    nearest : Setting
-        The setting that is nearest to the match.
-    at : callable
-        ``at(name)``: ln of a score at the match, seed by seed, as the jackknife's values (n,);
-        their mean is the estimate, and those of two estimators are paired. None where it is not
-        defined in all runs.
+    reference : Setting
+    kind : {"std", "excess"}
+        Which noise.
     """
 
     how: str
-    settings: tuple[str, ...]
+    sides: tuple[Setting, ...]
     ratio: float
-    nearest: Setting
-    at: Callable[[str], Array | None]
+    reference: Setting
+    kind: Noise
+
+    @property
+    def nearest(self) -> Setting:
+        """The setting whose noise is nearest to that of the reference."""
+        return min(self.sides, key=lambda side: abs(_log_ratio(side, self.reference, self.kind)))
+
+    def at(self, name: str) -> Array | None:
+        """Return ln of a score at the match, seed by seed, as the jackknife's values (n,).
+
+        Their mean is the estimate, and those of two estimators are paired. How far between the two
+        settings the match lies is itself measured on the same runs; the jackknife includes that.
+        None where a run has no such score.
+        """
+
+        def statistic(runs: Any) -> float:
+            values = [side.log(name, runs) for side in self.sides]
+            if len(values) == 1:
+                return values[0]
+            low, high = (_log_ratio(s, self.reference, self.kind, runs) for s in self.sides)
+            share = -low / (high - low) if high != low else 0.5
+            return (1 - share) * values[0] + share * values[1]
+
+        if any(np.isnan(side.array(name)).any() for side in self.sides):
+            return None
+        return pseudo_values(statistic, len(self.reference.rows))
 
     def false_alarms(self) -> Array | None:
         """Return the false alarms seed by seed (n,) at the nearest setting, None without any."""
-        found = [row["detection"] for row in self.nearest.rows]
-        return None if None in found else np.array([f["false_alarms"] for f in found], float)
+        rows = self.nearest.rows
+        if "detection.false_alarms" not in rows or rows["detection.false_alarms"].isna().any():
+            return None
+        return rows["detection.false_alarms"].to_numpy(float)
+
+
+def plain(setting: Setting, name: str) -> Array | None:
+    """Return ln of a score at one setting, as `Match.at` does."""
+    return Match(MATCHED, (setting,), 1.0, setting, "std").at(name)
 
 
 def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Match | None:
@@ -136,94 +172,23 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
     Match or None
         None where the reference has no noise, or the estimator no settings with any.
     """
-    line = sorted(settings, key=lambda s: s.factor)
-    noises = [setting.noise(noise) for setting in line]
-    zero = reference.noise(noise)
-    every = np.arange(len(reference.rows))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        logs = np.log([of(every) for of in noises]) - np.log(zero(every))
+    line = sorted(settings, key=lambda setting: setting.factor)
+    logs = np.array([_log_ratio(setting, reference, noise) for setting in line])
     if not line or np.isnan(logs).any():
         return None
-    found = [
-        _between(line[k : k + 2], noises[k : k + 2], zero, logs[k : k + 2])
+    crossings = [
+        Match(MATCHED, tuple(line[k : k + 2]), 1.0, reference, noise)
         for k in range(len(line) - 1)
         if np.isfinite(logs[k : k + 2]).all() and logs[k] * logs[k + 1] <= 0
     ]
-    if not found:
-        return _nearest(line, logs)
-    # Where a line crosses more than once, the crossing nearest to the default is meant: the best
-    # of them would be the best by luck.
-    return min(found, key=lambda m: abs(np.log(m.nearest.factor)))
-
-
-def _nearest(line: Sequence[Setting], logs: Array) -> Match:
+    if crossings:  # the one nearest to the default: the best would be the best by luck
+        return min(crossings, key=lambda m: abs(np.log(m.nearest.factor)))
     best = int(np.argmin(abs(logs)))
     how = MATCHED if logs[best] == 0 else QUIETER if logs[best] < 0 else NOISIER
-    setting = line[best]
-    ratio = float(np.exp(logs[best]))
-    return Match(how, (setting.text,), ratio, setting, lambda name: plain(setting, name))
+    return Match(how, (line[best],), float(np.exp(logs[best])), reference, noise)
 
 
-def _between(
-    sides: Sequence[Setting],
-    noises: Sequence[Callable[[Index], float]],
-    zero: Callable[[Index], float],
-    logs: Array,
-) -> Match:
-    """Return the match between two settings, of which one is quieter and one noisier."""
-
-    def share(index: Index) -> float:
-        reference = np.log(zero(index))
-        low, high = (np.log(of(index)) - reference for of in noises)
-        return float(-low / (high - low)) if high != low else 0.5
-
-    nearest = sides[int(np.argmin(abs(logs)))]
-    texts = tuple(setting.text for setting in sides)
-    return Match(
-        MATCHED, texts, 1.0, nearest, lambda name: _interpolated(sides[0], sides[1], share, name)
-    )
-
-
-def log_of(value: float) -> float:
-    """Return ln of a score, of those that are all but zero that of the floor."""
-    return float(np.log(max(FLOOR, value)))
-
-
-def _values(setting: Setting, name: str) -> Callable[[Index], float] | None:
-    """Return ln of the pooled score of some runs; of scores that are logarithms, themselves."""
-    if name in SPREADS:
-        std, bias = setting.array(name), setting.array(SPREADS[name][0])
-        lost = setting.array(SPREADS[name][1]) > 0
-        if np.isnan(std).any():
-            return None
-        return lambda index: log_of(scatter(std[index], bias[index], lost[index]))
-    each = setting.array(name)
-    if np.isnan(each).any():
-        return None
-    if name != "score":
-        each = np.log(np.maximum(each, FLOOR))
-    return lambda index: float(each[index].mean())
-
-
-def plain(setting: Setting, name: str) -> Array | None:
-    """Return ln of a score at one setting as the jackknife's values (n,), as `Match.at` does."""
-    of = _values(setting, name)
-    return None if of is None else pseudo_values(of, len(setting.rows))
-
-
-def _interpolated(
-    low: Setting, high: Setting, share: Callable[[Index], float], name: str
-) -> Array | None:
-    """Return the jackknife's values of a score between two settings.
-
-    How far between is itself measured, on the same runs; the jackknife sees that.
-    """
-    first, second = _values(low, name), _values(high, name)
-    if first is None or second is None:
-        return None
-
-    def statistic(index: Index) -> float:
-        w = share(index)
-        return (1 - w) * first(index) + w * second(index)
-
-    return pseudo_values(statistic, len(low.rows))
+def _log_ratio(side: Setting, reference: Setting, kind: Noise, runs: Any = slice(None)) -> float:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        both = np.log([side.noise(kind, runs), reference.noise(kind, runs)])
+        return float(both[0] - both[1])

@@ -1,31 +1,20 @@
-"""Where the model is wrong: which scenarios these are, and who copes there, in words.
+"""Where the model is wrong: which scenarios these are, and which rows mean little there.
 
 And tracks: scenarios that ask the same of an estimator, ranked among themselves.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.comparison.ranking import (
-    CONTROLS,
-    REFERENCE,
-    by_fault,
-    leaders,
-    too_few,
-)
-from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.parameter_names import known_names, nominal_theta, theta_over_time
 from flexaxis.experiments.scoring.true_model import known_structure
 from flexaxis.sim.scenario import Scenario
 
 Row = Mapping[str, Any]
-
-UNEQUAL = 1.5  # ratio of deviations up to which one counts as about as quiet
 
 
 def mismatched(scenarios: Mapping[str, Scenario]) -> list[str]:
@@ -72,78 +61,11 @@ def misled(rows: Sequence[Row], scenarios: Mapping[str, Scenario]) -> set[tuple[
             percent = 100 * change / np.abs(nominal_theta(scenario, known))
             sizes |= {(name, each): size for each, size in zip(known, percent, strict=True)}
     return {
-        _key(row)
+        key
         for row in rows
-        if row["changed"]
-        and abs(row["bias"] or 0.0) > 0.5 * sizes.get((row["scenario"], row["parameter"]), np.inf)
+        for key in [(row["scenario"], row["parameter"], row["estimator"])]
+        if row["changed"] and abs(row["bias"] or 0.0) > 0.5 * sizes.get(key[:2], np.inf)
     }
-
-
-def mismatch_in_words(
-    rows: Sequence[Row],
-    as_set: Sequence[Row],
-    names: Sequence[str],
-    wrong: Collection[tuple[str, str, str]] = (),
-) -> str:
-    """Return who copes best where the model is wrong, and who raises false alarms there.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Pooled rows of all scenarios.
-    as_set : sequence of mapping
-        As from `flexaxis.experiments.studies.as_set.as_set`: the values that are paired.
-    names : sequence of str
-        The scenarios that are meant.
-    wrong : collection of (str, str, str)
-        As from `misled`: these do not compete.
-    """
-    mine = [row for row in as_set if row["scenario"] in names]
-    faults, wins = by_fault(mine), Counter[str]()
-    for rows_of in faults.values():
-        quiet = [row for row in _quiet(rows_of) if _key(row) not in wrong]
-        wins.update(leaders({row["estimator"]: row["values"]["lag"] for row in quiet}))
-    told = ", ".join(f"{name} in {number} of {len(faults)}" for name, number in wins.most_common())
-    told = told or too_few(mine) or "nobody"
-    text = (
-        f"Shortest lag, or not to be told from it on these seeds, with at most {UNEQUAL:g} times "
-        f"the deviation of {REFERENCE} in the parameter that changes: {told}"
-    )
-    passed = dict.fromkeys(row["estimator"] for row in mine if _key(row) in wrong)
-    if passed:
-        text += (
-            ". Not ranked where the bias before a fault is more than half of its size, for the "
-            f"estimate was wrong already: {', '.join(passed)}"
-        )
-    return f"{text}{_false_alarms([row for row in rows if row['scenario'] in names])}."
-
-
-def _false_alarms(rows: Sequence[Row]) -> str:
-    """Return how many false alarms each has raised, in how long, and what that allows."""
-    cases: dict[str, dict[str, Row]] = {}
-    for row in rows:
-        if (row.get("detection") or {}).get("calm"):
-            cases.setdefault(row["estimator"], {})[row["scenario"]] = row
-    said = []
-    for estimator, each in cases.items():
-        counts = [row["detection"]["false_alarms"] * row["runs"] for row in each.values()]
-        hours = sum(row["detection"]["calm"] for row in each.values()) / 3600
-        low, high = rate_interval(counts, hours, range(len(counts)))
-        within = f"{low:.2g} to {high:.2g}" if low else f"at most {high:.2g}"
-        said.append(f"{estimator} {sum(counts):.0f} in {hours:.2g} h ({within} an hour)")
-    return f". False alarms: {', '.join(said)}" if said else ""
-
-
-def _key(row: Row) -> tuple[str, str, str]:
-    return row["scenario"], row["parameter"], row["estimator"]
-
-
-def _quiet(rows: list[Row]) -> list[Row]:
-    """Return the rows of estimators, not controls, that are about as quiet as the reference."""
-    limit = next(
-        (UNEQUAL * r["std"] for r in rows if r["estimator"] == REFERENCE and r["std"]), np.inf
-    )
-    return [r for r in rows if r["estimator"] not in CONTROLS and (r["std"] or 0.0) <= limit]
 
 
 NOMINAL, KNOWN = "nominal", "known structure"

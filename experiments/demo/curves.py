@@ -21,8 +21,7 @@ from flexaxis.experiments.reporting.charts_old.page import macros
 from flexaxis.experiments.reporting.styles import NINE, Style, style
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.experiments.scoring.windows import WINDOW
-from flexaxis.sim.law_parameters import LAW_UNITS
-from flexaxis.sim.parameters import PARAMETER_UNITS
+from flexaxis.sim.parameters import LAW_UNITS, PARAMETER_UNITS
 from flexaxis.sim.timing import PERIOD
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from typing import Any
 
 from flexaxis.experiments.demo.racer import SHOWN
 from flexaxis.experiments.demo.tracking import Tracking
-from flexaxis.sim.storage.toml_text import toml_text
+from flexaxis.sim.files import toml_text
 from flexaxis.sim.timing import PERIOD, sample_index
 
 KEPT = 300

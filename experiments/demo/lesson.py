@@ -14,12 +14,12 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from flexaxis.experiments.demo.live_axis import EXCITATION, FACTORS, KINDS, LIMITS
 from flexaxis.experiments.demo.racer import NAMES, Racer
 from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
-from flexaxis.experiments.running.estimators import names_code
+from flexaxis.experiments.running.user_code import names_code
+from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import FlexaxisError, unknown
+from flexaxis.sim.files import read_text, toml_tables
 from flexaxis.sim.parameters import PARAMETER_NAMES, preset
-from flexaxis.sim.storage.reading import read_text, toml_tables
 from flexaxis.sim.tables.config import Config, NotNegative, Positive
-from flexaxis.sim.tables.problems import explain
 from flexaxis.sim.timing import PERIOD, sample_index
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from flexaxis._given import spec_of
 from flexaxis._table import Names, ShownTable
-from flexaxis.experiments.conformance import check as conformance
+from flexaxis.experiments.check import check as rules
 from flexaxis.experiments.running.cache import default_cache
 
 
@@ -76,6 +76,6 @@ def check(estimator: str | Callable[..., Any]) -> ShownTable:
     EstimatorError, EstimatorCrash
         If it cannot be made at all.
     """
-    found = conformance.check(spec_of(estimator), store=default_cache())
+    found = rules.check(spec_of(estimator), store=default_cache())
     lines = [asdict(each) | {"result": _WORDS[each.holds]} for each in found]
     return ShownTable(lines, ("rule", "result", "seen"))

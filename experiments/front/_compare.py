@@ -11,9 +11,7 @@ from flexaxis._given import Scenarios, scenarios_of, seeds_of, texts_of
 from flexaxis._results import working
 from flexaxis._table import html_table, text_table
 from flexaxis.experiments.gate import gate
-from flexaxis.experiments.gate.pairs import parse_margins
-from flexaxis.experiments.gate.wording import COLUMNS, cells, headline, knobs, meaning, ordered
-from flexaxis.experiments.studies.bench import Bench
+from flexaxis.experiments.gate.report import as_dict
 
 if TYPE_CHECKING:
     import pandas
@@ -21,39 +19,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """What can be said of a candidate beside a base.
+    """The verdict on a candidate beside a base.
 
     Attributes
     ----------
-    found : flexaxis.experiments.gate.gate.Comparison
-        All that was found, as `flexaxis compare` writes it.
-    left_out : mapping of str to str
-        Scenarios that one of them cannot read, with the reason.
+    content : dict
+        All that `flexaxis compare --json` prints: ``verdict, headline, advice, rows, legend`` …
     """
 
-    found: gate.Comparison
-    left_out: Mapping[str, str]
+    content: dict[str, Any]
 
     @property
     def verdict(self) -> str:
         """The one word: worse, undecided, better, slight or same."""
-        return self.found.verdict
+        return str(self.content["verdict"])
 
     @property
     def base(self) -> str:
         """The base as it was run; with `match_std` its knob as tuned."""
-        return self.found.base
+        return str(self.content["base"])
 
     @property
     def candidate(self) -> str:
         """The candidate as it was run; with `match_std` its knob as tuned."""
-        return self.found.candidate
+        return str(self.content["candidate"])
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas DataFrame, a line a score."""
         import pandas as pd
 
-        return pd.DataFrame(self.found.as_dict()["rows"])
+        return pd.DataFrame(self.content["rows"]).drop(columns="text")
 
     def plot(self, *, ax: Any = None) -> Any:
         """Draw the change of each score with its interval, and the margin that matters.
@@ -72,26 +67,21 @@ class Comparison:
         from flexaxis.experiments.reporting.figures import verdict_intervals
 
         axes = panels(ax, 1)[0]
-        verdict_intervals(changes(self.found.as_dict()), axes=axes)
+        verdict_intervals(changes(self.content), axes=axes)
         return axes
 
-    def _said(self) -> list[str]:
-        lines = [headline(self.found), meaning(self.found), knobs(self.found)]
-        lines += [f"{name} is left out: {why}" for name, why in self.left_out.items()]
-        return [line for line in lines if line]
-
-    def _cells(self) -> list[tuple[str, ...]]:
-        return [cells(v) for v in ordered(self.found.verdicts)]
-
     def __repr__(self) -> str:
-        rows = self._cells()
-        return "\n".join([text_table(COLUMNS, rows, len(rows)), "", *self._said()])
+        c = self.content
+        rows = [row["text"] for row in c["rows"]]
+        table = text_table(c["columns"], rows, len(rows))
+        return "\n".join([c["headline"], *c["advice"], "", table, "", *c["legend"]])
 
     def _repr_html_(self) -> str:
-        first, *others = self._said()
-        more = "".join(f"<p>{escape(line)}</p>" for line in others)
-        rows = self._cells()
-        return f"<p><b>{escape(first)}</b></p>{html_table(COLUMNS, rows, len(rows))}{more}"
+        c = self.content
+        rows = [row["text"] for row in c["rows"]]
+        table = html_table(c["columns"], rows, len(rows))
+        lines = [f"<p>{escape(line)}</p>" for line in (*c["advice"], *c["legend"])]
+        return f"<p><b>{escape(c['headline'])}</b></p>{table}{''.join(lines)}"
 
 
 def compare(
@@ -136,12 +126,12 @@ def compare(
         as the reference.
     """
     first, second = (texts_of([one])[0] for one in (base, candidate))
-    wanted = parse_margins([f"{name}={value!r}" for name, value in (margins or {}).items()])
     everywhere, common = scenarios_of(scenarios), seeds_of(seeds)
-    most = 2 * len(everywhere) * max(max_seeds, len(common))
-    with working(f"at most {most} cases", most, jobs=jobs, time_limit=time_limit) as runner:
-        question, left_out = gate.ask(
-            first, second, everywhere, common, wanted, max_seeds, runner=runner
-        )
-        found = gate.compare(question, Bench(runner), match_std=match_std)
-    return Comparison(found, left_out)
+    cases = 2 * len(everywhere) * max(max_seeds, len(common))
+    about = f"at most {cases} cases"
+    with working(about, cases, jobs=jobs, time_limit=time_limit) as runner:
+        comparison = gate.compare(
+            first, second, everywhere, common, runner, max_seeds=max_seeds,
+            margins=gate.check_margins(margins or {}), match_std=match_std,
+        )  # fmt: skip
+    return Comparison(as_dict(comparison))

@@ -9,8 +9,7 @@ import numpy as np
 
 from flexaxis.experiments.reporting import figures, styles
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.law_parameters import LAW_UNITS
-from flexaxis.sim.parameters import PARAMETER_UNITS
+from flexaxis.sim.parameters import LAW_UNITS, PARAMETER_UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,15 +12,12 @@ import numpy as np
 
 from flexaxis._given import scenarios_of, seed_of
 from flexaxis._table import html_table
-from flexaxis.experiments.files import optional_package
 from flexaxis.sim.errors import FlexaxisError, unknown
-from flexaxis.sim.record import Record, load_record
+from flexaxis.sim.record import SIGNALS, Record, load_record
 from flexaxis.sim.scenario import Scenario, scenario_from
-from flexaxis.sim.storage.record_file import SIGNALS
 
 if TYPE_CHECKING:
     import pandas
-    import xarray
 
     from flexaxis._results import Results
 
@@ -88,30 +85,6 @@ class Recording(Record):
         import pandas as pd
 
         return pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return an xarray Dataset over time and parameter, with units, as `save` writes it.
-
-        Raises
-        ------
-        StudyError
-            If xarray is not installed.
-        """
-        said = {n: {"units": unit, "long_name": words} for n, (unit, words) in SIGNALS.items()}
-        found: dict[str, Any] = {
-            name: ("time", getattr(self, name), said[name]) for name in self.signals
-        }
-        along: dict[str, Any] = {"time": ("time", self.time, said["time"])}
-        if self.valid is not None:
-            found["valid"] = ("time", self.valid, {})
-        if self.true_parameters is not None:
-            names = ("time", "parameter")
-            words = {"units": "SI", "long_name": "true parameters"}
-            found["true_parameters"] = (names, self.true_parameters, words)
-            along["parameter"] = np.array(self.parameter_names, object)
-        about = {"scenario": self.scenario.get("name", ""), "hash": self.hash}
-        about |= {} if self.seed is None else {"seed": self.seed}
-        return optional_package("xarray").Dataset(found, along, about)
 
     def _repr_html_(self) -> str:
         head = f"<b>{self.scenario.get('name', 'record')}</b>"

@@ -1,6 +1,5 @@
-"""The gate: whether a candidate estimator is better or worse than a base, or undecided.
+"""The gate: a candidate estimator is better or worse than a base, or it is undecided.
 
-`gate` adds seeds until it is decided, `pairs` makes pairs of rows, `decide` and `verdicts` give
-the words, `equal_noise` tunes both sides first; `stored` compares two finished runs. In come two
-estimators or two folders of rows, out goes a verdict a score.
+`pairs` joins the rows of both on common seeds, `verdict` judges them, `gate` adds seeds until the
+verdict is clear, `equal_noise` first tunes both to the same noise, and `report` writes the result.
 """

@@ -21,9 +21,8 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import WRITTEN
 from flexaxis.experiments.logs.mapping import explained
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.record import Record
-from flexaxis.sim.storage.reading import read_toml
-from flexaxis.sim.storage.toml_text import toml_text
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.log import Log, shown
 from flexaxis.experiments.logs.units import ENDINGS, LINEAR, UNITS, completed, spelt
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.storage.reading import read_toml
-from flexaxis.sim.storage.reading import shown as limited
+from flexaxis.sim.files import read_toml
+from flexaxis.sim.files import shown as limited
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from flexaxis.estimators import RECOMMENDED
-from flexaxis.experiments.comparison.ecdf import ecdf
 from flexaxis.experiments.comparison.mismatch import TRACKS, misled, track_of
-from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, REFERENCE
+from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, REFERENCE, ecdf
 from flexaxis.experiments.reporting import figures, page, tables, words
 from flexaxis.experiments.reporting.inputs import RunInputs, estimates, truth
 from flexaxis.experiments.reporting.tables import Cell, Table, between, short

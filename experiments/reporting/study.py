@@ -22,7 +22,7 @@ LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]",
 
 
 def render(results: Results, found: Sequence[Any] = ()) -> str:
-    """Return the report of a study as HTML; `found` is what `studies.finds` found."""
+    """Return the report of a study as HTML; `found` is what `finds` returns."""
     axes, study, failures = (
         numeric_axes(results),
         results.study,

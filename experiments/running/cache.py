@@ -20,10 +20,10 @@ import h5py
 from flexaxis.experiments.files import digest_of
 from flexaxis.experiments.scoring.nominal import nominal_runs
 from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.files import atomic
 from flexaxis.sim.record import SIGNALS, Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import made_with, simulate
-from flexaxis.sim.storage.atomic_files import atomic
 
 LIMIT = 2048  # MB
 

@@ -41,7 +41,7 @@ from flexaxis.experiments.scoring.windows import claimed_at
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.tables.drawn_onsets import first_onset
+from flexaxis.sim.tables.events import first_onset
 from flexaxis.sim.timing import sample_index
 
 Array = NDArray[np.float64]

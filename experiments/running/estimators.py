@@ -22,6 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import cloudpickle
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
@@ -34,16 +35,17 @@ from flexaxis.experiments.running.user_code import (
     PIPE,
     PipeEstimator,
     load_class,
+    names_code,
     reported,
     user_line,
 )
 from flexaxis.experiments.scoring.parameter_names import check_model, known_names, started_nominal
 from flexaxis.models_mjcf import DEFAULT
+from flexaxis.sim.conflicts import estimated_problems
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
+from flexaxis.sim.files import shown, toml_tables
+from flexaxis.sim.parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.storage.reading import shown, toml_tables
-from flexaxis.sim.tables.problems import estimated_problems
 
 GROUP = "flexaxis.estimators"
 KEPT = 48  # built estimators of the registry in a process
@@ -119,8 +121,6 @@ def _source(make: Factory) -> bytes:
     try:
         return inspect.getsource(make).encode()
     except (OSError, TypeError):  # typed into an interpreter
-        import cloudpickle
-
         return bytes(cloudpickle.dumps(make))
 
 
@@ -138,34 +138,11 @@ def _files_of(name: str) -> list[Path]:
     return [path for path in paths if path.is_file()]
 
 
-def names_code(text: str) -> bool:
-    """Return whether a text names code of a user: files, modules and programs have a colon.
-
-    Examples
-    --------
-    >>> names_code("rpem-forgetting[forgetting=0.99]"), names_code("mine.py:Mine[gain=0.1]")
-    (False, True)
-    """
-    return ":" in text.partition("[")[0]
-
-
-def code_file(text: str) -> str:
-    """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
-    file = text.partition("[")[0].rpartition(":")[0]
-    return file if file.endswith(".py") else ""
-
-
 _session: dict[str, Factory] = {}
 
 
 def text_of(make: Factory) -> str:
-    """Return the text that stands for a class: its module's, or its name in this session.
-
-    Raises
-    ------
-    EstimatorError
-        If it has no name, or that of a registered estimator.
-    """
+    """Return the text for a class: its module's, or its name in this session, if it has one."""
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier():
         raise EstimatorError(f"{make!r} has no name to stand in results: give a class")
@@ -260,13 +237,7 @@ def _written(key: str, value: Any) -> str:
 
 
 def keywords(make: Factory, name: str = "") -> set[str]:
-    """Return what a constructor takes by keyword besides nominal values and period.
-
-    Raises
-    ------
-    EstimatorError
-        If it has no signature, as a number.
-    """
+    """Return what a constructor takes by keyword besides nominal values and period."""
     try:
         parameters = list(inspect.signature(make).parameters.values())[2:]
     except (TypeError, ValueError) as error:
@@ -295,16 +266,10 @@ class Nominal(dict[str, float]):
 
 
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
-    """Return an estimator from nominal values.
+    """Return an estimator from nominal values (a mapping, or a model) and a period [s].
 
-    Parameters
-    ----------
-    spec : Spec
-    nominal : mapping of str to float, or Model
-    period : float
-        [s].
-    **known
-        Given to the constructor if it has such a keyword; options of the text go before.
+    What is `known` is given to the constructor if it has such a keyword; options of the text go
+    before.
 
     Raises
     ------
@@ -415,7 +380,7 @@ def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
     """Refuse an estimator that cannot read a scenario, or whose estimates cannot be scored."""
     names, besides = tuple(estimator.names), (*LAW_NAMES, *ESTIMATED_ONLY)
     if names != scenario.identify:
-        problems = estimated_problems(names, scenario.model_dump(), key="names", besides=besides)
+        problems = estimated_problems(names, scenario, key="names", besides=besides)
         if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
             raise EstimatorError("\n".join(lines))
     if not known_names(scenario, names):

@@ -8,14 +8,16 @@ import sys
 import tempfile
 import threading
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
+from shutil import rmtree
 from typing import Any, Self
 
-import numpy as np
 import pandas as pd
 from loky import ProcessPoolExecutor
 from loky.backend import get_context
@@ -23,11 +25,11 @@ from loky.backend import get_context
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.case import NUMBERS, Options, Outcome, run_unit
+from flexaxis.experiments.running.case import Options, Outcome, run_unit
 from flexaxis.experiments.running.estimators import Misfit, build, parse
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.store import CSV, Store
+from flexaxis.experiments.running.store import CSV, ROWS, Store
 from flexaxis.experiments.running.study import Study, Unit, describe, missing, units
 from flexaxis.experiments.running.user_code import (
     TIME_LIMIT,
@@ -36,30 +38,16 @@ from flexaxis.experiments.running.user_code import (
     is_of_the_machine,
     why_it_ended,
 )
+from flexaxis.experiments.seeds import check_jobs
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
 Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
 """``run(scenarios, estimators, seeds)``: rows of these cases, as `Runner.rows` gives them."""
-MOST_JOBS = max(64, 4 * (os.cpu_count() or 1))
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 """Of a worker: one thread each, and no file of the current folder hides a library."""
-
-
-def check_jobs(jobs: Any, *, what: str = "jobs") -> None:
-    """Refuse a number of processes that is none; `what` is its name in the message.
-
-    Raises
-    ------
-    FlexaxisError
-    """
-    whole = isinstance(jobs, int | np.integer) and not isinstance(jobs, bool)
-    if not whole or not 1 <= jobs <= MOST_JOBS:
-        raise FlexaxisError(
-            f"{what} {str(jobs)[:40]}: give a number of processes, 1 to {MOST_JOBS}"
-        )
 
 
 class Worker:
@@ -159,15 +147,27 @@ class Runner:
         limit = TIME_LIMIT if time_limit is None else time_limit
         if not 0 < limit < float("inf"):
             raise FlexaxisError(f"a time limit of {limit!r} s: give a finite number above 0")
-        self._logs = tempfile.TemporaryDirectory(prefix="flexaxis-")
+        self._logs = tempfile.mkdtemp(prefix="flexaxis-")
+        weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
         self._workers: Sequence[Any] = [Worker() for _ in range(jobs)]
         if executor is not None:
             self._workers = [executor] * 2 * jobs
         self._advance, self.done, self.simulated = advance, 0, 0
         self.remarks: list[tuple[str, str]] = []
-        self.store = Store(folder, overwrite=overwrite)
-        self.store.check()
+        self._folder, self._overwrite = folder, overwrite
+
+    @cached_property
+    def store(self) -> Store:
+        """The rows; a folder is made, or emptied, when they are first asked for."""
+        store = Store(self._folder, overwrite=self._overwrite)
+        store.check()
+        return store
+
+    def _done(self, *, traced: bool) -> set[str]:
+        """Return the cases that are stored, without making a folder."""
+        kept = self._folder is None or ((self._folder / ROWS).exists() and not self._overwrite)
+        return self.store.done(traced=traced) if kept or "store" in vars(self) else set()
 
     def __enter__(self) -> Self:
         return self
@@ -176,7 +176,6 @@ class Runner:
         for worker in self._workers:
             if isinstance(worker, Worker):
                 worker.end()
-        self._logs.cleanup()
 
     def run(
         self, study: Study, *, shard: tuple[int, int] = (1, 1), traces: bool = False,
@@ -190,12 +189,11 @@ class Runner:
         shard : (int, int)
             Number of this shard, from 1, and of all shards.
         traces : bool
-            Whether to keep what the figures of single runs need; cases without it are run again.
+            Whether to keep what figures of single runs need; cases without it are run again.
         trajectories : bool
-            Whether to write all estimates of each new case to the folder ``trajectories``.
+            Whether to write all estimates of each new case to ``trajectories``.
         about : mapping, optional
-            What the folder is to say of the study besides; with it, the study becomes that which
-            the folder was asked for last.
+            More to keep of the study, which becomes the one that the folder was asked for last.
 
         Raises
         ------
@@ -209,7 +207,7 @@ class Runner:
         """
         plan = units(study)
         every = plan[shard[0] - 1 :: shard[1]]
-        todo = list(missing(every, self.store.done(traced=traces)))
+        todo = list(missing(every, self._done(traced=traces)))
         self._try_out(todo)
         description = describe(study, plan)
         if about is not None:
@@ -252,7 +250,7 @@ class Runner:
         while running or (queue and not stopped):
             while queue and free and not stopped:
                 worker, unit = free.pop(), queue.popleft()
-                log = f"{self._logs.name}/{id(worker)}"
+                log = f"{self._logs}/{id(worker)}"
                 log = log if isinstance(worker, Worker) else os.devnull
                 future = worker.submit(_work, unit, replace(options, log=log))
                 running[future] = worker, unit, log
@@ -359,37 +357,6 @@ def check_failures(frame: pd.DataFrame) -> None:
         kinds = {"EstimatorCrash": EstimatorCrash, "EstimatorError": EstimatorError,
                  "Misfit": EstimatorError}  # fmt: skip
         raise kinds.get(kind, StudyError)(text)
-
-
-def rerun(results: Results, number: int, runner: Runner, *, seed: int = 0) -> pd.DataFrame:
-    """Run random cases again and return every number that differs.
-
-    Parameters
-    ----------
-    results : Results
-    number : int
-        Of cases, or all if there are fewer.
-    runner : Runner
-        Without a folder.
-    seed : int
-        Of the choice.
-
-    Returns
-    -------
-    DataFrame
-        Values ``before`` and ``now`` by case, parameter and column; empty if all are equal.
-    """
-    key = ["case", "parameter"]
-    chosen = results.frame.drop_duplicates("case")
-    parts = []
-    for _, row in chosen.sample(min(number, len(chosen)), random_state=seed).iterrows():
-        scenario, one = results.scenario(row), (int(row["seed"]),)
-        parts.append(runner.run(Study("rerun", (scenario,), (row["setting"],), one)).frame)
-    columns = [name for name in (*NUMBERS, "error") if not name.startswith("cost.")]
-    now = pd.concat(parts).set_index(key)[columns]
-    before = results.frame.set_index(key)[columns].loc[now.index]
-    differ = before.compare(now, result_names=("before", "now"))
-    return differ.stack(level=0, future_stack=True).dropna(how="all")
 
 
 def parallel(work: Callable[[Any], Any], tasks: Sequence[Any], *, jobs: int = 1) -> Iterator[Any]:

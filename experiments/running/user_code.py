@@ -41,6 +41,23 @@ class EstimatorCrash(EstimatorError):
     """The code of an estimator raised an exception; the message says which, what and where."""
 
 
+def names_code(text: str) -> bool:
+    """Return whether a text names code of a user: files, modules and programs have a colon.
+
+    Examples
+    --------
+    >>> names_code("rpem-forgetting[forgetting=0.99]"), names_code("mine.py:Mine[gain=0.1]")
+    (False, True)
+    """
+    return ":" in text.partition("[")[0]
+
+
+def code_file(text: str) -> str:
+    """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
+    file = text.partition("[")[0].rpartition(":")[0]
+    return file if file.endswith(".py") else ""
+
+
 def load_class(text: str) -> Callable[..., Any]:
     """Return the class that ``path/file.py:Class`` or ``package.module:Class`` names.
 

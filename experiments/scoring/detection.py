@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.windows import WINDOW, Window, windows
-from flexaxis.sim.law_parameters import meant
+from flexaxis.sim.parameters import meant
 from flexaxis.sim.scenario import Scenario
 
 WITHIN = (0.5, 1.0, 2.0, 5.0)

@@ -14,7 +14,7 @@ from flexaxis.experiments.scoring.parameter_names import nominal_theta, started_
 from flexaxis.experiments.scoring.scores import Track, finite
 from flexaxis.experiments.scoring.true_model import linear_model
 from flexaxis.experiments.scoring.windows import remembered
-from flexaxis.sim.law_parameters import LAW_NAMES
+from flexaxis.sim.parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pooling
@@ -96,52 +97,57 @@ def scored(
         )
 
 
-def pool_group(
-    runs: Sequence[Sequence[Mapping[str, Any]]], scenario: Scenario
-) -> list[dict[str, Any]]:
+Rows: TypeAlias = "Iterable[Mapping[str, Any]] | pd.DataFrame"
+
+
+def pool_rows(rows: Rows, scenario: Scenario) -> list[dict[str, Any]]:
     """Return the pooled rows of one estimator on one scenario, one for each parameter.
 
     Parameters
     ----------
-    runs : sequence of sequence of mapping
-        The rows of each run, one for each parameter.
+    rows : iterable of mapping, or DataFrame
+        One a run and parameter.
     scenario : Scenario
 
     Returns
     -------
     list of dict
-        The scores as `scoring.score_table.SCORES` pools them, `seeds` their number;
-        `cost` is the median.
+        The scores as `scoring.score_table.SCORES` pools them, `seeds` their number; `cost` is the
+        median.
     """
-    runs = sorted(runs, key=lambda rows: rows[0].get("seed", 0))  # in whatever order they came
-    by_name = {rows[0]["parameter"]: columns_of(rows) for rows in zip(*runs, strict=True)}
-    shared = excess(by_name, scenario)
+    by_name = dict(tuple(_flat(rows).groupby("parameter", sort=False)))
+    columns = {name: columns_of(own) for name, own in by_name.items()}
+    shared = excess(columns, scenario)
     return [
-        {key: first[key] for key in IDENTITY}
-        | {"seeds": len(runs), "runs": len(runs)}
-        | pool_columns(columns) | shared | cost(columns)
-        for first, columns in zip(runs[0], by_name.values(), strict=True)
+        dict(own.iloc[0][[*IDENTITY]])
+        | {"seeds": len(own), "runs": len(own)}
+        | pool_columns(columns[name]) | shared | cost(columns[name])
+        for name, own in by_name.items()
     ]  # fmt: skip
 
 
-def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
+def _flat(rows: Rows) -> pd.DataFrame:
+    """Return rows as a table in the order of their seeds: tables in them get dotted names."""
+    frame = rows if isinstance(rows, pd.DataFrame) else pd.json_normalize(list(rows))
+    return frame.sort_values("seed", kind="stable") if "seed" in frame else frame
+
+
+def columns_of(rows: Rows) -> dict[str, Array]:
     """Return the numbers of rows as columns: tables inside them as dotted names, NaN for null.
 
     Parameters
     ----------
-    rows : sequence of mapping
-        As they are kept, all of one parameter.
+    rows : iterable of mapping, or DataFrame
+        All of one parameter.
     """
-    points = [f"{row.get('hash')} {row.get('estimator')}" for row in rows]
-    found: dict[str, Array] = {
-        "seed": np.array([row.get("seed", place) for place, row in enumerate(rows)], float),
-        "point": np.unique(points, return_inverse=True)[1].astype(float),
+    frame = rows if isinstance(rows, pd.DataFrame) else pd.json_normalize(list(rows))
+    points = frame.reindex(columns=["hash", "estimator"]).astype(str).agg(" ".join, axis=1)
+    numbers = {name: frame.get(name, np.nan) for name in NUMBERS}
+    return {
+        "seed": np.asarray(frame.get("seed", range(len(frame))), float),
+        "point": points.factorize(sort=True)[0].astype(float),
+        **{name: np.broadcast_to(np.asarray(x, float), len(frame)) for name, x in numbers.items()},
     }
-    for name in NUMBERS:
-        score, _, part = name.partition(".")
-        given = [row.get(score) for row in rows]
-        found[name] = np.array([v and v.get(part) for v in given] if part else given, float)
-    return found
 
 
 def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -> dict[str, Any]:
@@ -198,19 +204,6 @@ def excess(by_name: Mapping[str, pooling.Columns], scenario: Scenario) -> dict[s
         "excess": finite(max(0.0, pooling.excess(each, lost, biases, M))),
         "excess_interval": [max(0.0, end) for end in within] if within else None,
     }
-
-
-def biases_of(runs: Sequence[Sequence[Mapping[str, Any]]], scenario: Scenario) -> Array:
-    """Return the biases (n, p) of runs in the scenario's `identify` [% of nominal].
-
-    Parameters
-    ----------
-    runs : sequence of sequence of mapping
-        The rows of each run, one for each parameter.
-    scenario : Scenario
-    """
-    by_name = [{row["parameter"]: row["bias"] or 0.0 for row in rows} for rows in runs]
-    return np.array([[found.get(name, 0.0) for name in scenario.identify] for found in by_name])
 
 
 def of_trajectories(

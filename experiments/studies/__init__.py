@@ -1,6 +1,5 @@
-"""What is asked of the engine: studies from files, runs, sweeps over knobs, tuning.
+"""Studies and benchmarks: what the engine is to run, and the summary of what it ran.
 
-`definition` reads a study, `design` makes the points of its axes, `benchmark` is a run with
-summary and report; `sweep` turns `knobs` to compare at equal noise, `as_set` does not, `tuning`
-finds a setting and keeps it. In come TOML or names, out go folders of results.
+`definition` reads a study from TOML, `design` makes the points of its axes, `benchmark` runs
+scenarios with a summary and a report, and `as_set` compares estimators at their default settings.
 """

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.comparison.matching import Setting, plain
+from flexaxis.experiments.comparison.sweep import listed
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.studies.bench import nested
-from flexaxis.experiments.studies.sweep import listed
 
 
 def as_set(results: Results, pooled: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -40,8 +39,7 @@ def as_set(results: Results, pooled: Sequence[Mapping[str, Any]]) -> list[dict[s
         known = seeds.get(_fault(key), np.empty(0))
         seeds[_fault(key)] = np.union1d(known, part["seed"].to_numpy(float))
     for (_, columns), row in zip(parts, pooled, strict=True):
-        rows = nested(columns)
-        setting = Setting(row["estimator"], 1.0, rows)
+        setting = Setting(row["estimator"], 1.0, columns)
         values = {name: listed(plain(setting, name)) for name in ("lag", "std")}
         if not row["changed"] or None in (row["lag"], row["std"], *values.values()):
             continue

@@ -13,10 +13,12 @@ import numpy as np
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
+from flexaxis.experiments.comparison import sweep
 from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.files import REPORT, SUMMARY, write_json, write_text
 from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
+from flexaxis.experiments.reporting.finds import finds
 from flexaxis.experiments.reporting.inputs import RunInputs
 from flexaxis.experiments.reporting.words import faults_of, widest
 from flexaxis.experiments.running.results import Results
@@ -24,10 +26,7 @@ from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.scoring.scores import failed_track, relative_error
 from flexaxis.experiments.scoring.summary import of_trajectories
-from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
-from flexaxis.experiments.studies.bench import Bench
-from flexaxis.experiments.studies.finds import finds
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 
@@ -157,10 +156,9 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
     if not wanted["scenarios"]:
         return None
     scenarios = [scenario_from(s, source="sweep") for s in wanted["scenarios"]]
-    bench = Bench(runner)
-    able = sweep.able(scenarios, wanted["estimators"], seeds, bench)
-    found = sweep.sweep(scenarios, able, seeds, bench)
-    _keep_traces(scenarios, found, seeds, Bench(runner, traced=True))
+    able = sweep.able(scenarios, wanted["estimators"], seeds, runner.rows)
+    found = sweep.sweep(scenarios, able, seeds, runner.rows)
+    _keep_traces(scenarios, found, seeds, runner)
     left_out = [name for name in wanted["estimators"] if name not in able]
     failures: list[dict[str, Any]] = []
     if left_out:
@@ -177,7 +175,7 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
 
 
 def _keep_traces(
-    scenarios: Sequence[Scenario], found: sweep.Sweep, seeds: Sequence[int], bench: Bench
+    scenarios: Sequence[Scenario], found: sweep.Sweep, seeds: Sequence[int], runner: Runner
 ) -> None:
     """Run the settings nearest to equal noise once more, with what the report draws of them."""
     matched = faults_of(found.matched)
@@ -185,7 +183,7 @@ def _keep_traces(
         return
     own = matched[matched["fault"] == widest(matched)]
     drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
-    bench.with_failed(drawn, own["nearest"].tolist(), seeds)
+    runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
 
 
 def _summary(study: Mapping[str, Any], pooled: list[dict[str, Any]]) -> dict[str, Any]:

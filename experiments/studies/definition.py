@@ -16,15 +16,15 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running import estimators as specs
-from flexaxis.experiments.running.estimators import names_code
 from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_option
+from flexaxis.experiments.running.user_code import names_code
 from flexaxis.experiments.seeds import END, parse_seeds
 from flexaxis.experiments.studies.design import MOST, Span, listed, product, sample
+from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
+from flexaxis.sim.files import read_toml
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.storage.reading import read_toml
 from flexaxis.sim.tables.config import Config, Word
-from flexaxis.sim.tables.problems import explain
 
 Problem = tuple[str, str]
 DRAWN = ("sobol", "latin")

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.sim.plant.plant import QUIET, Plant
+from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.controller import Controller
 from flexaxis.sim.tables.feed_forward import FeedForward, Follower
@@ -67,28 +67,17 @@ def closed_loop(
     SimulationError
         If the engine warns or a state is not finite.
     """
-    with QUIET:
-        return _run(scenarios, reference, white, threads, progress, followers)
-
-
-def _run(  # noqa: PLR0917
-    scenarios: Sequence[Scenario],
-    reference: Array,
-    white: White,
-    threads: int,
-    progress: Progress | None,
-    followers: Sequence[Follower | None],
-) -> Truth:
     samples, runs = reference.shape
     scenario, changes = scenarios[0], Changes(scenarios)
     drive = _Drive(scenario, runs, threads)
     sensors = scenario.sensors.values() if scenario.feedback == "measured" else ()
     read = reading(sensors, "angle", white, period=scenario.period)
     disturbance = scenario.noise.on_torque(white)
-    feed, measured = _feed_forward(scenario, reference, followers), None
-    if feed and any(followers):
+    adapt, feed, measured = scenario.controller.adapt, None, None
+    if adapt:
+        feed = FeedForward(adapt, scenario.initial, reference, scenario.period, followers)
         measured = [reading(scenario.sensors.values(), signal, white, period=scenario.period)
-                    for signal in ("angle", "speed")]  # fmt: skip
+                    for signal in ("angle", "speed") if any(followers)]  # fmt: skip
     torque, speed = np.empty((2, samples, runs))
     angles = np.empty((samples, *drive.plant.angles.shape))
     for k in range(samples):
@@ -107,15 +96,6 @@ def _run(  # noqa: PLR0917
         if progress and ((k + 1) % _REPORT_EVERY == 0 or k + 1 == samples):
             progress((k + 1) / samples)
     return Truth(torque, speed, angles, feed.limited if feed else np.zeros(runs, int))
-
-
-def _feed_forward(
-    scenario: Scenario, reference: Array, followers: Sequence[Follower | None]
-) -> FeedForward | None:
-    adapt = scenario.controller.adapt
-    if adapt is None:
-        return None
-    return FeedForward(adapt, scenario.initial, reference, scenario.period, followers)
 
 
 class Changes:
@@ -158,9 +138,8 @@ class _Drive:
 
     def __init__(self, scenario: Scenario, runs: int, threads: int) -> None:
         config, delay = scenario.controller, scenario.delay.torque_ticks
-        inner = bool(config.rate)
-        self._ticks = round(scenario.period / TICK) if inner or delay else 1
-        self._every = 1 if inner else self._ticks  # ticks from one command to the next
+        self._ticks = round(scenario.period / TICK) if config.rate or delay else 1
+        self._every = 1 if config.rate else self._ticks  # ticks from one command to the next
         self._logged = config.logged
         period = scenario.period / self._ticks
         between = scenario.period * self._every / self._ticks

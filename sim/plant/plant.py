@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
-from threading import Lock
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,13 +15,33 @@ from numpy.typing import NDArray
 from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.parameters import AxisParameters, parameter_names, parameter_problem
-from flexaxis.sim.plant import passive
-from flexaxis.sim.tables.dry_friction import FrictionConfig
-from flexaxis.sim.tables.nonlinear import Law, Nonlinearity
-from flexaxis.sim.tables.places import CubicSprings, KeptLaw, parameter_places
-from flexaxis.sim.tables.smooth_friction import COMPILED_LAWS
+from flexaxis.sim.plant import friction
+from flexaxis.sim.tables.friction import COMPILED_LAWS, FrictionConfig
+from flexaxis.sim.tables.nonlinear import Nonlinearity, Place
 
 Array = NDArray[np.float64]
+
+# Of the six transmission ratios of an actuator only the first acts on a hinge; of the inertias all
+# three stay equal, so that they belong to a possible body.
+_FIELDS = {
+    "J": "body_inertia", "k": "tendon_stiffness", "d": "tendon_damping", "f": "dof_damping",
+}  # fmt: skip
+_KINDS = {"dof": "joint", "actuator": "actuator"}
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep the engine from printing warnings, and from writing them into the user's folder.
+
+    Its counters still count them, and they become errors. The setting is one for the process.
+    """
+    before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+    silent.logto_console = silent.logto_file = False
+    silent.set()
+    try:
+        yield
+    finally:
+        before.set()
 
 
 class Plant:
@@ -44,6 +65,13 @@ class Plant:
     nonlinear : sequence of Nonlinearity
         What the axis has beyond the linear model; see `flexaxis.sim.tables.nonlinear`.
 
+    Attributes
+    ----------
+    angles, speeds : ndarray (R, n)
+        Of the n masses, now [rad, rad/s]; live views, to be copied if they are to be kept.
+    angle_m, speed_m : ndarray (R,)
+        Of the motor; live views too.
+
     Raises
     ------
     ParameterError
@@ -61,23 +89,25 @@ class Plant:
         model: str = DEFAULT,
     ) -> None:
         self._names = parameter_names(model)
-        values = self._as_rows(parameters)
         self._called = any(isinstance(each, COMPILED_LAWS) for each in nonlinear)
         if self._called:
-            passive.install()
+            friction.install()
+        if not len(parameters):
+            raise ParameterError("a plant needs the parameters of at least one run.")
         made = _compile(model, period / substeps, nonlinear)
-        self._batch = Batch(made, len(values), threads)
+        self._batch = Batch(made, len(parameters), threads)
         self._substeps = substeps
-        self._places = [*parameter_places(self._batch, self._names)]
-        self._springs = CubicSprings(self._batch, made) if made.tendon_stiffnesspoly.any() else None
-        laws = [each for each in nonlinear if isinstance(each, Law)]
-        self._laws = [KeptLaw(self._batch, made, law.law, law.kept) for law in laws]
-        self._values = np.full_like(values, np.nan)
-        self._angle: Array = self._batch.bind("qpos")
-        self._speed: Array = self._batch.bind("qvel")
+        self._places = [*_parameter_places(self._batch, self._names)]
+        self._cubic = made.tendon_stiffnesspoly / made.tendon_stiffness[:, None]
+        laws = [each for each in nonlinear if each.kept(each.law)]
+        self._laws = [_LawInEngine(self._batch, made, law) for law in laws]
+        self._values = np.full((len(parameters), len(self._names)), np.nan)
+        self.angles: Array = self._batch.bind("qpos")
+        self.speeds: Array = self._batch.bind("qvel")
+        self.angle_m, self.speed_m = self.angles[:, 0], self.speeds[:, 0]
         self._torque: Array = self._batch.bind("ctrl")[:, 0]
         self._time: Array = self._batch.bind("time")
-        self.set_parameters(values)
+        self.set_parameters(parameters)
 
     def set_parameters(self, parameters: Sequence[AxisParameters] | Array) -> None:
         """Change the parameters of the runs from now on; angles and speeds stay.
@@ -95,17 +125,22 @@ class Plant:
         ParameterError
             If a parameter is not physical; then nothing has changed.
         """
-        values = self._as_rows(parameters)
+        rows = [[*p.values()] if isinstance(p, AxisParameters) else p for p in parameters]
+        values = np.array(rows, dtype=float)
         if values.shape != self._values.shape:
             raise ParameterError(
                 f"expected parameters of shape {self._values.shape}, got {values.shape}."
             )
-        changed = np.flatnonzero((values != self._values).any(axis=0))
-        self._check_columns(values, changed)
+        new = values != self._values
+        for run, column in np.argwhere(new):
+            if problem := parameter_problem(self._names[column], float(values[run, column])):
+                raise ParameterError(f"{self._names[column]} of run {run} {problem}.")
+        changed = np.flatnonzero(new.any(axis=0))
         for column in changed:  # transposed, for an inertia has three entries in each run
             self._places[column].T[...] = values[:, column]
-        if self._springs:
-            self._springs.scale()
+        if self._cubic.any():  # with the stiffness of a spring, all of its law scales
+            linear = self._batch.expand("tendon_stiffness")
+            self._batch.expand("tendon_stiffnesspoly")[...] = linear[..., None] * self._cubic
         if any(self._names[column][0] in "Jr" for column in changed):
             self._batch.set_const()  # which the engine derives from these
         self._values = values
@@ -127,12 +162,10 @@ class Plant:
         """
         if not (np.isfinite(values).all() and np.min(values) >= 0):
             raise ParameterError(f"{name} must be zero or positive, not {values!r}.")
-        for law in self._laws:
-            if name in law.names:
-                law.set(name, values)
-                return
-        known = [known for law in self._laws for known in law.names]
-        raise ParameterError(unknown("parameter", name, known))
+        owners = {known: law for law in reversed(self._laws) for known in law.values}
+        if name not in owners:
+            raise ParameterError(unknown("parameter", name, owners))
+        owners[name].set(name, values)
 
     def step(self, torque: Array) -> None:
         """Hold a torque command for one period.
@@ -148,53 +181,12 @@ class Plant:
             If the engine warns, or a state is no longer finite.
         """
         if self._called:
-            passive.install()  # another may have taken the place of it
+            friction.install()  # another may have taken the place of it
         self._torque[:] = torque
-        with QUIET:
+        with quiet():
             self._batch.step(nstep=self._substeps)
         if self._batch.warning.any() or not np.isfinite(self._batch.state).all():
             self._fail()
-
-    def model(self, run: int) -> mujoco.MjModel:
-        """Return a copy of the engine's model of one run, to look into."""
-        return self._batch.get_model(run)
-
-    @property
-    def speed_m(self) -> Array:
-        """Motor speed (R,) [rad/s], now; a live view, to be copied if it is to be kept."""
-        return self._speed[:, 0]
-
-    @property
-    def speeds(self) -> Array:
-        """Speed (R, n) of the n masses [rad/s], now; a live view."""
-        return self._speed
-
-    @property
-    def angles(self) -> Array:
-        """Angle (R, n) of the n masses [rad], now; a live view."""
-        return self._angle
-
-    @property
-    def angle_m(self) -> Array:
-        """Motor angle (R,) [rad], now; a live view."""
-        return self._angle[:, 0]
-
-    def _as_rows(self, parameters: Sequence[AxisParameters] | Array) -> Array:
-        """Return parameters as a new array (R, P)."""
-        rows = [p.as_array() if isinstance(p, AxisParameters) else p for p in parameters]
-        values, P = np.array(rows, dtype=float), len(self._names)
-        if values.ndim != 2 or values.shape[1] != P or not len(values):
-            raise ParameterError(
-                f"parameters must have shape (runs, {P}) with at least one run, not {values.shape}."
-            )
-        return values
-
-    def _check_columns(self, values: Array, columns: NDArray[np.int64]) -> None:
-        for column in columns:
-            name = self._names[column]
-            for run, value in enumerate(values[:, column].tolist()):
-                if problem := parameter_problem(name, value):
-                    raise ParameterError(f"{name} of run {run} {problem}.")
 
     def _fail(self) -> None:
         """Raise the error of the first run that has gone wrong."""
@@ -208,35 +200,6 @@ class Plant:
         raise SimulationError(message, run=run, time=time, reason=reason)
 
 
-class _Quiet(AbstractContextManager[None]):
-    """Keep the engine from printing warnings, and from writing them into the user's folder.
-
-    Its counters still count them, and they become errors. The setting is one for the process:
-    where plants step in several threads, the first makes it quiet and the last puts it back.
-    """
-
-    def __init__(self) -> None:
-        self._lock, self._inside = Lock(), 0
-
-    def __enter__(self) -> None:
-        with self._lock:
-            if not self._inside:
-                self._before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
-                silent.logto_console = silent.logto_file = False
-                silent.set()
-            self._inside += 1
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._inside -= 1
-            if not self._inside:
-                self._before.set()
-
-
-QUIET = _Quiet()
-"""To be entered around many steps: once inside, a step need not set and reset anything."""
-
-
 def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjModel:
     xml, _ = model_files(model)
     spec = mujoco.MjSpec.from_string(xml)
@@ -248,3 +211,45 @@ def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> 
         # No other feature is a constraint; to look for them takes a twelfth of a step.
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return spec.compile()
+
+
+def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
+    """Yield, for each parameter, the live array (R, ...) of the engine that holds it.
+
+    Those of a kind have the order of bodies and tendons.
+    """
+    seen = Counter({"J": 1})  # the first body is the world
+    for name in names:
+        if name == "k_T":
+            yield batch.expand("actuator_gear")[:, 0, 0]
+        elif name == "r":  # the coefficient of the motor in the first tendon
+            yield batch.expand("wrap_prm")[:, 0]
+        else:
+            yield batch.expand(_FIELDS[name[0]])[:, seen[name[0]]]
+            seen[name[0]] += 1
+
+
+def _place(batch: Any, model: Any, place: Place) -> Array:
+    """Return the live array (R, ...) of the engine that holds what is kept in a place."""
+    values: Array = batch.expand(place.field)
+    match place.field:
+        case "numeric_data":  # all custom numbers, one after the other
+            return values[:, model.numeric_adr[model.numeric(place.owner).id] + place.column]
+    kind = _KINDS[place.field.split("_", maxsplit=1)[0]]
+    rows = values[:, getattr(model, kind)(place.owner).id]
+    return rows if place.column is None else rows[:, place.column]
+
+
+class _LawInEngine:
+    """A law in the engine: the values of its parameters, and where the engine keeps them."""
+
+    def __init__(self, batch: Any, model: Any, law: Nonlinearity) -> None:
+        self.values: dict[str, float | Array] = dict(law.law)
+        self._kept = law.kept
+        self._places = {at: _place(batch, model, at) for at in law.kept(self.values)}
+
+    def set(self, name: str, values: float | Array) -> None:
+        """Set a parameter to a value for all runs, or to values (R,)."""
+        self.values[name] = values
+        for place, value in self._kept(self.values).items():
+            self._places[place][...] = value

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NoReturn, Protocol, get_args
+from typing import Annotated, Any, NoReturn, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -26,17 +26,6 @@ class Frozen(dict[str, float]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (dict(self),)
-
-
-class Part(Protocol):
-    """What every table of axis, loop and sensors says of itself."""
-
-    @property
-    def exact(self) -> bool:
-        """Whether the linear model describes what is logged with it, as it is configured."""
-
-    def in_words(self) -> str:
-        """Return what it does as it is configured, in a few words; nothing if it does nothing."""
 
 
 Values = Annotated[dict[str, float], AfterValidator(Frozen)]

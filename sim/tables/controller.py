@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import model_validator
+from pydantic import ValidationInfo, field_validator, model_validator
 
 from flexaxis.sim.tables.config import Config, NotNegative, Positive
 from flexaxis.sim.tables.feed_forward import AdaptConfig
@@ -51,6 +51,13 @@ class ControllerConfig(Config):
             raise ValueError("adapt feeds forward once a sample: leave `rate` out, or `adapt`")
         return self
 
+    @field_validator("log")
+    @classmethod
+    def _of_an_inner_loop(cls, log: str | None, info: ValidationInfo) -> str | None:
+        if log is not None and info.data.get("rate") is None:
+            raise ValueError("is for an inner loop: it needs controller.rate = 1000")
+        return log
+
     @property
     def exact(self) -> bool:
         """Whether the torque logged is the one held from sample to sample."""
@@ -92,6 +99,11 @@ class Controller:
         Number of runs R.
     period : float
         Sampling period T [s].
+
+    Attributes
+    ----------
+    state : ndarray (3, R)
+        :math:`e_{k-1}, v_{k-1}, I_{k-1}`.
     """
 
     # Only sums and products per sample: they give the same bits for any number of runs.
@@ -99,9 +111,7 @@ class Controller:
         pole = math.exp(-period / config.tau) if config.tau > 0 else 0.0
         self._pole, self._rate = pole, (1 - pole) / period
         self._Kp, self._Kv, self._KiT = config.Kp, config.Kv, config.Ki * period
-        self._error = np.zeros(runs)
-        self._speed = np.zeros(runs)
-        self._integral = np.zeros(runs)
+        self.state = np.zeros((3, runs))
 
     def torque(
         self, reference: NDArray[np.float64], angle: NDArray[np.float64]
@@ -113,9 +123,10 @@ class Controller:
         reference, angle : ndarray (R,)
             Wanted and measured motor angle [rad].
         """
+        before, speed, integral = self.state
         error = reference - angle
-        self._speed = self._pole * self._speed + self._rate * (error - self._error)
-        self._error = error
-        command = self._Kp * error + self._speed
-        self._integral += self._KiT * command
-        return self._Kv * (command + self._integral)
+        speed = self._pole * speed + self._rate * (error - before)
+        command = self._Kp * error + speed
+        integral = integral + self._KiT * command
+        self.state = np.stack([error, speed, integral])
+        return self._Kv * (command + integral)

@@ -1,19 +1,22 @@
-"""What changes in a run: values over time, and the events among the changes."""
+"""What changes in a run: values over time, the events among them, and onsets drawn by seed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.sim.law_parameters import meant
-from flexaxis.sim.parameters import PARAMETER_UNITS
+from flexaxis.sim.parameters import PARAMETER_UNITS, meant
+from flexaxis.sim.streams import stream
 from flexaxis.sim.tables.faults import Fault, changeable
-from flexaxis.sim.timing import Grid
+from flexaxis.sim.timing import Grid, sample_index
+
+if TYPE_CHECKING:
+    from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
@@ -49,7 +52,7 @@ def find_events(
     faults: Sequence[Fault],
     nuisances: Sequence[Fault],
     grid: Grid,
-    nominal: Callable[[str], float],
+    nominal: Mapping[str, float],
 ) -> tuple[Event, ...]:
     """Return the changes by faults, in order of time.
 
@@ -67,40 +70,78 @@ def find_events(
         What else changes the truth.
     grid : Grid
         Samples of the run.
-    nominal : callable
-        ``nominal(name)``: the value that the factors multiply.
+    nominal : mapping of str to float
+        The values that the factors multiply.
     """
     changes = (*faults, *nuisances)
     settled: dict[tuple[int, str], dict[int, int]] = {}
     for number, fault in enumerate(faults):
         for first, last in fault.onsets(grid):
             settled.setdefault((first, meant(fault.parameter)), {})[number] = last
-    found = []
+    events = []
     for (first, name), ends in settled.items():
-        value = partial(_product, nominal(name), name, changes, otherwise=first - 1)
-        before, after = value({}, period=grid.period), value(ends, period=grid.period)
+        mine = [(i, c) for i, c in enumerate(changes) if meant(c.parameter) == name]
+        before, after = (
+            math.prod(
+                (float(c.factor_at(Grid(np.array([last.get(i, first - 1)]), grid.period))[0])
+                 for i, c in mine),
+                start=nominal[name],
+            )
+            for last in ({}, ends)
+        )  # fmt: skip
         if before != after:
-            found.append(Event(name, first, before, after))
+            events.append(Event(name, first, before, after))
     order = changeable(PARAMETER_UNITS)
-    return tuple(sorted(found, key=lambda e: (e.index, order.index(e.parameter))))
+    return tuple(sorted(events, key=lambda e: (e.index, order.index(e.parameter))))
 
 
-def _product(
-    nominal: float,
-    name: str,
-    changes: Sequence[Fault],
-    ends: Mapping[int, int],
-    *,
-    otherwise: int,
-    period: float,
-) -> float:
-    """Return nominal times the factor of each change of `name`, in a sample of its own.
+def drawn(scenario: Scenario, seed: int) -> Scenario:
+    """Return a scenario as it is in the run of a seed: its faults where they come.
 
-    That is the one in `ends` for the changes numbered there, and `otherwise` for the others.
+    It has the name, and the random numbers, of the scenario, and a hash of its own.
     """
-    value = nominal
-    for number, change in enumerate(changes):
-        if meant(change.parameter) == name:
-            sample = ends.get(number, otherwise)
-            value *= float(change.factor_at(Grid(np.array([sample]), period))[0])
-    return value
+    known: dict[int, Scenario] = scenario.__dict__.setdefault("_drawn", {})
+    if seed not in known:
+        known[seed] = scenario.override(_moved(scenario, seed))
+    return known[seed]
+
+
+def first_onset(scenario: Scenario) -> int:
+    """Return the sample of the first fault; one of no size (factor 1) has an onset as well."""
+    return min(scenario.grid.index(fault.at) for fault in scenario.fault)
+
+
+def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
+    """Return the keys of a scenario that are other in the run of a seed, with their values.
+
+    Faults and pauses move by one time, so that what lies between them stays; nuisances do not. It
+    is drawn evenly from the samples within `onset_spread` at which the reference moves if it does
+    at the first fault as it is written, and rests if it rests.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With an `onset_spread`.
+    seed : int
+        Number of the run.
+    """
+    assert scenario.onset_spread is not None
+    period, most = scenario.period, sample_index(scenario.onset_spread, scenario.period)
+    allowed = np.arange(-most, most + 1)
+    pauses = getattr(scenario.excitation, "pause", ())
+    if scenario.fault and not pauses:  # else the pauses come along
+        first, moves = first_onset(scenario), scenario.excited()
+        allowed = allowed[moves[first + allowed] == moves[first]]
+    by = int(stream(scenario.key, seed, "onset").choice(allowed))
+
+    def later(time: float) -> float:
+        return (sample_index(time, period) + by) / sample_index(1.0, period)
+
+    changes: dict[str, Any] = {"onset_spread": None, "streams": scenario.key, "name": scenario.name}
+    for i, fault in enumerate(scenario.fault):
+        for key in ("at", "until"):
+            if (time := getattr(fault, key, None)) is not None:
+                changes[f"fault[{i}].{key}"] = later(time)
+    if pauses:
+        changes["excitation.pause"] = [[later(start), later(end)] for start, end in pauses]
+    return changes

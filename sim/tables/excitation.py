@@ -152,7 +152,6 @@ class Standstill(Config):
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
         """Return the reference (N,), all zero [rad]."""
-        del rng
         return np.zeros(len(grid.k))
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from flexaxis.sim.law_parameters import LAW_NAMES
+from flexaxis.sim.parameters import LAW_NAMES
 from flexaxis.sim.tables.config import Config, Positive
 from flexaxis.sim.timing import Grid
 

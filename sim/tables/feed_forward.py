@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,25 +17,12 @@ USED = ("k_T", "f_m", "f_c", "r")
 """Parameters that the controller makes use of, besides the inertias."""
 
 
-class Follower(Protocol):
-    """What learns in the loop: an estimator, as `flexaxis.estimators.protocol` has it.
+Follower = Any
+"""What learns in the loop: an estimator, as `flexaxis.estimators.protocol` has it.
 
-    Attributes
-    ----------
-    names : sequence of str
-        What is estimated, such as ``("k_T", "1/J_a", "f_m")``.
-    output : str
-        What it reads: ``"speed"``, ``"increment"`` or ``"angle"``.
-    """
-
-    @property
-    def names(self) -> Sequence[str]: ...  # noqa: D102
-
-    @property
-    def output(self) -> str: ...  # noqa: D102
-
-    def step(self, u: float, y: float) -> Any:
-        """Take u[k] and y[k], return θ[k], of which the next command is the first to make use."""
+It has `names` and `output`, and ``step(u, y)`` takes u[k] and y[k] and returns θ[k], of which the
+next command is the first to make use.
+"""
 
 
 class AdaptConfig(Config):

@@ -10,40 +10,52 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
 from flexaxis.sim.tables.config import Config, Positive
-from flexaxis.sim.tables.places import Place
 
 SPAN = 0.005  # s, of which `substeps` says into how many steps it is cut
 LINEAR_SUBSTEPS = 5
 _NO_INPUT = 16  # MuJoCo's mjINPUT_NONE: an actuator without a command
 
 
-@runtime_checkable
-class Nonlinearity(Protocol):
-    """A table of a scenario that is built into the plant: whatever has `build` is."""
+class Place(NamedTuple):
+    """Where the engine keeps a number: field of its model, named object, column if it has some."""
 
-    @property
-    def substeps(self) -> int:
-        """Steps of the engine that 5 ms need with it."""
+    field: str
+    owner: str
+    column: int | None = None
+
+
+class Nonlinearity(Config):
+    """A table of a scenario that is built into the plant.
+
+    Attributes
+    ----------
+    substeps : int
+        Steps of the engine that 5 ms need with it.
+    """
+
+    exact: ClassVar[bool] = False
+    substeps: ClassVar[int] = LINEAR_SUBSTEPS
 
     def build(self, spec: Any) -> None:
         """Build it into an `MjSpec`."""
-
-
-@runtime_checkable
-class Law(Protocol):
-    """A nonlinearity with parameters that can change in a run."""
+        raise NotImplementedError
 
     @property
     def law(self) -> dict[str, float]:
-        """Its parameters by name."""
+        """Its parameters by name, of those that a record has."""
+        return {}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return where the engine keeps parameters such as these, and as what."""
+        """Return where the engine keeps parameters such as these, and as what.
+
+        Nowhere, where they cannot change in a run.
+        """
+        return {}
 
 
 def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
@@ -60,7 +72,7 @@ def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1)
     return math.ceil(finest * period / SPAN - 1e-9)
 
 
-class CoggingConfig(Config):
+class CoggingConfig(Nonlinearity):
     """Cogging of the motor: a torque amplitude · sin(poles · φ_m) that the magnets add.
 
     Attributes
@@ -71,8 +83,6 @@ class CoggingConfig(Config):
         Periods in one revolution of the motor.
     """
 
-    exact: ClassVar[bool] = False
-    substeps: ClassVar[int] = LINEAR_SUBSTEPS  # smooth
     amplitude: Positive
     poles: int = Field(ge=1, le=500)
 
@@ -85,7 +95,7 @@ class CoggingConfig(Config):
         return f"cogging of {self.amplitude:g} N m, {self.poles} periods a turn"
 
 
-class BacklashConfig(Config):
+class BacklashConfig(Nonlinearity):
     """Play between the motor and the gear.
 
     Attributes
@@ -95,7 +105,6 @@ class BacklashConfig(Config):
         of the gear acts in the gap too.
     """
 
-    exact: ClassVar[bool] = False
     substeps: ClassVar[int] = 20
     gear: Positive
 
@@ -113,7 +122,7 @@ class BacklashConfig(Config):
         return f"backlash of {self.gear:g} rad at the gear"
 
 
-class StiffeningConfig(Config):
+class StiffeningConfig(Nonlinearity):
     """A gear spring that stiffens with its twist x: torque k_g (x + gear · x³).
 
     The whole law is proportional to k_g, so that a fault of k_g weakens all of it.
@@ -124,8 +133,6 @@ class StiffeningConfig(Config):
         Cubic coefficient over the linear one [1/rad² on the arm side].
     """
 
-    exact: ClassVar[bool] = False
-    substeps: ClassVar[int] = LINEAR_SUBSTEPS
     gear: Positive
 
     def build(self, spec: Any) -> None:
@@ -143,7 +150,7 @@ class StiffeningConfig(Config):
         return f"gear spring stiffening by {self.gear:g}/rad²"
 
 
-class SaturationConfig(Config):
+class SaturationConfig(Nonlinearity):
     """A limit of the drive: it acts on ±torque at most, while the log has the command.
 
     Attributes
@@ -152,8 +159,6 @@ class SaturationConfig(Config):
         Largest size of the command that acts [N m]; k_T multiplies what is left.
     """
 
-    exact: ClassVar[bool] = False
-    substeps: ClassVar[int] = LINEAR_SUBSTEPS
     torque: Positive
 
     def build(self, spec: Any) -> None:

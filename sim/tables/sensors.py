@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from functools import reduce
 from typing import Annotated, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -58,13 +59,7 @@ def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: 
         sample at a time, with the same bits.
     """
     stages = [sensor.stage(signal, white, period) for sensor in sensors]
-
-    def read(values: Array) -> Array:
-        for stage in stages:
-            values = stage(values)
-        return values
-
-    return read
+    return lambda values: reduce(lambda passed, stage: stage(passed), stages, values)
 
 
 def _unchanged(values: Array) -> Array:
@@ -100,9 +95,8 @@ class NoiseConfig(Config):
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return the adding of noise to a signal."""
-        del period
         deviation = self.speed if signal == "speed" else self.angle
-        return _Added(deviation * white(f"noise.{signal}")) if deviation else _unchanged
+        return _added(deviation * white(f"noise.{signal}")) if deviation else _unchanged
 
     def in_words(self) -> str:
         """Return how much noise there is."""
@@ -135,7 +129,6 @@ class EncoderConfig(Config):
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return the rounding of the angle to the nearest count."""
-        del white, period
         if signal != "angle" or not self.counts:
             return _unchanged
         step = 2 * math.pi / self.counts
@@ -174,8 +167,7 @@ class DelayConfig(Config):
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return the delay of a measured signal; the log has the torque when it is commanded."""
-        del signal, white, period
-        return _Late(self.measurement) if self.measurement else _unchanged
+        return _late(self.measurement) if self.measurement else _unchanged
 
     def in_words(self) -> str:
         """Return what is late, and by how much."""
@@ -203,52 +195,52 @@ class FilterConfig(Config):
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return the low-pass on the speed."""
-        del white
-        return _LowPass(self.speed, period) if signal == "speed" else _unchanged
+        return _low_pass(self.speed, period) if signal == "speed" else _unchanged
 
     def in_words(self) -> str:
         """Return its time constant."""
         return f"speed through a low-pass of {1000 * self.speed:g} ms"
 
 
-class _Late:
-    """A signal late by whole samples, at rest (zero) before it began."""
+def _late(samples: int) -> Stage:
+    """Return what makes a signal late by whole samples; it is at rest (zero) before."""
+    waiting: Array | None = None
 
-    def __init__(self, samples: int) -> None:
-        self._samples = samples
-        self._waiting: Array | None = None
-
-    def __call__(self, values: Array) -> Array:
-        if self._waiting is None:
-            self._waiting = np.zeros((self._samples, *values.shape[1:]))
-        queue = np.concatenate([self._waiting, values])
-        self._waiting = queue[len(values) :]
+    def stage(values: Array) -> Array:
+        nonlocal waiting
+        before = np.zeros((samples, *values.shape[1:])) if waiting is None else waiting
+        queue = np.concatenate([before, values])
+        waiting = queue[len(values) :]
         return queue[: len(values)]
 
-
-class _Added:
-    """A signal and the noise (N, R) on it, sample by sample."""
-
-    def __init__(self, noise: Array) -> None:
-        self._noise, self._done = noise, 0
-
-    def __call__(self, values: Array) -> Array:
-        first, self._done = self._done, self._done + len(values)
-        return values + self._noise[first : self._done]
+    return stage
 
 
-class _LowPass:
-    """A signal through f[k] = a f[k−1] + (1−a) s[k], a = exp(−T/τ), from rest."""
+def _added(noise: Array) -> Stage:
+    """Return what adds noise (N, R) to a signal, sample by sample."""
+    done = 0
 
-    def __init__(self, time_constant: float, period: float) -> None:
-        self._pole = math.exp(-period / time_constant)
-        self._last: Array | float = 0.0
+    def stage(values: Array) -> Array:
+        nonlocal done
+        first, done = done, done + len(values)
+        return values + noise[first:done]
 
-    def __call__(self, values: Array) -> Array:
+    return stage
+
+
+def _low_pass(time_constant: float, period: float) -> Stage:
+    """Return f[k] = a f[k−1] + (1−a) s[k], a = exp(−T/τ), from rest."""
+    pole = math.exp(-period / time_constant)
+    last: Array | float = 0.0
+
+    def stage(values: Array) -> Array:
+        nonlocal last
         out = np.empty_like(values)
         for k, value in enumerate(values):
-            self._last = out[k] = (1 - self._pole) * value + self._pole * self._last
+            last = out[k] = (1 - pole) * value + pole * last
         return out
+
+    return stage
 
 
 def angle_increment(angle: Array, *, period: float) -> Array:

@@ -30,13 +30,12 @@ from flexaxis.estimators.models.sampled import prepare, travel
 from flexaxis.estimators.signals import increment
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.plant import Plant
-from flexaxis.sim.tables.dry_friction import LuGreConfig
+from flexaxis.sim.tables.friction import GearFrictionConfig, LuGreConfig
 from flexaxis.sim.tables.nonlinear import (
     CoggingConfig,
     SaturationConfig,
     StiffeningConfig,
 )
-from flexaxis.sim.tables.smooth_friction import GearFrictionConfig
 
 T = 0.005
 VALUES = N1 | {

@@ -10,11 +10,11 @@ from flexaxis.experiments.catalogue.card import reference_card
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.demo.view import model_of, poses, scene
+from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running.cache import SIGNALS, RecordCache, records
 from flexaxis.experiments.running.study import Study, units
 from flexaxis.experiments.scoring.bounds import limits
 from flexaxis.models_mjcf import MODEL_NAMES
-from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.simulate import simulate
@@ -29,7 +29,7 @@ def chain(name):
 
 def linearised(q, name):
     """A and B of twists and speeds, from the accelerations of the plant in unit states."""
-    model = Plant([q], period=T, substeps=5, model=name).model(0)
+    model = Plant([q], period=T, substeps=5, model=name)._batch.get_model(0)
     data, n = mujoco.MjData(model), model.nv
     mujoco.mj_forward(model, data)
     lengths = np.zeros((model.ntendon, n))
@@ -173,5 +173,5 @@ def test_without_a_model_nothing_is_estimated_and_no_bound_is_taken(unknown, tmp
     assert "estimators have no model two_mass" in capsys.readouterr().err
     assert limits(unknown, unknown.identify, record.torque)[2].lag_bound is None
     assert reference_card(unknown)["bound"].startswith("none")
-    with pytest.raises(ScenarioError, match="estimators have no model two_mass"):
+    with pytest.raises(StudyError, match="estimators have no model two_mass"):
         units(Study("s", (unknown,), ("frozen",), (0,)))

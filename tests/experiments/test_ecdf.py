@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.experiments.comparison.ecdf import ecdf
+from flexaxis.experiments.comparison.ranking import ecdf
 
 
 def run(estimator, seed, lag, *, scenario="s", bound=0.5, diverged=False, null=5.0):

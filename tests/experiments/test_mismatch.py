@@ -19,7 +19,7 @@ def reading(changes):
     # robust = 0: without our guards, one of which begins anew where much of y is not explained
     estimator = build(parse("rpem-forgetting[robust=0]"), scenario)
     theta = run_estimator(estimator, record.torque, record.speed, None)
-    truth = true_theta(scenario.identify, scenario.nominal.as_array())
+    truth = true_theta(scenario.identify, np.array([*scenario.nominal.values()]))
     return theta[2000:].mean(axis=0) / truth - 1
 
 

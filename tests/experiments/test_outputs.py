@@ -88,7 +88,7 @@ def test_an_input_is_refused_as_output(here, capsys, case):
     out, err = capsys.readouterr()
     assert content(here) == before
     assert (out, len(err.splitlines())) == ("", 1) and err.startswith("flexaxis: ")
-    assert "is read by this command" in err
+    assert "is an input of this command" in err
 
 
 def test_a_log_in_netcdf_is_imported_beside_itself(here, capsys):
@@ -109,12 +109,12 @@ def test_a_log_in_netcdf_is_imported_beside_itself(here, capsys):
 def test_the_default_of_another_command_is_no_input_either(here, capsys):
     shutil.copy("axis.toml", "rec-axis.toml")
     assert main(["identify", "rec.nc", "--model", "rec-axis.toml"]) == 2
-    assert "rec-axis.toml is read by this command" in capsys.readouterr().err
+    assert "rec-axis.toml is an input of this command" in capsys.readouterr().err
 
 
 def test_what_is_not_there_cannot_be_lost(here):
     check_not_input(["fm_step-v1", None, "", "x" * 5000], "fm_step-v1", None, "new.nc")
-    with pytest.raises(OutputError, match=r"rec\.nc is read"):
+    with pytest.raises(OutputError, match=r"rec\.nc is an input"):
         check_not_input(["missing", "rec.nc"], "new.nc", "rec.nc")
 
 

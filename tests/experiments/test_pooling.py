@@ -14,7 +14,7 @@ from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.pooling import rmse, settles, spread, spread_at_a_time
 from flexaxis.experiments.scoring.score_table import SCORES, rows, undefined
 from flexaxis.experiments.scoring.scores import Track
-from flexaxis.experiments.scoring.summary import of_trajectories, pool_group
+from flexaxis.experiments.scoring.summary import of_trajectories, pool_rows
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")
@@ -42,7 +42,7 @@ def case(scenario, seed, **scores):
 
 
 def pooled(scenario, cases):
-    (row,) = pool_group(cases, scenario)
+    (row,) = pool_rows([row for run in cases for row in run], scenario)
     return row
 
 
@@ -100,9 +100,10 @@ def test_the_pooled_std_is_the_deviation_over_seeds(text):
     cases = [
         run_case(scenario, record, parse(text)) for record in simulate(scenario, range(1000, 1024))
     ]
-    nominal = true_theta(NAMES, scenario.nominal.as_array())
+    nominal = true_theta(NAMES, np.array([*scenario.nominal.values()]))
     theta = np.stack([each.theta[1000:2000] for each in cases]) / nominal
-    found = [row["std"] for row in pool_group([each.rows for each in cases], scenario)]
+    pooled = pool_rows([row for each in cases for row in each.rows], scenario)
+    found = [row["std"] for row in pooled]
     # ddof 1 against 0 of the slow part is 2 % at 24 seeds; the old formula was 16 … 64 % off
     assert found == pytest.approx(100 * spread_at_a_time(theta), rel=0.03)
 
@@ -155,15 +156,15 @@ def test_the_pooled_excess_leaves_the_common_bias_out_and_lost_runs_in():
         cost = {"cost": {"us_per_sample": 1.0}}
         return [identity | row | cost for row in rows(track)]
 
-    alike = pool_group([of(1.02) for _ in range(6)], scenario)
+    alike = pool_rows([row for run in [of(1.02) for _ in range(6)] for row in run], scenario)
     assert alike[0]["excess"] == pytest.approx(0.0, abs=1e-12)
-    apart = pool_group([of(f) for f in (0.98, 1.02) * 3], scenario)
+    apart = pool_rows([row for run in [of(f) for f in (0.98, 1.02) * 3] for row in run], scenario)
     one = of(1.02)[0]["excess"]
     assert apart[0]["excess"] == pytest.approx(one, rel=1e-9) == apart[2]["excess"]
-    lost = pool_group([of(np.nan) for _ in range(6)], scenario)
+    lost = pool_rows([row for run in [of(np.nan) for _ in range(6)] for row in run], scenario)
     assert lost[0]["excess"] > 1e3 * one and lost[0]["excess_interval"] is None
     factors = 1.1 + 0.02 * np.random.default_rng(0).standard_normal(12)
-    spread_out = pool_group([of(f) for f in factors], scenario)
+    spread_out = pool_rows([row for run in [of(f) for f in factors] for row in run], scenario)
     low, high = spread_out[0]["excess_interval"]  # of what stands beside it, not of the mean
     assert low <= spread_out[0]["excess"] <= high < 5 * spread_out[0]["excess"]
 
@@ -250,7 +251,9 @@ def _pooled(scenario, thetas, torque):
         identity = {"hash": scenario.hash, "scenario": scenario.name, "estimator": "e"}
         more = {"cost": {"us_per_sample": 1.0}}
         cases.append([identity | row | more for row in rows(track)])
-    return {row["parameter"]: row for row in pool_group(cases, scenario)}
+    return {
+        row["parameter"]: row for row in pool_rows([row for run in cases for row in run], scenario)
+    }
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -331,7 +334,7 @@ def test_a_row_has_all_scores_and_a_pooled_one_those_that_pool(short):
     (record,) = simulate(short, [0])
     found = run_case(short, record, parse("frozen"))
     assert list(found.rows[0])[4:-1] == ["parameter", "changed", *SCORES]
-    whole = pool_group([found.rows], short)[2]
+    whole = pool_rows(found.rows, short)[2]
     assert {s.name for s in SCORES.values() if s.pool} <= set(whole)
 
 

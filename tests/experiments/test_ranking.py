@@ -1,23 +1,15 @@
-"""Who leads, who is tied, and what is said of them: from paired values made by hand."""
+"""Which estimators lead, and which are tied: from paired values made by hand."""
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.comparison.mismatch import matrix, misled, mismatch_in_words, mismatched
-from flexaxis.experiments.comparison.ranking import (
-    answers,
-    difference,
-    in_words,
-    leaders,
-    mark,
-    overall,
-    too_few,
-    worse,
-)
+from flexaxis.experiments.comparison.mismatch import matrix, misled, mismatched
+from flexaxis.experiments.comparison.ranking import leaders, mark, overall, too_few
 from flexaxis.experiments.reporting.styles import style
-from flexaxis.experiments.scoring.intervals import LEAST
+from flexaxis.experiments.scoring.intervals import LEAST, difference
 
 RECORD = np.random.default_rng(0).standard_normal(16)
 """What the record does to every estimator alike."""
@@ -89,10 +81,10 @@ def test_a_seed_that_one_has_not_is_left_out_of_its_pairs_and_no_others():
     for name in "bc":
         pairs = [(x, y) for x, y in zip(some[name], lags["a"], strict=True) if x is not None]
         d = np.array([x - y for x, y in pairs])
-        found = difference(some[name], lags["a"])
-        assert (found.n, found.mean) == (15, pytest.approx(d.mean()))
-        assert found.sd == pytest.approx(d.std(ddof=1))
-    assert difference([None, 1.0], [1.0, None]).p == 1.0
+        n, mean, p = difference(some[name], lags["a"])
+        assert (n, mean) == (15, pytest.approx(d.mean()))
+        assert p == pytest.approx(stats.ttest_1samp(d, 0.0).pvalue)
+    assert difference([None, 1.0], [1.0, None]) == (0, 0.0, 1.0)
 
 
 @pytest.mark.parametrize("number", [2, 5, pytest.param(17, marks=pytest.mark.slow)])
@@ -117,45 +109,8 @@ def test_who_is_quieter_at_every_setting_is_never_called_slower():
     """Its lag at equal noise is at most what is shown, and may be less than the best's."""
     rows = mark([match("a", 0.2), match("b", 0.9), match("quiet", 0.4, how="quieter")])
     assert [r["estimator"] for r in rows if r["leads"]] == ["a"]
-    (text,) = answers(rows, {"s": ""})
-    assert "next comes b 0.9 s" in text and "next comes quiet" not in text
-    assert "Quieter than the reference at every setting: quiet (lag at most 0.4 s)" in text
     scores = [match("a", 1, score=80.0), match("quiet", 1, score=70.0, how="quieter")]
     assert [r["leads"] for r in overall(scores)] == [True, False]
-
-
-def test_the_sentence_names_the_best_its_equals_and_the_papers_method():
-    rows = mark([match("rpem-forgetting", 2.0), match("quick", 0.2), match("middling", 0.5)])
-    (text,) = answers(rows, {"s": "f_m +50 % at 10 s"})
-    assert text.startswith("s (f_m +50 % at 10 s): shortest lag of f_m: quick 0.2 s (2 × bound)")
-    assert "next comes middling 0.5 s (5 × bound)" in text
-    assert "the paper's method, rpem-forgetting 2 s (20 × bound)." in text
-
-
-def test_nobody_is_left_out_without_a_sentence():
-    rows = mark([match("a", 0.2), match("b", 0.4), match("two.py:Two", 0.39, how="quieter"),
-                 match("loud", 0.1, how="noisier")])  # fmt: skip
-    (text,) = answers(rows, {"s": ""})
-    assert "Quieter than the reference at every setting: two.py:Two (lag at most 0.39 s)" in text
-    assert "Noisier than the reference at every setting: loud (lag at least 0.1 s)" in text
-
-
-def test_faster_is_said_only_if_nothing_else_is_worse():
-    jumpy = match("jumpy", 0.1, std_after=values(0.9, own=0.1, seed=3))
-    calm = match("calm", 0.3, std_after=values(0.3, own=0.1, seed=4))
-    assert worse(jumpy, calm) == ["is 3 times as noisy after the fault"]
-    assert worse(calm, jumpy) == []
-    rough = match("rough", 0.1, std_after=values(0.33, own=0.4, seed=5))  # by chance, p = .4
-    assert worse(rough, calm) == []
-    (text,) = answers(mark([jumpy, calm]), {"s": ""})
-    assert "but jumpy is 3 times as noisy after the fault, so not simply better" in text
-
-
-def test_false_alarms_are_worse_only_if_they_are_no_chance():
-    none = match("none", 0.3, false=[0] * 16)
-    assert worse(match("few", 0.1, false=[1] * 4 + [0] * 12), none) == []  # p = 1/16
-    assert "false alarms" in worse(match("many", 0.1, false=[1] * 5 + [0] * 11), none)[0]
-    assert "false alarms" in worse(match("many", 0.1, false=[2] * 5 + [0] * 11), match("b", 1))[0]
 
 
 def test_one_number_over_all_faults_has_a_fixed_set_and_no_score_is_zero():
@@ -190,60 +145,13 @@ def test_dropping_a_scenario_never_raises_the_rank():
     assert [r["estimator"] for r in overall(both + third)] == ["B", "A", "C"]
 
 
-def test_as_set_faster_and_quieter_need_pairs():
-    def at(name, lag, std, **options):
-        stds = values(std, own=options.get("own", 0.05), seed=len(name) + 9, common=0.1)
-        return {
-            "scenario": "s", "parameter": "f_m", "estimator": name, "lag": lag, "std": std,
-            "diverged": options.get("lost", 0), "seeds": 16,
-            "values": {"lag": values(lag, seed=sum(map(ord, name))), "std": stds},
-        }  # fmt: skip
-
-    (text,) = in_words([at("quick", 0.2, 0.3), at("slower", 1.0, 0.1), at("slow too", 2.0, 0.31,
-                        own=0.4, lost=3)])  # fmt: skip
-    assert "shortest lag of f_m: quick 0.2 s at 0.3 %" in text
-    assert "slower 1 s at 0.1 % is slower and quieter" in text
-    assert "slow too 2 s at 0.31 % is slower, its noise not told apart" in text
-    assert "Of 16 runs of slow too, 3 lost" in text
-    (text,) = in_words([at("ekf", 0.49178, 0.3, own=0.2), at("imm", 0.49179, 0.3, own=0.2)])
-    assert "cannot tell it from imm" in text and "better" not in text
-
-
-def test_few_seeds_rank_nobody_and_who_was_lost_is_no_tie():
-    def at(name, lag, *, lost=0, n=16):
-        pairs = {key: values(lag, own=1.0, seed=len(name))[:n] for key in ("lag", "std")}
-        return {
-            "scenario": "s", "parameter": "f_m", "estimator": name, "lag": lag, "std": 0.3,
-            "diverged": lost, "seeds": n, "values": pairs,
-        }  # fmt: skip
-
-    (text,) = in_words([at("one", 0.2), at("other", 0.22, lost=1)])
-    assert "cannot tell" not in text and "other 0.22 s at 0.3 % is slower" in text
-    (text,) = in_words([at("one", 0.2, n=3), at("other", 85.0, n=3, lost=1)])
-    assert text.startswith(
-        "s: 3 seeds are too few to rank: from 5 on; lags of f_m: one 0.2 s at 0.3 %, other 85 s"
-    )
-    assert "cannot tell" not in text and "Of 3 runs of other, 1 lost" in text
-    rows = [match("mine", 0.2), match("yours", 0.4)]
-    for each in rows:
-        each["values"]["lag"] = each["values"]["lag"][:4]
-    (text,) = answers(mark(rows), {"s": "f_m +50 %"})
-    assert "too few to rank: from 5 on; lags of f_m: mine 0.2 s" in text and "shortest" not in text
-
-
 def test_who_was_wrong_by_half_the_fault_before_it_is_not_crowned():
     scenario = find_scenario("fm_step-v1")  # f_m × 1.5: a fault of 50 % of nominal
     rows = [row("m", "wrong", 0.1, bias=-25.1), row("m", "right", 2.0, bias=24.9)]
     wrong = misled(rows, {"m": scenario})
     assert wrong == {("m", "f_m", "wrong")}
-    each = [at_one_setting("wrong", 0.1), at_one_setting("right", 2.0)]
-    text = mismatch_in_words([], each, ["m"], wrong)
-    assert ": right in 1 of 1." in text and text.endswith("wrong already: wrong.")
-    nobody = mismatch_in_words([], each[:1], ["m"], wrong)
-    assert "that changes: nobody." in nobody
-    right = each[1] | {"values": {key: x[:4] for key, x in each[1]["values"].items()}}
-    few = mismatch_in_words([], [right], ["m"])
-    assert few.endswith("that changes: 4 seeds are too few to rank: from 5 on.")
+    names = ["coulomb_fm_step-v1", "fm_step-v1"]
+    assert mismatched({name: find_scenario(name) for name in names}) == names[:1]
 
 
 def test_a_cell_is_the_changed_parameter_else_the_worst():
@@ -255,39 +163,6 @@ def test_a_cell_is_the_changed_parameter_else_the_worst():
     ]
     cells = matrix(rows, ["s", "calm"])
     assert [cells[name, "a"]["parameter"] for name in ("s", "calm")] == ["f_m", "f_m"]
-
-
-def at_one_setting(name, lag, *, std=1.0, parameter="f_m", **options):
-    return {
-        "scenario": "m", "parameter": parameter, "estimator": name, "lag": lag, "std": std,
-        "values": {"lag": values(lag, seed=sum(map(ord, name)), **options)},
-    }  # fmt: skip
-
-
-def test_the_mismatch_track_in_words():
-    names = ["coulomb_fm_step-v1", "fm_step-v1"]
-    assert mismatched({name: find_scenario(name) for name in names}) == names[:1]
-    alarms = {"false_alarms": 0.5, "calm": 3600.0}
-    rows = [row("m", "a", 4.0), row("m", "b", 2.0, detection=alarms, runs=4), row("m", "c", 2.2)]
-    tied = [at_one_setting("a", 4.0), at_one_setting("b", 2.0), at_one_setting("c", 2.01, own=0.3)]
-    text = mismatch_in_words(rows, tied, ["m"])
-    assert (
-        "b in 1 of 1, c in 1 of 1" in text
-        and "False alarms: b 2 in 1 h (0.24 to 7.2 an hour)." in text
-    )
-    assert ": b in 1 of 1." in mismatch_in_words(
-        [], [at_one_setting("a", 4.0), at_one_setting("b", 2.0)], ["m"]
-    )
-
-
-def test_a_short_lag_bought_with_noise_or_knowledge_wins_nothing():
-    rows = [
-        at_one_setting("rpem-forgetting", 4.0, std=1.0),
-        at_one_setting("noisy", 0.1, std=1.6),
-        at_one_setting("oracle-reset", 0.1, std=1.0),
-        at_one_setting("as quiet", 2.0, std=1.4),
-    ]
-    assert ": as quiet in 1 of 1." in mismatch_in_words([], rows, ["m"])
 
 
 def test_registered_estimators_look_different():

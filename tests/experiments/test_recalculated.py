@@ -4,12 +4,12 @@ import math
 import statistics
 
 import pytest
+from engine_cases import nested
 from scipy import stats
 
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.studies.bench import nested
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 
 RAISES = """

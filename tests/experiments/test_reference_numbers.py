@@ -9,7 +9,7 @@ import pytest
 from engine_cases import BenchHere
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring.summary import pool_group
+from flexaxis.experiments.scoring.summary import pool_rows
 
 SEEDS = range(1000, 1060)
 STD = (0.121, 0.048, 0.307)  # % of nominal: k_T, 1/J_a, f_m
@@ -25,7 +25,7 @@ def test_forgetting_of_0995(name, column, lag):
     text = "rpem-forgetting[forgetting=0.995]"
     (runs,) = BenchHere().runs([scenario], [text], SEEDS).values()
     lags = [run[column]["lag"] for run in runs]
-    pooled = pool_group(runs, scenario)
+    pooled = pool_rows([row for run in runs for row in run], scenario)
     std = [row["std"] for row in pooled]
     print(f"{name}: lag {np.mean(lags):.3f} s, std before {np.round(std, 4)} %")
     assert np.mean(lags) == pytest.approx(lag, rel=0.15)

@@ -13,9 +13,10 @@ import pytest
 from engine_cases import short, small_study, user_file
 
 from flexaxis.experiments.files import StudyError
-from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.run import Runner, check_jobs, parallel, rerun
+from flexaxis.experiments.running.results import Results, rerun
+from flexaxis.experiments.running.run import Runner, parallel
 from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.seeds import check_jobs
 from flexaxis.sim.errors import FlexaxisError
 
 pytestmark = pytest.mark.slow

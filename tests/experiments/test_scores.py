@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring.lost_runs import box, loss
 from flexaxis.experiments.scoring.score_table import rows as score
-from flexaxis.experiments.scoring.scores import Track, relative_error
+from flexaxis.experiments.scoring.scores import Track, box, loss, relative_error
 from flexaxis.experiments.scoring.windows import quiet, windows
 
 NAMES = ("k_T", "1/J_a", "f_m")

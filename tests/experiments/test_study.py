@@ -60,7 +60,7 @@ def test_all_problems_of_a_file_at_once(tmp_path):
         ({"sweeps": {}}, "unknown key 'sweeps'"),
         ({"seeds": "9:3"}, "seeds: give a number of seeds"),
         ({"seeds": 0}, "seeds: give a number of seeds"),
-        ({"design": "random"}, "design: must be 'product', 'list' or 'sobol'"),
+        ({"design": "random"}, "design: must be 'product', 'list', 'sobol' or 'latin'"),
         ({"design": "list"}, "needs at least one axis"),
         ({"design": "list", "sweep": {"start": [1.0], "burn_in": [1.0, 2.0]}}, "of one length"),
         ({"samples": 4}, 'goes with design = "sobol"'),
@@ -87,7 +87,6 @@ def test_what_is_wrong_is_said(changes, words):
         ({"fault[0].factor": [1.5, -2.0]}, "fault[0].factor = -2.0: fault[0].factor: must be"),
         ({"fault[0].fctor": [1.5]}, "Did you mean 'factor'"),
         ({"estimator.forgeting": [0.9]}, "forgeting = 0.9: rpem-forgetting has no option"),
-        ({"rpem-forgetting.forgetting": [0.9, 1.5]}, "rpem-forgetting.forgetting = 1.5: "),
         ({"duration": [20.0, 8.0]}, "duration = 8.0: fault[0].at: the onset at 10 s is not before"),
     ],
 )  # fmt: skip

@@ -22,7 +22,7 @@ from flexaxis.experiments.scoring.parameter_names import (
 )
 from flexaxis.experiments.scoring.score_table import rows
 from flexaxis.experiments.scoring.scores import Track
-from flexaxis.experiments.scoring.summary import pool_group
+from flexaxis.experiments.scoring.summary import pool_rows
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.simulate import simulate
@@ -108,7 +108,7 @@ def test_only_who_has_laws_is_asked_for_them():
     assert build(spec("Asks"), made(ASKED)).asked == LINEAR
     assert build(spec("Tracks"), made(ASKED)).asked == (*LINEAR, "f_c")
     assert build(spec("Tracks"), made(DRY)).asked == LINEAR
-    with pytest.raises(EstimatorError, match=r"does not declare `laws`.*nothing but f_c: leave"):
+    with pytest.raises(EstimatorError, match=r"`laws`.*identifies only f_c: leave"):
         build(parse("rpem-forgetting"), made(DRY + 'identify = ["f_c"]\n'))
 
 
@@ -138,7 +138,7 @@ def test_who_does_not_estimate_what_changes_is_shown_as_well():
     scenario = made(ASKED, FAULT)
     (record,) = simulate(scenario, [0])
     cases = [run_case(scenario, record, spec(name)) for name in ("Asks", "Tracks")]
-    table = default_table([row for case in cases for row in pool_group([case.rows], scenario)])
+    table = default_table([row for case in cases for row in pool_rows(case.rows, scenario)])
     estimators, parameters = (list(column.cells) for column in table.columns[:2])
     assert [name.split(":")[-1] for name in estimators[1:]] == ["Asks"] * 3 + ["Tracks"]
     assert parameters[1:] == [*LINEAR, "f_c"]
@@ -213,5 +213,5 @@ def test_nothing_of_the_laws_shows_in_the_torque_that_estimators_are_offered():
         return REGISTRY["frozen"].factory(nominal, period, identify=identify, output=output)
 
     mine.laws = True
-    build(Spec("mine", mine, {}), real)
+    build(Spec("mine", {}, mine), real)
     np.testing.assert_array_equal(offered["torque"], design_torque(real))

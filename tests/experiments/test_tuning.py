@@ -13,11 +13,17 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import at_equal_noise, tuned, tunings
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.comparison import tune as tuning
+from flexaxis.experiments.comparison.sweep import TURNS
+from flexaxis.experiments.comparison.tune import (
+    ROUNDS,
+    TOLERANCE,
+    Trials,
+    knob_of,
+    match_noise,
+    with_knob,
+)
 from flexaxis.experiments.running.estimators import build, parse
-from flexaxis.experiments.studies import tuning
-from flexaxis.experiments.studies.knobs import knob_of, with_knob
-from flexaxis.experiments.studies.sweep import TURNS
-from flexaxis.experiments.studies.tuning import ROUNDS, TOLERANCE, Trials, match_noise
 from flexaxis.sim.parameters import preset
 
 PAPER = {"rpem-forgetting", "rpem-drift", "rpem-forgetting-mu", "rpem-drift-mu", "literal-rpem"}
@@ -45,7 +51,7 @@ class Powers(Trials):
 
 
 def test_secants_find_the_match():
-    found = match_noise("cusum-reset", Powers(range(2), BenchHere()))
+    found = match_noise("cusum-reset", Powers(range(2), BenchHere().frame))
     assert found.value == pytest.approx(1 - 0.005 / 4, abs=0.005 / 4 * 0.025)
     assert abs(found.ratio - 1) < TOLERANCE and found.knob == "forgetting"
 
@@ -55,8 +61,8 @@ def test_no_match_and_wrong_words_are_said(capsys):
         def noises(self, setting):
             return {"excess": 1.0 if setting.startswith("rpem") else 2.0}
 
-    with pytest.raises(ValueError, match=r"no setting of its knob.*last tried ekf"):
-        match_noise("ekf", Flat(range(1), BenchHere()))
+    with pytest.raises(ValueError, match=r"no setting of its knob.*last one tried is ekf"):
+        match_noise("ekf", Flat(range(1), BenchHere().frame))
     for words, said in (
         ([], "name one estimator, or give --all"),
         (["--all", "--match", "f_m"], "leave --match"),
@@ -155,7 +161,7 @@ def test_a_knob_that_is_none_is_said_to_be_so(own, name, said):
     [("Mine", "lam", 20.0), ("Along", "low", 0.9), ("Called", "low", 7.0)],
 )
 def test_a_path_is_matched_at_equal_noise(own, name, option, quiet):
-    trials = type("Own", (Grows,), {"quiet": quiet, "option": option})(range(1), BenchHere())
+    trials = type("Own", (Grows,), {"quiet": quiet, "option": option})(range(1), BenchHere().frame)
     found = match_noise(own(name), trials)
     knob = knob_of(own(name))
     assert abs(found.ratio - 1) < TOLERANCE and found.knob == knob.label
@@ -177,7 +183,7 @@ def test_a_knob_is_turned_within_its_range_and_budget(own, name, quiet, last):
 
     Counted.quiet = quiet
     with pytest.raises(ValueError, match=r"no setting of its knob.*within") as error:
-        match_noise(own(name), Counted(range(1), BenchHere()))
+        match_noise(own(name), Counted(range(1), BenchHere().frame))
     assert last in str(error.value) and last in asked[-1]
     assert 2 <= len(asked) - 1 <= ROUNDS
     lows = [parse(text).options["low"] for text in asked[1:]]
@@ -295,7 +301,7 @@ def test_list_and_show_say_where_a_knob_is_tuned(capsys):
 @pytest.mark.slow
 def test_tuning_again_finds_the_same():
     (stored,) = (t for t in tunings() if t.estimator == "ekf")
-    found = match_noise("ekf", Trials(range(16), BenchHere()))
+    found = match_noise("ekf", Trials(range(16), BenchHere().frame))
     # it starts from the stored value, which other processors leave within the tolerance
     assert found.value == pytest.approx(stored.value)
     assert found.ratio == pytest.approx(stored.ratio, rel=1e-3)

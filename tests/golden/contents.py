@@ -18,7 +18,7 @@ import flexaxis as fx
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.scoring.score_table import columns
-from flexaxis.sim.law_parameters import LAW_NAMES
+from flexaxis.sim.parameters import LAW_NAMES
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate, versions
 

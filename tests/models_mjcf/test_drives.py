@@ -9,7 +9,7 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
 from flexaxis.models_mjcf import model_files
 from flexaxis.sim.parameters import PARAMETER_NAMES, preset, presets
-from flexaxis.sim.tables.stability import loop_problem
+from flexaxis.sim.stability import loop_problem
 
 TEXT = model_files("three_mass")[1]["drives.toml"].decode()
 DRIVES = tomllib.loads(TEXT)

@@ -42,7 +42,7 @@ def test_numbers_in_the_file_are_the_set_n1():
         "f_a": joint("arm").damping[0],
         "r": m.wrap_prm[m.tendon_adr[tendon("gear").id]],
     }
-    assert [values[name] for name in PARAMETER_NAMES] == preset("n1").as_array().tolist()
+    assert [values[name] for name in PARAMETER_NAMES] == np.array([*preset("n1").values()]).tolist()
 
 
 @pytest.mark.parametrize("name", MODEL_NAMES)

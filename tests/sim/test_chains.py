@@ -5,16 +5,15 @@ import pytest
 from acceptance.axes import held
 
 from flexaxis.models_mjcf import MODEL_NAMES, SHIPPED, model_digest, model_files
-from flexaxis.sim import parameters
+from flexaxis.sim import identity, parameters
 from flexaxis.sim.errors import ParameterError, ScenarioError
 from flexaxis.sim.parameters import AxisParameters, nominal_numbers, parameter_names, preset
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.record import load_record
 from flexaxis.sim.scenario import load_scenario, parse_scenario
 from flexaxis.sim.simulate import simulate
-from flexaxis.sim.tables import identity
+from flexaxis.sim.stability import loop_problem
 from flexaxis.sim.tables.controller import ControllerConfig
-from flexaxis.sim.tables.stability import loop_problem
 
 T = 0.005
 
@@ -64,7 +63,7 @@ def apart(ours, exact):
 def test_a_plant_is_its_equations_to_the_order_of_the_integrator(name):
     """With every parameter changed on the way; a method of fourth order divides by 16."""
     rng = np.random.default_rng(0)
-    before = preset("n1", name).as_array()
+    before = np.array([*preset("n1", name).values()])
     after = before * np.exp(rng.normal(0, 0.2, len(before)))
     truth, torque = np.repeat([before, after], 100, axis=0), rng.normal(0, 1, 200)
     exact, errors = moved(name, torque, truth), []

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import parse_scenario
-from flexaxis.sim.tables.dry_friction import FrictionConfig, LuGreConfig
+from flexaxis.sim.tables.friction import FrictionConfig, LuGreConfig
 from flexaxis.sim.tables.nonlinear import (
     BacklashConfig,
     CoggingConfig,

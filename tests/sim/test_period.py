@@ -7,11 +7,11 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate
+from flexaxis.sim.stability import _radius, loop_problem
 from flexaxis.sim.streams import stream
 from flexaxis.sim.tables.controller import ControllerConfig
 from flexaxis.sim.tables.excitation import Moves, Multisine
 from flexaxis.sim.tables.faults import Intermittent, Ramp, Step, Thermal
-from flexaxis.sim.tables.stability import _radius, loop_problem
 from flexaxis.sim.timing import Grid
 
 from .conftest import commanded, exact_speed
@@ -106,7 +106,9 @@ def test_a_torque_delay_goes_by_ms_at_any_period(period, late, make):
     ticks = round(period / 0.001)
     acting = np.repeat(record.torque, ticks)
     acting = np.concatenate([np.zeros(round(late / 0.001)), acting])[: len(acting)]
-    exact = exact_speed(acting, [scenario.nominal.as_array()] * len(acting), 0.001)[::ticks]
+    exact = exact_speed(acting, [np.array([*scenario.nominal.values()])] * len(acting), 0.001)[
+        ::ticks
+    ]
     error = np.linalg.norm(record.true_speed - exact) / np.linalg.norm(exact)
     assert error < 3e-4
 

@@ -3,7 +3,7 @@
 import pytest
 
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.storage.reading import json_value, read_toml, shown, toml_tables
+from flexaxis.sim.files import json_value, read_toml, shown, toml_tables
 
 
 @pytest.mark.parametrize("text", ["a = 1\na = 2", "a = 2021-02-30", "a = " + "1" * 5000])

@@ -160,7 +160,7 @@ def test_hash_sees_every_number(key):
 
 def test_true_parameters_are_nominal_times_factors():
     s = parse_scenario(FULL)
-    truth, nominal = s.true_parameters(), s.nominal.as_array()
+    truth, nominal = s.true_parameters(), np.array([*s.nominal.values()])
     assert truth.shape == (6000, 12)
     assert np.array_equal(truth[:600], np.tile(nominal, (600, 1)))
     assert truth[600, K("k_T")] < 1 and truth[1000, K("k_T")] == pytest.approx(0.9)
@@ -281,7 +281,7 @@ def test_the_level_of_coulomb_friction_over_time():
     level = truth[:, 12]
     after = 0.1 * (1 - 0.4 * (1 - np.exp(-15 / 4)))  # to within half a sample
     assert level[999] == 0.1 and level[-1] == pytest.approx(after, rel=1e-4)
-    assert np.all(truth[:, :12] == warming.nominal.as_array())
+    assert np.all(truth[:, :12] == np.array([*warming.nominal.values()]))
     faults = [parse_scenario(dry + FAULT.replace("f_m", name)) for name in ("coulomb", "f_c")]
     assert faults[0].events() == (Event("f_c", 2000, 0.1, pytest.approx(0.15)),)
     assert faults[0].events() == faults[1].events() and faults[0].hash != faults[1].hash

@@ -8,8 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.law_parameters import LAW_NAMES, LAW_PARAMETERS, LAW_UNITS
-from flexaxis.sim.parameters import DATA_SHEET
+from flexaxis.sim.parameters import DATA_SHEET, LAW_NAMES, LAW_PARAMETERS, LAW_UNITS
 from flexaxis.sim.scenario import Scenario, parse_scenario
 from flexaxis.sim.tables.config import kinds
 from flexaxis.sim.tables.excitation import Excitation, Multisine

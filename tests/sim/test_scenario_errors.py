@@ -12,6 +12,8 @@ TWELVE = "k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a, r"
 LAWS = "f_c, f_s, v_s, sigma_0, sigma_1, alpha, beta, kappa, gap"
 CHANGEABLE = TWELVE.replace("r", LAWS)
 
+LATE = FAULT.replace("10.0", "25").replace("fault", "nuisance")
+
 KINDS = ["step", "ramp", "thermal", "intermittent", "profile"]
 TO_ZERO = [
     FAULT.replace("1.5", "0.0"),
@@ -205,13 +207,20 @@ def test_all_mistakes_are_told_at_once():
     with pytest.raises(ScenarioError) as caught:
         parse_scenario(
             'name = "x"\nduration = 20\nstrat = 1.2\npreset = "n3"\nparameters.J_m = -1\n'
-            f'identify = ["k_T", "k_T"]\nstart = 0\n{FAULT.replace("10.0", "true")}'
-            f"{FAULT.replace('10.0', '25')}",
+            f'identify = ["k_T", "k_T"]\nstart = 0\n{FAULT.replace("10.0", "true")}{LATE}',
             source="my.toml",
         )
     keys = [line.split(": ")[1] for line in caught.value.problems]
     assert sorted(keys) == sorted(
-        ["strat", "preset", "parameters.J_m", "identify[1]", "start", "fault[0].at", "fault[1].at"]
+        [
+            "strat",
+            "preset",
+            "parameters.J_m",
+            "identify[1]",
+            "start",
+            "fault[0].at",
+            "nuisance[0].at",
+        ]
     )
 
 

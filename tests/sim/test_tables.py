@@ -14,6 +14,7 @@ from flexaxis.sim.tables.controller import ControllerConfig
 from flexaxis.sim.tables.excitation import Excitation
 from flexaxis.sim.tables.faults import Fault
 from flexaxis.sim.tables.feed_forward import AdaptConfig
+from flexaxis.sim.tables.nonlinear import Nonlinearity
 
 UNIONS = {**kinds(Fault), **kinds(Excitation)}
 
@@ -26,7 +27,8 @@ def declared():
     while waiting:
         table = waiting.pop()
         waiting += table.__subclasses__()
-        if table.__module__.startswith("flexaxis.sim.") and table not in (Config, Scenario):
+        own = table.__module__.startswith("flexaxis.sim.") and table.__name__[0] != "_"
+        if own and table not in (Config, Nonlinearity, Scenario):
             found.append(table)
     return sorted(found, key=lambda table: table.__name__)
 
@@ -57,8 +59,6 @@ def wrong(table, scenario=Scenario):
         yield f"{place} has keys that are none: annotate `exact` and `substeps` with ClassVar"
     elif not hasattr(table, "exact"):
         yield f"{place} does not say whether the linear model describes it: give it `exact`"
-    if hasattr(table, "build") and not hasattr(table, "substeps"):
-        yield f"{place} would not be built into the plant: give it `substeps` beside build()"
     if not hasattr(table, "build") and not hasattr(table, "stage") and table != ControllerConfig:
         yield f"{place} does nothing: give it build() (of the plant) or stage() (of a signal)"
 
@@ -92,13 +92,6 @@ class Whole(_Words):
 
 class NoStage(_Words):
     """A sensor that forgot what it does."""
-
-
-class NoSubsteps(_Words):
-    """A nonlinearity that the plant would pass over."""
-
-    def build(self, spec):
-        """Build nothing."""
 
 
 class NoWords(Config):
@@ -136,7 +129,6 @@ class Own(Scenario):
 
     whole: Whole | None = None
     no_stage: NoStage | None = None
-    no_substeps: NoSubsteps | None = None
     no_words: NoWords | None = None
     a_key: AKey | None = None
 
@@ -147,7 +139,6 @@ class Own(Scenario):
         (Whole, Own, []),
         (Whole, Scenario, ["give Scenario a key of this type"]),
         (NoStage, Own, ["give it build() (of the plant) or stage()"]),
-        (NoSubsteps, Own, ["give it `substeps`"]),
         (NoWords, Own, ["give it in_words()", "give it `exact`"]),
         (AKey, Own, ["annotate `exact` and `substeps` with ClassVar"]),
         (Jerk, Own, ["name it in the union"]),

@@ -23,7 +23,6 @@ from flexaxis.experiments.files import check_not_input
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import problems_of, say_problems, show, tell, waiting
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
-from flexaxis.experiments.running.estimators import code_file
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.track import Tracked
@@ -67,6 +66,7 @@ def main(args: argparse.Namespace) -> int:
         track,
     )
     from flexaxis.experiments.running.estimators import parse
+    from flexaxis.experiments.running.user_code import code_file
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     report = path.with_suffix(".html")

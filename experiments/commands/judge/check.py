@@ -50,7 +50,7 @@ def main(args: argparse.Namespace) -> int:
     from rich.markup import escape
     from rich.table import Table
 
-    from flexaxis.experiments.conformance.check import check
+    from flexaxis.experiments.check.check import check
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.estimators import parse
 

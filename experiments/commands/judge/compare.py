@@ -1,46 +1,48 @@
 r"""Compare a candidate estimator with a base: better, worse, slight, same, or undecided.
 
-Both run on the same records. Scores are compared seed by seed, lost runs over all scenarios;
-docs/gate.md explains the statistics. SUITE and SCENARIO as for `run` (default gate). Two folders
-of finished runs are compared as they are, if their scenarios and versions agree, on the seeds that
-both have (those of --seeds, if given).
+Both run on the same records (SUITE and SCENARIO as for `run`; default gate), and scores are
+compared seed by seed. Two folders of finished runs are compared as they are, if their scenarios and
+versions agree, on the seeds that both have. docs/gate.md explains the statistics.
 
-With --match-std both are tuned to one noise first (that of rpem-forgetting, on seeds 0 to 15): to
-equal std of the parameter that changes, or, where several do, equal excess prediction error. Then
-noise is equal and lag alone is judged. For any class that names its knob; docs/scores.md.
+With --match-std both are first tuned to the same noise, that of rpem-forgetting, and lag alone is
+judged. This takes an estimator that names its tuning parameter (docs/scores.md).
 
-exit status: 0 no regression; 1 worse; 2 wrong use; 3 undecided, with --strict or where two runs
-or more were newly lost, or one failed, or rows of the candidate are not there; 70 a crash
+exit status: 0 no regression; 1 worse; 2 wrong use; 3 undecided, with --strict or if two or more
+runs are newly lost, a run newly failed, or runs of the candidate are missing; 70 a crash
 
 example:
-  flexaxis compare --base rpem-forgetting --candidate my_estimator.py:Mine
+  flexaxis compare --base old.py:Mine --candidate new.py:Mine
   flexaxis compare --base rpem-forgetting --candidate 'pipe:octave-cli -q my.m' fm_step-v1 \
                    --max-seeds 128 --margin lag=5%,std=5%
-  flexaxis compare --base glr --match-std --candidate my_estimator.py:Mine fm_step-v1
+  flexaxis compare --base glr --match-std --candidate new.py:Mine fm_step-v1
   flexaxis compare results/old results/new
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_output, answer, at_most, say
+from flexaxis.experiments.commands.answers import add_output, answer, at_most
 from flexaxis.experiments.files import SUMMARY, check_not_input
 from flexaxis.experiments.seeds import MOST_SEEDS, parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
+    from flexaxis.sim.scenario import Scenario
 
 HELP = "say whether an estimator got better or worse, with an exit status"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("names", nargs="*", metavar="SUITE|SCENARIO|RUN")
+    parser.add_argument(
+        "names", nargs="*", metavar="SUITE|SCENARIO|RUN", help="where, or two finished runs"
+    )
     parser.add_argument("--base", metavar="E", help="what to compare with")
     parser.add_argument("--candidate", metavar="E", help="what to judge")
     parser.add_argument(
@@ -63,7 +65,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "cross_talk, excess)",
     )
     parser.add_argument(
-        "--match-std", action="store_true", help="tune both to one noise first, and judge the lag"
+        "--match-std",
+        action="store_true",
+        help="first tune both to the same noise, then compare lag alone",
     )
     parser.add_argument("--strict", action="store_true", help="exit 3 if undecided")
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
@@ -74,77 +78,93 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Compare, report, and return the verdict as a status."""
-    from flexaxis.experiments.gate.pairs import parse_margins
-    from flexaxis.experiments.gate.stored import is_run
+    from flexaxis.experiments.gate.gate import is_run
 
-    margins = parse_margins(args.margin)
     if len(args.names) == 2 and all(map(is_run, args.names)):
-        _refuse(args, "finished runs, which are compared as they are", "max_seeds", "jobs",
-                "overwrite", "resume", "match_std")  # fmt: skip
-        return _stored(args, margins)
+        _refuse(args, "max_seeds", "jobs", "overwrite", "resume", "match_std")
+        return _stored(args)
     if not (args.base and args.candidate):
         raise FlexaxisError(
-            "say what to compare: --base E --candidate E, or two folders of finished runs"
+            "name the estimators to compare with --base E --candidate E, or two folders of "
+            "finished runs"
         )
-    return _fresh(args, margins)
+    return _fresh(args)
 
 
-def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
+def _refuse(args: argparse.Namespace, *names: str) -> None:
     """Refuse options that would be ignored."""
-    given = [f"--{name.replace('_', '-')}" for name in names if getattr(args, name)]
-    if given:
-        raise FlexaxisError(f"{' and '.join(given)}: no option of {what}; leave it out")
+    ignored = [f"--{name.replace('_', '-')}" for name in names if getattr(args, name)]
+    if ignored:
+        raise FlexaxisError(f"{', '.join(ignored)}: finished runs are compared as they are")
 
 
-def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
-    from flexaxis.experiments.gate.gate import SUITE, ask, compare, default_seeds
-    from flexaxis.experiments.gate.report import write
-    from flexaxis.experiments.studies.bench import Bench
+def _fresh(args: argparse.Namespace) -> int:
+    from flexaxis.experiments.catalogue.find import find_scenario, find_suite, select, suite_names
+    from flexaxis.experiments.gate.gate import SUITE, compare
 
     names = args.names or [SUITE]
-    seeds = parse_seeds(args.seeds or str(default_seeds(names)))
-    scenarios, command, folder = select(names).scenarios, options.line(args), _output(args)
+    suites = [find_suite(name) for name in names if name in suite_names()] or [find_suite(SUITE)]
+    seeds = parse_seeds(args.seeds or str(max(suite.seeds for suite in suites)))
+    scenarios = select(names).scenarios
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
-    most = 2 * len(scenarios) * max(args.max_seeds or 0, len(seeds))
-    about = f"{most} cases, and more to tune them" if args.match_std else f"at most {most} cases"
-    with options.working(args, about, most, folder) as (runner, _):
-        question, left_out = ask(
-            args.base, args.candidate, scenarios, seeds, margins, args.max_seeds or 0, runner=runner
-        )
-        for name, reason in left_out.items():
-            say(f"{name} is left out: {reason}")
-        found = compare(question, Bench(runner, traced=True), match_std=args.match_std)
-        path = write(folder, found, question.scenarios, sources=sources, command=command)
-    return _told(args, found, path, sources)
+    cases = 2 * len(scenarios) * max(args.max_seeds or 0, len(seeds))
+    about = f"{cases} cases, and more to tune them" if args.match_std else f"at most {cases} cases"
+    with options.working(args, about, cases, _output(args)) as (runner, _):
+        comparison = compare(
+            args.base, args.candidate, scenarios, seeds, runner, margins=_margins(args),
+            max_seeds=args.max_seeds or 0, match_std=args.match_std, traces=True,
+        )  # fmt: skip
+    return _answer(args, comparison, sources, scenarios)
+
+
+def _margins(args: argparse.Namespace) -> dict[str, float]:
+    """Return the margins with those of texts such as ``lag=2%,t10=0.1`` added or changed."""
+    from flexaxis.experiments.gate.gate import check_margins
+
+    margins = {}
+    for text in ",".join(args.margin).split(",") if args.margin else ():
+        metric, _, number = text.strip().partition("=")
+        try:
+            margins[metric] = float(number.removesuffix("%")) / (100 if "%" in number else 1)
+        except ValueError:
+            margins[metric] = float("nan")
+    return check_margins(margins)
 
 
 def _output(args: argparse.Namespace) -> Path:
     return args.output or Path("results/compare")
 
 
-def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from flexaxis.experiments.gate.report import write
-    from flexaxis.experiments.gate.stored import compare_runs
+def _stored(args: argparse.Namespace) -> int:
+    from flexaxis.experiments.gate.gate import compare_runs
 
-    base, candidate = map(Path, args.names)
     check_not_input(args.names, _output(args))
     if (_output(args) / SUMMARY).exists():
         raise FlexaxisError(f"{_output(args)} holds a run: choose another folder with -o")
-    seeds = parse_seeds(args.seeds) if args.seeds else None
-    estimators = (args.base, args.candidate)
-    found = compare_runs(base, candidate, margins, estimators=estimators, seeds=seeds)
-    return _told(args, found, write(_output(args), found), {})
+    comparison = compare_runs(
+        *map(Path, args.names), margins=_margins(args), estimators=(args.base, args.candidate),
+        seeds=parse_seeds(args.seeds) if args.seeds else None,
+    )  # fmt: skip
+    return _answer(args, comparison, {}, ())
 
 
-def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict[str, str]) -> int:
-    from flexaxis.experiments.gate.report import terminal_table
-    from flexaxis.experiments.gate.wording import headline, knobs, meaning, row_command, worst
+def _answer(
+    args: argparse.Namespace,
+    comparison: Comparison,
+    sources: dict[str, str],
+    scenarios: Sequence[Scenario],
+) -> int:
+    from flexaxis.experiments.gate.report import as_dict, terminal_table, write
     from flexaxis.experiments.reporting.terminal import show
 
-    status = found.status(strict=args.strict)
-    lines = ["", headline(found), meaning(found), *([knobs(found)] if found.equal else [])]
-    if status in (1, 3):
-        lines.append(f"look at the worst seed: {row_command(found, worst(found), sources)}")
-    content = found.as_dict() | {"report": path}
-    return answer(args, content, status, *lines, path, show=lambda: show(terminal_table(found)))
+    status = comparison.status(strict=args.strict)
+    content = as_dict(comparison, sources=sources) | {"command": options.line(args)}
+    path = write(_output(args), content, scenarios)
+    look = [f"Look at the worst run: {content['worst']['command']}"] if status in (1, 3) else []
+
+    def shown() -> None:
+        print("\n".join([content["headline"], *content["advice"], *look, ""]))
+        show(terminal_table(content))
+
+    content["report"] = path
+    return answer(args, content, status, "", *content["legend"], path, show=shown)

@@ -6,7 +6,8 @@ In Python a class; in C or GNU Octave a program that answers over a pipe, by the
 example:
   flexaxis new my_estimator.py
   flexaxis check my_estimator.py:Mine
-  flexaxis compare --base glr --match-std --candidate my_estimator.py:Mine fm_step-v1
+  cp my_estimator.py old.py   # before a change
+  flexaxis compare --base old.py:Mine --candidate my_estimator.py:Mine fm_step-v1
   flexaxis new my_estimator.c
 """
 
@@ -39,7 +40,7 @@ def main(args: argparse.Namespace) -> int:
     from importlib.resources import files
 
     _check(args.path)
-    home = files("flexaxis.experiments.conformance") / "templates"
+    home = files("flexaxis.experiments.check") / "templates"
     written: list[Path] = []
     for source in TEMPLATES[args.path.suffix]:
         path = args.path if not written else args.path.with_name(source)
@@ -67,16 +68,23 @@ def _check(path: Path) -> None:
 
 
 def _next(path: Path) -> list[str]:
-    """Return the lines to be typed next."""
-    program = path.with_suffix("") if path.suffix == ".c" else path
-    command = {
-        ".py": f"{path}:{CLASS}",
-        ".c": f"pipe:{program if program.is_absolute() else f'./{program}'}",
-        ".m": f"'pipe:octave-cli -q {path}'",
-    }[path.suffix]
-    compiled = [f"cc -O2 -o {program} {path} -lm"] if path.suffix == ".c" else []
-    tuned = [f"flexaxis tune {command} --match f_m"] if path.suffix == ".py" else []
-    check = f"flexaxis check {command}"
-    fair = " --base glr --match-std" if tuned else " --base rpem-forgetting"  # it has a knob
-    compare = f"flexaxis compare{fair} --candidate {command} fm_step-v1"
-    return [*compiled, check, *tuned, compare]
+    """Return the lines to be typed next: a check, and the last version compared with this one.
+
+    Both versions estimate the same parameters, so that the comparison is fair.
+    """
+    old = path.with_name(f"old{path.suffix}")
+    build = f"cc -O2 -o {path.with_suffix('')} {path} -lm"
+    if path.suffix == ".c":
+        path, old = path.with_suffix(""), old.with_suffix("")
+    check = f"flexaxis check {_text(path)}"
+    compare = f"flexaxis compare --base {_text(old)} --candidate {_text(path)} fm_step-v1"
+    return [*([build] if not path.suffix else []), check, f"cp {path} {old}", compare]
+
+
+def _text(path: Path) -> str:
+    """Return an estimator as for `--estimator`."""
+    if path.suffix == ".m":
+        return f"'pipe:octave-cli -q {path}'"
+    return (
+        f"{path}:{CLASS}" if path.suffix else f"pipe:{path if path.is_absolute() else f'./{path}'}"
+    )

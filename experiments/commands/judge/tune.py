@@ -34,7 +34,7 @@ from flexaxis.experiments.seeds import parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.studies.tuning import Tuned
+    from flexaxis.experiments.comparison.tune import Tuned
 
 HELP = "find the knob at which an estimator is as noisy as the reference, or sweep it"
 
@@ -76,11 +76,10 @@ def _sweep(args: argparse.Namespace) -> int:
     """Sweep the knobs, match the noise and draw."""
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.comparison.ranking import overall
+    from flexaxis.experiments.comparison.sweep import TURNS, reference, settings, sweep, texts
     from flexaxis.experiments.reporting.figures import speed_noise
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
     from flexaxis.experiments.reporting.words import fault_words, faults_of
-    from flexaxis.experiments.studies.bench import Bench
-    from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 
     scenarios, *_ = select(args.sweep)
     estimators = list(dict.fromkeys(args.estimator)) or [*SWEPT]
@@ -88,7 +87,7 @@ def _sweep(args: argparse.Namespace) -> int:
     command, folder = options.line(args), args.output or Path("results/sweep")
     most = len(texts(settings(estimators, factors=TURNS))) * len(scenarios) * len(seeds)
     with options.working(args, f"at most {most} cases", most, folder) as (runner, _):
-        swept = sweep(scenarios, estimators, seeds, Bench(runner))
+        swept = sweep(scenarios, estimators, seeds, runner.rows)
         ranking = overall(swept.at_excess)
         content: dict[str, Any] = {"command": command, "seeds": seeds, "reference": reference()}
         content |= asdict(swept) | {"overall": ranking}
@@ -102,14 +101,12 @@ def _sweep(args: argparse.Namespace) -> int:
 
 def _tune(args: argparse.Namespace) -> int:
     """Tune and print."""
-    from flexaxis.experiments.running.user_code import is_of_the_machine
-    from flexaxis.experiments.studies.bench import Bench
-    from flexaxis.experiments.studies.tuning import (
+    from flexaxis.experiments.comparison.tune import (
         Trials,
-        forget,
         match_noise,
         save,
     )
+    from flexaxis.experiments.running.user_code import is_of_the_machine
 
     names, path = _names(args), _file(args)
     seeds = args.seeds or "0:16"
@@ -121,7 +118,7 @@ def _tune(args: argparse.Namespace) -> int:
     with work as (runner, advance):
         for name in names:
             try:
-                trials = Trials(parse_seeds(seeds), Bench(runner), args.match)
+                trials = Trials(parse_seeds(seeds), runner.rows, args.match)
                 tuned = match_noise(name, trials)
             except FlexaxisError as error:
                 if not args.all or is_of_the_machine(error):
@@ -129,7 +126,7 @@ def _tune(args: argparse.Namespace) -> int:
                 print(error, file=sys.stderr)  # the others can still be tuned
                 missed.append(name)
                 if path:
-                    forget(path, name)
+                    save(path, name, None)
                 continue
             finally:
                 advance(1)
@@ -170,7 +167,7 @@ def _names(args: argparse.Namespace) -> list[str]:
 def _file(args: argparse.Namespace) -> Path | None:
     """Return where to write; refuse what cannot be, before the tuning, which takes long."""
     from flexaxis.estimators import tuned
-    from flexaxis.experiments.running.estimators import names_code
+    from flexaxis.experiments.running.user_code import names_code
 
     if args.save is None:
         return None

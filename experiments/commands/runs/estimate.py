@@ -17,7 +17,6 @@ from pathlib import Path
 
 from flexaxis.experiments.commands.answers import add_output, answer
 from flexaxis.experiments.files import check_not_input
-from flexaxis.experiments.running.estimators import code_file
 
 HELP = "run an estimator on a record and save the estimates (NetCDF-4)"
 
@@ -42,6 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
     import flexaxis as fx
+    from flexaxis.experiments.running.user_code import code_file
 
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")
     check_not_input((args.record, args.scenario, code_file(args.estimator)), path)

@@ -29,8 +29,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run again, compare, and name what differs."""
-    from flexaxis.experiments.running.results import Results
-    from flexaxis.experiments.running.run import Runner, rerun
+    from flexaxis.experiments.running.results import Results, rerun
+    from flexaxis.experiments.running.run import Runner
 
     if args.sample < 1:
         raise FlexaxisError(f"--sample {args.sample}: give the number of cases, 1 or more")

@@ -88,7 +88,7 @@ def _say(cases: int, text: str) -> None:
 
 def _most(args: argparse.Namespace, chosen: Selection) -> int:
     """Return how many cases there are, the settings of a sweep included."""
-    from flexaxis.experiments.studies import sweep
+    from flexaxis.experiments.comparison import sweep
 
     estimators = args.estimator or chosen.estimators
     swept = sweep.texts(sweep.settings(_swept(args, chosen)))

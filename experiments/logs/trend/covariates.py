@@ -18,7 +18,7 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import labels
 from flexaxis.experiments.logs.reading.log import open_log
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.storage.reading import read_text
+from flexaxis.sim.files import read_text
 
 Array = NDArray[np.float64]
 

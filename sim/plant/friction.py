@@ -2,7 +2,7 @@
 
 MuJoCo calls one such function for all models of the process, whenever it sums up passive forces.
 Ours looks for rows of friction among the custom numbers of the model (see
-`sim/tables/smooth_friction.py`), which a batch holds for each run, and leaves every model without
+`sim/tables/friction.py`), which a batch holds for each run, and leaves every model without
 them as it is.
 """
 
@@ -12,12 +12,12 @@ import ctypes
 from collections.abc import Callable
 from functools import cache
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 
 from flexaxis.sim.errors import SimulationError
-from flexaxis.sim.tables.smooth_friction import COMPILED_LAWS, MARK, WIDTH
+from flexaxis.sim.tables.friction import COMPILED_LAWS, MARK, WIDTH
 
 _LOCK = Lock()
 _SEARCHED = 1 << 18  # bytes of a structure of the engine: what we look for lies in these
@@ -33,52 +33,34 @@ def install() -> None:
         If another function is installed already.
     """
     with _LOCK:
-        if not installed() and mujoco.get_mjcb_passive() is not None:
+        ours, present = _compiled().ctypes, mujoco.get_mjcb_passive()
+        if present is not None and present is not ours:
             raise SimulationError(
                 "this process has a passive callback of MuJoCo's already, and there is room for "
                 "one: take it out by mujoco.set_mjcb_passive(None) before plants with friction "
                 "laws are made, or run them in a process of their own.",
                 run=0, time=0.0, reason="passive callback in use",
             )  # fmt: skip
-        mujoco.set_mjcb_passive(_compiled().ctypes)
-
-
-def installed() -> bool:
-    """Return whether MuJoCo calls our function, and not another's."""
-    if not _compiled.cache_info().currsize:
-        return False
-    return mujoco.get_mjcb_passive() is _compiled().ctypes
-
-
-class _Layout(NamedTuple):
-    """Where the fields lie that the function reads and writes, in units of 8 bytes."""
-
-    numbers: int  # of the model: how many custom numbers there are
-    numeric: int  # of the model: their address
-    gear: int  # of the model: torque of the first actuator over its command
-    qpos: int  # of the data, as all that follow
-    qvel: int
-    spring: int
-    passive: int
-    ctrl: int
+        mujoco.set_mjcb_passive(ours)
 
 
 @cache
-def _layout() -> _Layout:
-    """Return where the fields lie in the structures of the MuJoCo that is installed."""
+def _layout() -> tuple[int, ...]:
+    """Return where the fields lie that our function reads and writes, in units of 8 bytes.
+
+    Of the model: how many custom numbers there are, their address, and the torque of the first
+    actuator over its command; of the data: speeds, torques of springs, passive torques, commands.
+    """
     spec = mujoco.MjSpec()
     spec.worldbody.add_body(mass=1.0, inertia=[1.0, 1.0, 1.0]).add_joint(name="motor")
     spec.add_actuator(name="motor", target="motor", trntype=mujoco.mjtTrn.mjTRN_JOINT)
     spec.add_numeric(name="row", size=_NUMBERS, data=[1.0])
     model = spec.compile()
     data = mujoco.MjData(model)
-    fields = (data.qpos, data.qvel, data.qfrc_spring, data.qfrc_passive, data.ctrl)
-    return _Layout(
-        _find(model, _NUMBERS),
-        _find(model, model.numeric_data.ctypes.data),
-        _find(model, model.actuator_gear.ctypes.data),
-        *(_find(data, field.ctypes.data) for field in fields),
-    )
+    fields = (data.qvel, data.qfrc_spring, data.qfrc_passive, data.ctrl)
+    ours = (model.numeric_data, model.actuator_gear)
+    places = [_find(model, _NUMBERS), *(_find(model, field.ctypes.data) for field in ours)]
+    return (*places, *(_find(data, field.ctypes.data) for field in fields))
 
 
 def _find(structure: Any, value: int) -> int:
@@ -101,7 +83,7 @@ def _compiled() -> Any:
     from numba.extending import intrinsic
 
     law = _any_of([table.torque for table in COMPILED_LAWS])
-    numbers, numeric, gear, qpos, qvel, spring, passive, ctrl = _layout()
+    numbers, numeric, gear, qvel, spring, passive, ctrl = _layout()
     mark, width = MARK, WIDTH
 
     def pointer(context: Any, address: Any) -> Any:
@@ -120,10 +102,9 @@ def _compiled() -> Any:
             if rows[start] != mark:
                 return
             row = values(model[numeric] + 8 * start)
-            speed, angle = values(data[qvel])[0], values(data[qpos])[0]
-            load = values(data[spring])[0]
+            speed, load = values(data[qvel])[0], values(data[spring])[0]
             motor = values(model[gear])[0] * values(data[ctrl])[0]
-            values(data[passive])[0] -= law(row, speed, angle, load, motor)
+            values(data[passive])[0] -= law(row, speed, load, motor)
 
     return friction
 
@@ -132,18 +113,15 @@ def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
     """Return the function of a row, and of the motion, that picks the row's law."""
     from numba.extending import register_jitable  # not njit: a switch of numba's turns that off
 
-    @register_jitable
-    def nothing(row: Any, speed: float, angle: float, load: float, motor: float) -> float:
-        return 0.0
-
-    if not laws:
-        return nothing
-    this, rest = register_jitable(laws[0]), _any_of(laws[1:], code + 1)
+    this = register_jitable(laws[0])
+    if len(laws) == 1:
+        return this  # type: ignore[no-any-return]
+    rest = _any_of(laws[1:], code + 1)
 
     @register_jitable
-    def either(row: Any, speed: float, angle: float, load: float, motor: float) -> float:
+    def either(row: Any, speed: float, load: float, motor: float) -> float:
         if row[1] == code:
-            return this(row, speed, angle, load, motor)
-        return rest(row, speed, angle, load, motor)
+            return this(row, speed, load, motor)
+        return rest(row, speed, load, motor)
 
     return either

@@ -4,7 +4,8 @@ It works as it is: a predictor of the axis with the present estimate, corrected 
 squares on its error. Change what you like; the places to begin with are marked (1) to (3).
 
     flexaxis check my_estimator.py:Mine
-    flexaxis compare --base glr --match-std --candidate my_estimator.py:Mine fm_step-v1
+    cp my_estimator.py old.py
+    flexaxis compare --base old.py:Mine --candidate my_estimator.py:Mine fm_step-v1
 """
 
 import numpy as np

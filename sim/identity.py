@@ -70,10 +70,10 @@ def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
 
 def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
     """Return a resolved scenario without what every scenario once had, and with a new MJCF."""
-    once, model = {"period": PERIOD, "model": DEFAULT}, resolved.get("model", DEFAULT)
-    found = {key: value for key, value in resolved.items() if once.get(key) != value}
+    usual, model = {"period": PERIOD, "model": DEFAULT}, resolved["model"]
+    content = {key: value for key, value in resolved.items() if usual.get(key) != value}
     digest = model_digest(model)
-    return found if SHIPPED.get(model) == digest else found | {"mjcf": digest}
+    return content if SHIPPED.get(model) == digest else content | {"mjcf": digest}
 
 
 def _digest(content: Mapping[str, Any]) -> str:

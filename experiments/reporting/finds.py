@@ -20,7 +20,7 @@ from flexaxis.experiments.scoring.detection import WITHIN
 from flexaxis.experiments.scoring.intervals import rate_interval, share_interval
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.sim.errors import unknown
-from flexaxis.sim.law_parameters import meant
+from flexaxis.sim.parameters import meant
 
 PER_HOUR = 10.0  # false alarms of who gets a threshold: one in 18 runs of 20 s
 HOUR = 3600.0  # s

@@ -1,0 +1,320 @@
+"""What is wrong with a scenario, in words a user can act on: single keys, and what conflicts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from flexaxis.sim.errors import ParameterError, unknown
+from flexaxis.sim.files import shown
+from flexaxis.sim.parameters import (
+    DATA_SHEET,
+    FIXED,
+    LAW_MAY_BE_ZERO,
+    LAW_NAMES,
+    LAW_PARAMETERS,
+    MAY_BE_ZERO,
+    meant,
+    parameter_names,
+    parameter_problem,
+    presets,
+)
+from flexaxis.sim.stability import loop_problem
+from flexaxis.sim.tables.config import kinds
+from flexaxis.sim.tables.excitation import Excitation
+from flexaxis.sim.tables.faults import A_SAMPLE, Fault, Profile, changeable
+from flexaxis.sim.timing import PERIOD, TICK, rate, sample_index
+
+if TYPE_CHECKING:
+    from flexaxis.sim.scenario import Scenario
+
+Problem = tuple[str, str]
+"""Key, such as ``fault[0].at``, and what is wrong with it."""
+
+OF_THE_GEAR = ("backlash", "stiffening", "gear_friction", "load_friction")
+"""Tables that act on the spring of the gear."""
+
+_KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}
+
+# Where pydantic speaks Python, TOML's words.
+_WORDS = {
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "tuple_type": "must be an array",
+    "too_short": "must have at least one entry",
+    "string_pattern_mismatch": "must be one word, without blanks, slashes and unseen characters",
+}
+
+
+def problems(error: ValidationError, content: Mapping[str, Any], top: type[Scenario]) -> list[str]:
+    """Return all that is wrong with a scenario, a line each.
+
+    What conflicts is looked for in the keys that are right by themselves.
+    """
+    lines = [f"{key}: {text}" for key, text in explain(error, top)]
+    if not lines:
+        return _conflict_lines(error)
+    wrong = {str(item["loc"][0]) for item in error.errors()}
+    right = {key: value for key, value in content.items() if key not in wrong}
+    try:
+        if "model" not in wrong:  # on which the names of all parameters depend
+            top.model_validate({"name": "x", "duration": 86400.0} | right)
+    except ValidationError as more:
+        parts = [(re.split(r"[:.\[]", line)[0], line) for line in _conflict_lines(more)]
+        lines += [line for key, line in parts if key not in wrong]
+    return lines
+
+
+def _conflict_lines(error: ValidationError) -> list[str]:
+    """Return what `Scenario` raised about its keys together."""
+    errors = [item["ctx"]["error"] for item in error.errors() if not item["loc"]]
+    return [line for each in errors for line in str(each).splitlines()]
+
+
+def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
+    """Yield what pydantic found wrong with single keys of a table of type `top`."""
+    for item in error.errors():
+        if item["loc"]:
+            yield _key(item["loc"]), _text(item, top)
+
+
+def _key(loc: Iterable[int | str]) -> str:
+    """Return ``fault[0].at`` for the place ``("fault", 0, "step", "at")``."""
+    key = ""
+    for part in loc:
+        if isinstance(part, int):
+            key += f"[{part}]"
+        elif part not in _KINDS.get(key.split("[", maxsplit=1)[0], ()):
+            key += f".{part}" if key else part
+    return key
+
+
+def _text(item: Any, top: type[BaseModel]) -> str:
+    """Return the message for one of pydantic's errors."""
+    words = [part for part in item["loc"] if isinstance(part, str)]
+    match item["type"]:
+        case "missing":
+            return "is missing"
+        case "extra_forbidden":
+            return unknown("key", words[-1], _known_keys(words[:-1], top))
+        case "union_tag_not_found":
+            return f"kind is missing; known are {', '.join(_KINDS[words[0]])}"
+        case "union_tag_invalid":
+            return unknown("kind", item["ctx"]["tag"], _KINDS[words[0]])
+        case "value_error":
+            return str(item["ctx"]["error"])
+    message = _WORDS.get(item["type"], item["msg"].replace("Input should", "must"))
+    return f"{message}, not {shown(item['input'])}"
+
+
+def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
+    """Return the keys of the table at a place such as ``["fault", "step"]``."""
+    if not words:
+        return top.model_fields
+    if words[0] in _KINDS:
+        return _KINDS[words[0]][words[1]].model_fields
+    annotation = top.model_fields[words[0]].annotation
+    table = next(iter(get_args(annotation)), annotation)  # one that may be None is a union
+    return table.model_fields if isinstance(table, type) and issubclass(table, BaseModel) else ()
+
+
+def conflicts(scenario: Scenario) -> Iterator[Problem]:
+    """Yield values of the right type that do not go together, or not with this plant."""
+    yield from _rate_problems(scenario)
+    yield from _axis_problems(scenario)
+    yield from estimated_problems(scenario.identify, scenario)
+    for i, name in enumerate(scenario.identify):
+        if text := _law_problem(name, scenario):
+            yield f"identify[{i}]", text
+        elif name == "f_s" and scenario.laws[name] == 0:
+            yield f"identify[{i}]", "'f_s' cannot be estimated where it is 0: raise static"
+    yield from _told_problems(scenario)
+    if scenario.controller.rate and scenario.feedback == "measured":
+        yield "controller.rate", 'an inner loop sees the clean angle: it needs feedback = "clean"'
+    for table in ("fault", "nuisance"):
+        for i, change in enumerate(getattr(scenario, table) or ()):
+            for key, text in _change_problems(change, scenario):
+                yield f"{table}[{i}].{key}", text
+    yield from _pause_problems(scenario)
+
+
+def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
+    """Yield what does not go with the sampling period."""
+    period, controller, delay = scenario.period, scenario.controller, scenario.delay
+    if scenario.duration < 2 / rate(period):
+        yield "duration", f"must be two samples of {period:g} s at least, not {scenario.duration:g}"
+    if abs(period / TICK - round(period / TICK)) >= 1e-6:
+        words = f"goes by whole ms, of which a sample of {1000 * period:g} ms has none"
+        for key, value in (("controller.rate", controller.rate), ("delay.torque", delay.torque)):
+            if value:
+                yield key, words
+    for key, text in getattr(scenario.excitation, "sampling_problems", lambda period: ())(period):
+        yield f"excitation.{key}", text
+    if period == PERIOD:  # scenarios with it are older than this check: they have to run into it
+        return
+    late = delay.measurement if scenario.feedback == "measured" else 0
+    try:
+        axis = scenario.nominal
+    except ParameterError:  # which has a line of its own
+        return
+    ticks = delay.torque_ticks
+    if problem := loop_problem(axis, controller, period, torque_ticks=ticks, late=late):
+        yield "controller.Kv", problem
+
+
+def _axis_problems(scenario: Scenario) -> Iterator[Problem]:
+    """Yield what preset, parameters and tables have that the model has not."""
+    names, known = parameter_names(scenario.model), presets(scenario.model)
+    if scenario.preset not in known:
+        yield "preset", unknown("preset", scenario.preset, known)
+    for table in OF_THE_GEAR if "k_g" not in names else ():
+        if table in scenario.tables:
+            yield table, f"is of the spring of a gear, which the model {scenario.model} has not"
+    for name, value in scenario.parameters.items():
+        if name not in names:
+            yield f"parameters.{name}", unknown("parameter", name, names)
+        elif problem := parameter_problem(name, value):
+            yield f"parameters.{name}", problem
+
+
+def estimated_problems(
+    names: Iterable[str],
+    scenario: Scenario,
+    *,
+    key: str = "identify",
+    besides: Sequence[str] = LAW_NAMES,
+) -> Iterator[Problem]:
+    """Yield why parameters of these names cannot be estimated in a scenario.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Of a scenario's `identify`, or of an estimator.
+    scenario : Scenario
+    key : str
+        What to call the names in messages.
+    besides : sequence of str
+        What they may be besides the parameters of the axis and their inverses.
+    """
+    known, seen = parameter_names(scenario.model), dict[str, str]()
+    for i, name in enumerate(names):
+        place, parameter = f"{key}[{i}]", name.removeprefix("1/")
+        if name in seen.values() or (parameter in seen and name not in besides):
+            yield place, f"{name!r} after {seen[parameter]!r}: name each once"
+        elif name not in besides and parameter not in known:
+            words = [*known, *(f"1/{each}" for each in known), *LAW_NAMES]
+            yield place, unknown("parameter", name, words)
+        elif parameter in MAY_BE_ZERO and scenario.parameters.get(parameter) == 0:
+            yield (
+                place,
+                f"{name!r} cannot be estimated where parameters.{parameter} is 0, for errors are "
+                "in % of the nominal value: give it one above 0, or do not estimate it",
+            )
+        seen.setdefault(parameter, name)
+
+
+def _law_problem(name: str, scenario: Scenario) -> str | None:
+    """Return why a parameter of a law cannot be meant on this plant, or None."""
+    having = [key for key, names in LAW_PARAMETERS.items() if name in names]
+    tables = [key for key in having if key in scenario.tables]
+    if having and not tables:
+        return f"the plant has no {name}: give it the table {' or '.join(having)}"
+    if len(tables) > 1:
+        return f"{name} is one of {' and one of '.join(tables)}: keep one of these tables"
+    return None
+
+
+def _told_problems(scenario: Scenario) -> Iterator[Problem]:
+    names = parameter_names(scenario.model)
+    known = (*names, *LAW_NAMES, *DATA_SHEET)
+    estimated = {name.removeprefix("1/") for name in scenario.identify}
+    for name, value in (scenario.told or {}).items():
+        key = f"told.{name}"
+        if name not in known:
+            yield key, unknown("parameter", name, known)
+        elif name in names and name in estimated:
+            yield key, f"{name} is estimated: where that starts is `start`"
+        elif name not in scenario.laws and (text := _law_problem(name, scenario)):
+            yield key, text
+        elif name == "poles" and value % 1:
+            yield key, f"must be a whole number of periods in a turn, not {value!r}"
+
+
+def _change_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
+    yield from _span_problems(change, scenario.period)
+    yield from _changed_problems(change, scenario)
+    index, until = scenario.grid.index, getattr(change, "until", None)
+    # the line of a profile begins with the value before
+    if index(change.at) + isinstance(change, Profile) >= scenario.samples:
+        end = f"the end of the run at {scenario.duration:g} s"
+        yield "at", f"the onset at {change.at:g} s is not before {end}"
+    if until is not None and index(until) <= index(change.at):
+        yield "until", f"the end at {until:g} s is not after the onset at {change.at:g} s"
+
+
+def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
+    """Yield the times of a fault or nuisance that are shorter than a sample."""
+    for key, about in type(change).model_fields.items():
+        if A_SAMPLE in about.metadata and getattr(change, key) < period:
+            text = f"must be a sample of {period:g} s at least, not {getattr(change, key):g}"
+            yield key, text
+    times = (0.0, *(time for time, _ in getattr(change, "points", ())))
+    for i, (before, after) in enumerate(pairwise(sample_index(t, period) for t in times)):
+        if after == before:
+            text = f"must be a sample of {period:g} s at least after the one before, and in another"
+            yield f"points[{i}]", text
+
+
+def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
+    """Yield why a parameter cannot change, or not by this factor."""
+    known, parameter = changeable(parameter_names(scenario.model)), change.parameter
+    law = meant(parameter)
+    text = _law_problem(law, scenario) if parameter == law or law not in scenario.laws else None
+    if text:
+        yield "parameter", text
+    elif law in FIXED:
+        yield "parameter", f"{law} of {FIXED[law]} cannot change in the course of a run"
+    elif parameter == "r":
+        yield "parameter", "the gear ratio r is a count of teeth and cannot change in a run"
+    elif law not in known:
+        yield "parameter", unknown("parameter", parameter, known)
+    if change.factor > 0:
+        return
+    if law in known and law not in MAY_BE_ZERO | LAW_MAY_BE_ZERO:
+        yield "factor", f"must be above 0, for {parameter} must stay positive"
+    elif (inverse := f"1/{parameter}") in scenario.identify:
+        yield (
+            "factor",
+            f"must be above 0 where {inverse} is estimated, which would become infinite; "
+            f"estimate {parameter} itself to let it vanish",
+        )
+
+
+def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
+    """Yield pauses after the end of a run, and an `onset_spread` that leaves it."""
+    duration, spread = scenario.duration, scenario.onset_spread
+    pauses = getattr(scenario.excitation, "pause", ())
+    for i, (begin, _) in enumerate(pauses):
+        if begin >= duration:
+            yield (
+                f"excitation.pause[{i}]",
+                f"the pause from {begin:g} s begins after the end of the run at {duration:g} s",
+            )
+    times = [time for pause in pauses for time in pause]
+    for fault in scenario.fault:
+        lines = getattr(fault, "points", ())[:-1]  # each begins where the one before ends
+        times += [fault.at, *(fault.at + time for time, _ in lines)]
+    if spread is None or not times:
+        return
+    most = min(min(times) - scenario.period, duration - scenario.period - max(times))
+    if spread > most:
+        yield (
+            "onset_spread",
+            f"must be {max(most, 0):g} s at most, so that its changes, from {min(times):g} to "
+            f"{max(times):g} s, stay within the run of {duration:g} s; it is {spread:g}",
+        )

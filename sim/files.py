@@ -1,0 +1,106 @@
+"""Files: written whole or not at all, and read or refused in one line."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from reprlib import Repr
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import tomli_w
+
+Refusal = Callable[[str], Exception]
+"""Makes the error that is raised, such as ``ScenarioError``, from its message."""
+
+_SHORT = Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
+_SHORT.maxlevel = 3
+
+toml_text: Callable[[dict[str, Any]], str] = partial(tomli_w.dumps, multiline_strings=True)
+"""Return nested keys and values as TOML."""
+
+
+@contextmanager
+def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a path to write to, which at the end takes the place of `path`.
+
+    It lies in a hidden folder beside it. Whatever fails, the error passes and the old file stays.
+
+    Parameters
+    ----------
+    path : path-like
+        File to make or to replace; its folder must exist.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; a device or a pipe cannot be replaced.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> target = Path(tempfile.mkdtemp()) / "table.csv"
+    >>> with atomic(target) as new:
+    ...     _ = new.write_text("a,b")
+    >>> [file.name for file in target.parent.iterdir()]
+    ['table.csv']
+    """
+    path = Path(path)
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "it is a device or a pipe, and no file")
+    with TemporaryDirectory(
+        prefix=".", suffix=".flexaxis", dir=path.parent, ignore_cleanup_errors=True
+    ) as folder:
+        yield Path(folder, path.name)
+        os.replace(Path(folder, path.name), path)
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: as Python writes it, shortened where it is long.
+
+    Examples
+    --------
+    >>> shown(5.0), shown("k_t")
+    ('5.0', "'k_t'")
+    >>> len(shown("a" * 1000))
+    60
+    """
+    return _SHORT.repr(value)
+
+
+def read_toml(path: Path, refuse: Refusal) -> dict[str, Any]:
+    """Return the tables of a TOML file; what cannot be read is refused."""
+    return toml_tables(read_text(path, refuse), source=str(path), refuse=refuse)
+
+
+def read_text(path: Path, refuse: Refusal) -> str:
+    """Return the text of a file; what cannot be read is refused."""
+    try:
+        return path.read_text(encoding="utf-8-sig")  # some editors begin with a mark
+    except OSError as error:
+        raise refuse(f"{path}: cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise refuse(f"{path}: not UTF-8 text, from byte {error.start} on") from error
+
+
+def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
+    """Return the tables of a TOML text; `source` is what messages call it."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise refuse(f"{source}: not valid TOML: {error}") from error
+
+
+def json_value(text: str | bytes, *, source: str, refuse: Refusal) -> Any:
+    """Return the value of a JSON text; `source` is what messages call it."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise refuse(f"{source}: not valid JSON: {error}") from error

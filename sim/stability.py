@@ -1,0 +1,123 @@
+"""Whether the loop is stable on the nominal linear axis, before anything is simulated.
+
+From the equations of motion, M q̈ + D q̇ + K q = k_T u for the angles q of the masses, with
+controller, period and delays of a scenario.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.sim.parameters import AxisParameters
+from flexaxis.sim.tables.controller import Controller, ControllerConfig
+from flexaxis.sim.tables.nonlinear import substeps
+from flexaxis.sim.timing import TICK
+
+Array = NDArray[np.float64]
+
+GROWTH = 1e-6  # of a mode in a sample: less than e-fold in a million samples is rounding
+STEP, STEPS = 0.99, 1000  # of Kv, in search of one with which the loop is stable
+
+
+def loop_problem(
+    parameters: AxisParameters,
+    config: ControllerConfig,
+    period: float,
+    *,
+    torque_ticks: int = 0,
+    late: int = 0,
+) -> str | None:
+    """Return that the loop is unstable, and which Kv would do, or None for a stable one.
+
+    Parameters
+    ----------
+    parameters : AxisParameters
+        Of the nominal axis.
+    config : ControllerConfig
+    period : float
+        Sampling period T [s].
+    torque_ticks : int
+        Delay of the torque [ms].
+    late : int
+        Samples by which the angle comes late to the controller.
+    """
+
+    def radius(Kv: float) -> float:
+        other = config.model_copy(update={"Kv": Kv})
+        return _radius(parameters, other, period, torque_ticks, late)
+
+    growth = radius(config.Kv)
+    if growth <= 1 + GROWTH:
+        return None
+    gains = config.Kv * STEP ** np.arange(1, STEPS)
+    low = next((Kv for Kv in gains.tolist() if radius(Kv) <= 1), None)
+    advice = "look at controller.Kp, controller.Ki and the delays, for no smaller Kv would do"
+    if low:
+        most = f"controller.Kv up to {STEP * low:.3g} is stable"
+        advice = f"{most}, {low / 2:.2g} with a gain margin of 2"
+    return (
+        f"the loop is unstable on the nominal axis with Kv = {config.Kv:g} and samples of "
+        f"{1000 * period:g} ms (its fastest mode grows {growth:.6g}-fold in a sample): {advice}"
+    )
+
+
+@lru_cache(maxsize=256)  # a sweep makes many scenarios with one loop
+def _radius(
+    parameters: AxisParameters, config: ControllerConfig, period: float, torque: int, late: int
+) -> float:
+    """Return the largest growth of a mode of the closed loop from sample to sample.
+
+    One sample is taken from each unit vector of the states of controller, plant and delays.
+    """
+    if config.rate:
+        period = TICK
+    ticks = round(period / TICK) if torque else 1
+    F, g = _sampled(parameters, period / ticks)
+    first, last = 3 + len(g), 3 + len(g) + torque
+    size = last + late
+    unit = np.eye(size)
+    controller = Controller(config, size, period=period)
+    controller.state = unit[:3].copy()
+    x, torques, angles = unit[3:first], [*unit[first:last]], [*unit[last:]]
+    angles.append(x[0])
+    command = controller.torque(np.zeros(size), angles.pop(0))
+    for _ in range(ticks):
+        torques.append(command)
+        x = F @ x + np.outer(g, torques.pop(0))
+    loop = np.vstack([controller.state, x, *torques, *angles])
+    return float(np.abs(np.linalg.eigvals(loop)).max())
+
+
+def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
+    """Return F (2n, 2n) and g (2n,) of angles and speeds from sample to sample, torque held.
+
+    By the Runge-Kutta steps of the engine, which on a linear axis are series of fourth order.
+    """
+    steps = substeps([], period)
+    A = _continuous(parameters) * (period / steps)
+    term = total = np.eye(len(A))
+    for order in range(1, 5):
+        term = term @ A / order
+        total = total + term
+    sampled = np.linalg.matrix_power(total, steps)
+    return sampled[:-1, :-1], sampled[:-1, -1]
+
+
+def _continuous(parameters: AxisParameters) -> Array:
+    """Return the derivative (2n + 1, 2n + 1) of angles, speeds and a held torque."""
+    J, k, d, f = (
+        np.array([value for name, value in parameters.items() if name[0] == kind and name != "k_T"])
+        for kind in "Jkdf"
+    )
+    n = len(J)
+    twists = np.eye(n)[:-1] - np.eye(n)[1:]  # over angles
+    twists[0, 0] = parameters.get("r", 1.0)
+    K, D = twists.T * k @ twists, twists.T * d @ twists + np.diag(f)
+    A = np.zeros((2 * n + 1, 2 * n + 1))
+    A[:n, n:-1] = np.eye(n)
+    A[n:-1, :-1] = -np.hstack([K, D]) / J[:, None]
+    A[n, -1] = parameters.k_T / J[0]
+    return A
