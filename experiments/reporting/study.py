@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from itertools import combinations
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
+from flexaxis.experiments.comparison.finds import finds
 from flexaxis.experiments.reporting import page, tables, words
 from flexaxis.experiments.reporting.figures import Series, curves, points, score_map
 from flexaxis.experiments.reporting.inputs import numeric_axes, pooled
@@ -21,8 +22,8 @@ LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]",
           "false_alarms_per_hour": "false alarms / h"}  # fmt: skip
 
 
-def render(results: Results, found: Sequence[Any] = ()) -> str:
-    """Return the report of a study as HTML; `found` is what `finds` returns."""
+def render(results: Results) -> str:
+    """Return the report of a study as HTML."""
     axes, study, failures = (
         numeric_axes(results),
         results.study,
@@ -33,7 +34,7 @@ def render(results: Results, found: Sequence[Any] = ()) -> str:
     draw = partial(page.drawn, looks=looks, legend=False)
     answers = [over_axis(results, axis, "score", "false_alarms_per_hour") for axis in axes[:1]]
     further = [over_axis(results, axis, "lag", "std") for axis in axes]
-    shown = [*answers, *further, *_finds(found)]
+    shown = [*answers, *further, *_finds(finds(results))]
     return page.render(
         "reporting/templates/study.html",
         title=title(results),
@@ -105,9 +106,8 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
     return {"panels": panels, "x": x, "logs": [x] * bool(wide), "height": 230}
 
 
-def _finds(found: Sequence[Any]) -> Iterator[dict[str, Any]]:
+def _finds(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """Yield how often faults are found within 1 s over their size, beside what chance finds."""
-    rows = pd.DataFrame([vars(each) for each in found])
     for (base, parameter), own in rows.groupby(["base", "parameter"]) if len(rows) else ():
         series = [points(line, "size", "share", str(who)) for who, line in own.groupby("estimator")]
         yield {"panels": {f"share of {parameter} found": series}, "x": f"size of the fault, {base}",
