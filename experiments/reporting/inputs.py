@@ -68,10 +68,8 @@ def estimates(traces: Mapping[int, Case], scenario: Scenario, parameter: str) ->
     near = near_fault(scenario)
     kept = np.r_[np.arange(0, scenario.samples, CURVE_STEP), np.arange(scenario.samples)[near]]
     kept, first = np.unique(kept, return_index=True)
-    values = []
-    for trace in traces.values():
-        i = trace.names.index(parameter)
-        values.append(np.r_[trace.curve[:, i], trace.detail.near[:, i]][first])
+    values = [np.r_[trace.curve, trace.detail.near][first, trace.names.index(parameter)]
+              for trace in traces.values()]  # fmt: skip
     return scenario.times[kept], np.array(values, float)
 
 
@@ -84,9 +82,9 @@ def truth(scenario: Scenario, parameter: str) -> Any:
 def numeric_axes(results: Results) -> list[str]:
     """Return the axes of a study with several numbers, those of a fault first."""
     axes = results.frame[list(results.axes)]
-    several = [a for a in axes if axes[a].nunique() > 1 and pd.to_numeric(
-        axes[a], errors="coerce").notna().sum() == axes[a].notna().sum()]  # fmt: skip
-    return sorted(several, key=lambda axis: not axis.startswith("fault"))
+    several = axes.loc[:, axes.nunique() > 1]
+    numbers = several.apply(pd.to_numeric, errors="coerce").notna() | several.isna()
+    return sorted(several.loc[:, numbers.all()], key=lambda axis: not axis.startswith("fault"))
 
 
 def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
@@ -95,6 +93,6 @@ def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
     options = [a for a in results.axes if is_option(a, names) and a not in axes]
     rows = results.scores(*by, "estimator", *options, *axes)
     for option in options:
-        text = rows[option].map(lambda v, o=option: f"[{o.rpartition('.')[2]}={v}]")
+        text = f"[{option.rpartition('.')[2]}=" + rows[option].astype(str) + "]"
         rows["estimator"] += text.where(rows[option].notna(), "")
-    return rows.dropna(subset=list(axes)) if len(rows) else rows
+    return rows.dropna(subset=list(axes))

@@ -221,13 +221,13 @@ def test_a_figure_of_a_page_has_classes_titles_and_variables():
     name = '<b>$x_1$ & "y"[a=1]'
     series = [Series(x=[0, 1, 2], y=[0, 1, 2], estimator=name, tips=["5 > 4"])]
     looks = page.looks_of([name])
-    html = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks, legend=False)
+    html = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks)
     root = ElementTree.fromstring(html)  # well-formed
     text = ElementTree.tostring(root, encoding="unicode")
     assert f'class="{page.css_class(name)}"' in text and "5 &gt; 4" in text
     assert f"var(--style-{looks[name].place})" in text and looks[name].light.lower() not in text
     assert page.css_class("a[b=1]") != page.css_class("a[b=-1]")
-    again = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks, legend=False)
+    again = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks)
     assert html == again
 
 
