@@ -20,13 +20,21 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from flexaxis.experiments.comparison.ranking import REFERENCE
-from flexaxis.experiments.reporting.styles import BACK, MUTED, SOFT, TEXT, Style, look, styled, tag
-from flexaxis.experiments.reporting.tables import SYMBOL, between, number, short
+from flexaxis.experiments.reporting.styles import (
+    BACK,
+    MUTED,
+    SOFT,
+    TEXT,
+    Style,
+    look,
+    styled,
+    symbols,
+    tag,
+)
+from flexaxis.experiments.reporting.tables import between, number, short
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from flexaxis.sim.scenario import Scenario
 
 Looks = Mapping[str, Style]
 USUAL: Looks = MappingProxyType({})
@@ -197,17 +205,6 @@ def _limits(ax: Axes) -> tuple[float, float]:
     return max(low, np.min(usual) - room), min(high, np.max(usual) + room)
 
 
-def around(scenario: Scenario) -> dict[str, Any]:
-    """Return what a figure over the time of a scenario marks, as options of `curves`."""
-    events = {event.parameter: event for event in reversed(scenario.events())}
-    edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
-    still = [(a, b, "no excitation") for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    return {
-        "marks": [(e.index * scenario.period, f"{e.parameter} changes") for e in events.values()],
-        "spans": [(0.0, scenario.burn_in, "burn-in"), *still],
-    }
-
-
 @styled
 def over_bound(
     matched: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str], *, looks: Looks = USUAL
@@ -231,7 +228,7 @@ def over_bound(
         own, colour = matched[matched["estimator"] == who], look(who, looks)["color"]
         for i, (fault, text) in enumerate(faults.items()):
             for row in own[own["fault"] == fault].dropna(subset="lag").to_dict("records"):
-                y, lag = place + 0.5 * (i + 0.5) / count - 0.25, row["lag_interval"]
+                y, lag = place + 0.5 * (i + 0.5) / count - 0.25, row["lag_interval"] or [np.nan] * 2
                 tip = f"{who}, {text}: lag {short(row['lag'])} s ({between(lag)} s), "
                 tip += f"{short(row['over_bound'])} × bound"
                 ends = ax.hlines(y, *np.divide(lag, row["bound"]), color=colour, alpha=0.65)
@@ -284,14 +281,14 @@ def speed_noise(
 
 def points(rows: pd.DataFrame, x: str, y: str, estimator: str, **options: Any) -> Series:
     """Return columns of rows as points with the intervals of the second, on a line."""
-    rows = rows[rows[y].notna()]
-    ends = np.array([[row[y]] * 2 if row.get(f"{y}_interval") is None else row[f"{y}_interval"]
-                     for row in rows.to_dict("records")], float).reshape(-1, 2)  # fmt: skip
-    names = rows["setting"] if "setting" in rows else [estimator] * len(rows)
+    rows = rows.dropna(subset=y)
+    names = rows.get("setting", rows["estimator"])
     tips = [f"{name}: {y} {short(v)} at {short(u)}"
             for name, u, v in zip(names, rows[x], rows[y], strict=True)]  # fmt: skip
-    return Series(x=rows[x], y=rows[y], low=ends[:, 0], high=ends[:, 1], estimator=estimator,
-                  tips=tips, **{"kind": "both"} | options)  # fmt: skip
+    ends = rows.get(f"{y}_interval", rows[y]).map(lambda each: np.nan if each is None else each)
+    low, high = (ends.map(lambda each, i=i: np.ravel(each)[i]).astype(float) for i in (0, -1))
+    return Series(x=rows[x], y=rows[y], low=low, high=high, estimator=estimator, tips=tips,
+                  **{"kind": "both"} | options)  # fmt: skip
 
 
 def lag_against_noise(rows: pd.DataFrame, order: Sequence[str], **options: Any) -> Figure:
@@ -367,38 +364,31 @@ VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
 
 @styled
 def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = None) -> Figure:
-    """Draw changes with their intervals and margins, a line a score, in the order of the rows.
+    """Draw changes with their intervals and margins, a line a score, the first thirty.
 
     Parameters
     ----------
     rows : sequence of mapping
-        ``name, verdict, change, interval, margin``; changes as shares, -0.1 is 10 % less.
+        Of a verdict, as `flexaxis compare --json` prints them; those without interval are left out.
     axes : Axes, optional
         Where to draw; a new figure by default.
     """
-    ax = axes or new(60 + 24 * len(rows))
-    for place, row in enumerate(rows):
+    shown = [row for row in rows if row["interval"] and row["change"] is not None][:30]
+    ax, names = axes or new(60 + 24 * len(shown)), []
+    for place, row in enumerate(shown):
+        parts = np.array([row["change"], *row["interval"], row["margin"] or 0])
         # A difference may be less than all of the base: it ends at the edge of the scale.
-        change, *ends = (max(1 + end, 0.01) for end in (row["change"], *row["interval"]))
-        colour, margin = VERDICTS.get(row["verdict"], MUTED), 1 + row["margin"]
+        change, *ends, margin = np.maximum(1 + parts / (row["scale"] or 1), 0.01)
+        name = f"{row['metric']} of {row['parameter']}, {row['scenario']}: {row['verdict']}"
+        names.append(symbols(name))
+        colour = VERDICTS.get(row["verdict"], MUTED)
         ax.hlines(place, 1 / margin, margin, color=MUTED, lw=7, alpha=0.25)
         ax.hlines(place, *ends, color=colour, lw=2)
-        tip = f"{row['name']}: {row['verdict']}, × {short(change)} ({between(ends)})"
+        tip = f"{name}, × {short(change)} ({between(ends)})"
         tag(ax.plot(change, place, "o", color=colour)[0], tip=tip)
     ax.axvline(1.0, color=TEXT, lw=0.9)
-    ax.set(ylim=(len(rows) - 0.4, -0.6), xlabel="candidate / base: less is better")
-    ax.set_yticks(range(len(rows)), [symbols(f"{row['name']}: {row['verdict']}") for row in rows])
+    ax.set(ylim=(len(shown) - 0.4, -0.6), xlabel="candidate / base: less is better")
+    ax.set_yticks(range(len(names)), names)
     logarithmic(ax.xaxis)
     ax.grid(axis="y", visible=False)
     return _of(ax)
-
-
-def symbols(text: str) -> str:
-    """Return a text with its symbols, such as f_m, as matplotlib sets them.
-
-    Examples
-    --------
-    >>> symbols("1/J_a / nominal")
-    '1/$J_{a}$ / nominal'
-    """
-    return SYMBOL.sub(r"$\1_{\2}$", text)

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
@@ -14,7 +13,7 @@ from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.comparison.mismatch import TRACKS, misled, track_of
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, REFERENCE, ecdf
 from flexaxis.experiments.reporting import figures, page, tables, words
-from flexaxis.experiments.reporting.inputs import RunInputs, estimates, truth
+from flexaxis.experiments.reporting.inputs import RunInputs, around, estimates, truth
 from flexaxis.experiments.reporting.tables import Cell, Table, between, short
 from flexaxis.experiments.scoring.score_table import SCORES
 
@@ -117,7 +116,7 @@ class Drawing:
         series = medians(own, scenario, name, window, banded=(*order[:1], REFERENCE))
         text = f"{name} of {scenario.name}, {window[0]:.4g} to {window[1]:.4g} s, {label}"
         return self.draw(figures.curves, text, {f"{name} / nominal": series}, x="time [s]",
-                         limits={"time [s]": window}, **figures.around(scenario))  # fmt: skip
+                         limits={"time [s]": window}, **around(scenario))  # fmt: skip
 
     def defaults(self, rows: pd.DataFrame) -> Iterator[tuple[str, Markup]]:
         """Yield heading and figure of all scenarios together, at default settings."""
@@ -198,17 +197,14 @@ def medians(
     """
     series = []
     for who, own in traces.items():
-        time, runs = estimates(own, scenario, name)
-        kept = _inside(time, window)
-        low, middle, high = np.percentile(runs[:, kept], [10, 50, 90], axis=0)
-        band = {"low": low, "high": high} if who in banded and len(runs) > 1 else {}
-        series.append(figures.Series(x=time[kept], y=middle, estimator=who, **band))
-    kept, true = _inside(scenario.times, window), truth(scenario, name)
-    true = figures.Series(x=scenario.times[kept], y=true[kept], role="truth", kind="steps")
-    return [*series, true]
+        runs = _thinned(estimates(own, scenario, name).loc[slice(*window)])
+        low, middle, high = runs.quantile([0.1, 0.5, 0.9], axis=1).to_numpy()
+        band = {"low": low, "high": high} if who in banded else {}
+        series.append(figures.Series(x=runs.index, y=middle, estimator=who, **band))
+    true = _thinned(truth(scenario, name).loc[slice(*window)])
+    return [*series, figures.Series(x=true.index, y=true, role="truth", kind="steps")]
 
 
-def _inside(time: Any, window: tuple[float, float]) -> Any:
-    """Return which samples of a window are drawn: one a pixel at most."""
-    inside = np.flatnonzero((time >= window[0]) & (time <= window[1]))
-    return inside[:: max(1, len(inside) // 150)]
+def _thinned(rows: Any) -> Any:
+    """Return rows of a table, one a pixel at most."""
+    return rows.iloc[:: max(1, len(rows) // 150)]

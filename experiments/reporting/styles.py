@@ -19,6 +19,7 @@ import matplotlib as mpl
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.reporting.tables import SYMBOL
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,17 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
         "ms": 8 if own.marker == "*" else 5,
         "mew": 1.2 if own.hollow else 0.7,
     }
+
+
+def symbols(text: str) -> str:
+    """Return a text with its symbols, such as f_m, as matplotlib sets them.
+
+    Examples
+    --------
+    >>> symbols("1/J_a / nominal")
+    '1/$J_{a}$ / nominal'
+    """
+    return SYMBOL.sub(r"$\1_{\2}$", text)
 
 
 def assigned(names: Iterable[str]) -> dict[str, Style]:

@@ -45,10 +45,10 @@ def show(table: Table) -> None:
 
 def lines(title: str, heads: Sequence[str], rows: Any, legend: str) -> Table:
     """Return a table; a row of one cell is a heading, one that begins with ✗ is red."""
-    table = Table(box=None, padding=(0, 1, 0, 0), title=title, title_justify="left",
-                  caption=legend, caption_justify="left")  # fmt: skip
-    for place, head in enumerate(heads):
-        table.add_column(escape(head), justify="right" if place else "left", overflow="fold")
+    table = Table(*map(escape, heads), box=None, padding=(0, 1, 0, 0), title=title,
+                  title_justify="left", caption=legend, caption_justify="left")  # fmt: skip
+    for column in table.columns:
+        column.justify, column.overflow = "left" if column is table.columns[0] else "right", "fold"
     for row in rows:
         style = "bold" if len(row) == 1 else "red" if row[0] == "✗" else None
         table.add_row(*map(escape, row), style=style)

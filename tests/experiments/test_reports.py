@@ -193,7 +193,7 @@ VERDICT = {"headline": "WORSE: lag", "verdict": "worse", "advice": ["Look."], "b
 
 
 def test_a_comparison_draws_ratios_with_their_intervals():
-    ax = figures.verdict_intervals(compare.changes(VERDICT)).axes[0]
+    ax = figures.verdict_intervals(VERDICT["rows"]).axes[0]
     (dot,) = [n for n in ax.lines if n.get_marker() == "o"]
     assert dot.get_xdata()[0] == pytest.approx(1.5)
     margin, interval = (c.get_segments()[0][:, 0] for c in ax.collections)
