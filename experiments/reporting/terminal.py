@@ -19,6 +19,7 @@ from flexaxis.sim.scenario import scenario_from
 
 WIDE = 200  # columns where there is no terminal, as in the log of a build: no name is cut
 NOTES = {RECOMMENDED: " (recommended)", "frozen": " (never moves)"}
+ALARMS = "false_alarms_per_1000_s"
 EQUAL = (
     "estimator",
     "lag [s]",
@@ -87,13 +88,13 @@ def equal_noise_table(swept: Mapping[str, Any], seeds: int) -> Table:
 
 
 def _equal(swept: Mapping[str, Any], faults: Mapping[str, str], few: str) -> Iterator[list[str]]:
-    matched = words.faults_of(swept["matched"])
+    matched = words.faults_of(swept["matched"]).sort_values("lag")
     for fault, text in faults.items():
         yield [f"{text}  ({fault})"]
-        for row in matched[matched["fault"] == fault].sort_values("lag").to_dict("records"):
-            rest = row["over_bound"], row["std_after"], row["false_alarms_per_1000_s"]
+        for row in matched[matched["fault"] == fault].to_dict("records"):
             lag = AT_MOST.get(row["how"], "") + short(row["lag"])
-            yield [_name(row, few), lag, between(row["lag_interval"]), *map(short, rest)]
+            rest = [short(row[name]) for name in ("over_bound", "std_after", ALARMS)]
+            yield [_name(row, few), lag, between(row["lag_interval"]), *rest]
     yield ["overall score: 0 = never reacts, 100 = Cramér–Rao bound"]
     for row in swept["overall"]:
         score = f"{AT_LEAST.get(row['how'], '')}{row['score']:.0f}"
