@@ -145,7 +145,7 @@ class Drawing:
         """Return what the report shows of a scenario; of one that was only swept its name."""
         scenario, own = self.inputs.scenarios[name], rows[rows["scenario"] == name]
         happens = words.happens(scenario.resolved())
-        section: dict[str, Any] = {"scenario": scenario, "happens": happens}
+        section: dict[str, Any] = {"scenario": scenario, "happens": happens, "table": None}
         if own.empty:
             return section
         traces = {who: self.inputs.traces(name, who) for who in self.looks}
