@@ -38,7 +38,7 @@ def _of_study(args: argparse.Namespace, path: Path, results: Any) -> int:
     from flexaxis.experiments.reporting.finds import finds
     from flexaxis.experiments.reporting.study import render
 
-    write_text(path, render(results, finds(results)))
+    write_text(path, render(results))
     if args.json:
         return answer(args, {"rows": results.pooled(), "report": path})
     print(f"report: {path}")
