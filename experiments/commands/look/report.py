@@ -35,7 +35,6 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _of_study(args: argparse.Namespace, path: Path, results: Any) -> int:
-    from flexaxis.experiments.reporting.finds import finds
     from flexaxis.experiments.reporting.study import render
 
     write_text(path, render(results))
