@@ -63,11 +63,10 @@ class Comparison:
         Axes
         """
         from flexaxis._draw import panels
-        from flexaxis.experiments.reporting.compare import changes
         from flexaxis.experiments.reporting.figures import verdict_intervals
 
         axes = panels(ax, 1)[0]
-        verdict_intervals(changes(self.content), axes=axes)
+        verdict_intervals(self.content["rows"], axes=axes)
         return axes
 
     def __repr__(self) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexaxis.experiments.reporting import figures, styles
+from flexaxis.experiments.reporting.inputs import around
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import LAW_UNITS, PARAMETER_UNITS
 
@@ -71,10 +72,8 @@ def over_time(
     shown = {
         label: [s for s in each if fresh or s.role != "truth"] for label, each in series.items()
     }
-    around: dict[str, Any] = {}
-    if scenario and fresh:
-        around = figures.around(scenario)
-    figures.curves(shown, x="time [s]", axes=found, **around)
+    marked = around(scenario) if scenario and fresh else {}
+    figures.curves(shown, x="time [s]", axes=found, **marked)
     return returned(found)
 
 

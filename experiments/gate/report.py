@@ -276,14 +276,15 @@ def worst_run(
         return None
     rows = [row for row in content["rows"] if row["worst_scenario"] == scenario.name]
     parameter = next((row["parameter"] for row in rows if row["parameter"]), scenario.identify[0])
-    results, runs = Results.load(folder, whole=True), {"parameter": parameter}
+    results = Results.load(folder, whole=True)
+    runs: dict[str, Any] = {"parameter": parameter}
     for side in ("base", "candidate"):
         case = results.traces(scenario.hash, content[side]).get(content["worst"]["seed"])
         if case is None or parameter not in case.names:
             return None
-        runs["time"], values = estimates({0: case}, scenario, parameter)
-        runs[side] = values[0]
-    return runs | {"truth": np.interp(runs["time"], scenario.times, truth(scenario, parameter))}
+        values = estimates({0: case}, scenario, parameter)[0]
+        runs |= {"time": values.index, side: values}
+    return runs | {"truth": truth(scenario, parameter).loc[runs["time"]]}
 
 
 def write(folder: Path, content: Mapping[str, Any], scenarios: Sequence[Scenario] = ()) -> Path:
@@ -293,7 +294,7 @@ def write(folder: Path, content: Mapping[str, Any], scenarios: Sequence[Scenario
     """
     known = {scenario.name: scenario for scenario in scenarios}
     scenario = known.get(content["worst"]["scenario"])
-    worst = scenario and worst_run(folder, content, scenario)
+    worst = worst_run(folder, content, scenario) if scenario else None
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "verdict.md", markdown(content))
     write_text(folder / REPORT, render(content, worst))

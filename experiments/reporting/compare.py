@@ -11,7 +11,6 @@ from flexaxis.experiments.reporting.tables import Cell, Table
 
 Row = Mapping[str, Any]
 SIDES = ("base", "candidate")
-DRAWN = 30  # changes in the figure, the most important first
 
 
 def render(verdict: Row, worst: Row | None = None) -> str:
@@ -25,14 +24,15 @@ def render(verdict: Row, worst: Row | None = None) -> str:
         Both runs where the candidate compares worst: ``time`` (M,) [s], ``truth``, ``base`` and
         ``candidate`` (M,) over nominal, and ``parameter``.
     """
-    looks, rows = page.looks_of(SIDES), changes(verdict)[:DRAWN]
-    figures = [page.drawn(verdict_intervals, "change of each score", rows)] if rows else []
+    looks, rows, figures = page.looks_of(SIDES), verdict["rows"], []
+    if any(row["interval"] for row in rows):
+        figures.append(page.drawn(verdict_intervals, "change of each score", rows))
     if worst:
         series = [Series(x=worst["time"], y=worst[side], estimator=side) for side in SIDES]
         series.append(Series(x=worst["time"], y=worst["truth"], role="truth"))
         panels = {f"{worst['parameter']} / nominal": series}
         figures.append(page.drawn(curves, "worst run", panels, x="time [s]", height=300))
-    lines = [("", [Cell(text) for text in row["text"]]) for row in verdict["rows"]]
+    lines = [("", [Cell(text) for text in row["text"]]) for row in rows]
     return page.render(
         "reporting/templates/compare.html",
         title=verdict["headline"],
@@ -41,18 +41,3 @@ def render(verdict: Row, worst: Row | None = None) -> str:
         figures=figures,
         table=Table("all scores", verdict["columns"], lines, verdict["legend"]),
     )
-
-
-def changes(verdict: Row) -> list[dict[str, Any]]:
-    """Return the rows that have a change, as `figures.verdict_intervals` takes them."""
-    return [
-        {
-            "name": f"{row['metric']} of {row['parameter']}, {row['scenario']}",
-            "verdict": row["verdict"],
-            "change": row["change"] / (row["scale"] or 1),
-            "interval": [end / (row["scale"] or 1) for end in row["interval"]],
-            "margin": (row["margin"] or 0) / (row["scale"] or 1),
-        }
-        for row in verdict["rows"]
-        if row["change"] is not None and row["interval"] is not None
-    ]

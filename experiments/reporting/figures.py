@@ -9,28 +9,37 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from flexaxis.experiments.comparison.ranking import REFERENCE
-from flexaxis.experiments.reporting.styles import BACK, MUTED, SOFT, TEXT, Style, look, styled, tag
-from flexaxis.experiments.reporting.tables import SYMBOL, between, number, short
+from flexaxis.experiments.reporting.styles import (
+    BACK,
+    MUTED,
+    SOFT,
+    TEXT,
+    Style,
+    look,
+    styled,
+    symbols,
+    tag,
+)
+from flexaxis.experiments.reporting.tables import between, number, short
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from flexaxis.sim.scenario import Scenario
-
 Looks = Mapping[str, Style]
 USUAL: Looks = MappingProxyType({})
 MARKERS = "oD^sv<"  # of faults, where estimators have a row each
+OTHER: dict[str, Any] = {"color": MUTED, "marker": "o", "ms": 4}
 ROLES: dict[str, dict[str, Any]] = {
     "truth": {"color": TEXT, "lw": 1.1, "ls": (0, (5, 3)), "zorder": 5},
     "bound": {"color": TEXT, "lw": 1.1, "ls": (0, (1.5, 2))},
@@ -73,9 +82,9 @@ class Series:
 PLAIN: Any = "none"  # no layout engine
 
 
-def new(height: float) -> Figure:
-    """Return an empty figure of a height [px]."""
-    return Figure(figsize=(430 / 96, height / 96))
+def new(height: float) -> Axes:
+    """Return axes in a figure of their own, of a height [px]."""
+    return Figure(figsize=(430 / 96, height / 96)).subplots()
 
 
 @styled
@@ -89,9 +98,8 @@ def curves(
     spans: Sequence[tuple[float, float, str]] = (),
     titles: Sequence[str] = (),
     height: float = 190,
-    axes: Sequence[Axes] | None = None,
+    axes: Any = None,
     looks: Looks = USUAL,
-    legend: bool = True,
 ) -> Figure:
     """Draw curves over a common abscissa, a panel below the other.
 
@@ -116,40 +124,31 @@ def curves(
     axes : sequence of Axes, optional
         Where to draw, one for each panel; a new figure by default.
     looks : mapping of str to Style
-        Of the estimators of a page.
-    legend : bool
-        Whether there is one in each panel, of what no earlier panel names.
+        Of the estimators of a page, which names them above all figures; else panels have legends.
     """
     if axes is None:
         high = 60 + height * len(panels)
         # Margins are the same in all figures: a layout engine would take half of the time.
         room = {"left": 0.15, "right": 0.97, "bottom": 44 / high, "top": 1 - 18 / high}
         figure = Figure(figsize=(430 / 96, high / 96), layout=PLAIN)
-        axes = list(
-            figure.subplots(len(panels), sharex=True, squeeze=False, gridspec_kw=room)[:, 0]
-        )
-    named: dict[str, Any] = {}
-    for i, (ax, (label, series)) in enumerate(zip(axes, panels.items(), strict=True)):
+        axes = figure.subplots(len(panels), sharex=True, squeeze=False, gridspec_kw=room)[:, 0]
+    for ax, title, (label, series) in zip(
+        axes, titles or [""] * len(panels), panels.items(), strict=True
+    ):
         for begin, end, text in spans:
             tag(ax.axvspan(begin, end, color=MUTED, alpha=0.12, lw=0), tip=text)
         for at, text in marks:
             tag(ax.axvline(at, color=MUTED, lw=0.9), tip=text)
         for place, one in enumerate(series):
             _draw(ax, one, looks, place / len(series))
-        ax.set(ylabel=symbols(label), title=symbols(titles[i]) if titles else "")
+        ax.set(ylabel=symbols(label), title=symbols(title))
         for axis, name in ((ax.xaxis, x), (ax.yaxis, label)):
-            if name in logs and any(len(one.y) for one in series):  # nothing drawn has no limits
+            if name in logs and any(np.size(one.x) for one in series):
                 logarithmic(axis)
-        pointed = any(one.kind in ("points", "both") for one in series)
         ax.autoscale()  # the axes may have limits from an earlier call
-        ax.set_ylim(limits.get(label) or (ax.get_ylim() if pointed else _limits(ax)))
-        if x in limits:
-            ax.set_xlim(limits[x])
-        shown = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
-        if legend and (fresh := {k: line for k, line in shown.items() if k not in named}):
-            for entry in ax.legend(fresh.values(), fresh.keys()).get_texts():
-                entry.set_parse_math(False)  # a name may hold a dollar sign
-        named |= shown
+        ax.set(ylim=limits.get(label) or _limits(ax), xlim=limits.get(x))
+        if not looks and ax.get_legend_handles_labels()[0]:
+            ax.legend()
     axes[-1].set_xlabel(symbols(x))
     return _of(axes[0])
 
@@ -162,32 +161,28 @@ def _of(ax: Axes) -> Figure:
 
 def _draw(ax: Axes, one: Series, looks: Looks, phase: float) -> None:
     """Draw a series; its first marker stands at a share of their distance."""
-    who, own = one.estimator, dict(ROLES.get(one.role, {"color": MUTED, "marker": "o", "ms": 4}))
-    label = one.label or who or one.role or "_"
+    who, own, x = one.estimator, dict(ROLES.get(one.role, OTHER)), np.asarray(one.x, float)
     if who:
         usual = look(who, looks)
         own = own | {"color": usual["color"]} if one.role else usual
-    x, y, pointed = (
-        np.asarray(one.x, float),
-        np.asarray(one.y, float),
-        one.kind in ("points", "both"),
-    )
-    if one.low is not None and pointed:
-        tag(ax.vlines(x, one.low, one.high, color=own["color"], lw=0.9, alpha=0.5), who)
-    elif one.low is not None:
-        tag(ax.fill_between(x, one.low, one.high, color=own["color"], alpha=0.14, lw=0), who)
+    label, tips = one.label or who or one.role or "_", one.tips
+    pointed = one.kind in ("points", "both")
+    if one.low is not None:
+        draw, faint = (ax.vlines, 0.5) if pointed else (ax.fill_between, 0.14)
+        tag(draw(x, one.low, one.high, color=own["color"], alpha=faint, lw=0.9 * pointed), who)
     if pointed:
-        for u, v, tip in zip(x, y, one.tips or [""] * len(x), strict=True):
-            usual_tip = f"{label}: {short(v)} at {short(u)}"
-            tag(ax.plot(u, v, **own | {"ls": "", "label": "_"})[0], who, tip or usual_tip)
-    line: dict[str, Any] = {"drawstyle": "steps-post"} if one.kind == "steps" else {}
-    if pointed:
-        ax.plot([], [], **own | {"label": label})
-        line = {"marker": "", "label": "_", "ls": own.get("ls", "-") if one.kind == "both" else ""}
+        ax.plot([], [], **own, label=label)
+        for u, v, tip in zip(x, one.y, tips or cycle([label]), strict=False):
+            tag(ax.plot(u, v, **own | {"ls": ""})[0], who, tip)
+        own["marker"] = label = ""
+        if one.kind == "points":
+            return
     elif not one.role:
         every = max(1, len(x) // 5)
-        line["markevery"] = (int(phase * every), every)
-    tag(ax.plot(x, y, **{"label": label} | own | line)[0], who, (*one.tips, label)[0])
+        own["markevery"] = (int(phase * every), every)
+    steps = "steps-post" if one.kind == "steps" else "default"
+    line = ax.plot(x, one.y, **own, label=label or "_", drawstyle=steps)
+    tag(line[0], who, (*tips, label)[0])
 
 
 def logarithmic(axis: Any) -> None:
@@ -202,23 +197,12 @@ def logarithmic(axis: Any) -> None:
 def _limits(ax: Axes) -> tuple[float, float]:
     """Return limits that show all curves of some axes; a burst does not set the scale."""
     lines = [np.asarray(line.get_ydata(), float) for line in ax.get_lines()]
-    known = [np.nanpercentile(y, (2, 98)) for y in lines if len(y) > 2 and np.isfinite(y).any()]
+    usual = [np.nanpercentile(y, (2, 98)) for y in lines if np.isfinite(y).sum() > 20]
     low, high = ax.get_ylim()
-    if not known or ax.get_yscale() == "log":
+    if not usual or ax.get_yscale() == "log":
         return low, high
-    room = 0.6 * np.ptp(known) + 1e-12
-    return max(low, np.min(known) - room), min(high, np.max(known) + room)
-
-
-def around(scenario: Scenario) -> dict[str, Any]:
-    """Return what a figure over the time of a scenario marks, as options of `curves`."""
-    events = {event.parameter: event for event in reversed(scenario.events())}
-    edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
-    still = [(a, b, "no excitation") for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    return {
-        "marks": [(e.index * scenario.period, f"{e.parameter} changes") for e in events.values()],
-        "spans": [(0.0, scenario.burn_in, "burn-in"), *still],
-    }
+    room = 0.6 * np.ptp(usual) + 1e-12
+    return max(low, np.min(usual) - room), min(high, np.max(usual) + room)
 
 
 @styled
@@ -237,21 +221,19 @@ def over_bound(
         What each fault is called.
     looks : mapping of str to Style
     """
-    figure = new(44 * len(order) + 95)
-    ax, count = figure.subplots(), len(faults)
-    shapes = dict(zip(faults, MARKERS if count <= len(MARKERS) else "o" * count, strict=False))
+    ax, count = new(44 * len(order) + 95), len(faults)
     small: dict[str, Any] = {"color": MUTED, "fontsize": 8.5, "ha": "right", "va": "center"}
     for place, who in enumerate(order):
         ax.axhspan(place - 0.5, place + 0.5, color=BACK if place % 2 else SOFT, lw=0)
         own, colour = matched[matched["estimator"] == who], look(who, looks)["color"]
-        for row in own.to_dict("records"):
-            y = place + 0.5 * (list(faults).index(row["fault"]) + 0.5) / count - 0.25
-            ends = row["lag_interval"] or (np.nan, np.nan)
-            tip = f"{who}, {faults[row['fault']]}: lag {short(row['lag'])} s ({between(ends)} s), "
-            tip += f"{short(row['over_bound'])} × bound"
-            tag(ax.hlines(y, *np.divide(ends, row["bound"]), color=colour, alpha=0.65), who, tip)
-            dot = ax.plot(row["over_bound"], y, shapes[row["fault"]], color=colour, mec=BACK, ms=6)
-            tag(dot[0], who, tip)
+        for i, (fault, text) in enumerate(faults.items()):
+            for row in own[own["fault"] == fault].dropna(subset="lag").to_dict("records"):
+                y, lag = place + 0.5 * (i + 0.5) / count - 0.25, row["lag_interval"] or [np.nan] * 2
+                tip = f"{who}, {text}: lag {short(row['lag'])} s ({between(lag)} s), "
+                tip += f"{short(row['over_bound'])} × bound"
+                ends = ax.hlines(y, *np.divide(lag, row["bound"]), color=colour, alpha=0.65)
+                dot = ax.plot(row["over_bound"], y, MARKERS[i % 6], color=colour, mec=BACK, ms=6)
+                tag(ends, who, tip), tag(dot[0], who, tip)
         text = f"{between(own['over_bound'])} ×"
         tag(ax.text(1, place, text, transform=ax.get_yaxis_transform(), **small), who)
     ax.axvline(1, color=TEXT, lw=1.2)
@@ -260,19 +242,14 @@ def over_bound(
     ax.set_xlim(min(0.72, ax.get_xlim()[0]), 3 * ax.get_xlim()[1])
     ax.set_yticks(range(len(order)), order, parse_math=False)
     ax.grid(axis="y", visible=False)
-    for fault, shape in shapes.items() if count <= len(MARKERS) else ():
-        ax.plot([], [], shape, color=MUTED, label=faults[fault])
-    figure.legend(loc="outside upper left", ncols=2, handletextpad=0.1, columnspacing=1)
-    return figure
+    for marker, text in zip(MARKERS, faults.values(), strict=False):
+        ax.plot([], [], marker, color=MUTED, label=text)
+    _of(ax).legend(loc="outside upper left", ncols=2, handletextpad=0.1, columnspacing=1)
+    return _of(ax)
 
 
 def speed_noise(
-    swept: pd.DataFrame,
-    order: Sequence[str],
-    faults: Mapping[str, str],
-    *,
-    looks: Looks = USUAL,
-    legend: bool = True,
+    swept: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str], *, looks: Looks = USUAL
 ) -> Figure:
     """Draw lag against the noise before the fault, a line an estimator, and both bounds.
 
@@ -285,37 +262,32 @@ def speed_noise(
     faults : mapping of str to str
         What each fault is called; a panel each.
     looks : mapping of str to Style
-    legend : bool
     """
     panels: dict[str, list[Series]] = {}
     for fault in faults:
         own = swept[(swept["fault"] == fault) & (swept["lag"] > 0) & (swept["std"] > 0)]
         usual = own[(own["estimator"] == REFERENCE) & (own["factor"] == 1)]
         own = own.assign(x=own["std"] / (usual if len(usual) else own)["std"].median())
-        series = [points(own[own["estimator"] == w].sort_values("factor"), "x", "lag", w)
-                  for w in reversed(order)]  # fmt: skip
+        own = own.sort_values("factor")
+        series = [points(own[own["estimator"] == who], "x", "lag", who) for who in order[::-1]]
         for role, name in (("bound", "lag_bound"), ("single", "lag_bound_single")):
-            bound, ends = own[name].astype(float).median(), own["x"].agg(["min", "max"])
-            series.append(
-                Series(x=ends, y=[bound, bound], role=role, tips=[f"{role} {short(bound)} s"])
-            )
+            bound = own[name].astype(float).median()
+            series.append(Series(x=own["x"].agg(["min", "max"]), y=[bound] * 2, role=role))
         panels[f"lag [s]{' ' * len(panels)}"] = series
     x = f"noise before the fault / that of {REFERENCE}"
     return curves(panels, x=x, logs=[x, *panels], titles=list(faults.values()), height=165,
-                  marks=[(1.0, "read off in the table")], looks=looks, legend=legend)  # fmt: skip
+                  marks=[(1.0, "read off in the table")], looks=looks)  # fmt: skip
 
 
 def points(rows: pd.DataFrame, x: str, y: str, estimator: str, **options: Any) -> Series:
     """Return columns of rows as points with the intervals of the second, on a line."""
-    kept = rows[rows[y].notna()]
-    spans = kept.get(f"{y}_interval", [None] * len(kept))
-    ends = np.array([s if isinstance(s, list | tuple) else (np.nan, np.nan) for s in spans], float)
-    low, high = ends.reshape(-1, 2).T
-    tips = [
-        f"{row.get('setting', estimator)}: {y} {short(row[y])} at {short(row[x])}"
-        for row in kept.to_dict("records")
-    ]
-    return Series(x=kept[x], y=kept[y], low=low, high=high, estimator=estimator, tips=tips,
+    rows = rows.dropna(subset=y)
+    names = rows.get("setting", rows["estimator"])
+    tips = [f"{name}: {y} {short(v)} at {short(u)}"
+            for name, u, v in zip(names, rows[x], rows[y], strict=True)]  # fmt: skip
+    ends = rows.get(f"{y}_interval", rows[y]).map(lambda each: np.nan if each is None else each)
+    low, high = (ends.map(lambda each, i=i: np.ravel(each)[i]).astype(float) for i in (0, -1))
+    return Series(x=rows[x], y=rows[y], low=low, high=high, estimator=estimator, tips=tips,
                   **{"kind": "both"} | options)  # fmt: skip
 
 
@@ -347,13 +319,12 @@ def shares(ratios: Mapping[str, Any], problems: int, **options: Any) -> Figure:
     **options
         As of `curves`.
     """
-    end, series = 1.1 * np.concatenate([*ratios.values(), [2.0]]).max(), []
+    end, series = 1.1 * max([2.0, *map(max, filter(len, ratios.values()))]), []
     for who, each in ratios.items():
         x, y = np.r_[each, end], np.r_[1 : len(each) + 1, len(each)] / problems
         part = slice(None, None, max(1, len(x) // 240))
-        tip = (
-            f"{who}: {100 * np.sum(each <= 2) / problems:.0f} % of the runs within twice the bound"
-        )
+        near = 100 * np.sum(each <= 2) / problems
+        tip = f"{who}: {near:.0f} % of the runs within twice the bound"
         series.append(Series(x=x[part], y=y[part], estimator=who, kind="steps", tips=[tip]))
     x, y = "lag / Cramér–Rao bound", "share of runs"
     return curves({y: series}, x=x, logs=[x], limits={y: (0.0, 1.02)}, marks=[(1.0, "bound")],
@@ -374,10 +345,10 @@ def score_map(
     limits : (float, float)
         Of the colours, the same in maps that are compared.
     """
-    figure, values = new(90 + 32 * len(cells)), np.ma.masked_invalid(cells.to_numpy(float))
-    ax, norm = figure.subplots(), LogNorm(limits[0], 1.001 * limits[1])
-    ax.pcolormesh(values, norm=norm, cmap=colormaps["cividis"])
-    for (row, column), value in np.ndenumerate(values.filled(np.nan)):
+    ax, values = new(90 + 32 * len(cells)), cells.to_numpy(float)
+    norm = LogNorm(limits[0], 1.001 * limits[1])
+    ax.pcolormesh(np.ma.masked_invalid(values), norm=norm, cmap="cividis")
+    for (row, column), value in np.ndenumerate(values):
         letters = "#000000" if norm(value) > 0.47 else "#fffffe"  # from there black reads easier
         ax.text(column + 0.5, row + 0.5, short(value), color=letters, ha="center", va="center")
     ax.set_xticks(np.arange(cells.shape[1]) + 0.5, map(number, cells.columns))
@@ -385,7 +356,7 @@ def score_map(
     ax.set(xlabel=symbols(x), ylabel=symbols(y))
     ax.set_title(title, parse_math=False)
     ax.grid(visible=False)
-    return figure
+    return _of(ax)
 
 
 VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
@@ -393,41 +364,31 @@ VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
 
 @styled
 def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = None) -> Figure:
-    """Draw changes with their intervals and margins, a line a score, in the order of the rows.
+    """Draw changes with their intervals and margins, a line a score, the first thirty.
 
     Parameters
     ----------
     rows : sequence of mapping
-        ``name, verdict, change, interval, margin``; changes as shares, -0.1 is 10 % less.
+        Of a verdict, as `flexaxis compare --json` prints them; those without interval are left out.
     axes : Axes, optional
         Where to draw; a new figure by default.
     """
-    ax = axes or new(60 + 24 * len(rows)).subplots()
-    for place, row in enumerate(rows):
+    shown = [row for row in rows if row["interval"] and row["change"] is not None][:30]
+    ax, names = axes or new(60 + 24 * len(shown)), []
+    for place, row in enumerate(shown):
+        parts = np.array([row["change"], *row["interval"], row["margin"] or 0])
         # A difference may be less than all of the base: it ends at the edge of the scale.
-        change, low, high = (max(1 + end, 0.01) for end in (row["change"], *row["interval"]))
-        colour, margin = VERDICTS.get(row["verdict"], MUTED), 1 + row["margin"]
+        change, *ends, margin = np.maximum(1 + parts / (row["scale"] or 1), 0.01)
+        name = f"{row['metric']} of {row['parameter']}, {row['scenario']}: {row['verdict']}"
+        names.append(symbols(name))
+        colour = VERDICTS.get(row["verdict"], MUTED)
         ax.hlines(place, 1 / margin, margin, color=MUTED, lw=7, alpha=0.25)
-        ax.hlines(place, low, high, color=colour, lw=2)
-        dot = ax.plot(change, place, "o", color=colour)[0]
-        tag(
-            dot,
-            tip=f"{row['name']}: {row['verdict']}, × {short(change)} ({short(low)}–{short(high)})",
-        )
+        ax.hlines(place, *ends, color=colour, lw=2)
+        tip = f"{name}, × {short(change)} ({between(ends)})"
+        tag(ax.plot(change, place, "o", color=colour)[0], tip=tip)
     ax.axvline(1.0, color=TEXT, lw=0.9)
-    ax.set(ylim=(len(rows) - 0.4, -0.6), xlabel="candidate / base: less is better")
-    ax.set_yticks(range(len(rows)), [symbols(f"{row['name']}: {row['verdict']}") for row in rows])
+    ax.set(ylim=(len(shown) - 0.4, -0.6), xlabel="candidate / base: less is better")
+    ax.set_yticks(range(len(names)), names)
     logarithmic(ax.xaxis)
     ax.grid(axis="y", visible=False)
     return _of(ax)
-
-
-def symbols(text: str) -> str:
-    """Return a text with its symbols, such as f_m, as matplotlib sets them.
-
-    Examples
-    --------
-    >>> symbols("1/J_a / nominal")
-    '1/$J_{a}$ / nominal'
-    """
-    return SYMBOL.sub(r"$\1_{\2}$", text)

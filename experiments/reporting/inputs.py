@@ -60,33 +60,42 @@ class RunInputs:
         return self.results.traces(self.scenarios[scenario].hash, setting)
 
 
-def estimates(traces: Mapping[int, Case], scenario: Scenario, parameter: str) -> Any:
-    """Return times (M,) [s], and the estimates (n, M) over nominal of n runs.
+def estimates(traces: Mapping[int, Case], scenario: Scenario, parameter: str) -> pd.DataFrame:
+    """Return estimates over nominal: a line a time [s], a column a seed.
 
     Around the first fault every sample is there, else one in `CURVE_STEP`.
     """
-    near = near_fault(scenario)
-    kept = np.r_[np.arange(0, scenario.samples, CURVE_STEP), np.arange(scenario.samples)[near]]
-    kept, first = np.unique(kept, return_index=True)
-    values = []
-    for trace in traces.values():
-        i = trace.names.index(parameter)
-        values.append(np.r_[trace.curve[:, i], trace.detail.near[:, i]][first])
-    return scenario.times[kept], np.array(values, float)
+    every = scenario.times
+    times = np.r_[every[::CURVE_STEP], every[near_fault(scenario)]]
+    runs = {seed: np.r_[trace.curve, trace.detail.near][:, trace.names.index(parameter)]
+            for seed, trace in traces.items()}  # fmt: skip
+    table = pd.DataFrame(runs, index=times, dtype=float)
+    return table[~table.index.duplicated()].sort_index()
 
 
-def truth(scenario: Scenario, parameter: str) -> Any:
-    """Return the true values (N,) of a parameter over nominal."""
-    values = theta_over_time(scenario, [parameter])[:, 0]
-    return values / nominal_theta(scenario, [parameter])[0]
+def truth(scenario: Scenario, parameter: str) -> pd.Series:
+    """Return the true values of a parameter over nominal, over time [s]."""
+    values = theta_over_time(scenario, [parameter]) / nominal_theta(scenario, [parameter])
+    return pd.Series(values[:, 0], scenario.times)
+
+
+def around(scenario: Scenario) -> dict[str, Any]:
+    """Return what a figure over the time of a scenario marks, as options of `curves`."""
+    events = {event.parameter: event.index * scenario.period for event in scenario.events()[::-1]}
+    edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
+    still = [(*pair, "no excitation") for pair in edges.reshape(-1, 2)]
+    return {
+        "marks": [(at, f"{name} changes") for name, at in events.items()],
+        "spans": [(0.0, scenario.burn_in, "burn-in"), *still],
+    }
 
 
 def numeric_axes(results: Results) -> list[str]:
     """Return the axes of a study with several numbers, those of a fault first."""
     axes = results.frame[list(results.axes)]
-    several = [a for a in axes if axes[a].nunique() > 1 and pd.to_numeric(
-        axes[a], errors="coerce").notna().sum() == axes[a].notna().sum()]  # fmt: skip
-    return sorted(several, key=lambda axis: not axis.startswith("fault"))
+    several = axes.loc[:, axes.nunique() > 1]
+    numbers = several.apply(pd.to_numeric, errors="coerce").notna() | several.isna()
+    return sorted(several.loc[:, numbers.all()], key=lambda axis: not axis.startswith("fault"))
 
 
 def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
@@ -95,6 +104,6 @@ def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
     options = [a for a in results.axes if is_option(a, names) and a not in axes]
     rows = results.scores(*by, "estimator", *options, *axes)
     for option in options:
-        text = rows[option].map(lambda v, o=option: f"[{o.rpartition('.')[2]}={v}]")
+        text = f"[{option.rpartition('.')[2]}=" + rows[option].astype(str) + "]"
         rows["estimator"] += text.where(rows[option].notna(), "")
     return rows.dropna(subset=list(axes)) if len(rows) else rows

@@ -77,7 +77,7 @@ def svg(figure: Figure, name: str, attributes: str) -> Markup:
     with mpl.rc_context(SETTINGS):
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue()
-    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
+    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->|<g id=[^>]*/>", "", text, flags=re.DOTALL)
     text = _UNNAMED.sub("", _TAG.sub(_opened, text))
     text = re.sub(r"<[^>]+>", _shorter, text)
     text = re.sub("|".join(VARIABLES), lambda match: f"var(--{VARIABLES[match[0]]})", text)

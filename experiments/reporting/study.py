@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator
 from itertools import combinations
 from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
 
+from flexaxis.experiments.comparison.finds import finds
 from flexaxis.experiments.reporting import page, tables, words
 from flexaxis.experiments.reporting.figures import Series, curves, points, score_map
 from flexaxis.experiments.reporting.inputs import numeric_axes, pooled
@@ -21,19 +21,14 @@ LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]",
           "false_alarms_per_hour": "false alarms / h"}  # fmt: skip
 
 
-def render(results: Results, found: Sequence[Any] = ()) -> str:
-    """Return the report of a study as HTML; `found` is what `finds` returns."""
-    axes, study, failures = (
-        numeric_axes(results),
-        results.study,
-        results.failures.to_dict("records"),
-    )
+def render(results: Results) -> str:
+    """Return the report of a study as HTML."""
+    axes, study, failures = numeric_axes(results), results.study, results.failures
     table = _table(results)
     looks = page.looks_of(name for name, _ in table.rows)
-    draw = partial(page.drawn, looks=looks, legend=False)
-    answers = [over_axis(results, axis, "score", "false_alarms_per_hour") for axis in axes[:1]]
-    further = [over_axis(results, axis, "lag", "std") for axis in axes]
-    shown = [*answers, *further, *_finds(found)]
+    shown = [over_axis(results, axis, "score", "false_alarms_per_hour") for axis in axes[:1]]
+    shown += [over_axis(results, axis, "lag", "std") for axis in axes]
+    shown += _finds(finds(results))
     return page.render(
         "reporting/templates/study.html",
         title=title(results),
@@ -41,9 +36,9 @@ def render(results: Results, found: Sequence[Any] = ()) -> str:
         looks=looks,
         axes=[words.axis_words(axis, study) for axis in results.axes],
         cases=results.cases,
-        failures=words.failures_in_words(failures[:10]),
+        failures=words.failures_in_words(failures.head(10).to_dict("records")),
         failed=len(failures),
-        figures=[draw(curves, f"{', '.join(o['panels'])} over {o['x']}", **o)
+        figures=[page.drawn(curves, f"{', '.join(o['panels'])} over {o['x']}", looks=looks, **o)
                  for o in shown if o["panels"]],
         maps=list(_maps(results)),
         table=table,
@@ -52,20 +47,21 @@ def render(results: Results, found: Sequence[Any] = ()) -> str:
 
 def title(results: Results) -> str:
     """Return the answer of a study in a sentence: who leads over its first axis."""
-    axes = numeric_axes(results)
-    rows = _changed(pooled(results, axes[:1]))
+    axes = numeric_axes(results)[:1]
+    rows = _changed(pooled(results, axes))
     if rows.empty:
         return f"{results.study['name']}: nothing that is estimated changes"
-    rows, measure = rows.assign(point=rows[axes[0]] if axes else ""), _measure(rows, "score")
-    means = rows.pivot_table(measure, "point", "estimator") * (1 if measure == "score" else -1)
-    led = means.idxmax(axis=1).value_counts()
-    order = [led.index[0], *means.mean().drop(led.index[0]).sort_values(ascending=False).index]
-    values = [f"{name} {tables.between(means[name].abs())}" for name in order[:2]]
+    measure = _measure(rows, "score")
+    points = rows[axes[0]] if axes else pd.Series("", rows.index)
+    means = rows.pivot_table(measure, points.rename("point"), "estimator")
+    ranks = means.rank(axis=1, ascending=measure == "lag", method="first")
+    order = ranks.mean().sort_values().index
+    led = int((ranks[order[0]] == 1).sum())
     what = "highest score" if measure == "score" else "shortest lag [s]"
-    where = (
-        f" at {led.iloc[0]} of {len(means)} values of {words.axis_words(axes[0], results.study)}"
-    )
-    return f"{order[0]} has the {what}{where if axes else ''}: {', next '.join(values)}"
+    where = f" at {led} of {len(means)} values of " if axes else ""
+    where += "".join(words.axis_words(axis, results.study) for axis in axes)
+    values = [f"{name} {tables.between(means[name])}" for name in order[:2]]
+    return f"{order[0]} has the {what}{where}: {', next '.join(values)}"
 
 
 def _changed(rows: pd.DataFrame) -> pd.DataFrame:
@@ -105,36 +101,38 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
     return {"panels": panels, "x": x, "logs": [x] * bool(wide), "height": 230}
 
 
-def _finds(found: Sequence[Any]) -> Iterator[dict[str, Any]]:
+def _finds(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """Yield how often faults are found within 1 s over their size, beside what chance finds."""
-    rows = pd.DataFrame([vars(each) for each in found])
     for (base, parameter), own in rows.groupby(["base", "parameter"]) if len(rows) else ():
+        y = f"share of {parameter} found"
         series = [points(line, "size", "share", str(who)) for who, line in own.groupby("estimator")]
-        yield {"panels": {f"share of {parameter} found": series}, "x": f"size of the fault, {base}",
-               "limits": {f"share of {parameter} found": (-0.03, 1.03)}}  # fmt: skip
+        yield {
+            "panels": {y: series},
+            "x": f"size of the fault, {base}",
+            "limits": {y: (-0.03, 1.03)},
+        }
 
 
 def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
     """Yield a heading and a map of the lag an estimator, over two axes each."""
     for y, x in list(combinations(numeric_axes(results), 2))[:MAPS]:
         labels = {k: words.axis_words(axis, results.study) for k, axis in (("x", x), ("y", y))}
-        rows = _changed(pooled(results, [x, y]))
         heading = f"lag [s] over {' and '.join(labels.values())}"
-        if len(rows):
-            maps = rows.pivot_table("lag", ["estimator", y], x)
-            ends = maps.min(axis=None), maps.max(axis=None)
-            yield heading, [
-                page.drawn(score_map, f"{who}: {heading}", maps.loc[who][::-1],
-                           title=str(who), limits=ends, **labels)
-                for who in rows["estimator"].unique()
-            ]  # fmt: skip
+        rows = _changed(pooled(results, [x, y]))
+        if rows.empty:
+            continue
+        maps = rows.pivot_table("lag", ["estimator", y], x)
+        limits = maps.min(axis=None), maps.max(axis=None)
+        yield heading, [page.drawn(score_map, f"{who}: {heading}", own.droplevel(0)[::-1],
+                                   title=str(who), limits=limits, **labels)
+                        for who, own in maps.groupby(level=0, sort=False)]  # fmt: skip
 
 
 def _table(results: Results) -> tables.Table:
     """Return pooled scores at each point, what changed first."""
     rows = tables.flat(pooled(results, results.axes, "scenario").to_dict("records"))
     rows = rows.sort_values("changed", ascending=False, kind="stable").head(LINES)
-    heads = {"estimator": "estimator", "scenario": "scenario"}
-    heads |= {axis: words.axis_words(axis, results.study) for axis in results.axes}
-    heads |= {"parameter": "parameter"} | {name: tables.COLUMNS[name] for name in SHOWN}
+    names = ("estimator", "scenario", *results.axes, "parameter", *SHOWN)
+    heads = {name: tables.COLUMNS.get(name) or words.axis_words(name, results.study)
+             for name in names}  # fmt: skip
     return tables.table("scores", rows, heads)

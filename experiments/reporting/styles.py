@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from pathlib import Path
+from typing import Any, TypeVar, cast
+from zlib import crc32
 
 import matplotlib as mpl
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.reporting.tables import SYMBOL
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,13 @@ NINE = (
     Style(8, "#898A8A", "#B0A9A2", "6 4", "<"),  # grey
 )
 
+STYLES = [
+    replace(one, dash=other.dash, marker=other.marker, hollow=one is not other)
+    for turn in range(len(NINE))
+    for one, other in zip(NINE, NINE[turn:] + NINE[:turn], strict=True)
+]
+"""The nine; then their colours with the dash and marker of another, hollow."""
+
 # What most figures show; it looks the same on every page. The reference is blue and unbroken.
 LEADING = ("rpem-forgetting", "rpem-drift", "ekf", "imm", "cusum-reset", RECOMMENDED, "frozen")
 _PLACES = dict(zip(LEADING, (0, 1, 2, 3, 4, 5, 8), strict=True)) | {
@@ -72,56 +82,23 @@ VARIABLES = {TEXT: "text", MUTED: "muted", LINE: "line", SOFT: "soft", BACK: "ba
 VARIABLES |= {style.light.lower(): f"style-{style.place}" for style in NINE}
 """Names of the variables of the style sheet that stand for the colours of a figure."""
 
-SETTINGS: Any = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "flexaxis",  # or two builds of a page differ
-    "font.family": "DejaVu Sans",
-    "font.size": 9,
-    "mathtext.fontset": "dejavusans",
-    "text.color": TEXT,
-    "axes.labelcolor": TEXT,
-    "axes.edgecolor": MUTED,
-    "axes.titlesize": 9,
-    "axes.titlelocation": "left",
-    "axes.titleweight": "bold",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.8,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.formatter.use_mathtext": False,
-    "grid.color": LINE,
-    "grid.linewidth": 0.8,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": TEXT,
-    "ytick.labelcolor": TEXT,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
-    "xtick.major.size": 0,
-    "ytick.major.size": 0,
-    "xtick.minor.size": 0,
-    "ytick.minor.size": 0,
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "lines.linewidth": 1.5,
-    "figure.constrained_layout.use": True,
-}
+SETTINGS = mpl.rc_params_from_file(
+    Path(__file__).parent / "figures.mplstyle", use_default_template=False
+)
 
 
-P = ParamSpec("P")
-R = TypeVar("R")
+F = TypeVar("F", bound=Callable[..., Any])
 
 
-def styled(draw: Callable[P, R]) -> Callable[P, R]:
+def styled(draw: F) -> F:
     """Return a function that draws in the style of all figures."""
 
     @wraps(draw)
-    def drawn(*args: P.args, **options: P.kwargs) -> R:
+    def drawn(*args: Any, **options: Any) -> Any:
         with mpl.rc_context(SETTINGS):
             return draw(*args, **options)
 
-    return drawn
+    return cast(F, drawn)
 
 
 def tag(artist: Any, estimator: str = "", tip: str = "") -> Any:
@@ -130,7 +107,7 @@ def tag(artist: Any, estimator: str = "", tip: str = "") -> Any:
     return artist
 
 
-def look(estimator: str, looks: Mapping[str, Style], **more: Any) -> dict[str, Any]:
+def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
     """Return the look of an estimator as matplotlib's options of a line with markers.
 
     Parameters
@@ -138,27 +115,35 @@ def look(estimator: str, looks: Mapping[str, Style], **more: Any) -> dict[str, A
     estimator : str
     looks : mapping of str to Style
         As from `assigned`; an estimator that is not in it has its usual `style`.
-    **more
-        Options that take precedence.
     """
     own = looks.get(estimator) or style(estimator)
-    dash = [float(part) / 1.5 for part in own.dash.split()]  # matplotlib scales by the width
+    dash = tuple(float(part) / 1.5 for part in own.dash.split())  # scaled by the width of 1.5
     return {
         "color": own.light,
-        "ls": (0, tuple(dash)) if dash else "-",
+        "ls": (0, dash or None),
         "marker": own.marker,
         "mfc": BACK if own.hollow else own.light,
         "ms": 8 if own.marker == "*" else 5,
         "mew": 1.2 if own.hollow else 0.7,
-    } | more
+    }
+
+
+def symbols(text: str) -> str:
+    """Return a text with its symbols, such as f_m, as matplotlib sets them.
+
+    Examples
+    --------
+    >>> symbols("1/J_a / nominal")
+    '1/$J_{a}$ / nominal'
+    """
+    return SYMBOL.sub(r"$\1_{\2}$", text)
 
 
 def assigned(names: Iterable[str]) -> dict[str, Style]:
     """Return the styles of the estimators of one page, in the order of the registry.
 
-    The leading ones have theirs; the others have what is left, by rank. Beyond nine, colours come
-    again with the next dash and marker, hollow. Options in brackets do not change a style where the
-    estimator is on the page only once.
+    The leading ones have theirs; the others have what is left, by rank. Options in brackets do not
+    change a style where the estimator is on the page only once.
 
     Parameters
     ----------
@@ -171,37 +156,22 @@ def assigned(names: Iterable[str]) -> dict[str, Style]:
     [('ekf', '#237548'), ('mine.py:Mine', '#136CD1')]
     """
     ordered = sorted(dict.fromkeys(names), key=_rank)
-    taken: dict[str, Style] = {}
-    for name in ordered:
-        place = _PLACES.get(_plain(name))
-        if place is not None and NINE[place] not in taken.values():
-            taken[name] = NINE[place]
-    free = iter([style for style in NINE if style not in taken.values()] + _more())
+    leading = {place: name for name in ordered[::-1] if (place := _place(name)) is not None}
+    taken = {name: STYLES[place] for place, name in leading.items()}
+    free = iter([style for style in STYLES if style not in taken.values()])
     return {name: taken.get(name) or next(free) for name in ordered}
 
 
 def style(estimator: str) -> Style:
     """Return the style of an estimator in a figure that is on no page: the same in all of them."""
-    base = _plain(estimator)
-    if base in _PLACES:
-        return NINE[_PLACES[base]]
-    if base in REGISTRY:
-        others = [name for name in sorted(REGISTRY, key=_rank) if name not in LEADING]
-        return [*(n for n in NINE if n.place not in _PLACES.values()), *_more()][others.index(base)]
-    return _more()[sum(estimator.encode()) % (len(NINE) * (len(NINE) - 1))]
+    place, others = _place(estimator), STYLES[len(NINE) :]
+    return others[crc32(estimator.encode()) % len(others)] if place is None else NINE[place]
 
 
-def _more() -> list[Style]:
-    """Return styles after the nine: their colours with another's dash and marker, hollow."""
-    count = len(NINE)
-    pairs = [(NINE[i], NINE[(i + turn) % count]) for turn in range(1, count) for i in range(count)]
-    return [Style(a.place, a.light, a.dark, b.dash, b.marker, hollow=True) for a, b in pairs]
-
-
-def _plain(name: str) -> str:
-    return name.partition("[")[0]
+def _place(name: str) -> int | None:
+    return _PLACES.get(name.partition("[")[0])
 
 
 def _rank(name: str) -> tuple[float, str]:
-    entry = REGISTRY.get(_plain(name))
+    entry = REGISTRY.get(name.partition("[")[0])
     return (entry.rank if entry else 90.0), name

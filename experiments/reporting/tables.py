@@ -71,11 +71,9 @@ def _cell(row: Mapping[str, Any], column: str) -> Cell:
 
 def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Return pooled rows as a DataFrame: tables in them by dotted names, and `over_bound`."""
-    found = pd.json_normalize(list(rows))
-    missing = [name for name in COLUMNS if name not in found]
-    found = found.assign(**dict.fromkeys(missing, np.nan))
-    bound = found.get("lag_bound", np.nan)
-    return found.assign(over_bound=pd.to_numeric(found["lag"]) / pd.to_numeric(bound))
+    flat = pd.json_normalize(list(rows))
+    flat = flat.reindex(columns=flat.columns.union([*COLUMNS, "lag_bound"], sort=False))
+    return flat.assign(over_bound=pd.to_numeric(flat["lag"]) / pd.to_numeric(flat["lag_bound"]))
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -102,9 +100,9 @@ def short(value: float | None) -> str:
     """
     if value is None or not np.isfinite(value):
         return "–"
-    whole = isinstance(value, int) or not value
-    places = 0 if whole else max(0, 1 - int(np.floor(np.log10(abs(value)))))
-    return f"{value:.{places}f}"
+    if isinstance(value, int) or not value:
+        return f"{value:.0f}"
+    return f"{value:.{max(0, 1 - int(np.floor(np.log10(abs(value)))))}f}"
 
 
 def between(values: Iterable[float | None] | None) -> str:
@@ -115,7 +113,6 @@ def between(values: Iterable[float | None] | None) -> str:
     >>> between([0.0382, 0.0731]), between([2.0, 2.01]), between(None)
     ('0.038–0.073', '2.0', '–')
     """
-    values = () if values is None else values
-    known = [v for v in values if v is not None and np.isfinite(v)] or [np.nan]
-    low, high = short(min(known)), short(max(known))
+    known = [v for v in (() if values is None else values) if v is not None and np.isfinite(v)]
+    low, high = (short(end(known, default=None)) for end in (min, max))
     return low if low == high else f"{low} … {high}" if "-" in low else f"{low}–{high}"

@@ -19,6 +19,7 @@ from flexaxis.sim.scenario import scenario_from
 
 WIDE = 200  # columns where there is no terminal, as in the log of a build: no name is cut
 NOTES = {RECOMMENDED: " (recommended)", "frozen": " (never moves)"}
+ALARMS = "false_alarms_per_1000_s"
 EQUAL = (
     "estimator",
     "lag [s]",
@@ -45,10 +46,10 @@ def show(table: Table) -> None:
 
 def lines(title: str, heads: Sequence[str], rows: Any, legend: str) -> Table:
     """Return a table; a row of one cell is a heading, one that begins with ✗ is red."""
-    table = Table(box=None, padding=(0, 1, 0, 0), title=title, title_justify="left",
-                  caption=legend, caption_justify="left")  # fmt: skip
-    for place, head in enumerate(heads):
-        table.add_column(escape(head), justify="right" if place else "left", overflow="fold")
+    table = Table(*map(escape, heads), box=None, padding=(0, 1, 0, 0), title=title,
+                  title_justify="left", caption=legend, caption_justify="left")  # fmt: skip
+    for column in table.columns:
+        column.justify, column.overflow = "left" if column is table.columns[0] else "right", "fold"
     for row in rows:
         style = "bold" if len(row) == 1 else "red" if row[0] == "✗" else None
         table.add_row(*map(escape, row), style=style)
@@ -87,13 +88,13 @@ def equal_noise_table(swept: Mapping[str, Any], seeds: int) -> Table:
 
 
 def _equal(swept: Mapping[str, Any], faults: Mapping[str, str], few: str) -> Iterator[list[str]]:
-    matched = words.faults_of(swept["matched"])
+    matched = words.faults_of(swept["matched"]).sort_values("lag")
     for fault, text in faults.items():
         yield [f"{text}  ({fault})"]
-        for row in matched[matched["fault"] == fault].sort_values("lag").to_dict("records"):
-            rest = row["over_bound"], row["std_after"], row["false_alarms_per_1000_s"]
+        for row in matched[matched["fault"] == fault].to_dict("records"):
             lag = AT_MOST.get(row["how"], "") + short(row["lag"])
-            yield [_name(row, few), lag, between(row["lag_interval"]), *map(short, rest)]
+            rest = [short(row[name]) for name in ("over_bound", "std_after", ALARMS)]
+            yield [_name(row, few), lag, between(row["lag_interval"]), *rest]
     yield ["overall score: 0 = never reacts, 100 = Cramér–Rao bound"]
     for row in swept["overall"]:
         score = f"{AT_LEAST.get(row['how'], '')}{row['score']:.0f}"

@@ -112,38 +112,41 @@ def answer(summary: Row) -> tuple[str, list[str]]:
     """Return the answer of a run in a sentence, and what stands below it, a sentence a fact."""
     rows = [row for row in (summary.get("tradeoff") or {}).get("matched", ())
             if row["estimator"] not in CONTROLS]  # fmt: skip
-    matched = faults_of(rows)
+    matched, seeds = faults_of(rows), len(summary["seeds"])
     if not rows or (few := too_few(rows)):
         return f"{summary['title']}: {few if rows else 'nothing was compared at equal noise'}", []
     if matched["lag"].isna().all():
         return "No estimator survived: every run was lost", []
     near = matched.groupby("estimator")["over_bound"].agg(between)
+    takes = "{} takes {} times the shortest lag that theory allows".format
     if len(near) == 1:
-        return f"{near.index[0]} takes {near.iloc[0]} times the shortest lag that theory allows", []
-    wins = matched[matched["leads"]].groupby("estimator").size()
-    first = [name for name in order_of(summary) if wins.get(name, 0) == wins.max()]
+        return takes(near.index[0], near.iloc[0]), []
+    wins = matched.groupby("estimator")["leads"].sum()
+    first = [name for name in order_of(summary) if wins.get(name) == wins.max() > 0]
     if not first or len(first) == len(near):
-        return f"{len(summary['seeds'])} seeds cannot tell the estimators apart", []
-    count, faults = wins.max(), matched["fault"].nunique()
-    same = f" (no significant difference, {len(summary['seeds'])} seeds)" * (len(first) > 1)
-    where = f" in {count} of {faults} faults" * bool(count < faults)
-    ties = [f" {name} ties in {n} of {faults}." for name, n in wins.items() if name not in first]
-    facts = f"Fastest{where}: {listed(first)}{same}.{''.join(ties)}"
-    far = f"{first[0]} takes {near[first[0]]} times the shortest lag that theory allows"
+        return f"{seeds} seeds cannot tell the estimators apart", []
+    faults = matched["fault"].nunique()
+    where = f"in {wins.max()} of {faults} faults"
+    same = f" (no significant difference, {seeds} seeds)" * (len(first) > 1)
+    ties = [f" {who} ties in {n} of {faults}." for who, n in wins.items()
+            if n and who not in first]  # fmt: skip
+    fact = (
+        f"Fastest{f' {where}' * bool(wins.max() < faults)}: {listed(first)}{same}.{''.join(ties)}"
+    )
+    far = takes(first[0], near[first[0]])
     if REFERENCE in near and REFERENCE not in first:
         far += f"; {REFERENCE}, the paper’s method, {near[REFERENCE]} times"
-    return _title(matched, first, f"in {count} of {faults} faults"), [facts, f"{far}."]
+    return _title(matched, first, where), [fact, f"{far}."]
 
 
 def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
     """Return how many times faster than the reference some estimators are, or that they lead."""
-    one = len(first) == 1
     lags = matched[matched["how"] == "matched"].pivot(
         index="estimator", columns="fault", values="lag"
     )
-    lags = lags.reindex([REFERENCE, *first])
+    lags, one = lags.reindex([REFERENCE, *first]), len(first) == 1
     ratios = (lags.iloc[0] / lags.iloc[1:]).stack().dropna()
-    if REFERENCE in first or ratios.empty or ratios.min() < 1.05:
+    if ratios.empty or ratios.min() < 1.05:  # also where the reference itself leads
         return f"{listed(first)} {'is' if one else 'are'} fastest {where}, at equal noise"
     ends = dict.fromkeys(f"{r:.0f}" if r >= 3 else short(r) for r in (ratios.min(), ratios.max()))
     times = f"{' to '.join(ends)} times faster than {REFERENCE}, at equal noise"
@@ -165,21 +168,21 @@ def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str
     able = pd.DataFrame([r for r in rows if r["changed"] and r["estimator"] not in CONTROLS])
     if able.empty:
         return None
-    able["off"] = able["bias"].astype(float).abs()
-    able["bad"] = (able["off"] > BIASED) | (able["diverged"] > 0)
+    off = able["bias"].astype(float).abs()
+    able = able.assign(off=off.where(off > BIASED))
+    able["bad"] = able["off"].notna() | (able["diverged"] > 0)
     name = able.groupby("scenario", sort=False)["bad"].mean().idxmax()
     here, definition = able[able["scenario"] == name], scenarios[str(name)]["definition"]
     bad, good = (here[here["bad"] == side]["estimator"].tolist() for side in (True, False))
     if not bad:
         return None
-    who = f"every estimator but {listed(good)}" if 0 < len(good) < 3 <= len(bad) else listed(bad)
-    who = who if good else "every estimator"
+    every = len(good) < 3 <= len(bad) or not good
+    who = f"every estimator{f' but {listed(good)}' * bool(good)}" if every else listed(bad)
     beside, lost = unmodelled(definition), here["diverged"].sum()
     where = f"{beside} that the model lacks" if beside else happens(definition)
-    what = [f"off by {between(here['off'][here['off'] > BIASED])} % even before the fault"]
-    what = what * bool((here["off"] > BIASED).any())
+    what = [f"off by {between(here['off'])} % even before the fault"] * bool(here["off"].any())
     what += [f"lost in {lost} of {here['seeds'].sum()} runs"] * bool(lost)
-    verb = "are" if who == listed(bad) and len(bad) > 1 else "is"
+    verb = "is" if every or len(bad) == 1 else "are"
     return f"With {where}, {who} {verb} {listed(what)} (default settings).", str(name)
 
 
@@ -191,14 +194,12 @@ def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
     failures : sequence of mapping
         With `scenario`, `estimator`, `seed` and `error`.
     """
-    kinds: dict[tuple[str, str], list[str]] = {}
+    kinds: dict[str, list[str]] = {}
     for row in failures:
         where = f"{row['scenario']}, seed {row['seed']}"
-        text = row["error"].partition(": ")[2]
-        if not text.startswith(row["estimator"]):  # else it names estimator and case itself
-            text = f"{row['estimator']} failed on {where}: {row['error']}"
         alike = re.sub(r", sample \d+( \([^)]*\))?", "", row["error"].replace(where, ""))[:60]
-        kinds.setdefault((row["estimator"], alike), []).append(text)
+        text = f"{row['estimator']} failed on {where}: {row['error']}"
+        kinds.setdefault(row["estimator"] + alike, []).append(text)
     return [(texts[0], len(texts)) for texts in kinds.values()]
 
 
@@ -242,10 +243,9 @@ def axis_words(key: str, study: Row) -> str:
     ('noise of the speed, 1σ [rad/s]', 'controller.Ki')
     """
     table, _, name = key.rpartition(".")
-    if not table.startswith("fault["):
-        return AXES.get(
-            key, AXES.get(name, key) if table.startswith(("estimator", "rpem")) else key
-        )
-    faults = [s["definition"].get("fault") or [{}] for s in study["scenarios"]]
-    parameters = {PARAMETERS.get(fault[0].get("parameter"), "parameter") for fault in faults}
-    return AXES.get(name, key).format(listed(sorted(parameters)))
+    text = AXES.get(key) or (
+        AXES.get(name, key) if re.match("fault|estimator|rpem", table) else key
+    )
+    faults = [s["definition"].get("fault") or [{}] for s in study.get("scenarios", ())]
+    names = {PARAMETERS.get(fault[0].get("parameter"), "parameter") for fault in faults}
+    return text.format(listed(sorted(names)))

@@ -18,7 +18,6 @@ from flexaxis.experiments.comparison.ranking import overall
 from flexaxis.experiments.files import REPORT, SUMMARY, write_json, write_text
 from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
-from flexaxis.experiments.reporting.finds import finds
 from flexaxis.experiments.reporting.inputs import RunInputs
 from flexaxis.experiments.reporting.words import faults_of, widest
 from flexaxis.experiments.running.results import Results
@@ -222,7 +221,7 @@ def report(folder: Path, runner: Runner) -> Path:
     """
     results = Results.load(folder)
     if results.axes:
-        write_text(folder / REPORT, study_report.render(results, finds(results)))
+        write_text(folder / REPORT, study_report.render(results))
         return folder / REPORT
     finish(results, runner)
     return folder / REPORT

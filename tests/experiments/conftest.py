@@ -74,8 +74,8 @@ def short_toml(short, tmp_path):
 @pytest.fixture
 def stored():
     """A function that writes rows to a folder as a run or a study does, and gives `Results`."""
-    from flexaxis.experiments.reporting.old_results import Results
     from flexaxis.experiments.running.case import NUMBERS, Done, _number
+    from flexaxis.experiments.running.results import Results
     from flexaxis.experiments.running.store import Store
     from flexaxis.experiments.scoring.score_table import undefined
 

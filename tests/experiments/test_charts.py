@@ -151,12 +151,6 @@ def test_a_page_has_its_charts_picks_styles_and_terms(made):
         assert f'id="mark-{css_class(who)}"' in html and f".{css_class(who)} {{ --c:" in html
 
 
-def test_who_is_aside_is_hidden_without_a_script_too(made):
-    html = made(charts=[chart("One")], aside=["ekf", "nobody"])
-    assert page_data(html)["aside"] == ["ekf"]
-    assert f"html:not(.scripted) svg .{css_class('ekf')} {{ display: none; }}" in html
-
-
 def test_text_of_a_chart_is_escaped(made):
     html = made(charts=[chart("<b>", "</svg><script>")])
     assert "</svg><script>" not in html.partition("<script type")[0] and "<b>" not in html
@@ -180,28 +174,3 @@ def test_the_policy_names_the_script_that_is_there():
     digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
     assert f"script-src &#39;sha256-{digest}&#39;" in html
     assert "</script" not in page.source().lower()
-
-
-def test_files_of_code_are_short():
-    """As modules are: one thing each; no function longer than 60 lines."""
-    import re
-    from importlib.resources import files
-
-    folder = files("flexaxis.experiments.reporting.charts_old") / "assets"
-    there = {each.name for each in folder.iterdir() if each.name.endswith(".js")}
-    assert there == {f"{name}.js" for name in page.SCRIPT}
-    for name in there:
-        text = (folder / name).read_text(encoding="utf-8")
-        assert len(text.splitlines()) <= 300, name
-        for body in re.findall(r"^(?:async )?function .*?^}", text, re.M | re.S):
-            assert len(body.splitlines()) <= 60, body[:60]
-        assert "innerHTML" not in text and "eval(" not in text, name
-
-
-def test_no_two_files_of_code_use_one_name():
-    """They are one script: a name declared twice would stop all of it."""
-    import re
-
-    names = re.findall(r"^(?:async )?(?:function|const|let|class) (\w+)", page.source(), re.M)
-    assert len(names) > 80
-    assert {name for name in names if names.count(name) > 1} == set()

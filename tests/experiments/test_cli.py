@@ -82,7 +82,7 @@ def test_run_and_report(capsys, short_toml, tmp_path):
     folder = tmp_path / "out"
     words = ("run", short_toml, "--estimator", "frozen", "--seeds", "2", "--jobs", "1")
     status, out, _ = flexaxis(capsys, *words, "-o", folder)
-    assert status == 0 and out.splitlines()[-1] == str(folder / "report.html")
+    assert status == 0 and out.splitlines()[-1] == f"report: {folder / 'report.html'}"
     first = (folder / "report.html").read_bytes()
     status, out, _ = flexaxis(capsys, "report", folder, "--json")
     assert json.loads(out)["seeds"] == [1000, 1001]
@@ -98,7 +98,7 @@ parameters.J_m = -1.0
 noise.speed = "loud"
 [[fault]]
 kind = "stp"
-[[fault]]
+[[nuisance]]
 kind = "step"
 parameter = "f_m"
 at = 30.0
@@ -111,7 +111,9 @@ def test_all_errors_of_a_file_at_once(capsys, tmp_path):
     path.write_text(BAD_TOML, encoding="utf-8")
     status, out, err = flexaxis(capsys, "run", path, "-o", tmp_path / "out")
     assert (status, out) == (2, "")
-    for words in ("durration", "duration", "k_T", "J_m", "noise.speed", "fault[0]", "fault[1].at"):
+    for words in (
+        "durration", "duration", "k_T", "J_m", "noise.speed", "fault[0]", "nuisance[0].at",
+    ):  # fmt: skip
         assert words in err, err
     assert all(line.startswith(f"flexaxis: {path}: ") for line in err.splitlines())
     assert not (tmp_path / "out").exists()

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.reporting.finds import _thresholds, finds
+from flexaxis.experiments.comparison.finds import _thresholds, finds
 from flexaxis.experiments.scoring.detection import find_of, moved_of
 from flexaxis.experiments.scoring.intervals import rate_interval, share_interval
 from flexaxis.experiments.scoring.scores import Track
@@ -77,7 +77,8 @@ def row(seed, size, *, estimator="e", **seen):
 
 
 def found(stored, folder, rows, **how):
-    return finds(stored(folder, rows, [SIZE], scenarios=[{"definition": DEFINITION}]), **how)
+    table = finds(stored(folder, rows, [SIZE], scenarios=[{"definition": DEFINITION}]), **how)
+    return list(table.itertuples())
 
 
 def test_what_the_twin_shows_too_is_no_find(stored, tmp_path):
@@ -178,6 +179,7 @@ def test_all_parameters_share_the_alarms_that_are_asked_for():
     """Of 400 twins of 9 s each, an hour of each parameter, 20 alarms an hour in all."""
     rng = np.random.default_rng(0)
     twins = pd.DataFrame({"parameter": np.repeat(["k_T", "1/J_a", "f_m", "f_c"], 400),
-                          "calm": rng.random(1600), "watched": 9.0})  # fmt: skip
-    limits, over = _thresholds(twins, 20.0)
+                          "moved.calm": rng.random(1600), "moved.watched": 9.0})  # fmt: skip
+    limits = _thresholds(twins, 20.0)
+    over = twins["moved.calm"] > twins["parameter"].map(limits)
     assert over.sum() == 20 and set(limits) == {"k_T", "1/J_a", "f_m", "f_c"}

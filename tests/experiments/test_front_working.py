@@ -53,8 +53,8 @@ def test_a_time_limit_that_is_none_is_refused(short):
 
 def test_the_rules_in_a_table():
     found = {line["rule"]: line for line in fx.check(Peeks)}
-    assert found["no look-ahead"]["holds"] is False and found["shapes"]["holds"] is True
-    assert "BROKEN" in repr(fx.check(Peeks)) and found["no look-ahead"]["hint"]
+    assert found["no look ahead"]["holds"] is False and found["shapes"]["holds"] is True
+    assert "BROKEN" in repr(fx.check(Peeks)) and found["no look ahead"]["hint"]
 
 
 def test_progress_is_a_line_each_tenth_after_a_while(monkeypatch, capsys):

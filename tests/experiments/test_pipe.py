@@ -117,7 +117,7 @@ def test_the_template_in_c_keeps_the_rules(compiled, capsys):
     """No look-ahead, step equals run, gaps, and so on, also where samples come in blocks."""
     assert main(["check", f"pipe:{compiled}", "--json"]) == 0
     rules = {r["rule"]: r["holds"] for r in json.loads(capsys.readouterr().out)["rules"]}
-    assert rules["no look-ahead"] and rules["step equals run"] and rules["survives a gap"]
+    assert rules["no look ahead"] and rules["step equals run"] and rules["survives a gap"]
 
 
 def test_what_goes_there_and_back(program):

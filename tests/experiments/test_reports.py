@@ -120,6 +120,11 @@ def test_curves_hold_what_they_are_given():
     assert [text.get_text() for text in second.get_legend().get_texts()] == ["mine[a=$1]"]
 
 
+def test_nothing_to_draw_is_no_error():
+    none = pd.DataFrame({"estimator": ["frozen"], "lag": [5.0], "std": [0.0], "setting": ["s"]})
+    figures.lag_against_noise(none, ["frozen"]).canvas.draw()
+
+
 def test_a_burst_does_not_set_the_scale():
     y = np.ones(1000) + 0.1 * np.sin(np.arange(1000))
     y[500] = 1e6
@@ -188,7 +193,7 @@ VERDICT = {"headline": "WORSE: lag", "verdict": "worse", "advice": ["Look."], "b
 
 
 def test_a_comparison_draws_ratios_with_their_intervals():
-    ax = figures.verdict_intervals(compare.changes(VERDICT)).axes[0]
+    ax = figures.verdict_intervals(VERDICT["rows"]).axes[0]
     (dot,) = [n for n in ax.lines if n.get_marker() == "o"]
     assert dot.get_xdata()[0] == pytest.approx(1.5)
     margin, interval = (c.get_segments()[0][:, 0] for c in ax.collections)
@@ -216,13 +221,13 @@ def test_a_figure_of_a_page_has_classes_titles_and_variables():
     name = '<b>$x_1$ & "y"[a=1]'
     series = [Series(x=[0, 1, 2], y=[0, 1, 2], estimator=name, tips=["5 > 4"])]
     looks = page.looks_of([name])
-    html = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks, legend=False)
+    html = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks)
     root = ElementTree.fromstring(html)  # well-formed
     text = ElementTree.tostring(root, encoding="unicode")
     assert f'class="{page.css_class(name)}"' in text and "5 &gt; 4" in text
     assert f"var(--style-{looks[name].place})" in text and looks[name].light.lower() not in text
     assert page.css_class("a[b=1]") != page.css_class("a[b=-1]")
-    again = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks, legend=False)
+    again = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks)
     assert html == again
 
 

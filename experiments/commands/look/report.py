@@ -36,9 +36,8 @@ def main(args: argparse.Namespace) -> int:
 
 def _of_study(args: argparse.Namespace, path: Path, results: Any) -> int:
     from flexaxis.experiments.reporting.study import render
-    from flexaxis.experiments.reporting.finds import finds
 
-    write_text(path, render(results, finds(results)))
+    write_text(path, render(results))
     if args.json:
         return answer(args, {"rows": results.pooled(), "report": path})
     print(f"report: {path}")
