@@ -122,7 +122,12 @@ for name, texts in knobs.items():
         label=name,
     )
     ax.loglog(
-        rows[texts[2]]["std"], rows[texts[2]]["lag"], "o", color=style(name).light, ms=11, mfc="none"
+        rows[texts[2]]["std"],
+        rows[texts[2]]["lag"],
+        "o",
+        color=style(name).light,
+        ms=11,
+        mfc="none",
     )
 bound = results.to_dataframe().query("parameter == 'f_m'")["lag_bound"].mean()
 ax.axhline(bound, color="0.5", label="bound")

@@ -102,10 +102,18 @@ for ax, level in zip(panels, levels, strict=True):
         found = [np.exp(pooled.get_group((level, name, factor))) for factor in factors]
         growth = [100 * (factor - 1) for factor in factors]
         ax.loglog(
-            growth, [np.exp(np.log(f).mean()) for f in found], "o-", color=style(name).light, label=name
+            growth,
+            [np.exp(np.log(f).mean()) for f in found],
+            "o-",
+            color=style(name).light,
+            label=name,
         )
         ax.vlines(
-            growth, [f.min() for f in found], [f.max() for f in found], color=style(name).light, lw=1
+            growth,
+            [f.min() for f in found],
+            [f.max() for f in found],
+            color=style(name).light,
+            lw=1,
         )
     bound = frame[frame["friction.coulomb"] == level].groupby("fault[0].factor")["lag_bound"].mean()
     ax.loglog(100 * (bound.index - 1), bound, color="0.5", lw=1.5, label="bound")
