@@ -141,7 +141,8 @@ def columns_of(rows: Rows) -> dict[str, Array]:
         All of one parameter.
     """
     frame = rows if isinstance(rows, pd.DataFrame) else pd.json_normalize(list(rows))
-    points = frame.reindex(columns=["hash", "estimator"]).astype(str).agg(" ".join, axis=1)
+    names = frame.reindex(columns=["hash", "estimator"], fill_value="").astype(str)
+    points = names.agg(" ".join, axis=1)
     numbers = {name: frame.get(name, np.nan) for name in NUMBERS}
     return {
         "seed": np.asarray(frame.get("seed", range(len(frame))), float),
