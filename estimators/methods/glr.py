@@ -107,7 +107,8 @@ def glr(
     _check(period=period, walk=walk, jump=jump, rate=rate, spread=spread, budget=budget)
     if not isinstance(gear, bool):
         raise EstimatorError(f"gear is {gear!r}; give true or false")
-    bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *problem.identify, *track, *suspects}
+    asked = {*np.ravel(track), *np.ravel(suspects)}  # checked where they are used
+    bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *problem.identify, *asked}
     geared = gear and not bristles
     model = with_laws(nominal, torque=problem.torque, period=period, geared=geared)
     told = told_of(nominal)

@@ -264,7 +264,7 @@ class Page:
 def _style() -> str:
     """Return the style of the page, and what its curves have of the pages."""
     sheets = (
-        files("flexaxis.experiments.reporting") / "templates" / "charts.css",
+        files("flexaxis.experiments.reporting.charts_old") / "templates" / "charts.css",
         files("flexaxis.experiments.demo") / "page.css",
     )
     colours = "".join(f"--style-{each.place}: {each.light}; " for each in styles.NINE)
