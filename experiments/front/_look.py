@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from flexaxis._given import Scenarios, scenarios_of
-from flexaxis.experiments.running.cache import default_cache
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.record import Record
+
+if TYPE_CHECKING:
+    from flexaxis._given import Scenarios
+    from flexaxis.sim.record import Record
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ def cache(*, clear: bool = False) -> CacheState:
     >>> fx.cache().removed
     0
     """
+    from flexaxis.experiments.running.cache import default_cache
+
     store = default_cache()
     removed = store.clear() if clear else 0
     size, limit = (round(bytes_ / 1024**2, 1) for bytes_ in (store.size(), store.limit))
@@ -99,6 +103,8 @@ def view(
 
     if target is not None:
         drawing.draw_offscreen()  # before the engine is imported
+    from flexaxis._given import scenarios_of
+    from flexaxis.sim.record import Record
     from flexaxis.sim.simulate import simulate
 
     record = run if isinstance(run, Record) else simulate(scenarios_of(run)[0], [seed])[0]

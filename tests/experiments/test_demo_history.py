@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments.cli import main
 from flexaxis.experiments.demo import history
 from flexaxis.experiments.demo.curves import estimates_table, history_table
 from flexaxis.experiments.demo.history import COLUMNS, History, HistoryLine
@@ -134,19 +133,6 @@ def test_an_act_that_cannot_be_done(act, message):
         parse_lesson(f"[[act]]\nat = 1.0\n{act}\n", source="mine.toml")
 
 
-def test_code_that_joins_in_a_lesson_is_not_run_unasked(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("flexaxis.experiments.demo.serve.serve", lambda *_, **__: None)
-    (tmp_path / "evil.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\nclass Mine: pass\n")
-    lesson = tmp_path / "lesson.toml"
-    name = f"{tmp_path / 'evil.py'}:Mine"
-    lesson.write_text(f'[[act]]\nat = 1.0\nracer = "B"\nestimator = "{name}"\n')
-    record = ["--record", str(tmp_path / "a.gif"), "--script", str(lesson)]
-    for words in ([str(lesson), "--no-browser"], record):
-        assert main(["demo", *words]) == 2
-        assert "--run-code" in capsys.readouterr().err
-    assert not (tmp_path / "ran").exists()
-
-
 def test_the_table_of_the_page_is_of_what_its_command_makes(monkeypatch):
     path = Path(__file__).parents[2] / "docs" / "demo.py"
     monkeypatch.syspath_prepend(path.parent)
@@ -162,5 +148,4 @@ def test_the_table_of_the_page_is_of_what_its_command_makes(monkeypatch):
     for row in rows:
         allowed = row.strip("| ").split(" | ")[-1].split(" – ")
         assert float(allowed[0]) < float(allowed[1])
-    made_at = r"commit [0-9a-f]{7,}, digest [0-9a-f-]{10,}"
-    assert re.search(rf"`python docs/demo.py`, {made_at}, seeds 1000 to 1019", last)
+    assert re.search(r"`python docs/demo.py`, flexaxis [\w.]+, seeds 1000 to 1019", last)

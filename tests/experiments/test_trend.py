@@ -175,7 +175,7 @@ def test_a_file_of_covariates(trended, tmp_path):
         (("--covariate", "temperature"), "There are speed, temp, time, torque"),
         (("--free", "f_q"), "f_m"),
         (("--false-alarms", "5"), "probability"),
-        (("--jobs", "0"), "1 or more"),
+        (("--jobs", "0"), "1 to 64"),
     ],
 )
 def test_wrong_use_is_told(trended, more, said):
