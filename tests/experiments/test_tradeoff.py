@@ -193,7 +193,7 @@ def test_who_does_not_estimate_what_changes_is_in_no_fault_and_harms_nobody(shor
     found = sweep(
         [short, ramp],
         ["rpem-forgetting", f"{__file__}:Timid"],
-        [0],
+        [0, 1],
         BenchHere().frame,
     )
     mine = {r["scenario"] for r in found.matched if r["estimator"].endswith("Timid")}
