@@ -1,4 +1,4 @@
-"""One setup at a log: a model, how its torque is meant, and what its residuals leave out."""
+"""One model of a log: what is identified, within which bounds, and the fit of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexaxis.estimators.offline.colour import colourless
 from flexaxis.estimators.offline.descent import Problem
 from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, finished, fit
 from flexaxis.estimators.offline.trajectory import Course, course
-from flexaxis.experiments.logs.identification.log import CLEAR, FIRST, Log, noise_of
+from flexaxis.experiments.logs.signals import CLEAR, FIRST, Log, noise_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -42,10 +42,12 @@ class Setup:
     whiten : bool
     highpass : float or None
         Corner [Hz] below which residuals do not count.
-    lower, upper : mapping of str to float
-        Boxes of parameters, where there are narrower ones.
+    box : mapping of str to (float, float)
+        Bounds of parameters, where they are not `REACH` about the start.
     beside : mapping of str to ndarray (N,)
         What acts beside the torque in proportion to a gain of that name.
+    early : float
+        Samples that a held torque may act before it is logged.
     """
 
     log: Log
@@ -54,9 +56,9 @@ class Setup:
     delay: float | None = None
     whiten: bool = True
     highpass: float | None = None
-    lower: Mapping[str, float] = field(default_factory=dict)
-    upper: Mapping[str, float] = field(default_factory=dict)
+    box: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     beside: Mapping[str, Array] = field(default_factory=dict)
+    early: float = 0.0
 
     @cached_property
     def begins(self) -> list[int]:
@@ -65,7 +67,7 @@ class Setup:
         Behind a high-pass nothing is seen of the states that a line leads to; and of bristles, and
         of an angle, nobody knows where they begin.
         """
-        states, along = len(self.model.states), self.course([0, 1])
+        states, along = len(self.model.states), self._course([0, 1])
         bends = len(along.free) > states and not along.dry
         turns = any(name.startswith("angle") for name in self.model.states)
         none = self.highpass is not None or bends or turns
@@ -94,8 +96,8 @@ class Setup:
 
     @property
     def earliest(self) -> float:
-        """Least delay to look for [s]: none of a torque that is held, which acts when it is set."""
-        return EARLIEST * self.log.period if self.log.smooth else 0.0
+        """Least delay to look for [s]."""
+        return (EARLIEST if self.log.smooth else -self.early) * self.log.period
 
     @property
     def latest(self) -> float:
@@ -105,8 +107,8 @@ class Setup:
     def problem(self, without: Flags | None = None) -> Problem:
         """Return it as a problem, without some samples if these are held out."""
         log, beside = self.log, np.array([*self.beside.values()]).reshape(-1, len(self.log.u))
-        along = self.course(self.begins, beside)
-        lower, upper = self._box(along)
+        along = self._course(self.begins, beside)
+        lower, upper = self._bounds(along)
         held = np.zeros(along.q, bool)
         held[-2:] = self.highpass is not None, self.delay is not None  # no offset passes a filter
         for state in along.states:
@@ -117,51 +119,41 @@ class Setup:
             ok &= ~without
         return Problem(along, log.y, ok, lower, upper, held, self.whiten, self.highpass)
 
-    def course(self, begins: Sequence[int], beside: Array | None = None) -> Course:
-        """Return the course of its model along the log, in stretches."""
+    def _course(self, begins: Sequence[int], beside: Array | None = None) -> Course:
         log = self.log
         return course(
-            self.model,
-            self.names,
-            log.u,
-            period=log.period,
-            output=log.output,
-            smooth=log.smooth,
-            resting=log.resting,
-            begins=begins,
-            beside=beside,
-        )
+            self.model, self.names, log.u, period=log.period, output=log.output,
+            smooth=log.smooth, resting=log.resting, begins=begins, beside=beside,
+        )  # fmt: skip
 
-    def _box(self, along: Course) -> tuple[Array, Array]:
+    def _bounds(self, along: Course) -> tuple[Array, Array]:
         theta = self.model.parametrize(self.names).theta
         lower, upper = np.full(along.q, -np.inf), np.full(along.q, np.inf)
         for i, name in enumerate(self.names):
-            least, most = np.sort([theta[i] / REACH, theta[i] * REACH])
-            if name in self.model.law_parameters:
-                least, most = 0.0, np.inf
-            lower[i], upper[i] = self.lower.get(name, least), self.upper.get(name, most)
+            usual = 0.0, np.inf
+            if name not in self.model.law_parameters:
+                usual = (
+                    min(theta[i] / REACH, theta[i] * REACH),
+                    max(theta[i] / REACH, theta[i] * REACH),
+                )
+            lower[i], upper[i] = self.box.get(name, usual)
         lower[-1], upper[-1] = self.earliest, self.latest
-        most = self._most(along)
+        log, states = self.log, self.model.states
+        # a start of a search may be an axis whose load is seen by nothing
+        sizes = float(abs(log.y[log.ok]).max()), float(np.ptp(log.angle))
+        most = [FAR * sizes[not name.startswith("speed")] for name in states]
         for state, speeds in zip(along.states, self._speeds(along), strict=True):
-            # a start of a search may be an axis whose load is seen by nothing
-            lower[state], upper[state] = -most[: len(speeds)], most[: len(speeds)]
+            if len(along.begins) > 1:
+                size = min(len(most), state.stop - state.start)
+                lower[state][:size], upper[state][:size] = np.negative(most[:size]), most[:size]
             # on the wrong side of dry friction's sign a fit would stay there
             lower[state][speeds > 0] = 0.0
             upper[state][speeds < 0] = 0.0
         return lower, upper
 
-    def _most(self, along: Course) -> Array:
-        """Return `FAR` times the greatest speed, and the whole way; without gaps no end."""
-        log, most = self.log, np.full(len(along.free), np.inf)
-        states = self.model.states if len(along.begins) > 1 else ()
-        for i, name in enumerate(states):
-            speed = name.startswith("speed")
-            most[i] = FAR * float(abs(log.y[log.ok]).max() if speed else np.ptp(log.angle))
-        return most
-
     def _speeds(self, along: Course) -> list[Array]:
         """Return the measured speed where it is of a state, of all stretches; 0 in noise."""
-        noise, found = noise_of(self.log.y[self.log.ok]), []
+        noise, result = noise_of(self.log.y[self.log.ok]), []
         for begin, state in zip(along.begins, along.states, strict=True):
             y = self.log.y[begin : begin + FIRST]
             # of a straight line: an axis moves on from the first sample to the fifth
@@ -169,12 +161,8 @@ class Setup:
             speeds = np.zeros(state.stop - state.start)
             if len(speeds) and abs(speed) > CLEAR * noise:
                 speeds[: len(self.model.C)] = [speed * (entry == "1") for entry in self.model.C]
-            found.append(speeds)
-        return found
-
-    def first(self) -> Array:
-        """Return the states to start from where stretches begin in motion: their measured speed."""
-        return np.concatenate(self._speeds(self.problem().course))
+            result.append(speeds)
+        return result
 
     def solve(
         self,
@@ -192,12 +180,11 @@ class Setup:
         """
         problem, p = self.problem(without), len(self.names)
         begin = self.model.parametrize(self.names).theta if start is None else start
-        lag = float(np.clip(lag if self.delay is None else self.delay, self.earliest, self.latest))
         if len(begin) == problem.course.q:
             z = np.clip(begin, problem.lower, problem.upper)
         else:
-            theta = np.clip(begin[:p], problem.lower[:p], problem.upper[:p])
-            z = problem.start(theta, float(begin[-1]) if len(begin) > p else lag, self.first())
+            lag = float(begin[-1]) if len(begin) > p else lag if self.delay is None else self.delay
+            z = problem.start(begin[:p], lag, np.concatenate(self._speeds(problem.course)))
         return fit(problem, z, rounds=rounds, fine=fine, plain=plain)
 
     def at(self, z: Array, without: Flags | None = None, *, fixed: int) -> Fitted:
@@ -217,7 +204,10 @@ class Setup:
     def begun(self, offset: float, delay: float) -> Fitted:
         """Return the fit of how a log begins, and goes on behind gaps, where all else is known."""
         problem = self.problem()
-        z = problem.start(self.model.parametrize(self.names).theta, delay, self.first())
+        z = problem.start(
+            self.model.parametrize(self.names).theta, delay,
+            np.concatenate(self._speeds(problem.course)),
+        )  # fmt: skip
         z[-2:] = offset, delay
         return self.at(z, fixed=len(self.names))
 
@@ -232,14 +222,6 @@ class Setup:
 
     def part(self, most: int) -> Setup:
         """Return it for the stretch of that many samples with the greatest torque, or all."""
-        log = self.log
-        if len(log.u) <= most:
-            return self
-        energy = np.cumsum(np.where(log.ok, log.u, 0.0) ** 2)
-        begins = np.linspace(0, len(log.u) - most, 9).astype(int)
-        begin = int(begins[np.argmax(energy[begins + most - 1] - energy[begins])])
-        chosen = slice(begin, begin + most)
-        sides = {name: getattr(log, name)[chosen] for name in ("u", "y", "ok", "angle")}
-        beside = {name: values[chosen] for name, values in self.beside.items()}
-        log = replace(log, **sides, resting=log.resting and begin == 0)
-        return replace(self, log=log, beside=beside)
+        piece = self.log.part(most)
+        beside = {name: values[piece] for name, values in self.beside.items()}
+        return replace(self, log=self.log.cut(piece), beside=beside)

@@ -1,4 +1,4 @@
-"""What of a record an identification reads: signals, gaps, and what may act beside the torque."""
+"""What of a record an identification reads: signals, gaps, and what acts beside the torque."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.stats import median_abs_deviation
 
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
@@ -18,7 +17,7 @@ Flags = NDArray[np.bool_]
 SIDED = 0.01  # s, over which the speed is a mean whose sign counts
 RESTING = 0.05  # of the deviation of the speed, below which an axis rests
 FIRST, CLEAR = 5, 3.0  # samples by which the first speed is told, and times their noise
-UNKNOWN, ROOM = 120, 2e7  # unknowns of gaps, and numbers in derivatives by them, at most
+UNKNOWN, ROOM = 120, 2e7  # unknown states behind gaps, and numbers in derivatives by them, at most
 
 
 @dataclass(frozen=True)
@@ -40,8 +39,6 @@ class Log:
         Whether it begins at rest.
     angle : ndarray (N,)
         Of the load by the gear ratio, as measured at the motor, or from where it starts.
-    known : bool
-        Whether the torque is what acted where the output is missing, too, as in a simulation.
     """
 
     u: Array
@@ -52,27 +49,34 @@ class Log:
     smooth: bool
     resting: bool
     angle: Array
-    known: bool = False
 
     def begins(self, states: int, later: int) -> list[int]:
-        """Return where stretches begin: the log, and what comes behind a gap.
+        """Return where stretches begin: the log, and what comes behind its longest gaps.
 
-        Of a torque that was not logged nobody knows what state it leads to. That is estimated
-        behind the longest gaps, of so many states and as many samples later; behind all others the
-        torque's line leads there.
+        The torque in a gap is not known, nor the state that it leads to: that is estimated, of so
+        many states and as many samples later. Behind all other gaps a line of the torque leads
+        there.
         """
         # a state that is forgotten before the first usable sample could be any
         first = 0 if self.resting else int(np.argmax(self.ok))
-        most = unknowns(len(self.ok)) // states if states and not self.known else 0
-        longest = sorted(gaps(self.ok), key=lambda gap: gap[0] - gap[1])[:most]
+        missing = np.flatnonzero(np.diff(np.r_[True, self.ok, True])).reshape(-1, 2).tolist()
+        gaps = [(begin, end) for begin, end in missing if begin and end < len(self.ok)]
+        most = int(min(UNKNOWN, ROOM // len(self.ok))) // states if states else 0
+        longest = sorted(gaps, key=lambda gap: gap[0] - gap[1])[:most]
         return [first, *sorted({end + later for _, end in longest if end + later < len(self.ok)})]
 
-    def smoothed(self) -> Log:
-        """Return the log with its torque taken as samples of a smooth one: means of a spline."""
-        times = np.arange(len(self.u) + 1.0)
-        integral = CubicSpline(times[:-1], self.u).antiderivative()
-        means = np.append(np.diff(integral(times[:-1])), self.u[-1])
-        return replace(self, u=means, smooth=True)
+    def part(self, most: int) -> slice:
+        """Return the stretch of that many samples with the greatest torque, or all."""
+        begins = np.linspace(0, max(len(self.u) - most, 0), 9).astype(int)
+        energy = np.cumsum(np.where(self.ok, self.u, 0.0) ** 2)
+        ends = np.minimum(begins + most, len(self.u)) - 1
+        begin = int(begins[np.argmax(energy[ends] - energy[begins])])
+        return slice(begin, begin + most)
+
+    def cut(self, piece: slice) -> Log:
+        """Return a piece of it."""
+        sides = {name: getattr(self, name)[piece] for name in ("u", "y", "ok", "angle")}
+        return replace(self, **sides, resting=self.resting and piece.start == 0)
 
 
 def log_of(record: Record, axis: Axis) -> Log:
@@ -85,7 +89,7 @@ def log_of(record: Record, axis: Axis) -> Log:
     ok = usable(record)
     # but for its noise
     still = abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
-    log = Log(
+    return Log(
         u=record.torque + sum(gain * beside[name] for name, gain in axis.beside.items()),
         y=y,
         ok=ok,
@@ -93,21 +97,8 @@ def log_of(record: Record, axis: Axis) -> Log:
         output=output,
         smooth=is_smooth(record),
         resting=record.burn_in == 0 and still and bool(ok[0]),
-        known=record.true_parameters is not None,
         angle=angle,
     )
-    return log.smoothed() if axis.torque_is == "smooth" and not log.smooth else log
-
-
-def unknowns(length: int) -> int:
-    """Return how many unknowns the gaps of a log may have: each costs a filter over all of it."""
-    return int(min(UNKNOWN, ROOM // length))
-
-
-def gaps(ok: Flags) -> list[tuple[int, int]]:
-    """Return first sample and end of each gap in the middle."""
-    missing = np.flatnonzero(np.diff(np.r_[True, ok, True])).reshape(-1, 2).tolist()
-    return [(begin, end) for begin, end in missing if begin and end < len(ok)]
 
 
 def columns_beside(angle: Array, speed: Array, period: float) -> dict[str, Array]:
