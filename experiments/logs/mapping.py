@@ -260,6 +260,7 @@ def _factor(log: Log, name: str, column: str, text: str) -> float:
     if unit not in factors:
         raise LogError(
             f"{log.source}: the unit {text!r} of {column} is not one of {', '.join(factors)} "
-            f"for {name}; state it with --unit {name}=…"
+            f"for {name}; give the unit with --unit {name}=…, or for counts of an encoder the "
+            f"size of one with --scale {name}=2*pi/COUNTS"
         )
     return factors[unit]
