@@ -25,7 +25,7 @@ help:
 	@echo "make test       the test suite (minutes);   make test-slow adds the long checks"
 	@echo "make test-browser  the demo in Chromium, where that is installed"
 	@echo "make check      ruff, formatting, type checker, architecture test"
-	@echo "make docs-tables  the measured tables of the documentation (hours)"
+	@echo "make docs-tables  the measured tables of the documentation (half an hour)"
 	@echo "make docs-speed  those of docs/speed.md, measured on this machine (half an hour)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
 	@echo "make site       the documentation as pages that need no network: results/site/index.html"
@@ -55,8 +55,7 @@ format: $(VENV)/.check
 	$(BIN)/ruff check --fix .
 
 docs-tables: $(VENV)/.test
-	for name in tables demo friction drives control_suite glr; do \
-	  $(BIN)/python docs/$$name.py || exit 1; done
+	$(BIN)/python docs/results.py
 
 docs-speed: $(VENV)/.peers
 	$(BIN)/python docs/speed.py
