@@ -131,7 +131,7 @@ def estimator_page() -> str:
         "# All estimators",
         "All that `flexaxis list estimators` knows. An option is given in brackets, "
         "`--estimator 'rpem-forgetting[forgetting=0.99]'`; how they compare: "
-        "[Scores](../scores.md#the-estimators).",
+        "[Scores](../estimators.md).",
         table(["estimator", "what it is"], rows),
     ]
     for entry in REGISTRY.values():
