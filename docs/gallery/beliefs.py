@@ -1,4 +1,7 @@
-"""What `glr` believes around a fault: the probability of a jump in each parameter."""
+"""
+What glr believes around a fault: the probability of a jump in each parameter
+=============================================================================
+"""
 
 import matplotlib.pyplot as plt
 
@@ -13,7 +16,8 @@ for u, y in zip(record.torque, record.speed, strict=True):
     beliefs.append(dict(estimator.beliefs))
 
 names = [name for name in beliefs[-1] if max(each.get(name, 0) for each in beliefs[1900:]) > 0.05]
-plt.stackplot(record.time, [[each.get(name, 0) for each in beliefs] for name in names], labels=names)
+curves = [[each.get(name, 0) for each in beliefs] for name in names]
+plt.stackplot(record.time, curves, labels=names)
 plt.xlim(9.9, 10.3)
 plt.legend(loc="upper left")
 plt.xlabel("time [s]; f_m +50 % at 10 s")
