@@ -11,73 +11,27 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # what type checkers and completion read; a test compares it with _HOME
+if TYPE_CHECKING:  # what type checkers and completion read; a test compares it with _NAMES
     from flexaxis._axis import Axis, Sample, make_axis
-    from flexaxis._check import check, scenarios
-    from flexaxis._compare import Comparison, compare
-    from flexaxis._estimates import Estimate
-    from flexaxis._logs import LogResult, identify, import_log, track, trend
-    from flexaxis._look import cache, view
-    from flexaxis._records import Recording, load, simulate
-    from flexaxis._results import Results, benchmark, study
-    from flexaxis._running import estimate, score
+    from flexaxis._estimates import Estimate, estimate, score
+    from flexaxis._logs import LogResult, identify, import_log, track
+    from flexaxis._records import Recording, cache, load, simulate, view
+    from flexaxis._results import Comparison, Results, benchmark, check, compare, study, tune
+    from flexaxis.experiments.catalogue.find import scenarios
 
     __version__: str
 
-__all__ = [
-    "Axis",
-    "Comparison",
-    "Estimate",
-    "LogResult",
-    "Recording",
-    "Results",
-    "Sample",
-    "__version__",
-    "benchmark",
-    "cache",
-    "check",
-    "compare",
-    "estimate",
-    "estimators",
-    "identify",
-    "import_log",
-    "load",
-    "make_axis",
-    "scenarios",
-    "score",
-    "simulate",
-    "study",
-    "track",
-    "trend",
-    "view",
-]
-
-_HOME = {
-    "Axis": "_axis",
-    "Sample": "_axis",
-    "make_axis": "_axis",
-    "check": "_check",
-    "Comparison": "_compare",
-    "compare": "_compare",
-    "Estimate": "_estimates",
-    "estimate": "_running",
-    "score": "_running",
-    "scenarios": "_check",
-    "Recording": "_records",
-    "load": "_records",
-    "simulate": "_records",
-    "Results": "_results",
-    "benchmark": "_results",
-    "study": "_results",
-    "LogResult": "_logs",
-    "identify": "_logs",
-    "import_log": "_logs",
-    "track": "_logs",
-    "trend": "_logs",
-    "cache": "_look",
-    "view": "_look",
+_NAMES = {
+    "_axis": ("Axis", "Sample", "make_axis"),
+    "_estimates": ("Estimate", "estimate", "score"),
+    "_logs": ("LogResult", "identify", "import_log", "track"),
+    "_records": ("Recording", "cache", "load", "simulate", "view"),
+    "experiments.catalogue.find": ("scenarios",),
+    "_results": ("Comparison", "Results", "benchmark", "check", "compare", "study", "tune"),
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
 _PACKAGES = ("estimators", "experiments", "models_mjcf", "sim")
+__all__ = sorted((*_HOME, "__version__", "estimators"))  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> Any:
@@ -111,10 +65,10 @@ class _Listed(ModuleType):
     """The package of estimators, which lists them when it is called: `fx.estimators()`."""
 
     def __call__(self, *, find: str = "") -> Any:
-        """Return the registered estimators, those with some text in name or summary."""
-        from flexaxis._check import estimators
+        """Return the registered estimators, those with some text: a list of name and card."""
+        from flexaxis.experiments.catalogue.find import estimators
 
-        return estimators(find=find)
+        return estimators(find)
 
 
 class _Front(ModuleType):

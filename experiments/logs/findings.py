@@ -1,22 +1,20 @@
-"""Findings: how grave one is, its words, what to type against it; and how they are printed."""
+"""Findings: how grave one is, its words, what to type against it; how problems are printed."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from flexaxis.experiments.reporting.tables import Table
 from flexaxis.experiments.running.progress import is_quiet
 
 ROUNDING = 1e-6  # of whatever unit a value has: less is that of numbers in a computer
-MARKS = {"problem": "✗", "note": "!", "info": "·", "ok": "✓"}
-"""Marks of kinds, in the order of their weight."""
-
 Kind = Literal["problem", "note", "info", "ok"]
+MARKS: dict[Kind, str] = {"problem": "✗", "note": "!", "info": "·", "ok": "✓"}
+"""Marks of kinds, in the order of their weight."""
 
 
 @dataclass(frozen=True)
@@ -80,36 +78,8 @@ def say_problems(path: Path, checks: Iterable[Finding]) -> None:
         print(f"✗ {path}: {text}", file=sys.stderr)
 
 
-def tell(every: Iterable[Finding]) -> None:
-    """Print a line for each, with its mark."""
-    from rich.console import Console
-
-    console = Console()
-    for one in every:
-        style = {"problem": "red", "note": "yellow"}.get(one.kind)
-        text = f"{MARKS[one.kind]} {one.sentence}"
-        console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
-
-
-def show(table: Table) -> None:
-    """Print a table."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table as Lines
-
-    lines = Lines(*table.heads, box=None, pad_edge=False)
-    for _, cells in table.rows:
-        lines.add_row(*(escape(cell.text) for cell in cells))
-    Console().print(lines)
-
-
 def waiting(doing: str) -> AbstractContextManager[Any]:
     """Show on a terminal that something goes on; nothing in a file."""
     from rich.console import Console
 
     return nullcontext() if is_quiet() else Console(stderr=True).status(doing)
-
-
-def sentences(every: Sequence[Finding]) -> str:
-    """Return findings as one text."""
-    return " ".join(f"{one.sentence.rstrip('.')}." for one in every)

@@ -99,7 +99,6 @@ def _record(grid: Prepared, burn_in: float | None, told: dict[str, str]) -> Reco
         angle=signals.get("angle"),
         speed=signals.get("speed"),
         increment=increment,
-        true_angle_a=signals.get("load_angle"),
         valid=None if valid.all() else valid,
         burn_in=burn_in,
         versions=told,

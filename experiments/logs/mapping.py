@@ -21,14 +21,8 @@ from flexaxis.sim.files import shown as limited
 
 Array = NDArray[np.float64]
 
-KINDS = {
-    "time": "time",
-    "torque": "torque",
-    "angle": "angle",
-    "speed": "speed",
-    "load_angle": "angle",
-}
-"""The signals that a mapping may name, and the kind of unit each has."""
+KINDS = ("time", "torque", "angle", "speed")
+"""The signals that a mapping may name."""
 
 Signal = Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")]
 
@@ -44,7 +38,7 @@ class LogMap(BaseModel):
 
     Attributes
     ----------
-    time, torque, angle, speed, load_angle : str or None
+    time, torque, angle, speed : str or None
         Column of each signal; time may be left out where `rate` is given.
     rate : float or None
         Sampling rate [Hz] of a log without time.
@@ -69,11 +63,10 @@ class LogMap(BaseModel):
     torque: str | None = None
     angle: str | None = None
     speed: str | None = None
-    load_angle: str | None = None
     rate: Annotated[float, Field(ge=0.01, le=1e12)] | None = None
     scale: dict[Signal, Annotated[float, AfterValidator(_is_factor)]] = {}
     unit: dict[Signal, str] = {}
-    counts: Annotated[float, Field(gt=0)] | None = None
+    counts: Annotated[float, Field(gt=0, strict=False)] | None = None
     torque_is: Literal["held", "smooth"] | None = None
     rows: Annotated[str, Field(pattern=r"^\d*:\d*$")] = ":"
     header: Annotated[int, Field(ge=1)] | None = None
@@ -93,7 +86,7 @@ class Raw:
     time : ndarray (N,)
         [s].
     signals : dict of str to ndarray (N,)
-        Torque [N m], angle and load_angle [rad], speed [rad/s], of those that the log has.
+        Torque [N m], angle [rad], speed [rad/s], of those that the log has.
     stated : frozenset of str
         Signals whose unit is stated.
     unit : dict of str to str
@@ -180,7 +173,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         )
     time = signals.pop("time", np.arange(lengths.pop()) / (mapping.rate or 1.0))
     stated = frozenset({n for n, u in units.items() if u} | ({"time"} - given.keys()))
-    named = {name: spelt(text, KINDS[name]) for name, text in units.items() if text}
+    named = {name: spelt(text, name) for name, text in units.items() if text}
     return Raw(time, signals, stated, named, abs(mapping.scale.get("torque", 1.0)) != 1)
 
 
@@ -213,15 +206,15 @@ def _unit(log: Log, name: str, column: str, mapping: LogMap) -> str:
     # torque_mA is a current, torque_ma may be a moving average
     endings = re.findall(r"(?=_(.+))", column)[-2:]
     both = (unit for end in endings for unit in (end, end.lower()))
-    return next((unit for unit in both if unit in ENDINGS[KINDS[name]]), "")
+    return next((unit for unit in both if unit in ENDINGS[name]), "")
 
 
 def _factor(name: str, column: str, text: str, mapping: LogMap) -> float:
     """Return the factor of a signal to SI."""
-    known = UNITS[KINDS[name]] | {"": 1.0}
-    if mapping.counts is not None and KINDS[name] == "angle":
+    known = UNITS[name] | {"": 1.0}
+    if mapping.counts is not None and name == "angle":
         known[COUNTS] = 2 * np.pi / mapping.counts
-    unit = spelt(text, KINDS[name])
+    unit = spelt(text, name)
     if unit not in known:
         raise LogError(
             f"the unit {text!r} of {column} is not one of {', '.join(filter(None, known))} for "

@@ -57,8 +57,8 @@ class Prepared:
     time : ndarray (N,)
         [s].
     signals : dict of str to ndarray (N,)
-        Of torque (its mean over [t_k, t_{k+1})), angle, speed and load_angle those that the log
-        has; finite everywhere.
+        Of torque (its mean over [t_k, t_{k+1})), angle and speed those that the log has; finite
+        everywhere.
     valid : ndarray (N,) of bool
         False where something is missing.
     period : float
@@ -215,9 +215,8 @@ def prepare(raw: Raw, *, smooth: bool = False, resample: float | None = None) ->
         if not uneven:
             valid[index[~there]] = False
         values, at = values[there], raw.time[there]
-        if name.endswith("angle"):
-            values, turned = unwrapped(values)
-            wrap = turned if name == "angle" else wrap
+        if name == "angle":
+            values, wrap = unwrapped(values)
         if even:
             signals[name] = np.interp(np.arange(length), index[there], values)
         elif name == "torque" and not smooth:

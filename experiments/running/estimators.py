@@ -141,11 +141,16 @@ def _files_of(name: str) -> list[Path]:
 _session: dict[str, Factory] = {}
 
 
-def text_of(make: Factory) -> str:
-    """Return the text for a class: its module's, or its name in this session, if it has one."""
+def text_of(make: str | Factory) -> str:
+    """Return the text for a class: its module's, or its name in this session; a text as it is."""
+    if isinstance(make, str):
+        return make
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier():
-        raise EstimatorError(f"{make!r} has no name to stand in results: give a class")
+        raise EstimatorError(
+            f"{make!r}: each run needs an estimator of its own, so give its name, such as 'glr', "
+            "or its class, not an instance"
+        )
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]
         return f"{module}:{name}"
