@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.series import explain
+from flexaxis.experiments.logs.series import FEWEST, explain
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -112,8 +112,10 @@ def changes_in(
     share : float
         Of the record, that these samples are.
     """
-    at, local, spread = _windows(time, error, J, share)
-    result = []
+    at, local, spread = _windows(time, error, J, len(names), share)
+    result = list[Change]()
+    if len(at) < FEWEST:
+        return result
     for name, x, sd in zip(names, local.T, spread.T, strict=False):
         one = explain(x, sd, false_alarms=FALSE_ALARMS / len(names))
         relative = one.size / (1 + one.level)
@@ -123,19 +125,21 @@ def changes_in(
     return sorted(result, key=lambda one: -one.scatters)
 
 
-def _windows(time: Array, error: Array, J: Array, share: float) -> tuple[Array, Array, Array]:
+def _windows(
+    time: Array, error: Array, J: Array, p: int, share: float
+) -> tuple[Array, Array, Array]:
     """Return begin (m,), estimate and deviation (m, p) of windows that show the parameters."""
     pieces = np.array_split(np.arange(len(time)), max(round(WINDOWS * share), 1))
     rows = []
     for k in (piece for piece in pieces if len(piece) > 10 * J.shape[1]):
         x = np.linalg.lstsq(J[k], error[k], rcond=1e-12)[0]
         left = float(np.std(error[k] - J[k] @ x))
-        sd = left * np.sqrt(np.abs(np.diag(np.linalg.pinv(J[k].T @ J[k], rcond=1e-14))))
-        rows.append((time[k[0]], left, x, np.where(sd > 0, sd, np.inf)))
+        known = np.abs(np.diag(np.linalg.pinv(J[k].T @ J[k], rcond=1e-14)))[:p]
+        sd = left * np.sqrt(np.where(known > 0, known, np.inf))
+        rows.append((time[k[0]], left, float(np.linalg.norm(J[k])), x[:p], sd))
     if not rows:
-        return np.empty(0), *np.empty((2, 0, J.shape[1]))
-    at, left, x, sd = (np.array(column) for column in zip(*rows, strict=True))
-    strength = np.array([np.linalg.norm(J[p]) for p in pieces if len(p) > 10 * J.shape[1]])
+        return np.empty(0), *np.empty((2, 0, p))
+    at, left, strength, x, sd = (np.array(column) for column in zip(*rows, strict=True))
     seen = (strength > np.median(strength) / BLIND) & (left < FOREIGN * np.median(left))
     seen &= (sd < BLIND * np.median(sd, axis=0)).all(axis=1)
     return at[seen], x[seen], sd[seen]

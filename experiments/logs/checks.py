@@ -10,26 +10,29 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.signal import welch
 
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.mapping import Raw
-from flexaxis.experiments.logs.prepare import Prepared, knots, unwrapped
-from flexaxis.experiments.logs.spectra import SEGMENT, Spectra, spectra
+from flexaxis.experiments.logs.prepare import (
+    LONGEST,
+    Prepared,
+    resolution,
+    rhythm,
+    unwrapped,
+)
+from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SI = {"time": "s", "angle": "rad", "speed": "rad/s"}
-FAST, FASTEST = 2000.0, 1e4  # rad/s: motors of axes stay below, spindles for milling stay below
+FASTEST = 1e4  # rad/s: spindles for milling stay below
 ABSURD = 1e8  # times the usual; a converter of 24 bits has 1.7e7 steps
 JITTER, MISSING, CLIPPED = 5.0, 20.0, 1.0  # % of a period; of the samples, where it matters
 WRAPS = 0.35  # of a turn a sample: beyond half of one, the direction cannot be told
 RUN, LEVELS = 3, 3  # samples at a limit; values of a torque that switches, and is not clipped
-REGULAR, MOVING = 0.8, 3.0  # updates after the usual number of samples, by steps of resolution
-LONGEST = 200_000  # samples that are looked at
 SECONDS = 0.02  # s: if smaller steps were of ms, the log would be one of more than 50 kHz
 WINDOW, USUAL = 7, 95.0  # samples, of which 3 may be outliers; percentile that they may not reach
 FAR, STEPS = 10.0, 5.0  # times the usual distance from the median, and move, of an outlier
@@ -60,23 +63,13 @@ class Evidence:
         assert speed is not None
         return speed
 
-    @cached_property
-    def spectra(self) -> Spectra:
-        """Averaged spectra over pieces of 4 s, or half the log, of its longest run."""
-        period = self.record.period
-        length = min(len(self.speed) // 2, round(SEGMENT / period))
-        edges = np.flatnonzero(np.diff(np.r_[False, self.valid, False].astype(int)))
-        begin, end = max(edges.reshape(-1, 2).tolist(), key=lambda run: run[1] - run[0])
-        run = slice(begin, end) if end - begin >= length else slice(None)
-        return spectra(self.record.torque[run], self.speed[run], period, length=length)
-
 
 def examine(e: Evidence) -> tuple[Finding, ...]:
-    """Return everything that was looked at; outliers hide how torque and motion belong."""
-    looks = [time_stamps(e), wrapping(e), clipping(e), clocks(e), units(e), resolution(e)]
-    spoilt = outliers_of(e)
-    belong = [] if spoilt.kind != "ok" else [torque(e), sign(e), other_speed(e)]
-    return tuple(one for one in (*looks, spoilt, *belong) if one is not None)
+    """Return all checks; outliers hide how torque and motion belong together."""
+    looks = [time_stamps(e), wrapping(e), clipping(e), clocks(e), units(e), coarse(e)]
+    looks += [outliers_of(e), torque(e)]
+    looks += [sign(e), other_speed(e)] if looks[-2].kind == "ok" else []
+    return tuple(one for one in looks if one is not None)
 
 
 def time_stamps(e: Evidence) -> Finding:
@@ -138,55 +131,24 @@ def clipping(e: Evidence) -> Finding:
 
 def clocks(e: Evidence) -> Finding:
     """Return which signals are updated less often than the log has samples, or interpolated."""
-    every = {name: updates_every(e.raw.signals[name]) for name in ("torque", e.raw.motion)}
-    lines = {name: knots(e.raw.signals[name])[0] for name in every}
-    name, slowest = "clocks", max(every[e.raw.motion], *lines.values())
-    if slowest == 1:  # a torque that is held for longer than a sample is no harm
-        return Finding("ok", f"torque and {e.raw.motion} are updated at every sample", name)
-    which = next(n for n in every if slowest in (every[n], lines[n]))
+    every = {name: rhythm(e.raw.signals[name]) for name in ("torque", e.raw.motion)}
+    # a torque that is held for longer than a sample is no harm
+    slow = {n: k for n, (k, _, lines) in every.items() if k > 1 and (lines or n != "torque")}
+    if not slow:
+        return Finding("ok", f"torque and {e.raw.motion} are updated at every sample", "clocks")
+    n = max(slow.values())
     text = (
-        f"{which} has a new value at every {slowest}th sample only, and is repeated or interpolated "
-        "between: log both by one clock, or bring the log to the slower rate"
+        f"{' and '.join(slow)} changes course at every {n}th sample only, as what is repeated or "
+        "interpolated: log both by one clock, or bring the log to the slower rate"
     )
-    command = f"--resample {1 / e.record.period / slowest:.6g}"
-    return Finding("problem", text, name, float(slowest), "samples", command)
+    command = f"--resample {1 / e.record.period / n:.6g}"
+    return Finding("problem", text, "clocks", float(n), "samples", command)
 
 
-def updates_every(values: Array) -> int:
-    """Return after how many samples a signal is updated: 1 if at each, or if it cannot be told.
-
-    A coarse signal repeats its values as well; it is taken for one of another clock only where it
-    jumps by several of its steps, and after the same number of samples nearly always.
-    """
-    values = values[np.isfinite(values)][:LONGEST]
-    changes = np.flatnonzero(np.diff(values))
-    if len(changes) < 20 or len(changes) > 0.7 * len(values):
-        return 1
-    gaps = np.diff(changes)
-    usual, step = round(float(np.median(gaps))), step_of(values)
-    jumps = np.abs(values[changes + 1] - values[changes])
-    coarse = step > 0 and float(np.median(jumps)) < MOVING * step
-    regular = usual > 1 and float(np.mean(gaps % usual == 0)) > REGULAR
-    return usual if regular and not coarse else 1
-
-
-def step_of(values: Array) -> float:
-    """Return the step of which a signal is made; 0 if it is finer than its changes."""
-    values = values[np.isfinite(values)][:LONGEST]
-    steps = np.abs(np.diff(values))
-    moved = steps[steps > 1e-9 * float(np.ptp(values))]
-    if not len(moved):
-        return 0.0
-    smallest = float(np.percentile(moved, 1))
-    multiples = moved / smallest
-    # steps without a quantum lie within .05 of a whole number in a tenth of the cases
-    return smallest if np.mean(np.abs(multiples - np.rint(multiples)) < 0.05) > 0.9 else 0.0
-
-
-def resolution(e: Evidence) -> Finding | None:
+def coarse(e: Evidence) -> Finding | None:
     """Return the step of a coarse encoder, which is noise of the motion and no wrong model."""
     name = e.raw.motion
-    step, moves = step_of(e.grid.signals[name]), np.diff(e.grid.signals[name])
+    step, moves = resolution(e.grid.signals[name]), np.diff(e.grid.signals[name])
     if step < COARSE * float(np.sqrt(np.mean(moves**2))):
         return None
     turn = f", {2 * np.pi / step:.4g} a turn" if name == "angle" and not e.raw.linear else ""
@@ -201,14 +163,6 @@ def units(e: Evidence) -> Finding:
         assumed.remove("time")
     if not assumed:
         return Finding("ok", "stated, or beyond doubt", "units")
-    for name in ("angle", "speed"):
-        usual = usual_speed(e.raw, name)
-        if usual > FAST:
-            text = (
-                f"not stated, and the motor would turn at {usual:.3g} rad/s, as spindles do but "
-                f"hardly an axis: {other_units(name)}"
-            )
-            return Finding("problem", text, "units", usual, "rad/s", f"--unit {name}=UNIT")
     text = "not stated; taken " + ", ".join(f"{name} for {SI[name]}" for name in assumed)
     text += ". No log shows whether that is so; estimates are wrong by the factor if it is not"
     options = " ".join(f"--unit {name}={SI[name]}" for name in assumed)
@@ -313,7 +267,7 @@ def outliers_of(e: Evidence) -> Finding:
     if not far.any():
         return Finding("ok", "none", label)
     jump = np.abs(np.diff(signal)).max()
-    at = ", ".join(f"{t:.6g}" for t in time[far][:4]) + " …" * (far.sum() > 4)
+    at = ", ".join(f"{t:.6g}" for t in time[far][:4]) + " …" * int(far.sum() > 4)
     text = (
         f"the {name} jumps by up to {jump:.5g} {SI[name]} and back within some samples, as no axis "
         f"moves, at {at} s; that spoils all estimates. Empty such cells of the log: what is "
@@ -350,7 +304,8 @@ def sign(e: Evidence) -> Finding:
     At the lower end of the excitation an axis is inertia and friction: its acceleration leads the
     torque by 0 to 90°, and friction takes power, and never gives it.
     """
-    name, s = "signs of torque and motion", e.spectra
+    name = "signs of torque and motion"
+    s = spectra(e.record.torque[e.valid], e.speed[e.valid], e.record.period)
     low, high = s.band
     bottom = (s.frequency > 0) & (s.frequency >= low) & (s.frequency < low + 0.1 * (high - low))
     faster = s.cross * (np.exp(2j * np.pi * s.frequency * e.record.period) - 1)
@@ -383,13 +338,7 @@ def other_speed(e: Evidence) -> Finding | None:
     return Finding("info", text, "speed beside angle", 1e3 * late, "ms")
 
 
-SPOTLESS = 1e-9  # of its power in noise: no sensor is so good
 STANDS = 0.5  # of the samples that equal the one before
-SHORT = 256  # samples in a piece, for the coherence
-MOVES, MOVES_NOT = 0.5, 0.3  # of the coherence that a torque which acts would have
-EXPECTED = 0.1  # coherence below which nothing can be told from its absence
-STATED, UNSEEN = "as stated", "its samples do not show it"
-_WORDS = {"held": "a command", "smooth": "a measured current"}
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
@@ -398,72 +347,24 @@ def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
     """Return whether a torque is held or smooth between its samples, and why.
 
     A command jumps at each sample and stays; what is logged of it acts. A measured current goes on
-    changing between samples, passes the filters of its amplifier, and has noise of its sensor on
-    it, which does not move the motor. To take one for the other is half a sample of delay.
+    changing between samples. To take one for the other is half a sample of delay.
     """
-    motion = raw.signals[raw.motion]
-    known = np.isfinite(raw.signals["torque"]) & np.isfinite(motion)
-    speed = motion[known][:LONGEST]
-    if raw.motion == "angle":  # the speed but for a factor
-        speed = np.diff(unwrapped(speed)[0])
-    u, period = (
-        raw.signals["torque"][known][:LONGEST][-len(speed) :],
-        float(np.median(np.diff(raw.time))),
-    )
-    shape = _by_shape(u, period)
-    seen = ("held", shape) if shape else _by_motion(u, speed, period)
+    u = raw.signals["torque"][np.isfinite(raw.signals["torque"])][:LONGEST]
+    steps = np.abs(np.diff(u))
     if stated is not None:
-        against = seen is not None and seen[0] != stated
-        return stated, f"{STATED}, but {seen[1]}" if seen and against else STATED
-    if seen is not None:
-        return seen
+        return stated, "as stated"
+    if len(np.unique(u)) <= LEVELS or np.mean(steps == 0) > STANDS:
+        return "held", "it switches, or stays and jumps"
     for kind, names in (("held", _COMMAND), ("smooth", _MEASURED)):
         if names.search(column):
-            return kind, f"{UNSEEN}, but its column is called {column}"
-    return "held", f"{UNSEEN}; taken for a command"
-
-
-def _by_shape(u: Array, period: float) -> str:
-    """Return why a torque must be a command, or nothing."""
-    if len(np.unique(u)) <= LEVELS:
-        return "it switches between few values"
-    same = np.diff(u) == 0
-    if same.mean() > STANDS and np.abs(np.diff(u)).max() > 0.1 * np.ptp(u):
-        return f"it stays at {100 * same.mean():.0f} % of the samples, and jumps between"
-    frequency, power = welch(
-        u, fs=1 / period, nperseg=min(len(u) // 2, 4096), window="blackmanharris"
-    )
-    share = power / power.sum()
-    floor = float(np.median(share[frequency > 0.4 / period]) * len(share))
-    return "it has no noise on it, as what was computed" if floor < SPOTLESS else ""
-
-
-def _by_motion(u: Array, speed: Array, period: float) -> tuple[str, str] | None:
-    """Tell by whether its fastest parts, above a quarter of the rate, move the motor."""
-    a, u = np.diff(speed) / period, u[:-1]
-    length = min(SHORT, len(u) // 16)
-    s = spectra(u, a, period, length=length)
-    fast, band = s.frequency > 0.25 / period, s.torque > 0.01 * s.torque.max()
-    # of white noise, the coherence of averages over overlapping pieces
-    seen = float(np.mean(s.coherence[fast])) - length / len(u)
-    gain = float(np.median(np.abs(s.cross[band]) / s.torque[band]))
-    expected = min(float(gain**2 * s.torque[fast].sum() / s.motion[fast].sum()), 1.0)
-    if seen > MOVES:
-        return "held", "its fastest parts move the motor, or come from its motion sample by sample"
-    if expected > EXPECTED and seen < MOVES_NOT * expected:
-        return "smooth", "its fastest parts are noise of a sensor: they do not move the motor"
-    return None
+            return kind, f"its column is called {column}; state another by --torque-is"
+    return "held", "taken for a command; a measured current is stated by --torque-is smooth"
 
 
 def torque(e: Evidence) -> Finding:
     """Return how the torque was taken between its samples, and why."""
-    name, kind = "torque between samples", e.record.versions["torque"]
-    other, because = "held" if kind == "smooth" else "smooth", e.record.versions["torque_because"]
-    text, against, unseen = f"{kind}: {because}", f"{STATED}, but" in because, UNSEEN in because
+    kind, because = e.record.versions["torque"], e.record.versions["torque_because"]
+    text = f"{kind}: {because}; half a sample of delay depends on it"
     if e.raw.unit.get("torque") in ("V", "mV"):
         text += ". It is a voltage: f_m then holds the friction by back-EMF as well"
-    if not (against or unseen):
-        return Finding("info", text, name)
-    if unseen:
-        text += f". If it is {_WORDS[other]}, say so: half a sample of delay depends on it"
-    return Finding("problem" if against else "note", text, name, command=f"--torque-is {other}")
+    return Finding("info", text, "torque between samples")

@@ -59,7 +59,7 @@ class Finding:
     def told(self) -> dict[str, Any]:
         """Return it as plain data, for JSON."""
         content = asdict(self)
-        return content | {"verdict": content.pop("kind")}
+        return {"name": self.name, "verdict": content.pop("kind")} | content
 
 
 def ordered(every: Iterable[Finding]) -> list[Finding]:

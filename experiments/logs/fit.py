@@ -74,6 +74,7 @@ class Candidate:
         """Whether it leaves more than noise: the model has not all that acts."""
         there = self.setup.counted
         noise, size = noise_of(self.best.residual[there]), float(np.std(self.setup.log.y[there]))
+        noise = max(noise, self.setup.log.rounding)
         return bool(self.error > max(RIGHT * noise, NOTHING * size))
 
     def errors(self, fitted: Fitted, highpass: float | None = None) -> Array:
@@ -170,7 +171,7 @@ def answer(best: Candidate) -> Answer:
     inside = [one for one in fits if not stuck(one)] or fits
     taken = inside[-1 if best.lacks else 0]
     deviations = taken.deviations
-    for other in fits:
+    for other in inside:
         off = abs(other.fitted.z - taken.fitted.z)
         if best.lacks:
             deviations = np.hypot(deviations, off / 2)

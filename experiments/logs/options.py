@@ -53,8 +53,8 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
                    {"type": float, "default": 0.0}),
     "--gaps N": ("Number of times at which samples are missing (default: 0).",
                  {"type": int, "default": 0}),
-    "--counts N": ("Counts of the encoder per turn of the motor: of an angle in counts, or to round "
-                   "the written angle (default: none).", {"type": int, "default": 0}),
+    "--counts N": ("Counts of the encoder per turn of the motor: of an angle in counts, or to "
+                   "round the written angle (default: none).", {"type": int, "default": 0}),
 }  # fmt: skip
 """Options of the commands that read or write logs, as in `experiments.commands.options`."""
 

@@ -12,15 +12,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flexaxis.estimators.offline.frequency import frequency_response
-from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
 from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.importing import Imported
 from flexaxis.experiments.logs.many import Many
-from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.logs.validate import Validation
 from flexaxis.experiments.reporting import page
@@ -112,8 +109,7 @@ def import_page(result: Imported, log: str, command: str) -> LogPage:
     rows = [(one.name, one.measured, MARKS[one.kind], one.text, one.command) for one in checks]
     table = _table("Checks", ["checked", "measured", "", "in words", "what to type"], rows)
     told = [one for one in checks if one.kind in ("problem", "note")]
-    charts = [log_chart(record), spectrum_chart(record)]
-    return LogPage(f"Import of {log}", command, finding, told, charts, [table])
+    return LogPage(f"Import of {log}", command, finding, told, [log_chart(record)], [table])
 
 
 def log_chart(record: Record) -> Chart:
@@ -126,17 +122,6 @@ def log_chart(record: Record) -> Chart:
     spans = {"spans": _gaps(record.time, usable(record))}
     words = "The log. Shaded: missing, or before the end of the burn-in."
     return Chart("The log", words, "time [s]", panels, spans)
-
-
-def spectrum_chart(record: Record) -> Chart:
-    """Return the spectrum of the torque."""
-    seen, label = spectra(record.torque, record.torque, record.period), "torque [per √Hz]"
-    density = _line(seen.frequency[1:], np.sqrt(seen.torque[1:]) + 1e-300, "log", role="data")
-    words = "What the torque excites: its amplitude spectral density, over segments of 4 s."
-    return Chart(
-        "Excitation", words, "frequency [Hz]", {label: [density]},
-        {"logs": (label, "frequency [Hz]")},
-    )  # fmt: skip
 
 
 def identification_page(
@@ -155,7 +140,6 @@ def identification_page(
     log = result.answer.setup.log
     time = period * np.arange(float(len(log.y)))
     charts = [_compared("Simulation from the torque", time, log.y, log.y - result.residual, log.ok)]
-    charts += [response_chart(result, period)]
     charts += [friction_chart(result)] if result.map is not None else []
     if other is not None:
         ok = np.ones(len(other.time), bool)
@@ -233,28 +217,6 @@ def _compared(title: str, time: Array, y: Array, simulated: Array, ok: NDArray[n
         "error [rad/s]": [_line(t, (y - simulated)[piece], "error", role="data")],
     }
     return Chart(title, "The liveliest piece, simulated from the torque alone.", "time [s]", panels)
-
-
-def response_chart(result: Identification, period: float) -> Chart:
-    """Return the measured frequency response and that of the identified model."""
-    log, label, x = result.answer.setup.log, "|torque to speed| [rad/s per unit]", "frequency [Hz]"
-    s = spectra(log.u[log.ok], log.y[log.ok], period, pieces=6, trend=True)
-    seen = (s.frequency > 0) & (s.coherence > 0.8) & (s.torque > 0.01 * np.median(s.torque))
-    model = result.answer.setup.having(result.answer.setup.values(result.answer.fitted)).model
-    chosen = SIGNALS[log.output].predicted(model, period).parametrize(result.answer.setup.names)
-    fine = np.geomspace(s.frequency[1], 0.5 / period, 600)
-    if model.laws:
-        fine = fine[:0]
-    gain = frequency_response(chosen, chosen.theta, 2 * np.pi * fine, period=period)[0]
-    measured = abs(s.cross / np.maximum(s.torque, 1e-300))[seen]
-    panels = {
-        label: [
-            _line(s.frequency[seen], measured, "log", role="data"),
-            _line(fine, abs(gain), "identified model", role="truth"),
-        ]
-    }
-    words = "Frequency response of the log where the torque explains the motion, and of the model."
-    return Chart("Frequency response", words, x, panels, {"logs": (label, x)})
 
 
 def friction_chart(result: Identification) -> Chart:

@@ -27,7 +27,10 @@ NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
 SLOWEST = 1.01  # s, of a sample; spectra are averaged over four seconds
 WITHIN = 2.05  # ticks of an even grid, of stamps that are rounded
 FARTHEST = 1.2  # times the usual move, that a row is away from the last one where none is missing
-STRAIGHT, MOST_KNOTS, BENDS = 1e-3, 20, 0.95  # of interpolated signals
+LONGEST = 200_000  # samples that are looked at
+STRAIGHT, LINED = 1e-3, 0.45  # of the usual bend, and share of the samples, of lines
+MOST_KNOTS, BENDS = 21, 0.95  # samples between updates, and share of the changes at them
+MOVING = 3.0  # steps of its resolution by which a signal moves between its updates
 
 
 @dataclass(frozen=True)
@@ -123,55 +126,68 @@ def coarse_tick(time: Array, signals: Mapping[str, Array]) -> float:
     signals move farther over a longer step.
     """
     steps = np.diff(time)
-    moving = steps[steps > 0]
-    if (steps < 0).any() or not len(moving):
-        return 0.0
-    tick = float(
-        np.median(moving) if (steps == 0).any() else np.diff(np.unique(steps)).max(initial=0)
-    )
+    least, still = steps.min(), np.mean(steps == 0)
+    tick = float(np.median(steps[steps > 0])) if still > SMALL else float(np.ptp(steps))
     grid = np.linspace(time[0], time[-1], len(time))
-    if tick < NEAR * np.median(moving) or np.ptp(time - grid) > WITHIN * tick:
+    if least < 0 or (still <= SMALL and not NEAR * least < tick < (1 + SMALL) * least):
         return 0.0
-    long = steps > steps.min() + 0.5 * tick
-    if abs(steps.min() - tick) < 0.1 * tick:  # a row may be missing in each step of two ticks
-        moves = [np.abs(np.diff(values)) for values in signals.values()]
+    off = (steps - least) / tick  # jitter is between the multiples of a tick
+    if np.ptp(time - grid) > WITHIN * tick or np.mean(np.abs(off - np.rint(off)) > SMALL) > SMALL:
+        return 0.0
+    if abs(least - tick) < SMALL * tick:  # a row may be missing in each step of two ticks
+        long, moves = steps > 1.5 * tick, [np.abs(np.diff(values)) for values in signals.values()]
         far = [np.nanmedian(m[long]) / max(np.nanmedian(m[~long]), 1e-300) for m in moves]
         return tick if max(far) < FARTHEST else 0.0
     return tick
 
 
-def knots(values: Array) -> tuple[int, int]:
-    """Return every which sample of a linearly interpolated signal is one, and the first; else 1, 0.
+def rhythm(values: Array) -> tuple[int, int, bool]:
+    """Return after how many samples a signal is updated, the first such, and whether by lines.
+
+    Between updates a signal is held, or interpolated linearly. 1, 0 where it is updated at every
+    sample, or where steps of its resolution hide that.
 
     Examples
     --------
     >>> k = np.arange(4000)
-    >>> knots(np.interp(k, k[2::4], np.sin(k[2::4] ** 1.5)))
-    (4, 2)
+    >>> rhythm(np.interp(k, k[2::4], np.sin(k[2::4] ** 1.5)))
+    (4, 2, True)
+    >>> rhythm(np.sin(k // 5))
+    (5, 0, False)
     """
-    bends = np.abs(np.diff(values[np.isfinite(values)][:200_000], 2))
-    moves = np.abs(np.diff(values[np.isfinite(values)][:200_000]))[1:] > 0
-    edge = max(STRAIGHT * float(np.percentile(bends, 99)), 2.1 * float(resolution(values)))
-    bent, straight = bends > edge, (bends <= edge) & moves
-    for n in range(2, MOST_KNOTS) if straight.mean() > 0.45 else ():
-        share = [bent[r::n].sum() / max(bent.sum(), 1) for r in range(n)]
-        if max(share) > BENDS and bent.sum() > 0.5 * len(bends) / n:
-            return n, (int(np.argmax(share)) + 1) % n
-    return 1, 0
+    x = values[np.isfinite(values)][:LONGEST]
+    moves = np.abs(np.diff(x))
+    jumps, digit = moves[moves > 0], resolution(x)
+    for lines in (True, False):
+        change = np.abs(np.diff(x, 2)) if lines else moves
+        straight, most = np.percentile(change, [40, 99])  # at least half is rounding, along lines
+        bent = change > max(STRAIGHT * most, 4 * straight)
+        seen = (~bent & (moves[1:] > 0)).mean() > LINED if lines else len(jumps) > 20
+        if not seen or np.median(jumps) < MOVING * digit:
+            continue
+        for n in range(2, MOST_KNOTS):
+            share = [bent[r::n].sum() / max(bent.sum(), 1) for r in range(n)]
+            if max(share) > BENDS and bent.sum() > 0.5 * len(bent) / n:
+                return n, (int(np.argmax(share)) + 1) % n, lines
+    return 1, 0, False
 
 
 def resolution(values: Array) -> float:
-    """Return the smallest digit in which a signal is written, by its smallest differences."""
-    steps = np.abs(np.diff(values[np.isfinite(values)]))
-    moved = steps[steps > 1e-12 * max(float(np.ptp(steps)), 1e-300)]
-    return float(np.percentile(moved, 0.5)) if len(moved) > FEWEST else 0.0
+    """Return the step of which a signal is made; 0 if it is finer than its changes."""
+    steps = np.abs(np.diff(values[np.isfinite(values)][:LONGEST]))
+    moved = steps[steps > 1e-9 * max(float(np.ptp(values)), 1e-300)]
+    if not len(moved):
+        return 0.0
+    smallest = float(np.percentile(moved, 1))
+    multiples = moved / smallest
+    # steps without a quantum lie within .05 of a whole number in a tenth of the cases
+    return smallest if np.mean(np.abs(multiples - np.rint(multiples)) < 0.05) > 0.9 else 0.0
 
 
 def without_interpolation(raw: Raw) -> tuple[Raw, str]:
     """Return the samples that a log was interpolated from, where it was, and a remark on that."""
-    every = {name: knots(raw.signals[name]) for name in ("torque", raw.motion)}
-    (n, first), same = every["torque"], len(set(every.values())) == 1
-    if not same or n == 1:
+    n, first, lines = rhythm(raw.signals["torque"])
+    if not lines or rhythm(raw.signals[raw.motion]) != (n, first, lines):
         return raw, ""
     part = slice(first, None, n)
     signals = {name: values[part] for name, values in raw.signals.items()}
@@ -208,13 +224,13 @@ def prepare(raw: Raw, *, smooth: bool = False, resample: float | None = None) ->
     if uneven:  # a sample is known where stamps on both sides of it are near
         after = np.clip(np.searchsorted(raw.time, time), 1, len(raw.time) - 1)
         valid = np.diff(raw.time)[after - 1] <= LONGEST_STEP * period
-    for name, values in raw.signals.items():
-        there = np.isfinite(values)
+    for name, logged in raw.signals.items():
+        there = np.isfinite(logged)
         if there.sum() < FEWEST:
             raise LogError(f"{name} has {there.sum()} samples; {FEWEST} or more are needed")
         if not uneven:
             valid[index[~there]] = False
-        values, at = values[there], raw.time[there]
+        values, at = logged[there], raw.time[there]
         if name == "angle":
             values, wrap = unwrapped(values)
         if even:

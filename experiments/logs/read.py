@@ -8,7 +8,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +130,7 @@ def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[s
     for name, value in content.items():
         if isinstance(value, Mapping):
             yield from _flattened(value, f"{before}{name}.")
-        elif isinstance(value, list) or getattr(value, "dtype", None) == object:
+        elif isinstance(value, list) or getattr(value, "dtype", np.dtype(float)).kind == "O":
             items = [item for item in value if isinstance(item, Mapping)]
             own = [item.get("Name") or item.get("label") or i for i, item in enumerate(items, 1)]
             inner = {f"{name}.{key}": item for key, item in zip(own, items, strict=True)}
@@ -182,10 +181,10 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
             "export it"
         )
     rows = {k: _cells(line, separator, decimal) for k, line in kept.items()}
-    texts = {k: [*map(_is_text, row)] for k, row in rows.items() if _is_row(row)}
-    # a line of a head may look like a row, but not like the next one
-    pairs = ((k, n) for k, n in pairwise(rows) if k in texts and texts[k] == texts.get(n))
-    first = next((k for k, _ in pairs if len(rows[k]) == width), max(rows))
+    # a line of a head may look like a row, but has its texts elsewhere
+    texts = {k: tuple(map(_is_text, row)) for k, row in rows.items() if len(row) == width}
+    usual = Counter(texts[k] for k in texts if _is_row(rows[k])).most_common(1)[0][0]
+    first = next(k for k, own in texts.items() if own == usual)
     if header is not None:
         head, below = _cells(lines[header - 1].lstrip("#%/ "), separator), []
     else:
@@ -317,7 +316,7 @@ def _table(path: Path, layout: Mapping[str, Any], names: list[str]) -> pd.DataFr
         table = pd.read_csv(
             path, **layout, names=names, header=None, index_col=False, skip_blank_lines=False,
             encoding_errors="replace", skipinitialspace=True, na_values=MISSING,
-            low_memory=False, float_precision="round_trip",
+            low_memory=False,
         )  # fmt: skip
     except (pd.errors.ParserError, ValueError) as error:
         raise LogError(

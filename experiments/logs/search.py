@@ -7,6 +7,7 @@ the like are taken where pieces that were not fitted are simulated better with t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.axes import BRISTLES, STATIC
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.descent import damped_step
+from flexaxis.estimators.offline.inverse import Inverse
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.estimators.offline.sizes import motion
 from flexaxis.estimators.offline.structure import guessed, prior
@@ -49,9 +51,8 @@ TURN = 0.5  # rad of the load, below which gravity is about a constant
 DRIFT = 0.5  # of the variance that a simulation leaves, that lies below the excitation
 EARLY = 4.0  # samples, by which a torque is looked for before it is logged
 FILTERED = 0.5  # samples of delay, from which on a speed may be filtered
-ENOUGH, QUICK = 10_000, 4000  # samples, to tell which start is the best, and where not
-LIKELY, RUNGS = 3, 6  # starts that are looked at twice, and resonances that are tried
-FASTEST = 1.0  # rad a sample, of these
+ENOUGH = 10_000  # samples, to tell which start is the best
+LIKELY = 3  # starts that are looked at twice
 
 Place = tuple[Array, float]
 
@@ -105,14 +106,24 @@ class Search:
     def result(self) -> Candidate:
         """Return what the log asks for, or what was stated."""
         if not self.known:
-            guess = rough_guess(self.setup.model, self._response())
-            self.setup = self.setup.having(guess)
-        best, kind = self._fitted(self.setup), self.friction
-        corner = self._corner()
+            self.setup = self.setup.having(self._guess())
+        best, corner = self._searched(self.setup), self._corner()
         if corner and self.setup.highpass is None and self._drifts(best, corner):
-            other = self._fitted(replace(self.setup, highpass=corner))
+            other = self._searched(replace(self.setup, highpass=corner))
             best = self._taken(f"residuals above {corner:g} Hz only", best, other, highpass=corner)
-        best = self._beside(best, GRAVITY, "sine", "cosine")
+        return self._filtered(self._early(best))
+
+    def _guess(self) -> dict[str, float]:
+        """Return the size of the parameters, by the frequency response or the inverse dynamics."""
+        if self._seen is not None:
+            return rough_guess(self.setup.model, self._seen)
+        rigid = self._rigid
+        known = rigid is not None and set(self.setup.names) <= RIGID.keys()
+        return {n: abs(rigid.value[RIGID[n]]) for n in self.setup.names} if rigid and known else {}
+
+    def _searched(self, setup: Setup) -> Candidate:
+        """Return a setup with the friction and what else acts beside the torque."""
+        best, kind = self._beside(self._fitted(setup), GRAVITY, "sine", "cosine"), self.friction
         if "speed_motor" in best.setup.model.states and not best.setup.model.laws:
             dry = self._rubbing(best, "stribeck" if kind == "stribeck" else "coulomb")
             if kind in FRICTION or self.given:
@@ -122,8 +133,7 @@ class Search:
                 best = best if kind == "none" else better
             if kind == "auto" and best is dry and best.lacks:
                 best = self._taken("Stribeck's hump", best, self._rubbing(best, "stribeck"), "f_s")
-        best = self._beside(best, SIDED, "sided")
-        return self._filtered(self._early(best))
+        return self._beside(best, SIDED, "sided")
 
     def _taken(
         self,
@@ -187,7 +197,8 @@ class Search:
             period=log.period, motion=moves,
         )  # fmt: skip
         k_T = model.nominal.get("k_T", 1.0)
-        level = max(self._level * abs(k_T), LEAST_LEVEL * abs(k_T) * float(np.std(log.u[log.ok])))
+        dry = 0.0 if self._rigid is None else self._rigid.value["dry"]
+        level = abs(k_T) * max(dry, LEAST_LEVEL * float(np.std(log.u[log.ok])))
         model = replace(model, nominal=dict(model.nominal) | {"f_c": level} | dict(self.given))
         thought = prior(model, law.names, period=log.period, motion=moves)
         box = {
@@ -201,10 +212,9 @@ class Search:
         return candidate(setup, self._explored(setup, places).z)
 
     @cached_property
-    def _level(self) -> float:
-        """About how much dry friction there is, in units of the torque."""
-        seen = explain(self.setup.log, self.setup.delay or 0.0, LINEAR)
-        return 0.0 if seen is None else max(seen.value["dry"], 0.0)
+    def _rigid(self) -> Inverse | None:
+        """The inverse dynamics of the log as that of a rigid axis."""
+        return explain(self.setup.log, self.setup.delay or 0.0, LINEAR)
 
     def _early(self, best: Candidate) -> Candidate:
         """Return it with a torque that acts before it is logged, where the fit pulls that way."""
@@ -221,7 +231,7 @@ class Search:
         return self._taken("a torque that acts before it is logged", best, other)
 
     def _filtered(self, best: Candidate) -> Candidate:
-        """Return it with a speed behind a low-pass, where the delay and the errors look like one."""
+        """Return it with a speed behind a low-pass, where delay and errors look like one."""
         setup, late = best.setup, float(best.best.z[-1])
         one = setup.log.output == "speed" and setup.model.C.count("1") == 1
         if not one or not best.lacks or late < FILTERED * setup.log.period:
@@ -234,16 +244,16 @@ class Search:
 
     def _fitted(self, setup: Setup) -> Candidate:
         places = self._places(setup, 0.0)
-        if not self.known:
-            seen = self._response()
-            rungs = np.geomspace(seen.omega[0], FASTEST / setup.log.period, RUNGS)
-            guesses = [setup.having(rough_guess(setup.model, seen, rung)) for rung in rungs]
-            starts = [(one.model.parametrize(setup.names).theta, 0.0) for one in guesses]
-            if not np.array_equal(starts[0][0], starts[-1][0]):
-                quick = setup.part(QUICK)
-                fits = [quick.solve(*at, rounds=1, fine=False, plain=True).square for at in starts]
-                places += [starts[i] for i in np.argsort(fits)[:2]]
+        if not places:
+            self._response()  # raises the error
         return candidate(setup, self._explored(setup, places).z)
+
+    @cached_property
+    def _seen(self) -> Response | None:
+        """The frequency response, where the torque explains the motion."""
+        with suppress(LogError):
+            return self._response()
+        return None
 
     def _response(self, level: float = 0.0, floor: float = STRONG) -> Response:
         """Return the frequency response from the torque less some dry friction."""
@@ -253,7 +263,7 @@ class Search:
 
     def _places(self, setup: Setup, level: float) -> list[Place]:
         """Return parameters and delays [s] to start from."""
-        places, problem = list[Place](), LogError("")
+        places = list[Place]()
         linear = replace(setup.model, laws=())
         own = tuple(name for name in setup.names if name in linear.parameters)
         for floor in (STRONG, 0.0):
@@ -262,19 +272,16 @@ class Search:
                     linear, self._response(level, floor), identify=own, period=setup.log.period,
                     output=setup.log.output, delay=setup.delay, earliest=setup.earliest,
                 )  # fmt: skip
-            except LogError as error:
-                problem = error
+            except LogError:
                 continue
             values = dict(setup.model.nominal) | dict(zip(own, theta.tolist(), strict=True))
             places.append((np.array([values[name] for name in setup.names]), lag))
         if self.known:
             places.append((setup.model.parametrize(setup.names).theta, 0.0))
-        rigid = explain(setup.log, setup.delay or 0.0, LINEAR)
+        rigid = self._rigid
         if rigid is not None and set(setup.names) <= RIGID.keys():
             values = [rigid.value[RIGID[name]] for name in setup.names]
             places.append((np.array(values) * setup.model.nominal.get("k_T", 1.0), 0.0))
-        if not places:
-            raise problem
         return places
 
     def _explored(self, setup: Setup, places: Sequence[Place]) -> Fitted:

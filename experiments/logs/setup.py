@@ -97,7 +97,7 @@ class Setup:
     @property
     def earliest(self) -> float:
         """Least delay to look for [s]."""
-        return (EARLIEST if self.log.smooth else -self.early) * self.log.period
+        return (EARLIEST if self.log.smooth else 0.0 - self.early) * self.log.period
 
     @property
     def latest(self) -> float:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import median_abs_deviation
 
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
+from flexaxis.experiments.logs.prepare import resolution
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -49,6 +50,13 @@ class Log:
     smooth: bool
     resting: bool
     angle: Array
+
+    @property
+    def rounding(self) -> float:
+        """Standard deviation of the noise by the steps of a coarse sensor [rad/s]."""
+        if self.output == "speed":
+            return resolution(self.y[self.ok]) / np.sqrt(12)
+        return resolution(self.angle[self.ok]) / np.sqrt(6) / self.period
 
     def begins(self, states: int, later: int) -> list[int]:
         """Return where stretches begin: the log, and what comes behind its longest gaps.

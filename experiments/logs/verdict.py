@@ -53,7 +53,8 @@ def judged(
 
 def _unlike(search: Search, best: Candidate, taken: Answer, fit: float) -> Iterator[Finding]:
     log = taken.setup.log
-    if fit < MATCHED and best.error > NOISY * noise_of(log.y[log.ok]):
+    noise = max(noise_of(taken.fitted.residual[log.ok]), log.rounding)
+    if fit < MATCHED and best.error > NOISY * noise:
         yield Finding(
             "problem",
             f"a simulation explains {fit:.0f} % of pieces that it was not fitted to: the model "
@@ -78,14 +79,13 @@ def _unlike(search: Search, best: Candidate, taken: Answer, fit: float) -> Itera
 
 
 def _changes(taken: Answer, changes: Sequence[Change]) -> Iterator[Finding]:
-    period = taken.setup.log.period
     for one in changes[:1]:
-        k = round(one.time / period)
-        yield Finding(
-            "problem",
-            f"{one.text}: one value does not fit the log; identify one part, with --rows 0:{k} or "
-            f"--rows {k}:, and follow it with flexaxis track",
-        )
+        k = round(one.time / taken.setup.log.period)
+        part = f"one part, with --rows 0:{k} or --rows {k}:"
+        if one.kind == "drift":
+            part = "a shorter part, with --rows A:B, as the value is a mean over the log"
+        text = f"{one.text}: identify {part}, and follow it with flexaxis track"
+        yield Finding("problem", text)
 
 
 def _unseen(search: Search, taken: Answer) -> Iterator[Finding]:
@@ -118,7 +118,7 @@ def _unseen(search: Search, taken: Answer) -> Iterator[Finding]:
         if name == "f_c":
             remedy = "use --friction none, or a longer log with slow and fast motion"
         elif other := _summed(taken, name):
-            remedy = f"only the sum {name} + {other} is: give --fix {name}=0, and read {other} as the sum"
+            remedy = f"only {name} + {other} is seen: give --fix {name}=0, and read {other} so"
         text = f"the log does not determine {name}: {known}; {remedy}"
         yield Finding("problem" if grave else "note", text)
 
@@ -164,8 +164,9 @@ def _late(taken: Answer) -> Iterator[Finding]:
     if "tau_y" in setup.names:
         tau = setup.values(taken.fitted)["tau_y"]
         yield Finding(
-            "note",
-            f"the speed is behind a low-pass of {1e3 * tau:.3g} ms, which was identified too",
+            "problem",
+            f"the speed is behind a low-pass of about {1e3 * tau:.2g} ms, which inertias and "
+            "springs follow by some per cent: log the angle, or the speed before its filter",
         )
 
 
