@@ -6,7 +6,7 @@ Nothing heavy is imported before a name is known to be right, so that a typo is 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -37,7 +37,7 @@ GROUPS = {
     "nuisance": "changes that are no faults",
     "drives": "commercial drives, with friction and faults of their own",
     "control": "estimates drive the controller",
-    "chains": "axes of fewer or more masses than the paper's",
+    "chains": "axes of other masses than the paper's",
     "ground": "conditions under which good estimators have failed",
 }
 """The groups of the catalogue, in the order in which it is read."""
@@ -211,8 +211,7 @@ def find_suite(name: str) -> Suite:
         raise FlexaxisError(f"unknown suite {name!r}.{did_you_mean(name, suite_names())}")
     table = _tables(f"suites/{name}.toml")
     swept = table.get("tradeoff", {"scenarios": [], "estimators": []})
-    every = [estimator for estimator in REGISTRY if estimator not in table.get("without", [])]
-    own, others = (tuple(every if t["estimators"] == "all" else t["estimators"])
+    own, others = (tuple(REGISTRY if t["estimators"] == "all" else t["estimators"])
                    for t in (table, swept))  # fmt: skip
     scenarios = tuple(_members(table))
     return Suite(
@@ -233,12 +232,12 @@ def _members(table: dict[str, Any]) -> list[str]:
     return [drawn[name] if drawn[name] in hashes() else name for name in names]
 
 
-def select(names: Sequence[str | Path | Scenario], *, default: str = "smoke") -> Selection:
+def select(names: Any, *, default: str = "smoke") -> Selection:
     """Turn names of suites and scenarios into scenarios, with the suites' estimators and seeds.
 
     Parameters
     ----------
-    names : sequence of str, Path or Scenario
+    names : str, Path, Scenario, or several of them
         Suites, catalogue names, TOML paths and scenarios, mixed.
     default : str
         The suite whose estimators and number of seeds are meant without a suite.
@@ -248,11 +247,11 @@ def select(names: Sequence[str | Path | Scenario], *, default: str = "smoke") ->
     ScenarioError
         With one line for each name or file that is wrong.
     """
-    found_suites, wanted = [], list[Any]()
-    for name in names:
-        suite = find_suite(str(name)) if name in suite_names() else None
-        found_suites += [suite] if suite else []
-        wanted += suite.scenarios if suite else [name]
+    chosen, wanted = [], list[Any]()
+    for name in names if isinstance(names, list | tuple | set) else [names]:
+        suite = [find_suite(name)] if name in suite_names() else []
+        chosen += suite
+        wanted += suite[0].scenarios if suite else [name]
     found: dict[str, Scenario] = {}
     problems: list[str] = []
     for name in wanted:
@@ -268,14 +267,14 @@ def select(names: Sequence[str | Path | Scenario], *, default: str = "smoke") ->
             )
     if problems or not found:
         raise ScenarioError(*(problems or ["name at least one scenario, such as fm_step"]))
-    sources = found_suites or [find_suite(default)]
-    swept = dict.fromkeys(name for suite in found_suites for name in suite.swept_scenarios)
+    sources = chosen or [find_suite(default)]
+    swept = dict.fromkeys(name for suite in chosen for name in suite.swept_scenarios)
     return Selection(
         scenarios=list(found.values()),
         estimators=list(dict.fromkeys(e for suite in sources for e in suite.estimators)),
         seeds=max(suite.seeds for suite in sources),
         swept_scenarios=[find_scenario(name) for name in swept],
-        swept_estimators=list(dict.fromkeys(e for s in found_suites for e in s.swept_estimators)),
+        swept_estimators=list(dict.fromkeys(e for s in chosen for e in s.swept_estimators)),
     )
 
 
@@ -314,13 +313,6 @@ def suites(find: str = "") -> list[Line]:
     """Return name and card of suites, those that have some text."""
     lines = [{"name": n, "card": _tables(f"suites/{n}.toml")["card"]} for n in suite_names()]
     return _with(find, lines)
-
-
-def estimators(find: str = "") -> list[Line]:
-    """Return name and card of the registered estimators, those that have some text."""
-    from flexaxis.estimators.registry import REGISTRY
-
-    return _with(find, [{"name": e.name, "card": e.summary} for e in REGISTRY.values()])
 
 
 def faults(find: str = "") -> list[Line]:

@@ -11,23 +11,23 @@ from flexaxis.experiments.files import REPORT, check_file, check_not_input, writ
 from flexaxis.experiments.logs.options import READING, assignments, tables_of
 
 
-def _saved(args: Args, result: Any, path: Path, suffix: str, *inputs: Any) -> int:
-    """Save what came of a log and its page, and print it."""
-    page = result.save(path)
-    content = result.content | {"path": path, "report": page}
-    return answer(args, content, result.status, result, path, page)
-
-
-def _target(args: Args, default: Path, suffix: str, *inputs: Any) -> Path:
+def _target(args: Args, default: str, *inputs: Any) -> Path:
     """Return the path to write; refuse one that is an input or was not written by flexaxis."""
     from flexaxis.experiments.logs.files import require_suffix, spare_foreign
 
-    path = args.output or default
     check_file(args.log)
+    path = args.output or args.log.with_name(args.log.stem + default)
     check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))
-    require_suffix(path, suffix, "the result")
+    require_suffix(path, Path(default).suffix, "the result")
     spare_foreign(path, path.with_suffix(".html"))
     return path
+
+
+def _saved(args: Args, result: Any, path: Path, status: int) -> int:
+    """Save the result and its page, and print them."""
+    page = result.save(path)
+    content = result.content | {"path": path, "report": page}
+    return answer(args, content, status, result, path, f"report: {page}")
 
 
 @command("your own axis", "log", "-o", "--strict", *READING)
@@ -44,12 +44,11 @@ def import_(args: Args) -> int:
     """
     from flexaxis.experiments.logs.files import record_beside
 
-    path = _target(args, record_beside(args.log), ".nc")
+    args.output = args.output or record_beside(args.log)
+    path = _target(args, ".nc")
     result = fx.import_log(args.log, command=args.line, **tables_of(args))
-    spoilt = args.strict and any(check["verdict"] == "problem" for check in result.content["checks"])
-    page = result.save(path)
-    content = result.content | {"record": path, "report": page}
-    return answer(args, content, int(spoilt), result, path, page)
+    spoilt = "problem" in [check["verdict"] for check in result.content["checks"]]
+    return _saved(args, result, path, int(args.strict and spoilt))
 
 
 @command("your own axis", "log", "--model", "--free", "--fix", "--start", "--delay", "--friction",
@@ -58,13 +57,13 @@ def identify(args: Args) -> int:
     """Identify the nominal values of your axis from a log or a record.
 
     Three fits are made: whitened prediction errors, white ones, and for a rigid axis its inverse
-    dynamics. The one that best simulates held-out pieces of the log is taken, and if they differ by
-    more than they claim, deviations are widened to that. Dry friction, gravity and friction with two
-    sides are taken if such simulations are better with them. A log of one axis shows ratios to k_T
-    only, so k_T (and the gear ratio r) stay at their values unless freed. Status 0: the numbers can
-    be used as far as their deviations say; 1: they cannot.
+    dynamics. The one that best simulates held-out pieces of the log is taken, and if they differ
+    by more than they claim, deviations are widened to that. Dry friction, gravity and friction with
+    two sides are taken if such simulations are better with them. A log of one axis shows ratios to
+    k_T only, so k_T (and the gear ratio r) stay at their values unless freed. Status 0: the numbers
+    can be used as far as their deviations say; 1: they cannot.
 
-    MODEL is one_mass, two_mass, three_mass, four_mass, or a TOML of your own (docs/logs.md).
+    MODEL is one_mass, two_mass, three_mass, or a TOML of your own (docs/logs.md).
 
     example:
       flexaxis identify rec.nc --model two_mass -o axis.toml
@@ -72,27 +71,24 @@ def identify(args: Args) -> int:
       flexaxis identify log.csv --torque current --angle phi --fix k_T=0.6 --fix f_l=0.01
       flexaxis identify rec.nc --model my_axis.toml --free J_m --free k --json
     """
-    default = args.log.with_name(args.log.stem + "-axis.toml")
-    path = _target(args, default, ".toml", args.model, args.validate)
+    path = _target(args, "-axis.toml", args.model, args.validate)
+    options = {name: getattr(args, name) for name in
+               ("free", "delay", "friction", "gravity", "highpass", "validate")}  # fmt: skip
     result = fx.identify(
         args.log, args.model, start=assignments("start", args.start),
-        fix=assignments("fix", args.fix), free=args.free, validate=args.validate,
-        columns=tables_of(args), command=args.line, delay=args.delay, friction=args.friction,
-        gravity=args.gravity, highpass=args.highpass,
+        fix=assignments("fix", args.fix), columns=tables_of(args), command=args.line, **options,
     )  # fmt: skip
-    page = result.save(path)
-    return answer(args, result.content | {"axis": path, "report": page}, result.status, result,
-                  path, page)  # fmt: skip
+    return _saved(args, result, path, result.status)
 
 
 @command("your own axis", "log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
 def track(args: Args) -> int:
     """Run an estimator over a log of your axis: estimates, residuals, changes, alarms.
 
-    AXIS.toml is what `flexaxis identify` wrote. The estimates go to a NetCDF file, and a report says
-    which parameter changed and when. If the log has a load angle, it is predicted from the motor
-    angle and compared. Status 1 if a change was found, or if the log does not fit the axis: another
-    unit or sign, or another axis.
+    AXIS.toml is what `flexaxis identify` wrote. The estimates go to a NetCDF file, and a report
+    says which parameter changed and when. If the log has a load angle, it is predicted from the
+    motor angle and compared. Status 1 if a change was found, or if the log does not fit the axis:
+    another unit or sign, or another axis.
 
     example:
       flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k
@@ -100,15 +96,12 @@ def track(args: Args) -> int:
       flexaxis track rec.nc --model axis.toml --identify f_m --estimator glr
       flexaxis track rec.nc --model axis.toml --identify k_T --start 1.2 --json
     """
-    default = args.log.with_name(args.log.stem + "-track.nc")
     code = (args.estimator or "").partition(":")[0]
-    path = _target(args, default, ".nc", args.model, code)
-    names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
+    path = _target(args, "-track.nc", args.model, code)
+    names = list(dict.fromkeys(",".join(args.identify).split(",")))
     result = fx.track(args.log, args.model, names, args.estimator, start=args.start,
                       columns=tables_of(args), command=args.line)  # fmt: skip
-    page = result.save(path)
-    return answer(args, result.content | {"estimates": path, "report": page}, result.status, result,
-                  path, page)  # fmt: skip
+    return _saved(args, result, path, result.status)
 
 
 @command("your own axis", "logs", "--model", "--covariate", "--free", "--false-alarms",
@@ -142,16 +135,15 @@ def trend(args: Args) -> int:
         covariates=args.covariate, false_alarms=args.false_alarms, smallest=args.smallest / 100,
         jobs=args.jobs,
     )  # fmt: skip
-    ill, page = ailments(found.rows), folder / REPORT
-    title = f"Trend of {Path(args.model).stem} over {len(found.good)} logs"
-    write_page(trend_page(found, title=title, command=args.line), page)
+    page = trend_page(found, title=f"Trend over {len(found.good)} logs", command=args.line)
+    write_page(page, folder / REPORT)
     content = {
         "parameters": {one.name: summary(one, found) for one in found.verdicts},
         "logs": len(found.rows),
         "problems": {row["log"]: row["problem"] for row in found.rows if row["problem"]},
-        "unlike_the_others": ill,
-        "report": str(page),
+        "unlike_the_others": ailments(found.rows),
     }
     write_json(folder / RESULT, content)
     lines = [f"{MARKS[each.kind]} {each.text}" for each in remarks(found)]
-    return answer(args, content, int(bool(found.changed or ill)), *lines, page)
+    status = int(bool(found.changed or content["unlike_the_others"]))
+    return answer(args, content | {"report": folder / REPORT}, status, *lines, folder / REPORT)

@@ -1,13 +1,12 @@
-"""Logs of a real axis: `import_log`, `identify`, `track`, with tables and figures."""
+"""Logs of a real axis: `import_log`, `identify` and `track`, with tables, sentences and figures."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from flexaxis._records import panels
@@ -16,13 +15,11 @@ from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.findings import MARKS, lightened, problems_of, say_problems, waiting
 from flexaxis.experiments.logs.identification.identify import identify as fitted
 from flexaxis.experiments.logs.identification.validate import validate as validated
-from flexaxis.experiments.logs.importing import import_any
-from flexaxis.experiments.logs.importing import import_log as imported
+from flexaxis.experiments.logs.importing import Imported, import_any
 from flexaxis.experiments.logs.pages import identify_page, import_page, track_page
 from flexaxis.experiments.logs.pages.page import LogPage, write_page
 from flexaxis.experiments.reporting.charts_old.figures import draw
 from flexaxis.experiments.running.estimators import parse
-from flexaxis.sim.record import Record
 
 Log = Any  # a path, a record, or what `import_log` returned
 
@@ -35,12 +32,12 @@ class LogResult:
     ----------
     found : object
         All of it: an ``Imported``, ``Identification`` or ``Tracked``.
-    table : DataFrame
-        A line a check or a parameter.
     page : LogPage
         Sentences and charts, as they are on the page.
     content : dict
         What the command prints with ``--json``.
+    table : DataFrame
+        A line a check or a parameter.
     status : int
         Exit status of the command: 1 for a finding.
     record : Record or None
@@ -50,13 +47,13 @@ class LogResult:
     """
 
     found: Any
-    table: pd.DataFrame
     page: LogPage
     content: dict[str, Any]
+    table: pd.DataFrame
     status: int = 0
     record: Any = None
     axis: Any = None
-    write: Callable[[Path], object] = lambda path: None
+    write: Callable[[Path], object] = field(default=lambda path: None)
 
     def save(self, path: str | Path) -> Path:
         """Write the record, axis or estimates, and the page beside it; return the page."""
@@ -65,56 +62,46 @@ class LogResult:
         write_page(self.page, page)
         return page
 
-    def plot(self, chart: int | str = 0, *, ax: Any = None) -> Any:
+    def plot(self, chart: int = 0, *, ax: Any = None) -> Any:
         """Draw a chart of the page.
 
         Parameters
         ----------
-        chart : int or str
-            Its place on the page, or its title.
+        chart : int
+            Its place on the page.
         ax : matplotlib axes, optional
             One for each of its panels; new ones by default.
         """
-        titles = [each.title for each in self.page.charts]
-        shown = self.page.charts[titles.index(chart) if isinstance(chart, str) else chart]
+        shown = self.page.charts[chart]
         axes = panels(ax, len(shown.panels))
         for place, each in enumerate(axes):
             draw(shown, each, panel=place).label_outer()
             each.legend(frameon=False, fontsize=8)
         axes[0].set_title(shown.title)
-        return axes[0] if len(axes) == 1 else np.array(axes, object)
+        return axes
 
     def __repr__(self) -> str:
-        table = [self.table.to_string(float_format="{:.5g}".format)] * bool(len(self.table))
         lines = [f"{MARKS[each.kind]} {each.sentence}" for each in self.page.remarks]
-        return "\n".join([self.page.finding.text, *table, *lines])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{self!r}</pre>"
+        return "\n".join([self.page.finding.text, self.table.to_string(), *lines])
 
 
-def _read(log: Log, options: Mapping[str, Any], met: Sequence[str] = ()) -> tuple[Record, Any]:
-    """Return the record of a log and its checks; warn of what spoils estimates."""
+def _read(log: Log, options: Mapping[str, Any] | None, met: Sequence[str] = ()) -> Imported:
+    """Return the record of a log and its checks; print what spoils estimates."""
     if not isinstance(log, str | Path):
-        return getattr(log, "record", log), ()
-    columns = dict(options)
+        return Imported(getattr(log, "record", log), ())
+    columns = dict(options or {})
     treated = {name: columns.pop(name, None) for name in ("resample", "burn_in")}
     with waiting(f"reading {log}"):
         found = import_any(Path(log), columns, **treated)
     say_problems(Path(log), found.checks, met=met)
-    return found.record, found.checks
+    return found
 
 
 def _axis(model: Any) -> Any:
     return find_axis(str(model)) if isinstance(model, str | Path) else getattr(model, "axis", model)
 
 
-def _table(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    table = pd.DataFrame(lines)
-    return table.set_index(table.columns[0]) if lines else table
-
-
-def import_log(path: str | Path, *, command: str = "", **options: Any) -> LogResult:
+def import_log(path: str | Path, *, command: str = "", **columns: Any) -> LogResult:
     """Read a log, and check it before any estimator does; `flexaxis import` in Python.
 
     Parameters
@@ -122,20 +109,19 @@ def import_log(path: str | Path, *, command: str = "", **options: Any) -> LogRes
     path : str or Path
     command : str
         The line that does it again, for the page.
-    **options
+    **columns
         Columns (``torque="current"``), ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``,
         ``torque_is``; ``resample`` [Hz] and ``burn_in`` [s].
     """
-    treated = {name: options.pop(name, None) for name in ("resample", "burn_in")}
-    with waiting(f"importing {path}"):
-        found = imported(Path(path), options, **treated)
-    # every axis has dry friction, and `identify` looks for it
+    found = _read(path, columns)
+    # Every axis has dry friction, and `identify` looks for it.
     found = replace(found, checks=lightened(found.checks, {"dry friction"}))
     checks = [check.told() for check in found.checks]
+    table = pd.DataFrame(checks).set_index("name")[["verdict", "value", "unit"]]
+    page = import_page.import_page(found, Path(path), command)
     return LogResult(
-        found, _table(checks), import_page.import_page(found, Path(path), command),
-        {"checks": checks}, record=found.record, write=found.record.save,
-    )  # fmt: skip
+        found, page, {"checks": checks}, table, record=found.record, write=found.record.save
+    )
 
 
 def identify(
@@ -143,8 +129,7 @@ def identify(
     model: Any = "two_mass",
     *,
     start: Mapping[str, float] | None = None,
-    fix: Mapping[str, float | None] | Sequence[str] = (),
-    free: Sequence[str] = (),
+    fix: Mapping[str, float | None] | None = None,
     validate: Log | None = None,
     columns: Mapping[str, Any] | None = None,
     command: str = "",
@@ -159,10 +144,8 @@ def identify(
         A shipped model, a TOML of your own, or an axis.
     start : mapping of str to float, optional
         Where the search starts.
-    fix : mapping of str to float or None, or sequence of str
-        Parameters to hold, at a value or at their nominal one.
-    free : sequence of str
-        Parameters to identify, and no others.
+    fix : mapping of str to float or None, optional
+        Parameters to hold, at a value or (None) at their nominal one.
     validate : path or record, optional
         Another log, to simulate and predict with the result.
     columns : mapping, optional
@@ -170,32 +153,32 @@ def identify(
     command : str
         The line that does it again, for the page.
     **options
-        ``friction, gravity, delay, highpass`` as of
+        ``free, friction, gravity, delay, highpass`` as of
         `flexaxis.experiments.logs.identification.identify.identify`.
     """
-    axis, start, fixed = _axis(model), dict(start or {}), dict(
-        fix if isinstance(fix, Mapping) else dict.fromkeys(fix)
-    )  # fmt: skip
-    values = {name: value for name, value in (start | fixed).items() if value is not None}
-    own = {name: value for name, value in values.items() if name in axis.model.parameters}
-    laws = {name: value for name, value in values.items() if name not in own}
-    axis = axis.having(own)
-    axis = replace(axis, known=True) if own.keys() & start.keys() else axis
+    axis, start, fix = _axis(model), start or {}, fix or {}
+    values = {name: value for name, value in {**start, **fix}.items() if value is not None}
+    laws = {name: values.pop(name) for name in {*values} - {*axis.model.parameters}}
+    axis = replace(axis.having(values), known=axis.known or bool(values.keys() & start.keys()))
     met = () if options.get("friction") == "none" else ("dry friction",)
-    record, _ = _read(log, columns or {}, met)
+    record = _read(log, columns, met).record
     with waiting(f"identifying {axis.model.name}"):
-        found = fitted(record, axis, free=free, fix=tuple(fixed), given=laws, **options)
-    other = None if validate is None else _read(validate, columns or {}, met)[0]
-    tried = None if other is None else validated(other, found.axis)
-    lines = [{"parameter": name, "value": value, "sd": sd}
-             for name, (value, sd) in found.estimates.items()]  # fmt: skip
-    title = f"{found.axis.model.name} from {log if isinstance(log, str | Path) else 'a record'}"
-    page = identify_page.identification_page(found, record.period, tried, title, command)
-    content = identify_page.content(found, tried)
-    status = int(bool(found.warnings or (tried is not None and tried.unlike)))
-    return LogResult(
-        found, _table(lines), page, content, status, record, found.axis, found.axis.save
+        found = fitted(record, axis, fix=tuple(fix), given=laws, **options)
+    tried = None
+    if validate is not None:
+        tried = validated(_read(validate, columns, met).record, found.axis)
+    page = identify_page.identification_page(
+        found, record.period, tried, f"{found.axis.model.name} from {_name(log)}", command
     )
+    return LogResult(
+        found, page, identify_page.content(found, tried),
+        pd.DataFrame(found.estimates, ["value", "sd"]).T,
+        int(bool(found.warnings or (tried and tried.unlike))), record, found.axis, found.axis.save,
+    )  # fmt: skip
+
+
+def _name(log: Log) -> str:
+    return Path(log).name if isinstance(log, str | Path) else "a record"
 
 
 def track(
@@ -225,18 +208,17 @@ def track(
     """
     known = _axis(axis)
     met = ("dry friction",) if known.model.laws else ()
-    record, checks = _read(log, columns or {}, met)
     spec = parse(estimator or tracking.default_estimator(known))
+    read = _read(log, columns, met)
     with waiting(f"tracking {', '.join(parameters)}"):
-        found = tracking.track(record, known, spec, identify=parameters, start=start)
-    values = zip(found.names, found.last.tolist(), found.nominal.tolist(), strict=True)
-    lines = [{"parameter": n, "last": v, "nominal": of, "ratio": v / of} for n, v, of in values]
+        found = tracking.track(read.record, known, spec, identify=parameters, start=start)
+    values = {"last": found.last, "nominal": found.nominal, "ratio": found.last / found.nominal}
     page = track_page.track_page(
-        found, record.period, spec.text, problems=problems_of(checks, met=met),
-        log=str(log) if isinstance(log, str | Path) else "a record", command=command,
+        found, read.record.period, spec.text, problems=problems_of(read.checks, met=met),
+        log=_name(log), command=command,
     )  # fmt: skip
     return LogResult(
-        found, _table(lines), page, track_page.content(found),
-        int(bool(found.changes or found.doubts)), record, known,
+        found, page, track_page.content(found), pd.DataFrame(values, found.names),
+        int(bool(found.changes or found.doubts)), read.record, known,
         lambda path: tracking.save(found, path, estimator=spec.text),
     )  # fmt: skip

@@ -14,7 +14,7 @@ import pandas as pd
 from flexaxis._estimates import EstimatorLike
 from flexaxis._records import panels, seed_of
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue.find import find_scenario, select
+from flexaxis.experiments.catalogue.find import select
 from flexaxis.experiments.check import check as rules
 from flexaxis.experiments.comparison import sweep
 from flexaxis.experiments.comparison.ranking import REFERENCE
@@ -51,12 +51,6 @@ def texts_of(estimators: Estimators) -> list[str]:
     return list(map(text_of, [estimators] if one else estimators))  # type: ignore[arg-type]
 
 
-def listed(scenarios: Scenarios) -> list[Any]:
-    """Return one or several names, paths or scenarios as a list."""
-    one = isinstance(scenarios, str | Path | Scenario)
-    return [scenarios] if one else list(scenarios)  # type: ignore[arg-type]
-
-
 def seeds_of(seeds: Seeds, default: int) -> tuple[int, ...]:
     """Return seeds: a number of them from 1000 on, a range as text, or those listed.
 
@@ -80,15 +74,15 @@ def working(
         executor = None
         if dask:
             try:
-                client = optional_package("distributed").Client(dask, timeout=10)
-            except (OSError, ValueError) as error:
+                client = stack.enter_context(optional_package("distributed").Client(dask))
+            except OSError as error:
                 raise FlexaxisError(f"dask {dask}: no scheduler answers there: {error}") from error
-            stack.enter_context(client)
             executor, jobs = client.get_executor(retries=2), sum(client.nthreads().values())
         advance = stack.enter_context(progress(f"{cases} cases at most", cases))
         runner = stack.enter_context(Runner(
-            Path(folder) if folder else None, jobs=jobs, executor=executor, cache=default_cache() if cache else None,
-            overwrite=overwrite, time_limit=time_limit, advance=advance,
+            Path(folder) if folder else None, jobs=jobs, executor=executor,
+            cache=default_cache() if cache else None, overwrite=overwrite, time_limit=time_limit,
+            advance=advance,
         ))  # fmt: skip
         yield runner
     for estimator, where in dict(reversed(runner.remarks)).items():
@@ -159,19 +153,6 @@ class Results(engine.Results):
         studies.write_report(self, target)
         return target
 
-    def rerun(self, cases: int = 10, *, seed: int = 0) -> pd.DataFrame:
-        """Run random cases again; return every number that differs, an empty table if none does.
-
-        Parameters
-        ----------
-        cases : int
-            How many.
-        seed : int
-            Of the random choice.
-        """
-        with Runner() as runner:
-            return engine.rerun(self, cases, runner, seed=seed)
-
     def __repr__(self) -> str:
         failed = len(self.failures)
         text = f"{self.cases} cases" + (f", {failed} of them failed: see .failures" * bool(failed))
@@ -227,8 +208,7 @@ def benchmark(
         If a name is wrong, or an estimator cannot be made. One that fails on a record is a row
         with its error (`Results.failures`).
     """
-    names = listed(scenarios)
-    suite, texts = select(names), texts_of(estimators)
+    suite, texts = select(scenarios), texts_of(estimators)
     own, swept, numbers = suite.scenarios, suite.swept_scenarios, seeds_of(seeds, suite.seeds)
     turned = [*dict.fromkeys([REFERENCE, *texts])] if texts else suite.swept_estimators
     tried = sweep.texts(sweep.settings(turned)) if folder else []
@@ -239,7 +219,7 @@ def benchmark(
             for name, reason in left_out.items():
                 remark(f"{name} is left out: {reason}")
             own, swept = ([s for s in each if s.name not in left_out] for each in (own, swept))
-        title = " ".join(getattr(name, "name", str(name)) for name in names)
+        title = scenarios if isinstance(scenarios, str) else ", ".join(s.name for s in own)
         wanted = Study(title, tuple(own), tuple(texts or suite.estimators), numbers)
         results = studies.run(wanted, runner, swept=(swept, turned), shard=shard, command=command)
     return Results(runner.store, results.study)
@@ -309,11 +289,9 @@ class Comparison:
         """The one word: worse, undecided, better, slight or same."""
         return str(self.content["verdict"])
 
-    @property
-    def table(self) -> pd.DataFrame:
-        """A line a score, as text."""
-        return pd.DataFrame([r["text"] for r in self.content["rows"]],
-                            columns=self.content["columns"])  # fmt: skip
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a pandas DataFrame, a line a score."""
+        return pd.DataFrame(self.content["rows"]).drop(columns="text")
 
     def plot(self, *, ax: Any = None) -> Any:
         """Draw the change of each score with its interval, and the margin that matters.
@@ -328,12 +306,10 @@ class Comparison:
         return axes
 
     def __repr__(self) -> str:
-        head, table = [self.content["headline"], *self.content["advice"], ""], self.table
-        return "\n".join([*head, table.to_string(index=False), "", *self.content["legend"]])
-
-    def _repr_html_(self) -> str:
-        lines = "".join(f"<p>{line}</p>" for line in self.content["legend"])
-        return f"<p><b>{self.content['headline']}</b></p>{self.table.to_html(index=False)}{lines}"
+        c = self.content
+        table = pd.DataFrame([row["text"] for row in c["rows"]], columns=c["columns"])
+        lines = [c["headline"], *c["advice"], "", table.to_string(index=False), "", *c["legend"]]
+        return "\n".join(lines)
 
 
 def compare(
@@ -390,11 +366,10 @@ def compare(
         old, new = map(Path, runs)
         result = gate.compare_runs(old, new, margins=checked, estimators=sides, seeds=numbers)
     else:
-        names = listed(scenarios)
-        suite = select(names, default=gate.SUITE)
+        suite = select(scenarios, default=gate.SUITE)
         own, numbers = suite.scenarios, seeds_of(seeds, suite.seeds)
-        files = [name for name in map(str, names) if name.endswith(".toml")]
-        sources = {find_scenario(name).name: name for name in files}
+        if len(own) == 1 and isinstance(scenarios, str | Path):
+            sources = {own[0].name: str(scenarios)}
         with working(2 * len(own) * max(max_seeds, len(numbers)), folder, **work) as runner:
             result = gate.compare(
                 *map(str, sides), own, numbers, runner, margins=checked,  # type: ignore[arg-type]
@@ -446,7 +421,7 @@ def tune(
     """
     names, lines = list(estimators) or [n for n, entry in REGISTRY.items() if entry.knob], []
     if scenarios is not None:
-        own, numbers = select(listed(scenarios)).scenarios, seeds_of(seeds, 16)
+        own, numbers = select(scenarios).scenarios, seeds_of(seeds, 16)
         most = len(sweep.texts(sweep.settings(names, factors=sweep.TURNS)))
         with working(most * len(own) * len(numbers), folder, **work) as runner:
             swept = sweep.sweep(own, names, numbers, runner.rows)

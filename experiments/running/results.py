@@ -21,7 +21,7 @@ from flexaxis.experiments.files import (
 )
 from flexaxis.experiments.running.case import NUMBERS
 from flexaxis.experiments.running.store import Store
-from flexaxis.experiments.running.study import Study, is_option
+from flexaxis.experiments.running.study import is_option
 from flexaxis.experiments.scoring import summary
 from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.pooling import Columns
@@ -354,34 +354,3 @@ def _alarms(part: pd.DataFrame, pooled: Mapping[str, Any]) -> dict[str, Any]:
         within = rate_interval(counts, calm, part["seed"].to_numpy(float))
         found = dict(zip(found, (float(counts.sum()) / calm, within), strict=True))
     return found | {"hours": hours}
-
-
-def rerun(results: Results, number: int, runner: Any, *, seed: int = 0) -> pd.DataFrame:
-    """Run random cases again and return every number that differs.
-
-    Parameters
-    ----------
-    results : Results
-    number : int
-        Of cases, or all if there are fewer.
-    runner : Runner
-        Without a folder.
-    seed : int
-        Of the choice.
-
-    Returns
-    -------
-    DataFrame
-        Values ``before`` and ``now`` by case, parameter and column; empty if all are equal.
-    """
-    key = ["case", "parameter"]
-    chosen = results.frame.drop_duplicates("case")
-    parts = []
-    for _, row in chosen.sample(min(number, len(chosen)), random_state=seed).iterrows():
-        scenario, one = results.scenario(row), (int(row["seed"]),)
-        parts.append(runner.run(Study("rerun", (scenario,), (row["setting"],), one)).frame)
-    columns = [name for name in (*NUMBERS, "error") if not name.startswith("cost.")]
-    now = pd.concat(parts).set_index(key)[columns]
-    before = results.frame.set_index(key)[columns].loc[now.index]
-    differ = before.compare(now, result_names=("before", "now"))
-    return differ.stack(level=0, future_stack=True).dropna(how="all")

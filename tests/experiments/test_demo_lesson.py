@@ -48,7 +48,7 @@ def recorded(tmp_path):
         hidden = {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}
         environment = {key: value for key, value in os.environ.items() if key not in hidden}
         done = subprocess.run(
-            [*command, "--script", script],
+            [*command, script],
             capture_output=True,
             text=True,
             check=False,
@@ -167,8 +167,7 @@ def test_a_recording_has_the_pictures_of_the_lesson(recorded):
     ("words", "message"),
     [
         (["--record", "a.avi"], "a recording is a .gif file"),
-        (["--script", "a.toml"], "--script is for --record"),
-        (["--record", "a.gif", "--script", "none.toml"], "none.toml: cannot be read"),
+        (["--record", "a.gif", "none.toml"], "none.toml: cannot be read"),
         (["--speed", "0"], "--speed 0: give a factor"),
         (["--record", "a.gif", "--estimator", "ekf"], "two estimators race, not 1"),
         (["--record", "a.gif", "--estimator", "ekf", "--estimator", "ekg"], "Did you mean 'ekf'"),
@@ -183,6 +182,6 @@ def test_wrong_use_is_one_line_and_status_2(words, message, capsys, tmp_path, mo
 
 
 def test_the_script_to_start_from_is_printed(capsys):
-    assert main(["demo", "--print-script"]) == 0
+    assert main(["demo", "--print-lesson"]) == 0
     text = capsys.readouterr().out
     assert text == default_lesson() and parse_lesson(text, source="printed") == load_lesson(None)

@@ -7,8 +7,7 @@ import pytest
 from engine_cases import BenchHere
 
 import flexaxis as fx
-from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.catalogue.names import hashes
+from flexaxis.experiments.catalogue.find import find_scenario, hashes
 from flexaxis.experiments.running import estimators
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import run_case

@@ -13,11 +13,9 @@ import pytest
 from engine_cases import short, small_study, user_file
 
 from flexaxis.experiments.files import StudyError
-from flexaxis.experiments.running.results import Results, rerun
+from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner, parallel
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.seeds import check_jobs
-from flexaxis.sim.errors import FlexaxisError
 
 pytestmark = pytest.mark.slow
 COST = ["cost.us_per_sample", "cost.seconds"]
@@ -115,22 +113,6 @@ def test_a_run_that_is_killed_or_stopped_resumes_with_every_row_once(tmp_path):
     assert not frame.duplicated(["case", "parameter"]).any()
 
 
-def test_random_cases_run_again_are_equal_or_say_what_differs(alone):
-    study = small_study("frozen", seeds=2)
-    with Runner() as runner:
-        results = runner.run(study)
-        assert rerun(results, 2, Runner()).empty
-        results.frame.loc[:, "std"] = 7.0
-        differ = rerun(results, 1, Runner())
-    assert set(differ.index.get_level_values(2)) == {"std"}
-    assert (differ["before"] == 7.0).all()
-
 
 def test_parallel_gives_every_result():
     assert sorted(parallel(abs, [-3, 1, -2], jobs=2)) == [1, 2, 3]
-
-
-@pytest.mark.parametrize("jobs", [0, -1, True, 10**6, "2"])
-def test_a_number_of_processes_that_is_none_is_refused(jobs):
-    with pytest.raises(FlexaxisError, match="give a number of processes"):
-        check_jobs(jobs)
