@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import model_digest
 from flexaxis.sim.errors import ScenarioError, SimulationError
-from flexaxis.sim.plant.loop import Progress, Truth, closed_loop
+from flexaxis.sim.plant.loop import Truth, closed_loop
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.streams import stream
@@ -29,13 +29,10 @@ def simulate(
     seeds: Sequence[int],
     *,
     repeat: int = 0,
-    threads: int = 1,
-    progress: Progress | None = None,
 ) -> list[Record]:
     """Run a scenario once for each seed, all in one batch.
 
-    A record depends on scenario, seed and repeat alone: not on the other seeds, their order or
-    the number of threads.
+    A record depends on scenario, seed and repeat alone: not on the other seeds, or their order.
 
     Parameters
     ----------
@@ -45,10 +42,6 @@ def simulate(
         Numbers of the runs, from 0.
     repeat : int
         Measure the same run again: the same excitation and faults, other noise.
-    threads : int
-        Threads that share the runs.
-    progress : callable, optional
-        Called now and then with the fraction done.
 
     Returns
     -------
@@ -72,7 +65,7 @@ def simulate(
     )
     white = partial(_white, scenario, seeds, repeat)
     with _named(scenario, seeds):
-        truth = closed_loop(runs, reference, white, threads=threads, progress=progress)
+        truth = closed_loop(runs, reference, white)
     sensors = scenario.sensors.values()
     angle = reading(sensors, "angle", white, period=grid.period)(truth.angles[:, :, 0])
     speed = reading(sensors, "speed", white, period=grid.period)(truth.speed)

@@ -56,7 +56,7 @@ def cache(*, clear: bool = False) -> CacheState:
     from flexaxis.experiments.running.cache import default_cache
 
     store = default_cache()
-    removed = store.clear() if clear else 0
+    removed = store.evict(-1) if clear else 0
     size, limit = (round(bytes_ / 1024**2, 1) for bytes_ in (store.size(), store.limit))
     return CacheState(store.folder, len(store.entries()), size, limit, removed)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from engine_cases import short, small_study, user_file
@@ -109,12 +111,12 @@ def test_a_kept_record_is_the_simulated_one(cache):
 
 def test_the_least_recently_used_records_go_first(tmp_path):
     small, record = RecordCache(tmp_path), simulate(short(), [0])[0]
-    for repeat in range(3):
-        small.put(short(), record, repeat=repeat)
-    small.get(short(), 0, repeat=0)
+    for seed in range(3):
+        small.put(short(), replace(record, seed=seed))
+    small.get(short(), 0)
     assert small.evict(small.size() - 1) == 1
-    assert small.get(short(), 0, repeat=1) is None
-    assert small.clear() == 2
+    assert small.get(short(), 1) is None
+    assert small.evict(0) == 2
 
 
 def test_a_damaged_record_is_simulated_again(tmp_path):

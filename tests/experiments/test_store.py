@@ -62,10 +62,12 @@ def test_a_case_is_there_once_and_the_first_one_stays(tmp_path, outcomes):
 
 
 def test_a_unit_is_stored_whole_or_not_at_all(tmp_path, outcomes):
-    store = Store(tmp_path)
-    broken = Done("x", "about", 0, None, None, None, "")
-    with pytest.raises(AttributeError):
-        store.add([*outcomes[0].cases, broken])
+    def cases():
+        yield from outcomes[0].cases
+        raise KeyError
+
+    with pytest.raises(KeyError):
+        Store(tmp_path).add(cases())
     assert not Store(tmp_path).done()
 
 
@@ -138,19 +140,10 @@ def test_scores_are_pooled_over_the_seeds_of_a_group(outcomes):
     assert pool_columns({"std": np.ones(3)}, []) == {}
 
 
-def test_bins_put_values_of_an_axis_together(outcomes):
+def test_wrong_columns_and_scores(outcomes):
     results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
-    (first, *_), *more = results.groups("fault[0].factor", bins={"fault[0].factor": [1.0, 2.0]})
-    assert first == {"fault[0].factor": 1.5}
-    assert not more
-
-
-def test_selections_and_wrong_columns(outcomes):
-    results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
-    some = results.select({"estimator": "frozen", "seed": [0, 1]})
-    assert some.cases == 4
     with pytest.raises(StudyError, match="Did you mean 'estimator'"):
-        results.select({"estimater": 1})
+        results.scores("estimater")
     with pytest.raises(StudyError, match="score"):
         results.scores(scores=["lagg"])
 
