@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
 from importlib.metadata import version
@@ -69,7 +69,7 @@ def simulate(
     sensors = scenario.sensors.values()
     angle = reading(sensors, "angle", white, period=grid.period)(truth.angles[:, :, 0])
     speed = reading(sensors, "speed", white, period=grid.period)(truth.speed)
-    return _records(scenario, runs, seeds, truth, [angle, speed])
+    return _records(scenario, seeds, truth, [angle, speed])
 
 
 def tracked(
@@ -136,9 +136,7 @@ def _named(scenario: Scenario, seeds: list[int]) -> Iterator[None]:
         raise SimulationError(message, error.run, error.time, error.reason) from None
 
 
-def _records(
-    scenario: Scenario, runs: list[Scenario], seeds: list[int], truth: Truth, read: list[Array]
-) -> list[Record]:
+def _records(scenario: Scenario, seeds: list[int], truth: Truth, read: list[Array]) -> list[Record]:
     angle, speed = read
     signals: dict[str, Any] = {
         "torque": truth.torque,
@@ -149,23 +147,26 @@ def _records(
     }
     masses = [name[2:] for name in scenario.nominal if name[0] == "J"]
     signals |= {f"true_angle_{name}": truth.angles[..., i] for i, name in enumerate(masses)}
-    parameters = {run.hash: run.true_parameters() for run in runs}
-    for shared in parameters.values():  # by all records of the batch to which it happens at once
-        shared.flags.writeable = False
     return [
-        Record(
-            time=scenario.times,
-            **{name: values[:, i].copy() for name, values in signals.items()},
-            true_parameters=parameters[run.hash],
-            parameter_names=scenario.parameter_names,
-            scenario=run.resolved(),
-            hash=scenario.hash,
-            seed=seed,
-            burn_in=scenario.burn_in,
-            versions=made_with(scenario),
-        )
-        for i, (run, seed) in enumerate(zip(runs, seeds, strict=True))
+        record_of(scenario, seed, {name: values[:, i].copy() for name, values in signals.items()})
+        for i, seed in enumerate(seeds)
     ]
+
+
+def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Array]) -> Record:
+    """Return the record of a run from its signals."""
+    run = scenario.drawn(seed)
+    return Record(
+        time=scenario.times,
+        **signals,
+        true_parameters=run.true_parameters(),
+        parameter_names=scenario.parameter_names,
+        scenario=run.resolved(),
+        hash=scenario.hash,
+        seed=seed,
+        burn_in=scenario.burn_in,
+        versions=made_with(scenario),
+    )
 
 
 @cache

@@ -24,7 +24,7 @@ class CacheState:
     records : int
         Number of records.
     size_mb, limit_mb : float
-        Their size and its limit [MB]; FLEXAXIS_CACHE_LIMIT sets the limit.
+        Their size and its limit [MB].
     removed : int
         Number of records that were removed.
     """

@@ -18,13 +18,12 @@ import h5py
 
 from flexaxis.experiments.files import digest_of
 from flexaxis.experiments.scoring.nominal import nominal_runs
-from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
 from flexaxis.sim.record import SIGNALS, Record
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.simulate import made_with, simulate
+from flexaxis.sim.simulate import made_with, record_of, simulate
 
-LIMIT = 2048  # MB
+LIMIT = 2 * 1024**3  # bytes
 
 
 @dataclass(frozen=True)
@@ -32,25 +31,16 @@ class RecordCache:
     """A folder of records, and how large it may grow [bytes]."""
 
     folder: Path
-    limit: int = LIMIT * 1024**2
+    limit: int = LIMIT
 
     def get(self, scenario: Scenario, seed: int) -> Record | None:
         """Return a record, or None if it is not here; a damaged file is removed."""
-        path, run = self._path(scenario, seed), scenario.drawn(seed)
+        path = self._path(scenario, seed)
         try:
             with h5py.File(path) as file:
                 signals = {name: values[()] for name, values in file.items()}
             os.utime(path)  # used just now
-            return Record(
-                **signals,
-                true_parameters=run.true_parameters(),
-                parameter_names=scenario.parameter_names,
-                scenario=run.resolved(),
-                hash=scenario.hash,
-                seed=seed,
-                burn_in=scenario.burn_in,
-                versions=made_with(scenario),
-            )
+            return record_of(scenario, seed, signals)
         except FileNotFoundError:
             return None
         except (OSError, TypeError, ValueError):
@@ -61,7 +51,7 @@ class RecordCache:
         """Keep a record; a full or read-only folder is no error."""
         content = io.BytesIO()  # HDF5 itself would end the process on a full disk
         with h5py.File(content, "w") as file:
-            for name in SIGNALS:
+            for name in [*SIGNALS][1:]:  # time is that of the scenario
                 if (values := getattr(record, name)) is not None:
                     file[name] = values
         with suppress(OSError):
@@ -94,23 +84,11 @@ class RecordCache:
 
 
 def default_cache() -> RecordCache:
-    """Return the user's cache: the folder FLEXAXIS_CACHE, else one in the user's cache folder.
-
-    FLEXAXIS_CACHE_LIMIT sets its size in MB (default 2048).
-
-    Raises
-    ------
-    FlexaxisError
-        If the limit is no number.
-    """
+    """Return the user's cache: the folder FLEXAXIS_CACHE, else one in the user's cache folder."""
     from flexaxis.estimators.models.compiler import user_cache
 
     folder = os.environ.get("FLEXAXIS_CACHE")
-    limit = os.environ.get("FLEXAXIS_CACHE_LIMIT", str(LIMIT))
-    if not limit.isdigit():
-        raise FlexaxisError(f"FLEXAXIS_CACHE_LIMIT is {limit!r}: give a whole number of MB")
-    path = Path(folder) if folder else user_cache() / "flexaxis" / "records"
-    return RecordCache(path, int(limit) * 1024**2)
+    return RecordCache(Path(folder) if folder else user_cache() / "flexaxis" / "records")
 
 
 def records(

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -156,30 +157,27 @@ def _run(
 ) -> None:
     """Run a case, and add its rows to an outcome."""
     _, setting, seed = case
-    error, result = unit.error, None
+    error, trace = unit.error or None, None
     if isinstance(record, str):  # nobody can run it: one row without scores
-        outcome.cases.append(_row(unit, case, [undefined()], error=record))
+        outcome.cases.append(_row(unit, case, [undefined()], record))
         return
     try:
         if not error:
             result = run_case(unit.scenario, record, setting.spec, options)
+            lines, trace = result.rows, pack(result) if options.traces else None
+            finite = np.isfinite(result.theta).all(axis=1)  # type: ignore[arg-type]
+            if setting.spec.is_users and not finite.all():
+                where = f"on {unit.scenario.name}, seed {seed}, sample {int(np.argmin(finite))}"
+                outcome.remarks.append((setting.text, where))
     except EstimatorError as raised:
         if is_of_the_machine(raised):
             outcome.missing.append(str(raised))
             return
         error = f"{type(raised).__name__}: {raised}"
-    if result is None:  # a run lost at its first sample
-        assert record.true_parameters is not None
-        track = failed_track(unit.scenario.drawn(seed), record.true_parameters, record.torque)
-        outcome.cases.append(_row(unit, case, rows(track), error=error))
-        return
-    assert result.theta is not None
-    finite = np.isfinite(result.theta).all(axis=1)
-    if setting.spec.is_users and not finite.all():
-        where = f"on {unit.scenario.name}, seed {seed}, sample {int(np.argmin(finite))}"
-        outcome.remarks.append((setting.text, where))
-    trace = pack(result) if options.traces else None
-    outcome.cases.append(_row(unit, case, result.rows, trace=trace))
+    if error:  # a run lost at its first sample
+        drawn = unit.scenario.drawn(seed)
+        lines = rows(failed_track(drawn, record.true_parameters, record.torque))
+    outcome.cases.append(_row(unit, case, lines, error, trace))
 
 
 def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = Options()) -> Case:
@@ -238,31 +236,28 @@ def follow(
         If the estimator raises an exception, or returns what it must not.
     """
     where, samples = f"on {scenario.name}, seed {record.seed}", len(record.time)
-    y, p, claimed = getattr(record, estimator.output), len(estimator.names), None
-    thetas, innovations = np.empty((samples, p)), np.full((samples, 2), np.nan)
+    y, claimed = getattr(record, estimator.output), None
+    thetas, shown = [], []
     # In seconds, so that the estimator does not learn from a cut when the fault comes.
     size = sample_index(1.0, scenario.period) if hasattr(estimator, "covariance") else samples
     for first in range(0, samples, size):
         part = slice(first, min(first + size, samples))
-        u, valid = record.torque[part], None if record.valid is None else record.valid[part]
+        valid = None if record.valid is None else record.valid[part]
         with reported(text, where, first=first, period=scenario.period):
-            theta = run_estimator(estimator, u, y[part], valid)
-        _check_shape(text, where, "estimates", theta, (len(u), p))
-        thetas[part] = theta
-        if (shown := getattr(estimator, "innovations", None)) is not None:
-            _check_shape(text, where, "`innovations`", shown, (len(u), 2))
-            innovations[part] = shown
+            thetas.append(run_estimator(estimator, record.torque[part], y[part], valid))
+        shown.append(getattr(estimator, "innovations", None))
         if part.stop <= claimed_at(scenario) + 1:
             claimed = getattr(estimator, "covariance", None)
-    return thetas, claimed, innovations if hasattr(estimator, "innovations") else None
-
-
-def _check_shape(text: str, where: str, what: str, values: Any, shape: tuple[int, int]) -> None:
-    if np.shape(values) != shape:
-        raise EstimatorError(
-            f"{text} returned {what} of the shape {np.shape(values)} {where}; {shape} is needed: "
-            "one row a sample"
-        )
+    theta = np.concatenate(thetas)
+    innovations = None if shown[0] is None else np.concatenate(shown)
+    wanted = {"estimates": (theta, len(estimator.names)), "`innovations`": (innovations, 2)}
+    for what, (values, width) in wanted.items():
+        if values is not None and values.shape != (samples, width):
+            raise EstimatorError(
+                f"{text} returned {what} of the shape {values.shape} {where}; "
+                f"{(samples, width)} is needed: one row a sample"
+            )
+    return theta, claimed, innovations
 
 
 def track_of(  # noqa: PLR0917
@@ -301,33 +296,26 @@ def track_of(  # noqa: PLR0917
 
 
 def _row(
-    unit: Unit, case: PlannedCase, lines: Sequence[Mapping[str, Any]], *,
-    error: str | None = None, trace: bytes | None = None,
+    unit: Unit, case: PlannedCase, lines: Sequence[Mapping[str, Any]], error: str | None,
+    trace: bytes | None = None,
 ) -> Done:  # fmt: skip
     name, setting, seed = case
     about = labels(unit, setting) | {
         "seconds": unit.scenario.duration,
         "parameters": [line["parameter"] or "" for line in lines],
     }
-    numbers = numbers_of(lines)
+    numbers, named = numbers_of(lines), lines[0].get("isolation")
     if unit.scenario.onset_spread is not None:
         onset = first_onset(unit.scenario.drawn(seed)) * unit.scenario.period
         numbers[:, NUMBERS.index("onset")] = onset
-    isolation = lines[0].get("isolation")
-    isolation = None if isolation is None else json.dumps(isolation)
-    text = json.dumps(about, ensure_ascii=False)
-    return Done(name, text, seed, numbers, isolation, error, platform.node(), trace)
+    isolation = None if named is None else json.dumps(named)
+    about_text = json.dumps(about, ensure_ascii=False)
+    return Done(name, about_text, seed, numbers, isolation, error, platform.node(), trace)
 
 
 def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
     """Return the numbers (p, n) of rows with tables in them, in the order of `NUMBERS`."""
-
-    def number(line: Mapping[str, Any], name: str) -> float:
-        table, _, part = name.partition(".")
-        value = (line.get(table) or {}).get(part) if part else line.get(name)
-        return np.nan if value is None else float(value)
-
-    return np.array([[number(line, name) for name in NUMBERS] for line in lines])
+    return pd.json_normalize(list(lines)).reindex(columns=NUMBERS).to_numpy(float)
 
 
 def pack(case: Case) -> bytes:

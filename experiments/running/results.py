@@ -83,20 +83,25 @@ class Results:
     @cached_property
     def frame(self) -> pd.DataFrame:
         """All rows, a line a case and parameter; the columns that matter most come first."""
-        every = self._store.variants()
-        if (asked := self.study.get("variants")) is not None:
-            labels = {_key(label): label for label in asked}
-            order = {key: place for place, key in enumerate(labels)}
-            known = [(n, about) for n, about in every.items() if _key(about) in labels]
-            known.sort(key=lambda pair: order[_key(pair[1])])
-            every = {n: about | labels[_key(about)] for n, about in known}
-        table = self._store.frame(every)
-        if asked is not None:
+        table = self._store.frame(self._variants)
+        if "variants" in self.study:
             table = table[table["seed"].isin(self.study["seeds"])].reset_index(drop=True)
-        axes = dict.fromkeys(key for about in every.values() for key in about["axes"])
+        axes = dict.fromkeys(key for about in self._variants.values() for key in about["axes"])
         for key in axes:
             table[key] = [_plain(point.get(key)) for point in table["axes"]]
         return table[[*FIRST, *axes, *score_columns(), *LAST]]
+
+    @cached_property
+    def _variants(self) -> dict[int, dict[str, Any]]:
+        """What the cases of each estimator on each scenario share, in the order of the rows."""
+        every = self._store.variants()
+        if "variants" not in self.study:
+            return every
+        labels = {_key(label): label for label in self.study["variants"]}
+        order = {key: place for place, key in enumerate(labels)}
+        known = [(number, about) for number, about in every.items() if _key(about) in labels]
+        known.sort(key=lambda pair: order[_key(pair[1])])
+        return {number: about | labels[_key(about)] for number, about in known}
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return `frame`."""
@@ -197,8 +202,9 @@ class Results:
         definitions = (entry["definition"] for entry in self.study["scenarios"])
         definition = next(each for each in definitions if each["name"] == row["scenario"])
         base = scenario_from(definition, source=str(row["scenario"]))
-        keys = [key for key in self.axes if not is_option(key, self.study["estimators"])]
-        axes = {key: json.loads(row[key]) if _is_json(row[key]) else row[key] for key in keys}
+        point = next(v["axes"] for v in self._variants.values() if v["hash"] == row["hash"])
+        options = self.study["estimators"]
+        axes = {key: value for key, value in point.items() if not is_option(key, options)}
         return base.override(axes, inherit=self.study["streams"] == "common") if axes else base
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
@@ -262,10 +268,6 @@ def _key(about: Mapping[str, Any]) -> tuple[Any, ...]:
 def _plain(value: Any) -> Any:
     """Return the value of an axis as a cell: a number, a text, or JSON."""
     return value if value is None or isinstance(value, int | float | str) else json.dumps(value)
-
-
-def _is_json(value: Any) -> bool:
-    return isinstance(value, str) and value[:1] in {"[", "{"}
 
 
 def _ordered(values: pd.Series) -> Any:

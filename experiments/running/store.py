@@ -106,7 +106,7 @@ class Store:
         with store._reported():
             uri = f"{path.resolve().as_uri()}?mode={mode}"
             store._db = sqlite3.connect(uri, WAIT, uri=True, check_same_thread=False)
-            store._meta("columns")
+        store._meta("columns")
         return store
 
     def close(self) -> None:
@@ -133,19 +133,17 @@ class Store:
     @property
     def made_with(self) -> dict[str, str]:
         """What made the rows that are there."""
-        with self._reported():
-            return dict(json.loads(self._meta("made_with")))
-
-    def _meta(self, key: str) -> str:
-        line = self._db.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
-        return str(line[0]) if line else "null"
+        return self._meta("made_with")  # type: ignore[no-any-return]
 
     @property
     def study(self) -> dict[str, Any] | None:
         """The study that was asked for last, as `set_study` took it."""
+        return self._meta("study")  # type: ignore[no-any-return]
+
+    def _meta(self, key: str) -> Any:
         with self._reported():
-            found: dict[str, Any] | None = json.loads(self._meta("study"))
-        return found
+            query = "SELECT value FROM meta WHERE key = ?"
+            return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
 
     def set_study(self, content: Mapping[str, Any]) -> None:
         """Keep what was asked for."""
@@ -207,11 +205,11 @@ class Store:
         chosen : mapping
             Some of `variants`, in the order of the rows.
         """
+        names = self._meta("columns")
         texts, cases, numbers = ("case", "seed", "isolation", "error", "cost.host"), [], bytearray()
         query = ("SELECT id, seed, isolation, error, host, numbers FROM cases "
                  "WHERE variant = ? ORDER BY seed")  # fmt: skip
         with self._reported():
-            names = json.loads(self._meta("columns"))
             for key in chosen:
                 for *case, content in self._db.execute(query, (key,)):
                     cases.append((key, *case))

@@ -7,6 +7,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from itertools import product
@@ -26,7 +27,6 @@ ALL = "estimator"
 SIZE = re.compile(r"fault\[(\d+)\]\.factor")
 SEEDS_PER_UNIT = 16  # enough to share the cost of a batch, few enough to see progress
 UNITS = 16  # at least, if there are enough records, so that many processes have work
-SHOWN = 20  # problems in one message
 
 
 @dataclass(frozen=True)
@@ -189,32 +189,21 @@ def units(study: Study) -> list[Unit]:
     Raises
     ------
     StudyError
-        With one line for each problem, naming the point of the sweep.
+        If a point of the sweep is wrong, which it names.
     """
-    problems: dict[str, str] = {}  # each with the first point that has it
     result = []
-    for base, (key, settings) in product(study.scenarios, _settings(study, problems).items()):
+    for base, (key, settings) in product(study.scenarios, _settings(study).items()):
         axes = json.loads(key)
-        try:
+        with _named(study, axes):
             scenario = base.override(axes, inherit=study.streams == "common") if axes else base
             check_model(scenario)
-        except ScenarioError as error:
-            for problem in error.problems:
-                problems.setdefault(problem.removeprefix(f"{base.name}: "), key)
-            continue
         for first in range(0, len(study.seeds), study.block):
             seeds = study.seeds[first : first + study.block]
             result.append(Unit(scenario, base.name, axes, settings, seeds))
-    if problems:
-        lines = []
-        for text, key in problems.items():
-            point = ", ".join(f"{k} = {json.dumps(v)}" for k, v in json.loads(key).items())
-            lines.append(f"{study.name}: sweep: {point}: {text}" if point else text)
-        raise StudyError("\n".join(lines[:SHOWN]))
     return result
 
 
-def _settings(study: Study, problems: dict[str, str]) -> dict[str, tuple[Setting, ...]]:
+def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
     """Return the estimators at each point of the scenario's own axes (as JSON)."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
     result: dict[str, dict[str, Setting]] = {}
@@ -224,12 +213,21 @@ def _settings(study: Study, problems: dict[str, str]) -> dict[str, tuple[Setting
         for name in study.estimators:
             axes = {key: point[key] for key in options if applies(key, name)}
             changes = {key.rpartition(".")[2]: value for key, value in axes.items()}
-            try:
+            with _named(study, axes):
                 text = estimators.with_options(name, changes)
                 here.setdefault(text, Setting(name, text, axes, estimators.parse(text)))
-            except EstimatorError as error:
-                problems.setdefault(str(error), json.dumps(axes))
     return {key: tuple(settings.values()) for key, settings in result.items()}
+
+
+@contextmanager
+def _named(study: Study, axes: Point) -> Iterator[None]:
+    """Say at which point of which study something is wrong."""
+    try:
+        yield
+    except (ScenarioError, EstimatorError) as error:
+        point = ", ".join(f"{key} = {json.dumps(value)}" for key, value in axes.items())
+        where = f"{study.name}: sweep: {point}: " if point else ""
+        raise StudyError(f"{where}{error}") from error
 
 
 def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
@@ -274,6 +272,5 @@ def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
         "seeds": list(study.seeds),
         "axes": list(study.axes),
         "streams": study.streams,
-        "points": len(study.points),
         "variants": list(variants.values()),
     }

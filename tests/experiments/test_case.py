@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from engine_cases import short, small_study, user_file
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.running.case import NUMBERS, Options, pack, run_case, run_unit, unpack
 from flexaxis.experiments.running.estimators import parse
@@ -76,13 +75,6 @@ def test_a_missing_package_leaves_no_row(tmp_path, cache):
     assert "no_such_package_at_all" in found.missing[0]
 
 
-def test_what_is_done_is_skipped(cache):
-    (unit,) = units(Study("one", (short(),), ("frozen",), (0,)))
-    ((case, _, _),) = unit.cases()
-    object.__setattr__(unit, "done", frozenset([case]))
-    assert not run_unit(unit, Options(cache)).cases
-
-
 def test_records_are_simulated_once_and_shared(cache):
     first = units(small_study("frozen", "rpem-forgetting", seeds=2))[0]
     assert run_unit(first, Options(cache)).simulated == len(first.seeds)
@@ -131,13 +123,3 @@ def test_an_estimator_of_the_registry_is_reset_between_runs(cache):
     spec, record = parse("rpem-forgetting"), simulate(short(), [0])[0]
     first, second = (run_case(short(), record, spec, Options()) for _ in range(2))
     np.testing.assert_array_equal(first.theta, second.theta)
-
-
-def test_a_scenario_that_gives_another_output_is_refused(tmp_path):
-    path = tmp_path / "other.py"
-    path.write_text(
-        "class Mine:\n    names, output = ('k_T',), 'increment'\n"
-        "    def __init__(self, nominal, period): pass\n    def step(self, u, y): return [1.0]\n"
-    )
-    with pytest.raises(EstimatorError, match=r"reads 'increment'.*gives 'speed'"):
-        run_case(short(), simulate(short(), [0])[0], parse(f"{path}:Mine"), Options())

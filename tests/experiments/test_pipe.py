@@ -15,9 +15,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running import user_code
-from flexaxis.experiments.running.case import Options, run_unit
 from flexaxis.experiments.running.estimators import build, parse
-from flexaxis.experiments.running.study import Study, units
 from flexaxis.experiments.running.user_code import PipeEstimator
 from flexaxis.sim.simulate import simulate
 
@@ -170,12 +168,6 @@ def test_a_program_that_is_silent_is_stopped(program, monkeypatch):
     monkeypatch.setattr(user_code, "PATIENCE", 0.5)
     with pytest.raises(EstimatorError, match=r"wrote 64 of 80 bytes.*silent for 0\.5 s"):
         estimator.run(np.ones(5), np.ones(5))
-
-
-def test_an_estimate_that_is_not_finite_is_a_remark(program, short):
-    text = "pipe:" + program(("u / 2, y", "u / 2 if u < 1 else float('nan'), y"))
-    (unit,) = units(Study("one", (short,), (text,), (0,)))
-    assert run_unit(unit, Options()).remarks
 
 
 def test_its_files_decide_about_its_cases(program):

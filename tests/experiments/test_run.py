@@ -16,8 +16,6 @@ from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running.results import Results, rerun
 from flexaxis.experiments.running.run import Runner, parallel
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.seeds import check_jobs
-from flexaxis.sim.errors import FlexaxisError
 
 pytestmark = pytest.mark.slow
 COST = ["cost.us_per_sample", "cost.seconds"]
@@ -128,9 +126,3 @@ def test_random_cases_run_again_are_equal_or_say_what_differs(alone):
 
 def test_parallel_gives_every_result():
     assert sorted(parallel(abs, [-3, 1, -2], jobs=2)) == [1, 2, 3]
-
-
-@pytest.mark.parametrize("jobs", [0, -1, True, 10**6, "2"])
-def test_a_number_of_processes_that_is_none_is_refused(jobs):
-    with pytest.raises(FlexaxisError, match="give a number of processes"):
-        check_jobs(jobs)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -117,15 +115,6 @@ def test_what_is_no_store_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="is a file"):
         Store(tmp_path / "file")
-
-
-def test_the_file_is_one_sqlite_file_that_anyone_reads(tmp_path, outcomes):
-    filled(tmp_path, outcomes).close()
-    with sqlite3.connect(tmp_path / ROWS) as db:
-        (count,) = db.execute("SELECT count(*) FROM cases WHERE error IS NULL").fetchone()
-    db.close()
-    assert count == 12
-    assert [path.name for path in tmp_path.iterdir()] == [ROWS]
 
 
 def test_scores_are_pooled_over_the_seeds_of_a_group(outcomes):

@@ -84,10 +84,10 @@ def test_what_is_wrong_is_said(changes, words):
 @pytest.mark.parametrize(
     ("sweep", "words"),
     [
-        ({"fault[0].factor": [1.5, -2.0]}, "fault[0].factor = -2.0: fault[0].factor: must be"),
+        ({"fault[0].factor": [1.5, -2.0]}, "[0].factor = -2.0: fm_step-v1: fault[0].factor: must"),
         ({"fault[0].fctor": [1.5]}, "Did you mean 'factor'"),
         ({"estimator.forgeting": [0.9]}, "forgeting = 0.9: rpem-forgetting has no option"),
-        ({"duration": [20.0, 8.0]}, "duration = 8.0: fault[0].at: the onset at 10 s is not before"),
+        ({"duration": [20.0, 8.0]}, "duration = 8.0: fm_step-v1: fault[0].at: the onset at 10 s"),
     ],
 )  # fmt: skip
 def test_a_point_that_cannot_be_run_names_key_and_value(sweep, words):
