@@ -315,7 +315,8 @@ def _row(
 
 def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
     """Return the numbers (p, n) of rows with tables in them, in the order of `NUMBERS`."""
-    return pd.json_normalize(list(lines)).reindex(columns=NUMBERS).to_numpy(float)
+    table = pd.json_normalize(list(lines)).reindex(columns=NUMBERS)
+    return np.ascontiguousarray(table.to_numpy(float))
 
 
 def pack(case: Case) -> bytes:

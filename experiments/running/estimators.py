@@ -218,12 +218,7 @@ def _written(value: Any) -> str:
 
 def keywords(make: Factory, name: str = "") -> set[str]:
     """Return what a constructor takes by keyword besides nominal values and period."""
-    try:
-        parameters = list(inspect.signature(make).parameters.values())[2:]
-    except (TypeError, ValueError) as error:
-        raise EstimatorError(
-            f"{name} cannot be made from nominal values and a period: {error}"
-        ) from error
+    parameters = list(inspect.signature(make).parameters.values())[2:]
     return {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
 
 

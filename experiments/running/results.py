@@ -21,7 +21,7 @@ from flexaxis.experiments.files import (
 )
 from flexaxis.experiments.running.case import NUMBERS
 from flexaxis.experiments.running.store import Store
-from flexaxis.experiments.running.study import Study, is_option
+from flexaxis.experiments.running.study import is_option
 from flexaxis.experiments.scoring import summary
 from flexaxis.experiments.scoring.pooling import Columns
 from flexaxis.experiments.scoring.score_table import columns as score_columns
@@ -299,14 +299,12 @@ def rerun(results: Results, number: int, runner: Any, *, seed: int = 0) -> pd.Da
     DataFrame
         Values ``before`` and ``now`` by case, parameter and column; empty if all are equal.
     """
-    key = ["case", "parameter"]
-    chosen = results.frame.drop_duplicates("case")
-    parts = []
-    for _, row in chosen.sample(min(number, len(chosen)), random_state=seed).iterrows():
-        scenario, one = results.scenario(row), (int(row["seed"]),)
-        parts.append(runner.run(Study("rerun", (scenario,), (row["setting"],), one)).frame)
+    cases = results.frame.drop_duplicates("case")
+    chosen = cases.sample(min(number, len(cases)), random_state=seed)
+    parts = [runner.rows([results.scenario(row)], [row["setting"]], [int(row["seed"])])
+             for _, row in chosen.iterrows()]  # fmt: skip
     columns = [name for name in (*NUMBERS, "error") if not name.startswith("cost.")]
-    now = pd.concat(parts).set_index(key)[columns]
-    before = results.frame.set_index(key)[columns].loc[now.index]
-    differ = before.compare(now, result_names=("before", "now"))
+    every = (pd.concat(parts), results.frame)
+    now, before = (frame.set_index(["case", "parameter"])[columns] for frame in every)
+    differ = before.loc[now.index].compare(now, result_names=("before", "now"))
     return differ.stack(level=0, future_stack=True).dropna(how="all")

@@ -43,6 +43,7 @@ from flexaxis.sim.scenario import Scenario
 
 Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
 """``run(scenarios, estimators, seeds)``: rows of these cases, as `Runner.rows` gives them."""
+Pair = tuple[Scenario, Spec]
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
@@ -184,7 +185,13 @@ class Runner:
         is_open = "store" in vars(self) or (stored and not self._overwrite)
         kept = self.store.done(traced=traces) if is_open else set[str]()
         todo = list(missing(plan[shard[0] - 1 :: shard[1]], kept))
-        self._try_out(todo)
+        pairs = {
+            (unit.base, setting.text): (unit.scenario, setting.spec)
+            for unit in todo for setting in unit.settings
+            if setting.spec.options or setting.spec.is_users
+        }  # fmt: skip
+        for _, error in self._problems([*pairs.values()]):  # before anything is run
+            raise error
         description = describe(study, plan) | dict(about or {})
         if about is not None:
             self.store.set_study(description)
@@ -258,28 +265,14 @@ class Runner:
         problems = self._problems([(each, parse(text)) for each in scenarios for text in texts])
         return {name: str(error) for name, error in problems if isinstance(error, Misfit)}
 
-    def _try_out(self, todo: Sequence[Unit]) -> None:
-        """Make the estimators that have options or are of users, before anything is run."""
-        pairs = {
-            (unit.base, setting.text): (unit.scenario, setting.spec)
-            for unit in todo for setting in unit.settings
-            if setting.spec.options or setting.spec.is_users
-        }  # fmt: skip
-        if errors := [error for _, error in self._problems([*pairs.values()])]:
-            raise type(errors[0])("\n".join(dict.fromkeys(map(str, errors))))
-
-    def _problems(
-        self, pairs: Sequence[tuple[Scenario, Spec]]
-    ) -> Sequence[tuple[str, EstimatorError]]:
+    def _problems(self, pairs: Sequence[Pair]) -> Sequence[tuple[str, EstimatorError]]:
         """Return the names of scenarios for which estimators cannot be made, and the errors."""
         with suppress(BrokenExecutor):  # the cases will show which one ends its process
             return pairs and self._workers[0].submit(_problems, pairs, self._options).result()
         return ()
 
 
-def _problems(
-    pairs: Sequence[tuple[Scenario, Spec]], options: Options
-) -> list[tuple[str, EstimatorError]]:
+def _problems(pairs: Sequence[Pair], options: Options) -> list[tuple[str, EstimatorError]]:
     problems = []
     for scenario, spec in pairs:
         try:

@@ -9,7 +9,6 @@ single runs need, and `meta` the columns, the versions, and the study that was a
 from __future__ import annotations
 
 import json
-import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
@@ -81,9 +80,8 @@ class Store:
         with self._reported():
             self._db = sqlite3.connect(self._path, WAIT, check_same_thread=False)
             self._db.executescript(SCHEMA)
-            with self._db:
-                content = {"columns": json.dumps(NUMBERS), "made_with": json.dumps(made_with())}
-                self._db.executemany("INSERT OR IGNORE INTO meta VALUES (?, ?)", content.items())
+        if self._meta("columns") is None:
+            self._set(columns=NUMBERS, made_with=made_with())
 
     @classmethod
     def read(cls, folder: Path) -> Store:
@@ -94,20 +92,12 @@ class Store:
         StudyError
             If it has none.
         """
-        path = folder / ROWS
-        if not path.is_file():
+        if not (folder / ROWS).is_file():
             raise StudyError(
                 f"{folder} is not the folder of a run or a study ({ROWS} is missing). Make one "
                 "with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
             )
-        store = cls.__new__(cls)
-        store.folder, store._path = folder, str(path)
-        mode = "rw" if os.access(folder, os.W_OK) else "ro"  # rw also undoes what a kill left
-        with store._reported():
-            uri = f"{path.resolve().as_uri()}?mode={mode}"
-            store._db = sqlite3.connect(uri, WAIT, uri=True, check_same_thread=False)
-        store._meta("columns")
-        return store
+        return cls(folder)
 
     def close(self) -> None:
         """Close the file."""
@@ -121,8 +111,11 @@ class Store:
         StudyError
         """
         known = made_with()
-        differ = [f"{key} {value}, now {known.get(key)}" for key, value in self.made_with.items()
-                  if known.get(key) != value]  # fmt: skip
+        differ = [
+            f"{key} {value}, now {known.get(key)}"
+            for key, value in self._meta("made_with").items()
+            if known.get(key) != value
+        ]
         if differ:
             raise StudyError(
                 f"{self.folder} was made by other code ({'; '.join(differ)}), and its rows must "
@@ -131,25 +124,23 @@ class Store:
             )
 
     @property
-    def made_with(self) -> dict[str, str]:
-        """What made the rows that are there."""
-        return self._meta("made_with")  # type: ignore[no-any-return]
-
-    @property
     def study(self) -> dict[str, Any] | None:
         """The study that was asked for last, as `set_study` took it."""
         return self._meta("study")  # type: ignore[no-any-return]
+
+    def set_study(self, content: Mapping[str, Any]) -> None:
+        """Keep what was asked for."""
+        self._set(study=content)
 
     def _meta(self, key: str) -> Any:
         with self._reported():
             query = "SELECT value FROM meta WHERE key = ?"
             return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
 
-    def set_study(self, content: Mapping[str, Any]) -> None:
-        """Keep what was asked for."""
+    def _set(self, **content: Any) -> None:
         with self._reported(), self._db:
-            text = json.dumps(content, allow_nan=False)
-            self._db.execute("INSERT OR REPLACE INTO meta VALUES ('study', ?)", (text,))
+            lines = [(key, json.dumps(value, allow_nan=False)) for key, value in content.items()]
+            self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", lines)
 
     def done(self, *, traced: bool = False) -> set[str]:
         """Return the ids of all cases, or of those that failed or have a trace."""
