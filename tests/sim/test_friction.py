@@ -1,6 +1,5 @@
 """Laws of friction that the engine lacks, against solutions found without it."""
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -9,12 +8,10 @@ from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.simulate import simulate
 from flexaxis.sim.tables.friction import (
-    WIDTH,
     GearFrictionConfig,
     LoadFrictionConfig,
     StaticFrictionConfig,
 )
-from flexaxis.sim.tables.nonlinear import StiffeningConfig
 
 from .motion import N1, T, distance, rates, solved, stepped, torque
 
@@ -157,54 +154,3 @@ AS_KEYS = {"f_c": {"coulomb": 0.2, "static": 0.25}, "f_s": {"static": 0.3},
            "v_s": {"stribeck": 0.2}, "sigma_0": {"stiffness": 20.0},
            "sigma_1": {"damping": 0.6}}  # fmt: skip
 VALUES = {"f_c": 0.2, "f_s": 0.2, "v_s": 0.2, "sigma_0": 20.0, "sigma_1": 0.6}
-
-
-def test_runs_of_a_batch_have_laws_of_their_own():
-    features = [StaticFrictionConfig(**CURVE)]
-    plant = Plant([WG] * 3, period=T, substeps=20, nonlinear=features)
-    plant.set_law("f_c", np.array([0.5, 0.74302635727901, 1.0]))
-    speeds = []
-    for value in torque(5.0, 60):
-        plant.step(np.full(3, value))
-        speeds.append(plant.speed_m.copy())
-    for run, level in enumerate([0.5, 0.74302635727901, 1.0]):
-        alone = stepped(WG, torque(5.0, 60), *features, law={0: {"f_c": level}})
-        assert np.array_equal(np.array(speeds)[:, run], alone)
-
-
-def test_other_models_of_the_process_are_left_alone():
-    u, law = torque(), StaticFrictionConfig(**CURVE)
-    falling = mujoco.MjModel.from_xml_string(
-        "<mujoco><worldbody><body><joint axis='0 1 0'/>"
-        "<geom size='.1' pos='.1 0 0'/></body></worldbody>"
-        f"<custom><numeric name='own' data='{' '.join(map(str, range(1, WIDTH + 2)))}'/></custom>"
-        "</mujoco>"
-    )
-    bare = mujoco.MjModel.from_xml_string(
-        "<mujoco><worldbody><body><joint axis='0 1 0'/><geom size='.1' pos='.1 0 0'/></body>"
-        "</worldbody></mujoco>"
-    )
-
-    def swings():
-        found = []
-        for model in (falling, bare):
-            data = mujoco.MjData(model)
-            mujoco.mj_step(model, data, nstep=200)
-            found.append(data.qpos.copy())
-        return np.array(found)
-
-    mujoco.set_mjcb_passive(None)
-    before = stepped(N1, u), stepped(N1, u, StiffeningConfig(gear=3e5)), swings()
-    mixed = Plant([WG], period=T, substeps=20, nonlinear=[law])
-    linear = Plant([N1], period=T, substeps=5)
-    assert mujoco.get_mjcb_passive() is not None
-    speeds = []
-    for value in u:
-        mixed.step(np.array([5 * value]))
-        linear.step(np.array([value]))
-        speeds.append((linear.speed_m[0], mixed.speed_m[0]))
-    after = stepped(N1, u), stepped(N1, u, StiffeningConfig(gear=3e5)), swings()
-    for one, other in zip(before, after, strict=True):
-        assert np.array_equal(one, other)
-    assert np.array_equal(np.array(speeds)[:, 0], before[0])
-    assert np.array_equal(np.array(speeds)[:, 1], stepped(WG, 5 * u, law))
