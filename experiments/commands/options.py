@@ -129,8 +129,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "the next run).",
     "--dry-run": "Print the variants, the time on this machine and the disk space, and stop "
     "(default: run).",
-    "--keep-estimates": "Write all estimates to trajectories/ in the folder (default: scores "
-    "only).",
     "--no-covariance": "Save estimates without covariance, which is several times faster on long "
     "records (default: with it).",
     # what to list

@@ -61,7 +61,7 @@ def run(args: Args) -> int:
     return _results(args, results)
 
 
-@command("run", "file", "--dry-run", "--keep-estimates", *ENGINE)
+@command("run", "file", "--dry-run", *ENGINE)
 def study(args: Args) -> int:
     r"""Sweep keys of scenarios, faults and estimators over many seeds, resumable.
 
@@ -107,8 +107,7 @@ def study(args: Args) -> int:
         words += "".join(f"; not timed: {text}" for text in known["not_timed"])
         return answer(args, known, 0, *lines, words)
     results = fx.study(
-        args.file, folder=folder, shard=args.shard, trajectories=args.keep_estimates,
-        command=args.line, **work(args),
+        args.file, folder=folder, shard=args.shard, command=args.line, **work(args)
     )  # fmt: skip
     return _results(args, results)
 

@@ -119,7 +119,11 @@ class Estimate:
                 two = 2 * np.sqrt(covariance[:, i, i])
             one = Series(estimator=self.estimator, label=label, x=self.time, y=y,
                          low=y - two, high=y + two)  # fmt: skip
-            truth = [Series(role="truth", x=self.time, y=self.truth[name])] if name in self.truth else []
+            truth = (
+                [Series(role="truth", x=self.time, y=self.truth[name])]
+                if name in self.truth
+                else []
+            )
             curves[f"{name} [{_unit(name)}]"] = [*truth, one]
         return draw(curves, ax, self.record.definition)
 
@@ -132,7 +136,9 @@ class Estimate:
     def table(self) -> pd.DataFrame:
         """Last estimate, truth and error [% of the truth] of each parameter."""
         table = pd.DataFrame({"last estimate": self.theta[-1]}, list(self.names))
-        table["truth"] = pd.Series({name: true[-1] for name, true in self.truth.items()}, dtype=float)
+        table["truth"] = pd.Series(
+            {name: true[-1] for name, true in self.truth.items()}, dtype=float
+        )
         error = 100 * (table["last estimate"] / table["truth"] - 1)
         return table.assign(**{"error [%]": error.where(table["truth"] != 0)})
 

@@ -230,7 +230,6 @@ def study(
     *,
     folder: str | Path | None = None,
     shard: tuple[int, int] = (1, 1),
-    trajectories: bool = False,
     command: str = "",
     **work: Any,
 ) -> Results:
@@ -241,8 +240,6 @@ def study(
     definition : str, Path or mapping
         A TOML file, or its keys: ``{"scenario": "fm_step-v1", "estimators": ["glr"], "seeds":
         20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``; classes may stand among the estimators.
-    trajectories : bool
-        Whether to write all estimates to the folder, too.
     folder, shard, command, **work
         As for `benchmark`.
 
@@ -262,9 +259,7 @@ def study(
         texts = texts_of(definition.get("estimators", ()))
         wanted = study_from({"name": "study"} | dict(definition) | {"estimators": texts})
     with working(wanted.cases, folder, **work) as runner:
-        results = studies.run(
-            wanted, runner, shard=shard, trajectories=trajectories, command=command
-        )
+        results = studies.run(wanted, runner, shard=shard, command=command)
     return Results(runner.store, results.study)
 
 

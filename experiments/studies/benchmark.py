@@ -34,7 +34,6 @@ def run(
     swept: tuple[Sequence[Scenario], Sequence[str]] = ((), ()),
     command: str = "",
     shard: tuple[int, int] = (1, 1),
-    trajectories: bool = False,
 ) -> Results:
     """Run what is missing of a study; a folder gets its summary and report.
 
@@ -47,7 +46,7 @@ def run(
         Where to compare which estimators at equal noise, for the report of a run.
     command : str
         The line that runs it again, for the report.
-    shard, trajectories
+    shard
         As in `Runner.run`. A shard has no report: `merge` puts shards together first.
 
     Raises
@@ -57,9 +56,7 @@ def run(
     """
     tradeoff = {"scenarios": [s.resolved() for s in swept[0]], "estimators": list(swept[1])}
     about = {"title": study.name, "command": command, "tradeoff": tradeoff}
-    results = runner.run(
-        study, shard=shard, traces=not study.axes, trajectories=trajectories, about=about
-    )
+    results = runner.run(study, shard=shard, traces=not study.axes, about=about)
     if results.folder and shard == (1, 1):
         finish(results, runner)
     return results
