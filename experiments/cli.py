@@ -16,6 +16,7 @@ import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
+from inspect import getdoc
 from pkgutil import iter_modules
 from typing import Any, NoReturn
 
@@ -48,11 +49,11 @@ class Parser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return what was typed; refuse an option or word that the parser does not have."""
-        found, rest = super().parse_known_args(args, namespace)
+        parsed, rest = super().parse_known_args(args, namespace)
         for word in rest:
             option = word.partition("=")[0]
             self.error(f"unknown {option!r}.{did_you_mean(option, self._option_string_actions)}")
-        return found, rest
+        return parsed, rest
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong, and what may have been meant."""
@@ -78,7 +79,7 @@ def parser() -> Parser:
     subs = top.add_subparsers(dest="command", metavar="COMMAND", required=True,
                               help="One of the commands above.")  # fmt: skip
     for name, each in COMMANDS.items():
-        sub = subs.add_parser(name, description=each.main.__doc__, **style)
+        sub = subs.add_parser(name, description=getdoc(each.main), **style)
         add_options(sub, name)
         sub.set_defaults(main=each.main)
     return top

@@ -182,16 +182,16 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
 
     Other content would be pooled with stored results of that name without notice.
     """
-    wanted, found = hashes().get(name), scenario.hash[:16]
+    wanted, result = hashes().get(name), scenario.hash[:16]
     if wanted is None:
         raise ScenarioError(
             f"{name}: not frozen yet; when it is as it should be, add the line "
-            f'"{name}" = "{found}" to {HOME / HASHES}; until then, run it from its path'
+            f'"{name}" = "{result}" to {HOME / HASHES}; until then, run it from its path'
         )
-    if wanted != found:
+    if wanted != result:
         raise ScenarioError(
-            f"{name}: the content has the hash {found}, but the name is frozen with {wanted}; give "
-            "a changed scenario a new name (and a new key of Scenario the default None, which "
+            f"{name}: the content has the hash {result}, but the name is frozen with {wanted}; "
+            "give a changed scenario a new name (and a new key of Scenario the default None, which "
             "changes no hash)"
         )
     return scenario
@@ -252,7 +252,7 @@ def select(names: Any, *, default: str = "smoke") -> Selection:
         suite = [find_suite(name)] if name in suite_names() else []
         chosen += suite
         wanted += suite[0].scenarios if suite else [name]
-    found: dict[str, Scenario] = {}
+    result: dict[str, Scenario] = {}
     problems: list[str] = []
     for name in wanted:
         try:
@@ -260,17 +260,17 @@ def select(names: Any, *, default: str = "smoke") -> Selection:
         except ScenarioError as error:
             problems += error.problems
             continue
-        if found.setdefault(scenario.name, scenario).hash != scenario.hash:
+        if result.setdefault(scenario.name, scenario).hash != scenario.hash:
             problems.append(
                 f"{name}: the name {scenario.name!r} is also that of another scenario of this run; "
                 "give each scenario its own `name`"
             )
-    if problems or not found:
+    if problems or not result:
         raise ScenarioError(*(problems or ["name at least one scenario, such as fm_step"]))
     sources = chosen or [find_suite(default)]
     swept = dict.fromkeys(name for suite in chosen for name in suite.swept_scenarios)
     return Selection(
-        scenarios=list(found.values()),
+        scenarios=list(result.values()),
         estimators=list(dict.fromkeys(e for suite in sources for e in suite.estimators)),
         seeds=max(suite.seeds for suite in sources),
         swept_scenarios=[find_scenario(name) for name in swept],
@@ -318,9 +318,9 @@ def suites(find: str = "") -> list[Line]:
 def faults(find: str = "") -> list[Line]:
     """Return fault, parameter and scenarios: which scenarios a physical fault is simulated by."""
     lines = scenarios()
-    found = []
+    result = []
     for fault, parameter in FAULTS.items():
         names = [line["name"].removesuffix("-v1") for line in lines
                  if line["faults"] == parameter and line["group"] != "control"]  # fmt: skip
-        found.append({"fault": fault, "parameter": parameter, "scenarios": ", ".join(names)})
-    return _with(find, found)
+        result.append({"fault": fault, "parameter": parameter, "scenarios": ", ".join(names)})
+    return _with(find, result)

@@ -95,7 +95,7 @@ def demo(args: Args) -> int:
 
     The paper's method (A) runs beside the recommended one (B). Press "motor friction × 2": the
     upper diagram shows how much of the fault each has still to find, and in grey the theoretical
-    limit. Stop the clock and step through it; change λ, Δ, μ, noise and dry friction; choose another
+    limit. Stop the clock and step through it; change λ, Δ, μ, noise and dry friction; use another
     estimator. "What was done" lists every fault as CSV, and as a lesson that repeats it all.
 
     The page needs no network and is only served on this computer; docs/demo.md says how a class

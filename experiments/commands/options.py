@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
@@ -46,10 +47,10 @@ def command(group: str, *options: str) -> Callable[[Main], Main]:
 
 def part(text: str) -> tuple[int, int]:
     """Return the number of a part and of all parts from "I/N"."""
-    mine, every = map(int, text.split("/"))
-    if not 1 <= mine <= every:
+    number, every = map(int, text.split("/"))
+    if not 1 <= number <= every:
         raise ValueError(text)
-    return mine, every
+    return number, every
 
 
 PATH, SEVERAL = {"type": Path}, {"action": "append", "default": []}
@@ -250,14 +251,18 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
         The result in words.
     """
     if args.json:
-        from pandas.io.json import ujson_dumps
-
         head = {"flexaxis": version("flexaxis"), "command": args.command, "status": status,
                 "line": args.line}  # fmt: skip
-        lines = (ujson_dumps({**head, **content}, ensure_ascii=False, default_handler=str,
-                             double_precision=15),)  # fmt: skip
+        text = json.dumps({**head, **content}, default=_plain)
+        finite = json.loads(text, parse_constant=lambda name: None)
+        lines = (json.dumps(finite, ensure_ascii=False),)
     try:
         print(*lines, sep="\n", flush=True)
     except BrokenPipeError:  # the reader has seen enough, as with `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     return status
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON has for an array, a number of NumPy or a path."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)

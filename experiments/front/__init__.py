@@ -59,8 +59,8 @@ def __getattr__(name: str) -> Any:
         near = get_close_matches(name, __all__, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
-    globals()[name] = found = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    return found
+    globals()[name] = result = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    return result
 
 
 def __dir__() -> list[str]:

@@ -101,9 +101,9 @@ def draw(curves: Mapping[str, Sequence[Series]], axes: Any, scenario: Scenario |
     marks = around(scenario) if scenario and axes is None else {}
     shown = {name: [s for s in each if axes is None or s.role != "truth"]
              for name, each in curves.items()}  # fmt: skip
-    found = panels(axes, len(curves))
-    figures.curves(shown, x="time [s]", axes=found, **marks)
-    return found[0] if len(found) == 1 else np.array(found, object)
+    result = panels(axes, len(curves))
+    figures.curves(shown, x="time [s]", axes=result, **marks)
+    return result[0] if len(result) == 1 else np.array(result, object)
 
 
 def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: Any) -> Recording:
@@ -142,8 +142,8 @@ def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: An
 
 def changed(scenario: str | Path | Scenario, changes: Mapping[str, Any]) -> Scenario:
     """Return a scenario with some values replaced."""
-    found = scenario if isinstance(scenario, Scenario) else find_scenario(str(scenario))
-    return found.override(changes) if changes else found
+    result = scenario if isinstance(scenario, Scenario) else find_scenario(str(scenario))
+    return result.override(changes) if changes else result
 
 
 def seed_of(seed: Any) -> int:

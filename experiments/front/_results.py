@@ -24,6 +24,7 @@ from flexaxis.experiments.gate import gate
 from flexaxis.experiments.gate.report import as_dict, write
 from flexaxis.experiments.reporting import figures
 from flexaxis.experiments.reporting.study import over_axis
+from flexaxis.experiments.reporting.tables import between
 from flexaxis.experiments.running import results as engine
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.estimators import parse, text_of
@@ -37,6 +38,7 @@ from flexaxis.sim.scenario import Scenario
 
 Estimators = EstimatorLike | Iterable[EstimatorLike]
 Scenarios = str | Path | Scenario | Iterable[str | Path | Scenario]
+Place = str | Path | None
 Seeds = int | str | Iterable[int] | None
 SHOWN = (
     "scenario", "estimator", "parameter", "lag", "lag_interval", "t10", "std", "bias", "score",
@@ -66,17 +68,14 @@ def seeds_of(seeds: Seeds, default: int) -> tuple[int, ...]:
 
 @contextmanager
 def working(
-    cases: int, folder: str | Path | None = None, *, jobs: int = 1, dask: str | None = None,
+    cases: int, folder: Place = None, *, jobs: int = 1, dask: str | None = None,
     cache: bool = True, overwrite: bool = False, time_limit: float | None = None,
 ) -> Iterator[Runner]:  # fmt: skip
     """Give a runner with progress; warn of estimates that are not finite."""
     with ExitStack() as stack:
         executor = None
         if dask:
-            try:
-                client = stack.enter_context(optional_package("distributed").Client(dask))
-            except OSError as error:
-                raise FlexaxisError(f"dask {dask}: no scheduler answers there: {error}") from error
+            client = stack.enter_context(optional_package("distributed").Client(dask))
             executor, jobs = client.get_executor(retries=2), sum(client.nthreads().values())
         advance = stack.enter_context(progress(f"{cases} cases at most", cases))
         runner = stack.enter_context(Runner(
@@ -103,13 +102,8 @@ class Results(engine.Results):
         If nothing changed, the scores of all parameters.
         """
         rows = self.scores("scenario", "estimator", *self.axes)
-        if rows.empty:
-            return rows
         changed = rows[rows["changed"].astype(bool)]
-        rows = rows if changed.empty else changed
-        columns = [*SHOWN[:2], *self.axes, *SHOWN[2:]]
-        varies = {"scenario": len(self.study["scenarios"]) > 1, "failed": rows["failed"].any()}
-        return rows[[name for name in columns if varies.get(name, True)]].reset_index(drop=True)
+        return (rows if changed.empty else changed)[[*self.axes, *SHOWN]].reset_index(drop=True)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
         """Draw the lag after a fault: against the noise before it, or over an axis of a study.
@@ -133,30 +127,27 @@ class Results(engine.Results):
         """
         if x and x not in self.axes:
             raise FlexaxisError(unknown("axis", x, self.axes) + " Leave it out for the first one")
-        rows = self.scores("scenario", "estimator")
-        rows = rows[rows["changed"].astype(bool) & rows["lag"].notna()]
-        if rows.empty:
-            raise FlexaxisError("no lag to draw: no estimated parameter changes")
         axes = panels(ax, 1)
         if key := x or next(iter(self.axes), ""):
             options = over_axis(self, key, "lag")
             first = dict(list(options["panels"].items())[:1])
             figures.curves(**options | {"panels": first, "axes": axes})
         else:
+            rows = self.scores("scenario", "estimator").query("changed")
             rows["setting"] = rows["estimator"] + " on " + rows["scenario"]
             figures.lag_against_noise(rows, list(rows["estimator"].unique()), axes=axes)
         return axes[0]
 
-    def report(self, path: str | Path | None = None) -> Path:
+    def report(self, path: Place = None) -> Path:
         """Write the report, by default to report.html in the folder; return its path."""
         target = Path(path or (self.folder or Path()) / REPORT)
         studies.write_report(self, target)
         return target
 
     def __repr__(self) -> str:
-        failed = len(self.failures)
-        text = f"{self.cases} cases" + (f", {failed} of them failed: see .failures" * bool(failed))
-        return f"{text}\n{self.table.to_string(index=False, float_format='{:.3g}'.format)}"
+        text = f"{self.cases} cases, {len(self.failures)} of them failed"
+        table = self.table.assign(lag_interval=self.table["lag_interval"].map(between))
+        return f"{text}\n{table.to_string(index=False, float_format='{:.3g}'.format)}"
 
     def _repr_html_(self) -> str:
         return self.table.to_html(index=False)
@@ -167,7 +158,7 @@ def benchmark(
     *,
     scenarios: Scenarios = "smoke",
     seeds: Seeds = None,
-    folder: str | Path | None = None,
+    folder: Place = None,
     shard: tuple[int, int] = (1, 1),
     command: str = "",
     **work: Any,
@@ -228,7 +219,7 @@ def benchmark(
 def study(
     definition: str | Path | Mapping[str, Any],
     *,
-    folder: str | Path | None = None,
+    folder: Place = None,
     shard: tuple[int, int] = (1, 1),
     command: str = "",
     **work: Any,
@@ -317,7 +308,7 @@ def compare(
     max_seeds: int = 0,
     match_std: bool = False,
     margins: Mapping[str, float] | None = None,
-    folder: str | Path | None = None,
+    folder: Place = None,
     **work: Any,
 ) -> Comparison:
     """Say whether a candidate is better or worse than a base, run on the same records.
@@ -381,8 +372,8 @@ def tune(
     match: str = "excess",
     scenarios: Scenarios | None = None,
     seeds: Seeds = None,
-    folder: str | Path | None = None,
-    file: str | Path | None = None,
+    folder: Place = None,
+    file: Place = None,
     **work: Any,
 ) -> pd.DataFrame:
     """Find the settings at which estimators are as noisy as rpem-forgetting, or sweep them.
@@ -422,6 +413,7 @@ def tune(
             swept = sweep.sweep(own, names, numbers, runner.rows)
         return pd.DataFrame(swept.matched).drop(columns="values")
     numbers = seeds_of("0:16" if seeds is None else seeds, 16)
+    span = f"{numbers[0]}:{numbers[-1] + 1}"
     with working(12 * len(names) * len(numbers), folder, **work) as runner:
         for name in names:
             tuned, problem = None, ""
@@ -433,7 +425,7 @@ def tune(
                 problem = str(error)
             lines.append({"estimator": name, "problem": problem} | (asdict(tuned) if tuned else {}))
             if file:
-                save(Path(file), name, tuned, command=f"flexaxis tune {name}")
+                save(Path(file), name, tuned, command=f"flexaxis tune {name} --seeds {span}")
     return pd.DataFrame(lines)
 
 

@@ -122,8 +122,8 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
         return None
     scenarios = [scenario_from(s, source="sweep") for s in wanted["scenarios"]]
     able = sweep.able(scenarios, wanted["estimators"], seeds, runner.rows)
-    found = sweep.sweep(scenarios, able, seeds, runner.rows)
-    matched = faults_of(found.matched)
+    result = sweep.sweep(scenarios, able, seeds, runner.rows)
+    matched = faults_of(result.matched)
     if not matched.empty:  # once more, with what the report draws of the nearest settings
         own = matched[matched["fault"] == widest(matched)]
         drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
@@ -131,10 +131,10 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
     left_out = [name for name in wanted["estimators"] if name not in able]
     texts = sweep.texts(sweep.settings(left_out)) if left_out else []
     failed = runner.run(Study("sweep", tuple(scenarios), tuple(texts), tuple(seeds))).failures
-    return asdict(found) | {
+    return asdict(result) | {
         "left_out": left_out,
         "failures": failed.to_dict("records"),
-        "overall": overall(found.at_excess),
+        "overall": overall(result.at_excess),
         "definitions": {s.name: s.resolved() for s in scenarios},
     }
 

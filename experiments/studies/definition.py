@@ -65,11 +65,11 @@ def _flat(value: Any) -> Any:
     """Return nested tables as dotted keys: a key may be written with or without quotes."""
     if not isinstance(value, Mapping):
         return value
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for key, inner in value.items():
         whole = not isinstance(inner, Mapping)
-        found |= {key: inner} if whole else {f"{key}.{k}": v for k, v in _flat(inner).items()}
-    return found
+        result |= {key: inner} if whole else {f"{key}.{k}": v for k, v in _flat(inner).items()}
+    return result
 
 
 Words = Annotated[tuple[str, ...], BeforeValidator(_one_or_more), Field(strict=False)]
