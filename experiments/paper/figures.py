@@ -131,17 +131,12 @@ def estimates(method: str, e: Evidence) -> Figure:
     t63, panels = times(e.data, runs, 0.37), {}
     for i, parameter in enumerate(e.data.names):
         low, high = np.percentile(runs.theta[:, ::STEP, i], [10, 90], axis=0)
-        one = runs.theta[0, ::STEP, i]
+        one, label = runs.theta[0, ::STEP, i], f"63 % after {t63[parameter]:.2g} s"
         panels[f"{parameter} / nominal"] = [
             Series(x=time[[0, -1]], y=[1, 1], role="truth"),
-            Series(x=time, y=one, low=low, high=high, estimator=parameter),
+            Series(x=time, y=one, low=low, high=high, estimator=parameter, label=label),
         ]
-    return curves(
-        panels,
-        x="time [s]",
-        limits=dict.fromkeys(panels, (0.88, 1.4)),
-        titles=[f"63 % after {t63[parameter]:.2g} s" for parameter in e.data.names],
-    )
+    return curves(panels, x="time [s]", limits=dict.fromkeys(panels, (0.88, 1.4)))
 
 
 def diagonal(method: str, theory: str, e: Evidence) -> Figure:

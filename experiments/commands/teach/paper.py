@@ -49,7 +49,5 @@ def main(args: argparse.Namespace) -> int:
     status = int(not all(claim.holds for claim in claims))
     caption = f"{sum(claim.holds for claim in claims)} of {len(claims)} claims hold"
     told = {"claims": [claim.as_json() for claim in claims], "page": page}
-    table = claims_table(claims)
-    rows = [[cell.text for cell in cells] for _, cells in table.rows]
-    shown = lines(caption, table.heads, rows, "")
+    shown = lines(claims_table(claims)._replace(name=caption))
     return answer(args, told, status, page, show=lambda: show(shown))
