@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from flexaxis.experiments.comparison.ranking import faults_of
-from flexaxis.experiments.reporting import figures, page, styles, tables, terminal, words
+from flexaxis.experiments.reporting import figures, page, study, styles, tables, terminal, words
 from flexaxis.experiments.reporting.figures import Series
 
 SEEDS = 8
@@ -270,3 +270,21 @@ def test_the_frozen_one_stands_last(capsys):
 def test_failures_of_an_estimator_are_one_sentence():
     rows = [{"scenario": "s", "estimator": "mine", "seed": seed, "error": "no"} for seed in (5, 6)]
     assert words.failures_in_words(rows) == [("mine failed on s, seed 5: no", 2)]
+
+
+def test_a_study_answers_first_and_has_a_map_of_two_axes(stored, tmp_path):
+    size, friction = "fault[0].factor", "friction.coulomb"
+    rows = [
+        {"case": f"{who}{x}{y}{seed}", "estimator": who, "method": who, "seed": seed,
+         "hash": f"{x}{y}", "axes": {size: x, friction: y}, "lag": lag * x, "lag_bound": 0.1,
+         "lag_null": 5.0, "std": 1.0, "score": 100 - 40 * lag}
+        for who, lag in (("glr", 0.5), ("ekf", 2.0)) for x in (1.2, 2.0) for y in (0.01, 0.1)
+        for seed in range(3)
+    ]  # fmt: skip
+    definition = {"name": "s", "duration": 20.0, "friction": {"coulomb": 0.1}, "fault": [STEP]}
+    more = {"scenarios": [{"definition": definition}], "seeds": [0, 1, 2], "streams": "own"}
+    html = study.render(stored(tmp_path, rows, [size, friction], **more))
+    title = html[html.index("<h1>") + 4 : html.index("</h1>")]
+    assert title.startswith("glr has the highest score over the parameter after the fault")
+    assert html.count('aria-label="glr: lag [s] over') == 1
+    assert "0.60</text>" in html and "4.0</text>" in html  # cells of glr and of ekf
