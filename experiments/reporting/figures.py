@@ -110,7 +110,7 @@ def curves(
         for begin, end, text in spans:
             tag(ax.axvspan(begin, end, color=MUTED, alpha=0.1, lw=0), tip=text)
         for at, text in marks:
-            tag(ax.axvline(at, color=MUTED, lw=0.9), tip=text)
+            tag(ax.axvline(at, color=MUTED), tip=text)
         for one in series:
             _draw(ax, one, looks)
         for axis, name in ((ax.xaxis, x), (ax.yaxis, label)):
@@ -159,11 +159,10 @@ def _interval(ax: Axes, place: float, parts: Any, who: str, tip: str, **own: Any
 
 def _rows(ax: Axes, names: Sequence[str], label: str, **options: Any) -> Figure:
     """Name the rows of some axes, with a logarithmic abscissa, and return the figure."""
-    ax.axvline(1, color=TEXT, lw=1.2)
+    ax.axvline(1, color=TEXT)
     logarithmic(ax.xaxis)
     ax.set(xlabel=label, ylim=(len(names) - 0.5, -0.5))
     ax.set_yticks(range(len(names)), names, **options)
-    ax.grid(axis="y", visible=False)
     return ax.figure
 
 
@@ -342,7 +341,6 @@ def score_map(
     ax.set_yticks(np.arange(cells.shape[0]) + 0.5, map(number, cells.index))
     ax.set(xlabel=symbols(x), ylabel=symbols(y))
     ax.set_title(title, parse_math=False)
-    ax.grid(visible=False)
     return ax.figure
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
+from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.reporting import page, tables, words
 from flexaxis.experiments.reporting.figures import curves, lines, score_map
 from flexaxis.experiments.reporting.styles import assigned
@@ -23,7 +24,15 @@ LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]",
 
 
 def render(results: Results) -> str:
-    """Return the report of a study as HTML."""
+    """Return the report of a study as HTML.
+
+    Raises
+    ------
+    StudyError
+        If no run could be simulated.
+    """
+    if not results.frame["parameter"].any():
+        raise StudyError("no run could be simulated: `error` in the rows says why")
     axes, study = numeric_axes(results), results.study
     table = _table(results)
     looks = assigned(name for name, _ in table.rows)
