@@ -30,8 +30,8 @@ USUAL: Looks = {}
 MARKERS = "oD^sv<"  # of faults, where estimators have a row each
 ROLES: dict[str, dict[str, Any]] = {
     "truth": {"color": TEXT, "lw": 1.1, "ls": (0, (5, 3)), "marker": "", "zorder": 5},
-    "bound": {"color": TEXT, "lw": 1.1, "ls": (0, (1.5, 2)), "marker": ""},
-    "data": {"color": MUTED, "lw": 1.0, "ls": "-", "marker": ""},
+    "bound": {"color": TEXT, "ls": (0, (1.5, 2)), "marker": ""},
+    "data": {"color": MUTED, "ls": "-", "marker": ""},
 }
 
 
@@ -136,7 +136,7 @@ def _draw(ax: Axes, one: Series, looks: Looks) -> None:
         tag(ax.plot(u, v, **own | {"ls": ""})[0], who, f"{label}: {short(v)} at {short(u)}")
     own["ls"] = "" if one.kind == "points" else own["ls"]
     steps = "steps-post" if one.kind == "steps" else "default"
-    every: Any = [] if pointed else 0.2
+    every: Any = [] if pointed else len(one.x) // 5 or 1
     line = ax.plot(one.x, one.y, **own, label=label, drawstyle=steps, markevery=every)
     tag(line[0], who, label)
 
