@@ -53,7 +53,6 @@ def fig3(e: Evidence) -> Figure:
         limits={y: (0.0, 1.15 * float(amplitude.max())), "frequency [rad/s]": (0.0, 220.0)},
         marks=[*((peak, "peak of the paper") for peak in PEAKS), (edge, "30 Hz")],
         spans=[(0.0, 70.0, f"{low_energy(e):.1f} % of the energy")],
-        height=300,
     )
 
 
@@ -148,7 +147,7 @@ def diagonal(method: str, theory: str, e: Evidence) -> Figure:
         series.append(Series(x=time, y=runs.P[0, :, i], estimator=parameter))
         series.append(_level(time[[0, -1]], value, estimator=parameter, label=theory))
     y = "diagonal of P"
-    return curves({y: series}, x="time [s]", logs=[y], limits={y: (1.5e-6, 2e-3)}, height=300)
+    return curves({y: series}, x="time [s]", logs=[y], limits={y: (1.5e-6, 2e-3)})
 
 
 FIGURES: Mapping[str, Callable[..., Figure]] = {

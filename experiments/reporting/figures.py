@@ -78,7 +78,6 @@ def curves(
     limits: Mapping[str, Any] = USUAL,
     marks: Sequence[tuple[float, str]] = (),
     spans: Sequence[tuple[float, float, str]] = (),
-    height: float = 190,
     axes: Any = None,
     looks: Looks = USUAL,
 ) -> Figure:
@@ -98,14 +97,12 @@ def curves(
         Where something happens, and what.
     spans : sequence of (float, float, str)
         What is shaded, such as burn-in.
-    height : float
-        Of a panel [px].
     axes : sequence of Axes, optional
         Where to draw, one for each panel; a new figure by default.
     looks : mapping of str to Style
         Of the estimators of a page, which names them above all figures; else panels have legends.
     """
-    axes = new(60 + height * len(panels), len(panels)) if axes is None else axes
+    axes = new(60 + 200 * len(panels), len(panels)) if axes is None else axes
     for ax, (label, series) in zip(axes, panels.items(), strict=True):
         for begin, end, text in spans:
             tag(ax.axvspan(begin, end, color=MUTED, alpha=0.1, lw=0), tip=text)
@@ -117,11 +114,22 @@ def curves(
             if name in logs:
                 logarithmic(axis)
         ax.autoscale()  # the axes may have limits from an earlier call
-        ax.set(ylabel=symbols(label), ylim=limits.get(label), xlim=limits.get(x))
+        usual = None if label in logs else _usual(ax)
+        ax.set(ylabel=symbols(label), ylim=limits.get(label, usual), xlim=limits.get(x))
         if not looks and ax.get_legend_handles_labels()[0]:
             ax.legend()
     axes[-1].set_xlabel(symbols(x))
     return axes[0].figure
+
+
+def _usual(ax: Axes) -> tuple[float, float] | None:
+    """Return limits around the usual values of many; a burst does not set the scale."""
+    values = np.concatenate([line.get_ydata() for line in ax.get_lines()] or [[]])
+    if len(values) < 100:
+        return None
+    low, high = np.nanpercentile(values, (2, 98))
+    room = 0.6 * (high - low) + 0.05 * abs(high)
+    return low - room, high + room
 
 
 def _draw(ax: Axes, one: Series, looks: Looks) -> None:
@@ -153,7 +161,7 @@ def logarithmic(axis: Any) -> None:
 def _interval(ax: Axes, place: float, parts: Any, who: str, tip: str, **own: Any) -> None:
     """Draw a value and both ends of its interval in a row of some axes."""
     value, *ends = parts
-    tag(ax.hlines(place, *ends, color=own["color"], alpha=0.6), who, tip)
+    tag(ax.hlines(place, *ends, color=own["color"]), who, tip)
     tag(ax.plot(value, place, ls="", mec=styles.BACK, ms=6, **own)[0], who, tip)
 
 
@@ -253,8 +261,8 @@ def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks 
         own = own.assign(x=own["std"] / usual["std"].median())
         panels[f"{text}\nlag [s]"] = lines(own, "x", "lag")
     x = f"noise before the fault / that of {REFERENCE}"
-    return curves(panels, x=x, logs=[x, *panels], height=165,
-                  marks=[(1.0, "read off in the table")], looks=looks)  # fmt: skip
+    marks = [(1.0, "read off in the table")]
+    return curves(panels, x=x, logs=[x, *panels], marks=marks, looks=looks)
 
 
 def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series]:
@@ -291,7 +299,7 @@ def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
     """
     able, x = rows[(rows["lag"] > 0) & (rows["std"] > 1e-9)], "std before the fault [% of nominal]"
     panels = {"lag [s]": lines(able, "std", "lag", kind="points")}
-    return curves(panels, x=x, logs=[x, "lag [s]"], height=280, **options)
+    return curves(panels, x=x, logs=[x, "lag [s]"], **options)
 
 
 def shares(runs: pd.DataFrame, **options: Any) -> Figure:
@@ -315,8 +323,7 @@ def shares(runs: pd.DataFrame, **options: Any) -> Figure:
     for who, own in reached.groupby("estimator")["over_bound"]:
         up = np.arange(1, len(own) + 1) / count
         series.append(Series(x=own, y=up, estimator=str(who), kind="steps"))
-    return curves({y: series}, x=x, logs=[x], limits={y: (0.0, 1.02)}, marks=[(1.0, "bound")],
-                  height=280, **options)  # fmt: skip
+    return curves({y: series}, x=x, logs=[x], marks=[(1.0, "bound")], **options)
 
 
 @styled
@@ -349,7 +356,7 @@ VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
 
 @styled
 def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = None) -> Figure:
-    """Draw changes with their intervals and margins, a line a score, the first thirty.
+    """Draw changes with their intervals and margins, a line a score.
 
     Parameters
     ----------
@@ -358,7 +365,7 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
     axes : Axes, optional
         Where to draw; a new figure by default.
     """
-    shown = [row for row in rows if row["interval"]][:30]
+    shown = [row for row in rows if row["interval"]]
     ax, names = axes or new(60 + 24 * len(shown))[0], []
     for place, row in enumerate(shown):
         parts = np.array([row["change"], *row["interval"], row["margin"] or 0])

@@ -60,7 +60,7 @@ def comparison(verdict: Mapping[str, Any], worst: Mapping[str, Any] | None = Non
         series = [Series(x=worst["time"], y=worst[side], estimator=side) for side in SIDES]
         series.append(Series(x=worst["time"], y=worst["truth"], role="truth"))
         panels = {f"{worst['parameter']} / nominal": series}
-        drawings.append(drawn(figures.curves, "worst run", panels, x="time [s]", height=300))
+        drawings.append(drawn(figures.curves, "worst run", panels, x="time [s]"))
     lines = [("", list(map(tables.Cell, row["text"]))) for row in rows]
     table = tables.Table("all scores", verdict["columns"], lines, verdict["legend"])
     return render("reporting/templates/compare.html", title=verdict["headline"], verdict=verdict,

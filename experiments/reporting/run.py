@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
@@ -101,12 +100,9 @@ class Drawing:
             windows.insert(0, (at - 0.1, at + 1.0))
         for window in windows if traces else ():
             series = figures.medians(traces, scenario, name, window, banded=banded)
-            x, y, usual = "time [s]", f"{name} / nominal", np.concatenate([one.y for one in series])
-            low, high = np.nanpercentile(usual, (2, 98))  # a burst does not set the scale
-            room = 0.4 * (high - low) + 0.01
-            limits = {x: window, y: (low - room, high + room)}
+            panels, x = {f"{name} / nominal": series}, "time [s]"
             text = f"{name} of {scenario.name} from {window[0]:.4g} s, {label}"
-            drawn.append(self.draw(figures.curves, text, {y: series}, x=x, limits=limits,
+            drawn.append(self.draw(figures.curves, text, panels, x=x, limits={x: window},
                                    **figures.around(scenario)))  # fmt: skip
         return drawn
 
@@ -141,5 +137,5 @@ class Drawing:
         return {
             "points": self.draw(figures.lag_against_noise, label, shown),
             "runs": tables.table(label, shown, heads),
-            "worst": runs.iloc[0] if len(runs) else None,
+            "worst": runs.head(1).to_dict("records"),
         }

@@ -101,7 +101,7 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
         for parameter, group in rows[rows[measure].notna()].groupby("parameter", sort=False):
             panels[f"{LABELS[measure]} of {parameter}"] = lines(group, axis, measure)
     wide = rows[axis].max() > 30 * rows[axis].min() > 0
-    return {"panels": panels, "x": x, "logs": [x] * bool(wide), "height": 230}
+    return {"panels": panels, "x": x, "logs": [x] * bool(wide)}
 
 
 def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:

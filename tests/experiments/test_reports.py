@@ -240,7 +240,7 @@ def test_a_figure_of_a_page_has_classes_titles_and_variables():
     html = page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks)
     root = ElementTree.fromstring(html.replace("xlink:", ""))  # well-formed
     text = ElementTree.tostring(root, encoding="unicode")
-    assert f'class="est-{page.slug(name)}"' in text and "1.0 at 1.2</" in text
+    assert f'class="est-{page.slug(name)}"' in text and ": 1 at 1.2</" in text
     assert f"var(--style-{looks[name].place})" in text and looks[name].light.lower() not in text
     assert page.slug("a[b=1]") != page.slug("a[b=-1]")
     assert not re.search(r'[ "]-?\d+\.\d{3,}[ "]', html)
