@@ -20,7 +20,7 @@ from flexaxis.experiments.running.study import is_option
 LINES = 300  # of the table
 SHOWN = ("lag", "over_bound", "t10", "std", "bias", "score", "diverged")
 LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]",
-          "false_alarms_per_hour": "false alarms / h"}  # fmt: skip
+          "detection.false_alarms_per_1000_s": "false alarms / 1000 s"}  # fmt: skip
 
 
 def render(results: Results) -> str:
@@ -36,7 +36,9 @@ def render(results: Results) -> str:
     axes, study = numeric_axes(results), results.study
     table = _table(results)
     looks = assigned(name for name, _ in table.rows)
-    shown = [over_axis(results, axis, "score", "false_alarms_per_hour") for axis in axes[:1]]
+    shown = [
+        over_axis(results, axis, "score", "detection.false_alarms_per_1000_s") for axis in axes[:1]
+    ]
     shown += [over_axis(results, axis, "lag", "std") for axis in axes]
     return page.render(
         "reporting/templates/study.html",
@@ -62,7 +64,7 @@ def numeric_axes(results: Results) -> list[str]:
 def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
     """Return pooled rows over some axes; swept options that are not among them name estimators."""
     option = any(is_option(axis, results.study["estimators"]) for axis in axes)
-    rows = results.scores(*by, "estimator" if option else "setting", *axes)
+    rows = tables.flat(results.pooled(*by, "estimator" if option else "setting", *axes))
     return rows.rename(columns={"setting": "estimator"}).dropna(subset=list(axes))
 
 
@@ -97,7 +99,7 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
         Columns of pooled rows.
     """
     rows, panels, x = _changed(results, [axis]), {}, axis_words(axis)
-    for measure in measures:
+    for measure in rows.columns.intersection(measures):
         for parameter, group in rows[rows[measure].notna()].groupby("parameter", sort=False):
             panels[f"{LABELS[measure]} of {parameter}"] = lines(group, axis, measure)
     wide = rows[axis].max() > 30 * rows[axis].min() > 0
@@ -117,7 +119,7 @@ def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
 
 def _table(results: Results) -> tables.Table:
     """Return pooled scores at each point, what changed first."""
-    rows = tables.flat(pooled(results, results.axes, "scenario").to_dict("records"))
+    rows = pooled(results, results.axes, "scenario")
     rows = rows.sort_values("changed", ascending=False, kind="stable").head(LINES)
     names = ("estimator", "scenario", *results.axes, "parameter", *SHOWN)
     heads = {name: tables.COLUMNS.get(name) or axis_words(name) for name in names}

@@ -15,7 +15,6 @@ from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, REFERENCE
 from flexaxis.experiments.reporting import tables, words
 from flexaxis.experiments.reporting.tables import Cell, Table, between, short
 
-WIDE = 200  # columns where there is no terminal, as in the log of a build: no name is cut
 NOTES = {REFERENCE: "the paper’s method", RECOMMENDED: "recommended", "frozen": "never moves"}
 LEGEND = (
     "★ fastest, or not distinguishable from it on these seeds; below a lag: × bound, 95 % interval",
@@ -27,7 +26,8 @@ LEGEND = (
 
 def show(table: rich.table.Table) -> None:
     """Print a table, in a file or a pipe as wide as it needs."""
-    Console(width=None if sys.stdout.isatty() else WIDE).print(table)
+    # No name is cut in the log of a build.
+    Console(width=None if sys.stdout.isatty() else 200).print(table)
 
 
 def lines(table: Table) -> rich.table.Table:
