@@ -13,8 +13,7 @@ import pandas as pd
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting import figures
 from flexaxis.experiments.reporting.figures import Series
-from flexaxis.experiments.reporting.inputs import around
-from flexaxis.experiments.reporting.styles import SETTINGS
+from flexaxis.experiments.reporting.styles import styled
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import SIGNALS, Record, load_record
@@ -87,7 +86,7 @@ def panels(axes: Any, count: int) -> list[Any]:
     if axes is None:
         from matplotlib import pyplot
 
-        with pyplot.rc_context(SETTINGS):
+        with styled:
             size = (8.0, 2.4 + 1.6 * count)
             axes = pyplot.subplots(count, sharex=True, squeeze=False, figsize=size)[1]
     return list(np.ravel(np.asarray(axes, object)))
@@ -98,7 +97,7 @@ def draw(curves: Mapping[str, Sequence[Series]], axes: Any, scenario: Scenario |
 
     Axes of the caller have the truth already. One axes is returned as it is, several as an array.
     """
-    marks = around(scenario) if scenario and axes is None else {}
+    marks = figures.around(scenario) if scenario and axes is None else {}
     shown = {name: [s for s in each if axes is None or s.role != "truth"]
              for name, each in curves.items()}  # fmt: skip
     result = panels(axes, len(curves))

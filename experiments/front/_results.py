@@ -134,8 +134,7 @@ class Results(engine.Results):
             figures.curves(**options | {"panels": first, "axes": axes})
         else:
             rows = self.scores("scenario", "estimator").query("changed")
-            rows["setting"] = rows["estimator"] + " on " + rows["scenario"]
-            figures.lag_against_noise(rows, list(rows["estimator"].unique()), axes=axes)
+            figures.lag_against_noise(rows, axes=axes)
         return axes[0]
 
     def report(self, path: Place = None) -> Path:

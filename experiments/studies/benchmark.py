@@ -11,12 +11,10 @@ from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.comparison import sweep
-from flexaxis.experiments.comparison.ranking import overall
+from flexaxis.experiments.comparison.ranking import faults_of, overall, widest
 from flexaxis.experiments.files import REPORT, SUMMARY, write_json, write_text
 from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
-from flexaxis.experiments.reporting.inputs import RunInputs
-from flexaxis.experiments.reporting.words import faults_of, widest
 from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
@@ -106,7 +104,7 @@ def finish(results: Results, runner: Runner) -> None:
 def write_report(results: Results, path: Path) -> None:
     """Write the report of a study, or of a run from its summary.json."""
     html = (study_report.render(results) if results.axes
-            else run_report.render(RunInputs(results, results.summary)))  # fmt: skip
+            else run_report.render(results, results.summary))  # fmt: skip
     write_text(path, html)
 
 

@@ -206,7 +206,7 @@ def test_a_study_from_keys(short_toml):
     content = {"scenario": str(short_toml), "estimators": ["frozen"], "seeds": 2}
     results = fx.study(content | {"sweep": {"fault[0].factor": [1.2, 2.0]}})
     assert len(results.to_dataframe()) == 18  # a twin without the fault each
-    assert "motor friction" in results.plot().get_xlabel()  # the axis in words, not as a key
+    assert "after the fault" in results.plot().get_xlabel()  # the axis in words, not as a key
     assert [*results.table["fault[0].factor"]] == [1.2, 2.0]
     with pytest.raises(FlexaxisError, match="fault"):
         results.plot("fault[0].factr")
