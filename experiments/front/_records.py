@@ -13,7 +13,7 @@ import pandas as pd
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting import figures
 from flexaxis.experiments.reporting.figures import Series
-from flexaxis.experiments.reporting.styles import styled
+from flexaxis.experiments.reporting.styles import SETTINGS
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import SIGNALS, Record, load_record
@@ -86,7 +86,7 @@ def panels(axes: Any, count: int) -> list[Any]:
     if axes is None:
         from matplotlib import pyplot
 
-        with styled:
+        with pyplot.rc_context(SETTINGS):
             size = (8.0, 2.4 + 1.6 * count)
             axes = pyplot.subplots(count, sharex=True, squeeze=False, figsize=size)[1]
     return list(np.ravel(np.asarray(axes, object)))

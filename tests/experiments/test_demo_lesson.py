@@ -163,9 +163,3 @@ def test_wrong_use_is_one_line_and_status_2(words, message, capsys, tmp_path, mo
     assert main(["demo", *words]) == 2
     (line,) = [text for text in capsys.readouterr().err.splitlines() if "flexaxis:" in text]
     assert message in line
-
-
-def test_the_script_to_start_from_is_printed(capsys):
-    assert main(["demo", "--print-lesson"]) == 0
-    text = capsys.readouterr().out
-    assert text == default_lesson() and parse_lesson(text, source="printed") == load_lesson(None)
