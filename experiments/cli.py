@@ -16,6 +16,7 @@ import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
+from inspect import getdoc
 from pkgutil import iter_modules
 from typing import Any, NoReturn
 
@@ -46,22 +47,13 @@ exit status:
 class Parser(argparse.ArgumentParser):
     """An argument parser that names the nearest right word for a wrong one."""
 
-    def __init__(self, **options: Any) -> None:
-        text = argparse.RawDescriptionHelpFormatter
-        super().__init__(allow_abbrev=False, formatter_class=text, **options)
-
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Return what was typed; refuse an option that the parser does not have."""
-        found, rest = super().parse_known_args(args, namespace)
-        if rest:
-            self._refuse(rest[0])
-        return found, rest
-
-    def _refuse(self, word: str) -> NoReturn:
-        option = word.partition("=")[0]
-        hint = did_you_mean(option, self._option_string_actions)
-        kind = "unknown option" if option.startswith("-") else "one word too many:"
-        self.error(f"{kind} {option!r}.{hint}")
+        """Return what was typed; refuse an option or word that the parser does not have."""
+        parsed, rest = super().parse_known_args(args, namespace)
+        for word in rest:
+            option = word.partition("=")[0]
+            self.error(f"unknown {option!r}.{did_you_mean(option, self._option_string_actions)}")
+        return parsed, rest
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong, and what may have been meant."""
@@ -80,24 +72,16 @@ def parser() -> Parser:
         lines += ["", f"{group}:"]
         lines += [f"  {name:<10} {summary(name)}" for name, each in COMMANDS.items()
                   if each.group == group]  # fmt: skip
-    top = Parser(prog="flexaxis", description="\n".join(lines), epilog=EPILOG)
+    style: Any = {"allow_abbrev": False, "formatter_class": argparse.RawDescriptionHelpFormatter}
+    top = Parser(prog="flexaxis", description="\n".join(lines), epilog=EPILOG, **style)
     top.add_argument("--version", action="version", version=f"flexaxis {version('flexaxis')}",
                      help="Print the version and stop.")  # fmt: skip
-    common = {
-        "--traceback": "Print where a crash came from (default: one line).",
-        "--quiet": "Print results and errors only (default: progress, too).",
-    }
     subs = top.add_subparsers(dest="command", metavar="COMMAND", required=True,
                               help="One of the commands above.")  # fmt: skip
     for name, each in COMMANDS.items():
-        sub = subs.add_parser(name, description=each.main.__doc__)
+        sub = subs.add_parser(name, description=getdoc(each.main), **style)
         add_options(sub, name)
         sub.set_defaults(main=each.main)
-    for one in (top, *subs.choices.values()):
-        for option, text in common.items():
-            flags = ("-q", option) if option == "--quiet" else (option,)
-            default: Any = False if one is top else argparse.SUPPRESS
-            one.add_argument(*flags, action="store_true", default=default, help=text)
     return top
 
 
@@ -115,47 +99,30 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:  # a queue of jobs ends a command by SIGTERM
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     args = parser().parse_args(words or ["--help"])
-    kept = [word for word in words if word not in {"-q", "--quiet", "--traceback"}]
-    args.line = shlex.join(["flexaxis", *kept])
+    args.line = shlex.join(["flexaxis", *(word for word in words if word not in {"-q", "--quiet"})])
 
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.files import NotRun
     from flexaxis.experiments.running import progress
     from flexaxis.experiments.running.user_code import EstimatorCrash, describe, is_of_the_machine
 
-    token = progress.QUIET.set(args.quiet)
+    progress.QUIET.set(args.quiet)
+    warnings.formatwarning = lambda message, *_, **__: f"flexaxis: {message}\n"
     try:
-        with warnings.catch_warnings():
-            warnings.showwarning = _show
-            return int(args.main(args))
+        return int(args.main(args))
     except KeyboardInterrupt:
-        line = args.line.replace(" --overwrite", "")
-        return _refused(args, INTERRUPTED, f"interrupted; what is done is kept, resume with: {line}")
+        again = args.line.replace(" --overwrite", "")
+        status, text = INTERRUPTED, f"interrupted; what is done is kept: resume with {again}"
     except (FlexaxisError, EstimatorError) as error:
         crash = isinstance(error, EstimatorCrash | NotRun) or is_of_the_machine(error)
-        return _refused(args, CRASH if crash else WRONG_USE, str(error), error)
+        status, text = CRASH if crash else WRONG_USE, str(error)
     except BaseException as error:  # also a SystemExit of a user's code: ours raises none
-        return _refused(args, CRASH, f"{args.command} crashed: {describe(error)}", error)
-    finally:
-        progress.QUIET.reset(token)
-
-
-def _refused(args: Any, status: int, text: str, error: BaseException | None = None) -> int:
-    """Print why a command has no result, on stderr and as JSON."""
-    if args.traceback and error:
-        import traceback
-
-        traceback.print_exception(error)
+        if args.traceback:
+            raise
+        status, text = CRASH, f"{args.command} crashed: {describe(error)}; --traceback shows more"
     for line in text.splitlines():
         print(f"flexaxis: {line}", file=sys.stderr)
-    return answer(args, {"error": text}, status) if getattr(args, "json", False) else status
-
-
-def _show(message: Warning | str, category: type[Warning], *where: Any) -> None:
-    """Show a warning to users as a sentence, and any other with its line."""
-    user = category is UserWarning
-    text = f"flexaxis: {message}\n" if user else warnings.formatwarning(message, category, *where)
-    sys.stderr.write(text)
+    return answer(args, {"error": text}, status) if args.json else status
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ nb_merge_streams = True
 
 sphinx_gallery_conf = {
     "examples_dirs": "docs/gallery", "gallery_dirs": "docs/made/gallery",
-    "filename_pattern": ".*", "show_memory": False, "min_reported_time": 1e9,
+    "filename_pattern": ".*", "show_memory": False, "write_computation_times": False,
     "download_all_examples": False, "remove_config_comments": True,
 }  # fmt: skip
 autodoc_member_order = "bysource"

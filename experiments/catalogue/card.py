@@ -113,9 +113,9 @@ def options(entry: Entry) -> dict[str, tuple[Any, str]]:
     """Return the default and the meaning of each option of a registered estimator."""
     sources = [entry.make, REGISTRY["ekf"].make, Rpem, Problem]
     text = "\n".join(inspect.getdoc(getattr(each, "func", each)) or "" for each in sources)
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for names, words in re.findall(r"^(\w[\w, ]*) : .*\n((?:    .*\n?|\n)+)", text, re.MULTILINE):
         for name in names.split(", "):
             if not words.strip().startswith("As for"):
-                found.setdefault(name, " ".join(words.split()))
-    return {name: (value, found.get(name, "")) for name, value in entry.options.items()}
+                result.setdefault(name, " ".join(words.split()))
+    return {name: (value, result.get(name, "")) for name, value in entry.options.items()}

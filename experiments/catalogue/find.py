@@ -6,7 +6,7 @@ Nothing heavy is imported before a name is known to be right, so that a typo is 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -37,7 +37,7 @@ GROUPS = {
     "nuisance": "changes that are no faults",
     "drives": "commercial drives, with friction and faults of their own",
     "control": "estimates drive the controller",
-    "chains": "axes of fewer or more masses than the paper's",
+    "chains": "axes of other masses than the paper's",
     "ground": "conditions under which good estimators have failed",
 }
 """The groups of the catalogue, in the order in which it is read."""
@@ -182,16 +182,16 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
 
     Other content would be pooled with stored results of that name without notice.
     """
-    wanted, found = hashes().get(name), scenario.hash[:16]
+    wanted, result = hashes().get(name), scenario.hash[:16]
     if wanted is None:
         raise ScenarioError(
             f"{name}: not frozen yet; when it is as it should be, add the line "
-            f'"{name}" = "{found}" to {HOME / HASHES}; until then, run it from its path'
+            f'"{name}" = "{result}" to {HOME / HASHES}; until then, run it from its path'
         )
-    if wanted != found:
+    if wanted != result:
         raise ScenarioError(
-            f"{name}: the content has the hash {found}, but the name is frozen with {wanted}; give "
-            "a changed scenario a new name (and a new key of Scenario the default None, which "
+            f"{name}: the content has the hash {result}, but the name is frozen with {wanted}; "
+            "give a changed scenario a new name (and a new key of Scenario the default None, which "
             "changes no hash)"
         )
     return scenario
@@ -211,8 +211,7 @@ def find_suite(name: str) -> Suite:
         raise FlexaxisError(f"unknown suite {name!r}.{did_you_mean(name, suite_names())}")
     table = _tables(f"suites/{name}.toml")
     swept = table.get("tradeoff", {"scenarios": [], "estimators": []})
-    every = [estimator for estimator in REGISTRY if estimator not in table.get("without", [])]
-    own, others = (tuple(every if t["estimators"] == "all" else t["estimators"])
+    own, others = (tuple(REGISTRY if t["estimators"] == "all" else t["estimators"])
                    for t in (table, swept))  # fmt: skip
     scenarios = tuple(_members(table))
     return Suite(
@@ -233,12 +232,12 @@ def _members(table: dict[str, Any]) -> list[str]:
     return [drawn[name] if drawn[name] in hashes() else name for name in names]
 
 
-def select(names: Sequence[str | Path | Scenario], *, default: str = "smoke") -> Selection:
+def select(names: Any, *, default: str = "smoke") -> Selection:
     """Turn names of suites and scenarios into scenarios, with the suites' estimators and seeds.
 
     Parameters
     ----------
-    names : sequence of str, Path or Scenario
+    names : str, Path, Scenario, or several of them
         Suites, catalogue names, TOML paths and scenarios, mixed.
     default : str
         The suite whose estimators and number of seeds are meant without a suite.
@@ -248,12 +247,12 @@ def select(names: Sequence[str | Path | Scenario], *, default: str = "smoke") ->
     ScenarioError
         With one line for each name or file that is wrong.
     """
-    found_suites, wanted = [], list[Any]()
-    for name in names:
-        suite = find_suite(str(name)) if name in suite_names() else None
-        found_suites += [suite] if suite else []
-        wanted += suite.scenarios if suite else [name]
-    found: dict[str, Scenario] = {}
+    chosen, wanted = [], list[Any]()
+    for name in names if isinstance(names, list | tuple | set) else [names]:
+        suite = [find_suite(name)] if name in suite_names() else []
+        chosen += suite
+        wanted += suite[0].scenarios if suite else [name]
+    result: dict[str, Scenario] = {}
     problems: list[str] = []
     for name in wanted:
         try:
@@ -261,21 +260,21 @@ def select(names: Sequence[str | Path | Scenario], *, default: str = "smoke") ->
         except ScenarioError as error:
             problems += error.problems
             continue
-        if found.setdefault(scenario.name, scenario).hash != scenario.hash:
+        if result.setdefault(scenario.name, scenario).hash != scenario.hash:
             problems.append(
                 f"{name}: the name {scenario.name!r} is also that of another scenario of this run; "
                 "give each scenario its own `name`"
             )
-    if problems or not found:
+    if problems or not result:
         raise ScenarioError(*(problems or ["name at least one scenario, such as fm_step"]))
-    sources = found_suites or [find_suite(default)]
-    swept = dict.fromkeys(name for suite in found_suites for name in suite.swept_scenarios)
+    sources = chosen or [find_suite(default)]
+    swept = dict.fromkeys(name for suite in chosen for name in suite.swept_scenarios)
     return Selection(
-        scenarios=list(found.values()),
+        scenarios=list(result.values()),
         estimators=list(dict.fromkeys(e for suite in sources for e in suite.estimators)),
         seeds=max(suite.seeds for suite in sources),
         swept_scenarios=[find_scenario(name) for name in swept],
-        swept_estimators=list(dict.fromkeys(e for s in found_suites for e in s.swept_estimators)),
+        swept_estimators=list(dict.fromkeys(e for s in chosen for e in s.swept_estimators)),
     )
 
 
@@ -316,19 +315,12 @@ def suites(find: str = "") -> list[Line]:
     return _with(find, lines)
 
 
-def estimators(find: str = "") -> list[Line]:
-    """Return name and card of the registered estimators, those that have some text."""
-    from flexaxis.estimators.registry import REGISTRY
-
-    return _with(find, [{"name": e.name, "card": e.summary} for e in REGISTRY.values()])
-
-
 def faults(find: str = "") -> list[Line]:
     """Return fault, parameter and scenarios: which scenarios a physical fault is simulated by."""
     lines = scenarios()
-    found = []
+    result = []
     for fault, parameter in FAULTS.items():
         names = [line["name"].removesuffix("-v1") for line in lines
                  if line["faults"] == parameter and line["group"] != "control"]  # fmt: skip
-        found.append({"fault": fault, "parameter": parameter, "scenarios": ", ".join(names)})
-    return _with(find, found)
+        result.append({"fault": fault, "parameter": parameter, "scenarios": ", ".join(names)})
+    return _with(find, result)

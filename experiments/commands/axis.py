@@ -11,24 +11,24 @@ from flexaxis.experiments.files import check_file, check_not_input
 from flexaxis.experiments.logs.options import READING, assignments, tables_of
 
 
-def _saved(args: Args, result: Any, path: Path, suffix: str, *inputs: Any) -> int:
-    """Save what came of a log and its page, and print it."""
-    page = result.save(path)
-    content = result.content | {"path": path, "report": page}
-    return answer(args, content, result.status, result, path, page)
-
-
-def _target(args: Args, default: Path, suffix: str, *inputs: Any) -> Path:
+def _target(args: Args, default: str, *inputs: Any) -> Path:
     """Return the path to write; refuse one that is an input or was not written by flexaxis."""
     from flexaxis.experiments.logs.files import require_suffix, spare_foreign
 
-    path = args.output or default
     if not args.log.is_dir():
         check_file(args.log)
+    path = args.output or args.log.with_name(args.log.stem + default)
     check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))
-    require_suffix(path, suffix, "the result")
+    require_suffix(path, Path(default).suffix, "the result")
     spare_foreign(path, path.with_suffix(".html"))
     return path
+
+
+def _saved(args: Args, result: Any, path: Path, status: int) -> int:
+    """Save the result and its page, and print them."""
+    page = result.save(path)
+    content = result.content | {"path": path, "report": page}
+    return answer(args, content, status, result, path, f"report: {page}")
 
 
 @command("your own axis", "log", "-o", "--strict", *READING)
@@ -46,12 +46,11 @@ def import_(args: Args) -> int:
     """
     from flexaxis.experiments.logs.files import record_beside
 
-    path = _target(args, record_beside(args.log), ".nc")
+    args.output = args.output or record_beside(args.log)
+    path = _target(args, ".nc")
     result = fx.import_log(args.log, command=args.line, **tables_of(args))
-    spoilt = args.strict and any(check["verdict"] == "problem" for check in result.content["checks"])
-    page = result.save(path)
-    content = result.content | {"record": path, "report": page}
-    return answer(args, content, int(spoilt), result, path, page)
+    spoilt = "problem" in [check["verdict"] for check in result.content["checks"]]
+    return _saved(args, result, path, int(args.strict and spoilt))
 
 
 @command("your own axis", "log", "--model", "--free", "--fix", "--start", "--delay", "--friction",
@@ -68,7 +67,7 @@ def identify(args: Args) -> int:
     For a folder of logs in the order of their names, one row of estimates a log goes to a CSV file,
     with what a covariate explains and one change of each parameter, if there is one (status 1).
 
-    MODEL is one_mass, two_mass, three_mass, four_mass, or a TOML of your own (docs/logs.md).
+    MODEL is one_mass, two_mass, three_mass, or a TOML of your own (docs/logs.md).
 
     example:
       flexaxis identify rec.nc --model two_mass -o axis.toml
@@ -77,29 +76,25 @@ def identify(args: Args) -> int:
       flexaxis identify rec.nc --model my_axis.toml --free J_m --free k --json
       flexaxis identify days/ --model axis.toml --covariate temp
     """
-    many = args.log.is_dir()
-    ending = "-estimates.csv" if many else "-axis.toml"
-    default = args.log.with_name(args.log.stem + ending)
-    path = _target(args, default, default.suffix, args.model, args.validate)
+    ending = "-estimates.csv" if args.log.is_dir() else "-axis.toml"
+    path = _target(args, ending, args.model, args.validate)
+    options = {name: getattr(args, name) for name in
+               ("free", "delay", "friction", "gravity", "highpass", "validate", "false_alarms")}
     result = fx.identify(
         args.log, args.model, start=assignments("start", args.start),
-        fix=assignments("fix", args.fix), free=args.free, validate=args.validate,
-        columns=tables_of(args), command=args.line, delay=args.delay, friction=args.friction,
-        gravity=args.gravity, highpass=args.highpass, covariates=args.covariate,
-        false_alarms=args.false_alarms,
+        fix=assignments("fix", args.fix), covariates=args.covariate, columns=tables_of(args),
+        command=args.line, **options,
     )  # fmt: skip
-    page = result.save(path)
-    content = result.content | {"estimates" if many else "axis": path, "report": page}
-    return answer(args, content, result.status, result, path, page)
+    return _saved(args, result, path, result.status)
 
 
 @command("your own axis", "log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
 def track(args: Args) -> int:
     """Run an estimator over a log of your axis: estimates, residuals, changes, alarms.
 
-    AXIS.toml is what `flexaxis identify` wrote. The estimates go to a NetCDF file, and a report says
-    which parameter changed and when, or drifts. Status 1 if a change was found, or if the log does
-    not fit the axis: another unit or sign, or another axis.
+    AXIS.toml is what `flexaxis identify` wrote. The estimates go to a NetCDF file, and a report
+    says which parameter changed and when, or drifts. Status 1 if a change was found, or if the log
+    does not fit the axis: another unit or sign, or another axis.
 
     example:
       flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k
@@ -107,12 +102,9 @@ def track(args: Args) -> int:
       flexaxis track rec.nc --model axis.toml --identify f_m --estimator glr
       flexaxis track rec.nc --model axis.toml --identify k_T --start 1.2 --json
     """
-    default = args.log.with_name(args.log.stem + "-track.nc")
     code = (args.estimator or "").partition(":")[0]
-    path = _target(args, default, ".nc", args.model, code)
-    names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
+    path = _target(args, "-track.nc", args.model, code)
+    names = list(dict.fromkeys(",".join(args.identify).split(",")))
     result = fx.track(args.log, args.model, names, args.estimator, start=args.start,
                       columns=tables_of(args), command=args.line)  # fmt: skip
-    page = result.save(path)
-    return answer(args, result.content | {"estimates": path, "report": page}, result.status, result,
-                  path, page)  # fmt: skip
+    return _saved(args, result, path, result.status)

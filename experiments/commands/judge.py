@@ -8,7 +8,7 @@ from pathlib import Path
 import flexaxis as fx
 from flexaxis.experiments.catalogue.find import check_names
 from flexaxis.experiments.commands.options import Args, answer, command
-from flexaxis.experiments.commands.run import work
+from flexaxis.experiments.commands.run import one_or_more, work
 from flexaxis.experiments.files import check_not_input, write_text
 from flexaxis.sim.errors import FlexaxisError
 
@@ -53,9 +53,9 @@ def compare(args: Args) -> int:
         except ValueError:
             raise FlexaxisError(f"--margin {text}: give a share, as in lag=2%") from None
     result = fx.compare(
-        args.base, args.candidate, scenarios=args.names or "gate", seeds=args.seeds, runs=runs,
-        max_seeds=args.max_seeds, match_std=args.match_std, margins=margins, folder=folder,
-        **work(args),
+        args.base, args.candidate, scenarios=one_or_more(args.names) or "gate", runs=runs,
+        seeds=args.seeds, max_seeds=args.max_seeds, match_std=args.match_std, margins=margins,
+        folder=folder, **work(args),
     )  # fmt: skip
     status = result.strict_status if args.strict else result.status
     worst = result.content["worst"]["command"]

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
+from collections import Counter
 from dataclasses import asdict
+from itertools import chain
 from pathlib import Path
 from shutil import get_terminal_size
 
 import flexaxis as fx
 from flexaxis.experiments.catalogue import find as catalogue
+from flexaxis.experiments.catalogue.find import GROUPS
 from flexaxis.experiments.commands.options import Args, answer, command
 from flexaxis.experiments.files import check_not_input
 from flexaxis.sim.errors import FlexaxisError
@@ -27,31 +30,29 @@ def list_(args: Args) -> int:
       flexaxis list --group steps
       flexaxis list --find friction --json
     """
-    kinds = {
-        "scenarios": lambda: fx.scenarios(group=args.group, find=args.find),
-        "suites": lambda: catalogue.suites(args.find),
-        "estimators": lambda: fx.estimators(find=args.find),
-        "faults": lambda: catalogue.faults(args.find),
-    }
-    kind = args.kind or ("scenarios" if args.group else None)
-    if not (kind or args.find or args.json or args.all):
-        lines = [f"{'suites':<14} {', '.join(catalogue.suite_names())}", "", "groups of scenarios:"]
-        groups = [line["group"] for line in fx.scenarios()]
-        lines += [f"  {name:<14}{groups.count(name):>3}  {words}"
-                  for name, words in catalogue.GROUPS.items()]  # fmt: skip
+    if not (args.kind or args.group or args.find or args.json or args.all):
+        groups = Counter(line["group"] for line in fx.scenarios())
+        lines = [f"  {name:<14}{groups[name]:>3}  {words}" for name, words in GROUPS.items()]
+        suites = f"suites: {', '.join(catalogue.suite_names())}"
         more = "more: flexaxis list estimators | faults | --group steps | --find friction | --all"
-        return answer(args, {}, 0, *lines, "", more)
-    found = {each: make() for each, make in kinds.items() if kind in (each, None)}
-    width = get_terminal_size().columns if sys.stdout.isatty() else 160
-    lines = []
-    for rows in found.values():
-        for row in rows:
-            name, *middle, text = [row[key] for key in row if key not in {"faults", "group"}]
-            line = f"{name:<44} {' '.join(middle):<6}  {' '.join(text.split())}"
-            lines.append(line[:width])
-    shown = lines if args.all else lines[:MOST]
-    rest = [f"… {len(lines) - MOST} more: add --all"] * (len(lines) > len(shown))
-    return answer(args, found, 0, *shown, *rest, *([f"nothing has {args.find!r}"] * (not lines)))
+        return answer(args, {}, 0, suites, "groups of scenarios:", *lines, more)
+    content = {
+        "scenarios": fx.scenarios(group=args.group, find=args.find),
+        "suites": catalogue.suites(args.find),
+        "estimators": fx.estimators(find=args.find),
+        "faults": catalogue.faults(args.find),
+    }
+    if kind := args.kind or (args.group and "scenarios"):
+        content = {kind: content[kind]}
+    lines, width = [], get_terminal_size((160, 24)).columns
+    for row in chain(*content.values()):
+        name, *middle, text = (row[key] for key in row if key not in {"faults", "group"})
+        lines.append(f"{name:<44} {' '.join(middle):<6} {text}"[:width])
+    if not lines:
+        lines = [f"nothing has {args.find!r}"]
+    if len(lines) > MOST and not args.all:
+        lines[MOST:] = [f"… {len(lines) - MOST} more: add --all"]
+    return answer(args, content, 0, *lines)
 
 
 @command("look", "name")
@@ -70,20 +71,16 @@ def show(args: Args) -> int:
     from flexaxis.experiments.catalogue import card
 
     if args.name in REGISTRY:
-        entry = REGISTRY[args.name]
-        content = {"name": entry.name, "summary": entry.summary, "options": card.options(entry)}
+        entry, options = REGISTRY[args.name], card.options(REGISTRY[args.name])
         knob = entry.turning and entry.turning.label
-        lines = [f"{entry.name}: {entry.summary}", "", "options:"]
-        for name, (default, text) in card.options(entry).items():
-            lines.append(f"  {name} = {default}\n      {text}")
-        lines.append(f"\ntuning parameter: {knob or 'none'}")
-        if entry.tuning:
-            lines.append(f"  its default is tuned for {entry.tuning.axis}")
-        return answer(args, content | {"knob": knob}, 0, *lines)
+        content = {"name": args.name, "summary": entry.summary, "options": options, "knob": knob}
+        lines = [f"{name} = {default}\n    {text}" for name, (default, text) in options.items()]
+        tuned = f", tuned for {entry.tuning.axis}" if entry.tuning else ""
+        lines += [f"tuning parameter: {knob or 'none'}{tuned}"]
+        return answer(args, content, 0, f"{args.name}: {entry.summary}", *lines)
     if args.name in catalogue.suite_names():
         content = asdict(catalogue.find_suite(args.name))
         return answer(args, content, 0, *(f"{key}: {value}" for key, value in content.items()))
-    catalogue.check_names([args.name])
     scenario = catalogue.find_scenario(args.name)
     known = card.reference_card(scenario) | {"content hash": scenario.hash}
     lines = [f"# {key}: {' '.join(value.split())}" for key, value in known.items()]
@@ -96,9 +93,9 @@ def show(args: Args) -> int:
 def demo(args: Args) -> int:
     """Break a live axis in the browser, and watch which estimator detects it first.
 
-    The paper's method (A) runs beside the recommended one (B). Press "motor friction × 2": the upper
-    diagram shows how much of the fault each has still to find, and in grey the theoretical limit.
-    Stop the clock and step through it; change λ, Δ, μ, noise and dry friction; choose another
+    The paper's method (A) runs beside the recommended one (B). Press "motor friction × 2": the
+    upper diagram shows how much of the fault each has still to find, and in grey the theoretical
+    limit. Stop the clock and step through it; change λ, Δ, μ, noise and dry friction; use another
     estimator. "What was done" lists every fault as CSV, and as a lesson that repeats it all.
 
     The page needs no network and is only served on this computer; docs/demo.md says how a class
@@ -148,7 +145,7 @@ def demo(args: Args) -> int:
     return 0
 
 
-@command("teach", "-o", "--jobs", "--no-cache")
+@command("teach", "-o", "--jobs")
 def paper(args: Args) -> int:
     """Reproduce the paper's figures and check its claims.
 
@@ -162,12 +159,11 @@ def paper(args: Args) -> int:
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.progress import progress
 
-    folder = args.output or Path("results/paper")
-    store = None if args.no_cache else default_cache()
+    folder, store = args.output or Path("results/paper"), default_cache()
     with progress("paper", 1) as advance:
         claims = reproduce(folder, command=args.line, jobs=args.jobs, store=store, advance=advance)
+    lines = [f"{'✓' if each.holds else '✗'} {each.claim}" for each in claims]
     holds = sum(claim.holds for claim in claims)
-    lines = [f"{'✓' if each.holds else '✗'} {each.text}" for each in claims]
     content = {"claims": [claim.as_json() for claim in claims], "page": folder / PAGE}
     words = f"{holds} of {len(claims)} claims hold"
     return answer(args, content, int(holds < len(claims)), *lines, words, folder / PAGE)

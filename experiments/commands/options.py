@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
@@ -46,19 +45,12 @@ def command(group: str, *options: str) -> Callable[[Main], Main]:
     return register
 
 
-def number_of_jobs(text: str) -> int:
-    """Return a number of processes from 1 on."""
-    if not text.isdigit() or not int(text):
-        raise argparse.ArgumentTypeError(f"{text}: give a number of processes, 1 or more")
-    return int(text)
-
-
 def part(text: str) -> tuple[int, int]:
     """Return the number of a part and of all parts from "I/N"."""
-    mine, _, every = text.partition("/")
-    if not (mine.isdigit() and every.isdigit() and 1 <= int(mine) <= int(every)):
-        raise argparse.ArgumentTypeError(f"{text}: give I/N with I from 1 to N, such as 3/100")
-    return int(mine), int(every)
+    number, every = map(int, text.split("/"))
+    if not 1 <= number <= every:
+        raise ValueError(text)
+    return number, every
 
 
 PATH, SEVERAL = {"type": Path}, {"action": "append", "default": []}
@@ -70,6 +62,8 @@ ESTIMATOR = (
 )
 
 OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
+    "-q": "Print results and errors only (default: progress, too).",
+    "--traceback": "Print where a crash came from (default: one line).",
     "--json": "Print one JSON object on stdout, and nothing else (default: tables and sentences).",
     # what a command is about
     "names SUITE|SCENARIO": (f"{NAMES} (required without --from).", {"nargs": "*"}),
@@ -117,13 +111,12 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "tune: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: 0:16; with "
     "--sweep 16).",
     "--seed N": ("Random seed: the same number gives the same run (default: 0).", ZERO),
-    "rerun: --seed N": ("Random seed for choosing which cases to repeat (default: 0).", ZERO),
     "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's, or 0).", WHOLE),
     "--scenario SCENARIO": "Scenario of a record that does not contain its own: a name or a TOML "
     "path (default: the record's).",
     # how they are run
     "--jobs N": ("Number of worker processes; results do not depend on it (default: one per core, "
-                 "here %(default)s).", {"type": number_of_jobs, "default": os.cpu_count() or 1}),
+                 "here %(default)s).", {"type": int, "default": os.cpu_count() or 1}),
     "--dask ADDRESS": "Address of the scheduler of a Dask cluster that runs the cases (default: "
     "processes on this machine).",
     "--shard I/N": ("Run only part I of N; --from puts the parts together (default: 1/1).",
@@ -137,11 +130,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "the next run).",
     "--dry-run": "Print the variants, the time on this machine and the disk space, and stop "
     "(default: run).",
-    "--keep-estimates": "Write all estimates to trajectories/ in the folder (default: scores "
-    "only).",
     "--no-covariance": "Save estimates without covariance, which is several times faster on long "
     "records (default: with it).",
-    "--sample N": ("Number of cases to repeat (default: 10).", {"type": int, "default": 10}),
     # what to list
     "--group GROUP": ("Only scenarios of a group, such as steps (default: all).", {"default": ""}),
     "--find TEXT": ("Only lines with this text (default: all).", {"default": ""}),
@@ -166,7 +156,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     ),
     "--save FILE.toml": ("Write the settings to this file, too (default: print them).", PATH),
     # logs of a real axis
-    "--model MODEL": ("Model: one_mass, two_mass, three_mass, four_mass, or a TOML file (default: "
+    "--model MODEL": ("Model: one_mass, two_mass, three_mass, or a TOML file (default: "
                       "%(default)s).", {"default": "two_mass"}),
     "track: --model AXIS.toml": ("Axis, as identify wrote it.", {"required": True}),
     "--free PARAMETER": ("Identify this parameter; repeat it for several (default: all that the "
@@ -234,12 +224,12 @@ def add_options(parser: argparse.ArgumentParser, name: str) -> None:
         option, _, metavar = words.partition(" ")
         if only in ("", name):
             declared[option] = metavar, value
-    for option in (*COMMANDS[name].options, "--json"):
+    for option in (*COMMANDS[name].options, "-q", "--traceback", "--json"):
         metavar, value = declared[option]
         text, more = (value, {}) if isinstance(value, str) else value
         takes = {"metavar": metavar} if metavar else {"action": "store_true"}
-        flags = ("-o", "--output") if option == "-o" else (option,)
-        parser.add_argument(*flags, help=text, **{**takes, **more})  # type: ignore[arg-type]
+        long = {"-o": ("--output",), "-q": ("--quiet",)}.get(option, ())
+        parser.add_argument(option, *long, help=text, **{**takes, **more})  # type: ignore[arg-type]
 
 
 def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: object) -> int:
@@ -258,7 +248,9 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
     if args.json:
         head = {"flexaxis": version("flexaxis"), "command": args.command, "status": status,
                 "line": args.line}  # fmt: skip
-        lines = (json.dumps(plain(head | dict(content)), allow_nan=False, ensure_ascii=False),)
+        text = json.dumps({**head, **content}, default=_plain)
+        finite = json.loads(text, parse_constant=lambda name: None)
+        lines = (json.dumps(finite, ensure_ascii=False),)
     try:
         print(*lines, sep="\n", flush=True)
     except BrokenPipeError:  # the reader has seen enough, as with `| head`
@@ -266,20 +258,6 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
     return status
 
 
-def plain(content: Any) -> Any:
-    """Return content as what JSON has; what is not finite is null.
-
-    Examples
-    --------
-    >>> plain({"lag": float("nan"), "at": (1, 2.5), "report": Path("a/b")})
-    {'lag': None, 'at': [1, 2.5], 'report': 'a/b'}
-    """
-    if isinstance(content, Mapping):
-        return {str(key): plain(value) for key, value in content.items()}
-    if hasattr(content, "tolist"):  # of NumPy, without importing it
-        return plain(content.tolist())
-    if isinstance(content, list | tuple):
-        return [plain(value) for value in content]
-    if isinstance(content, float) and not math.isfinite(content):
-        return None
-    return str(content) if isinstance(content, Path) else content
+def _plain(value: Any) -> Any:
+    """Return what JSON has for an array, a number of NumPy or a path."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)

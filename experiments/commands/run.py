@@ -1,8 +1,7 @@
-"""Commands that run cases or a single record: run, study, rerun, report, simulate, estimate."""
+"""Commands that run cases or a single record: run, study, report, simulate, estimate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,11 @@ from flexaxis.sim.errors import FlexaxisError
 
 ENGINE = ("-o", "--jobs", "--dask", "--shard", "--from", "--overwrite", "--time-limit",
           "--no-cache")  # fmt: skip
+
+
+def one_or_more(names: list[str]) -> Any:
+    """Return a name alone as it is."""
+    return names[0] if len(names) == 1 else names
 
 
 def work(args: Args) -> dict[str, Any]:
@@ -51,13 +55,13 @@ def run(args: Args) -> int:
     folder = args.output or Path("results", Path(args.names[0]).stem)
     check_not_input(args.names, folder)
     results = fx.benchmark(
-        args.estimator, scenarios=args.names, seeds=args.seeds, folder=folder, shard=args.shard,
-        command=args.line, **work(args),
+        args.estimator, scenarios=one_or_more(args.names), seeds=args.seeds, folder=folder,
+        shard=args.shard, command=args.line, **work(args),
     )  # fmt: skip
     return _results(args, results)
 
 
-@command("run", "file", "--dry-run", "--keep-estimates", *ENGINE)
+@command("run", "file", "--dry-run", *ENGINE)
 def study(args: Args) -> int:
     r"""Sweep keys of scenarios, faults and estimators over many seeds, resumable.
 
@@ -68,7 +72,7 @@ def study(args: Args) -> int:
       seeds = 60
       [sweep]
       "fault[0].factor" = [1.1, 1.5, 2.0, 3.0]      # a key of the scenario, of its faults too
-      "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option of one estimator ("estimator.X": all)
+      "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option of one ("estimator.X": of all)
 
     Rows are added to the folder as they come, and the same line runs only what is missing, also
     after estimators, seeds or values were added to the file. A case that cannot be run is a row
@@ -92,20 +96,18 @@ def study(args: Args) -> int:
         from flexaxis.experiments.studies.benchmark import plan
         from flexaxis.experiments.studies.definition import load_study
 
-        planned = plan(load_study(args.file), folder)
-        minutes = planned.seconds / args.jobs / 60
+        known = plan(load_study(args.file), folder)
         lines = [", ".join(f"{key} = {value}" for key, value in each.items())
-                 for each in planned.variants]  # fmt: skip
+                 for each in known["variants"]]  # fmt: skip
         words = (
-            f"{len(lines)} variants, {planned.cases} cases ({planned.to_run} to run on "
-            f"{planned.records} records): about {minutes:.1f} min on {args.jobs} processes, "
-            f"{planned.megabytes:.1f} MB in {folder}"
+            f"{len(lines)} variants, {known['cases']} cases, {known['to_run']} to run: about "
+            f"{known['seconds'] / args.jobs / 60:.1f} min on {args.jobs} processes, "
+            f"{known['megabytes']:.1f} MB in {folder}"
         )
-        untimed = [f"not timed: {text}" for text in planned.not_timed]
-        return answer(args, planned._asdict(), 0, *lines, words, *untimed)
+        words += "".join(f"; not timed: {text}" for text in known["not_timed"])
+        return answer(args, known, 0, *lines, words)
     results = fx.study(
-        args.file, folder=folder, shard=args.shard, trajectories=args.keep_estimates,
-        command=args.line, **work(args),
+        args.file, folder=folder, shard=args.shard, command=args.line, **work(args)
     )  # fmt: skip
     return _results(args, results)
 
@@ -118,30 +120,28 @@ def _merged(args: Args) -> int:
     from flexaxis.experiments.studies.benchmark import merge
 
     results, missing = merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
-    lost = {"missing": missing} if missing else {}
-    return _results(args, fx.load(results.folder), lost)
+    return _results(args, fx.load(results.folder), missing)
 
 
-def _results(args: Args, results: Any, missing: Mapping[str, Any] | None = None) -> int:
+def _results(args: Args, results: Any, missing: int = 0) -> int:
     """Print scores, failures and the path of the report."""
     from flexaxis.experiments.reporting.terminal import show_run
     from flexaxis.experiments.reporting.words import failures_in_words
 
-    whole = getattr(args, "shard", (1, 1)) == (1, 1)
-    summary = results.summary if whole and not results.axes else {"rows": results.table}
-    failures = summary.get("failures") or results.failures.to_dict("records")
+    whole = args.shards or args.shard == (1, 1)
+    content = results.summary if whole and not results.axes else {"rows": results.pooled()}
+    failures = content.get("failures") or results.failures.to_dict("records")
     lines = [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
-    lines += [f"{n} cases are in no shard" for n in (missing or {}).values()]
-    crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
-    status = 70 if crashed else int(bool(failures or missing))
-    path = f"report: {results.folder / REPORT}" if whole else results.folder
-    if "rows" in summary and "seeds" in summary and not args.json:
-        show_run(summary)
+    lines += [f"{missing} cases are in no shard"] * bool(missing)
+    if whole and not results.axes and not args.json:
+        show_run(content)
     elif whole:
         lines.insert(0, repr(results))
-    content = {key: value for key, value in summary.items() if key != "command"}
-    content |= {"folder": results.folder, "cases": results.cases, **(missing or {})}
-    return answer(args, content, status, *lines, path)
+    crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
+    status = 70 if crashed else int(bool(failures or missing))
+    path = results.folder / REPORT if whole else results.folder
+    content = content | {"report": path, "cases": results.cases, "missing": missing}
+    return answer(args, content, status, *lines, f"report: {path}" if whole else path)
 
 
 @command("run", "folder", "-o")
@@ -155,22 +155,6 @@ def report(args: Args) -> int:
     results = fx.load(args.folder)
     check_not_input(args.folder.glob("s*"), path)
     return answer(args, {"report": results.report(path)}, 0, f"report: {path}")
-
-
-@command("run", "folder", "--sample", "--seed")
-def rerun(args: Args) -> int:
-    """Run random cases of a run or a study again and compare.
-
-    Every number of a row must be equal, except its cost; the exit status is 1 otherwise. Code that
-    the rows name as their estimators is run: rerun only what you trust.
-
-    example:
-      flexaxis rerun results/friction --sample 20
-    """
-    differ = fx.load(args.folder).rerun(args.sample, seed=args.seed)
-    content = {"differences": differ.reset_index().to_dict("records")}
-    words = f"{len(differ)} numbers differ" if len(differ) else "all cases agree"
-    return answer(args, content, int(bool(len(differ))), *([differ] * bool(len(differ))), words)
 
 
 @command("run", "scenario", "--seed", "-o", *("--as-log", "--units", "--jitter", "--gaps",

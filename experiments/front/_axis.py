@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexaxis._records import changed, seed_of
-from flexaxis.estimators.protocol import numbers_of
-from flexaxis.experiments.running.estimators import build, parse, text_of
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.plant.loop import Changes
 from flexaxis.sim.plant.plant import Plant
@@ -45,27 +42,21 @@ class Axis:
     scenario : Scenario
     seed : int
         Of the noise.
-    estimator : str or callable, optional
-        What learns on the way.
 
     Attributes
     ----------
     scenario : Scenario
     sample : Sample
         The latest; at first the axis is at rest.
-    estimates : dict of str to float
-        The estimate after the latest `step`; empty before the first.
     """
 
-    def __init__(
-        self, scenario: Scenario, *, seed: int = 0, estimator: str | Callable[..., Any] | None = None
-    ) -> None:
+    def __init__(self, scenario: Scenario, *, seed: int = 0) -> None:
         if scenario.delay.torque_ticks:
             raise FlexaxisError(
                 f"{scenario.name} delays the torque, which an axis stepped by hand does not: hold "
                 "your own torque back, and leave `delay` out of the scenario"
             )
-        self._seed, self._spec = seed_of(seed), estimator and parse(text_of(estimator))
+        self._seed = seed_of(seed)
         self.scenario = scenario.drawn(self._seed)
         self.reset()
 
@@ -87,8 +78,6 @@ class Axis:
         }
         self._disturbance = scenario.noise.on_torque(self._white)
         self._before: float | None = None
-        self.estimates: dict[str, float] = {}
-        self._estimator = build(self._spec, scenario) if self._spec else None
         return self._measure()
 
     def _white(self, purpose: str) -> Any:
@@ -109,8 +98,6 @@ class Axis:
     def step(self, torque: float) -> Sample:
         """Hold a torque [N m] for one period and return the sample at its end.
 
-        An estimator takes the torque with the sample at the beginning of the period.
-
         Raises
         ------
         FlexaxisError
@@ -126,10 +113,6 @@ class Axis:
                 f"{self.scenario.name} is over after {self.scenario.duration:g} s: start again "
                 "with reset(), or make a longer axis with duration=…"
             )
-        if self._estimator is not None:
-            y = getattr(self.sample, self._estimator.output)
-            theta = numbers_of(self._estimator.step(float(value), y), self._estimator.step)
-            self.estimates = dict(zip(self._estimator.names, theta.tolist(), strict=True))
         more = 0.0 if self._disturbance is None else self._disturbance[self._k, 0]
         self._plant.step(np.array([float(value) + more]))
         self._k += 1
@@ -151,11 +134,7 @@ class Axis:
 
 
 def make_axis(
-    scenario: str | Path | Scenario = "fm_step-v1",
-    *,
-    seed: int = 0,
-    estimator: str | Callable[..., Any] | None = None,
-    **changes: Any,
+    scenario: str | Path | Scenario = "fm_step-v1", *, seed: int = 0, **changes: Any
 ) -> Axis:
     """Return an axis to be stepped: ``sample = axis.step(torque)``.
 
@@ -165,8 +144,6 @@ def make_axis(
         Its plant, faults and sensors; not its controller, which is yours.
     seed : int
         Of the noise.
-    estimator : str or callable, optional
-        As for `estimate`: it learns on the way, and your controller can use ``axis.estimates``.
     **changes
         As for `simulate`.
 
@@ -191,4 +168,4 @@ def make_axis(
     >>> round(sample.time, 3)
     1.995
     """
-    return Axis(changed(scenario, changes), seed=seed, estimator=estimator)
+    return Axis(changed(scenario, changes), seed=seed)

@@ -81,11 +81,10 @@ class Estimate:
 
         The estimator runs once more for it, sample by sample, when it is first asked for.
         """
-        estimator = self._make and self._make()
-        if not hasattr(estimator, "covariance"):
+        if self._make is None:
             return None
-        y = getattr(self.record, estimator.output)
-        return run_on(estimator, self.record.torque, y, self.record.valid)[1]
+        estimator, record = self._make(), self.record
+        return run_on(estimator, record.torque, getattr(record, estimator.output), record.valid)[1]
 
     @cached_property
     def truth(self) -> Mapping[str, Array]:
@@ -110,22 +109,22 @@ class Estimate:
         -------
         Axes, or ndarray of Axes
         """
-        curves: dict[str, list[Series]] = {}
-        covariance = self.covariance if band else None
+        if wrong := {*names} - {*self.names}:
+            raise EstimatorError(unknown("parameter", min(wrong), self.names))
+        covariance, curves = self.covariance if band else None, {}
         for name in names or self.names:
-            if name not in self.names:
-                raise EstimatorError(unknown("parameter", name, self.names))
             i = self.names.index(name)
-            y, low, high = self.theta[:, i], None, None
+            y, two = self.theta[:, i], 0.0
             if covariance is not None:
                 two = 2 * np.sqrt(covariance[:, i, i])
-                low, high = y - two, y + two
-            curves[f"{name} [{_unit(name)}]"] = lines = []
-            if name in self.truth:
-                lines.append(Series(role="truth", x=self.time, y=self.truth[name]))
-            lines.append(Series(
-                estimator=self.estimator, label=label, x=self.time, y=y, low=low, high=high
-            ))  # fmt: skip
+            one = Series(estimator=self.estimator, label=label, x=self.time, y=y,
+                         low=y - two, high=y + two)  # fmt: skip
+            truth = (
+                [Series(role="truth", x=self.time, y=self.truth[name])]
+                if name in self.truth
+                else []
+            )
+            curves[f"{name} [{_unit(name)}]"] = [*truth, one]
         return draw(curves, ax, self.record.definition)
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -136,12 +135,12 @@ class Estimate:
     @property
     def table(self) -> pd.DataFrame:
         """Last estimate, truth and error [% of the truth] of each parameter."""
-        lines = []
-        for name, value in self.last.items():
-            true = self.truth[name][-1] if name in self.truth else np.nan
-            lines.append([name, value, true, 100 * (value / true - 1) if true else np.nan])
-        heads = ["parameter", "last estimate", "truth", "error [%]"]
-        return pd.DataFrame(lines, columns=heads).set_index("parameter")
+        table = pd.DataFrame({"last estimate": self.theta[-1]}, list(self.names))
+        table["truth"] = pd.Series(
+            {name: true[-1] for name, true in self.truth.items()}, dtype=float
+        )
+        error = 100 * (table["last estimate"] / table["truth"] - 1)
+        return table.assign(**{"error [%]": error.where(table["truth"] != 0)})
 
     def save(self, path: str | Path, *, covariance: bool = True) -> None:
         """Write the estimates to a NetCDF-4 file, with the covariance that is claimed.

@@ -1,11 +1,7 @@
-"""A run of a scenario as a record with figures: `simulate`, `load`, `view`, `cache`.
-
-`view` chooses how to draw before MuJoCo is imported, so nothing here imports it when it is loaded.
-"""
+"""A run of a scenario as a record with figures: `simulate`, `load`; and the `cache` of records."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -15,13 +11,17 @@ import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.reporting import figures
+from flexaxis.experiments.reporting.figures import Series
+from flexaxis.experiments.reporting.styles import SETTINGS
+from flexaxis.experiments.running.cache import default_cache
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import SIGNALS, Record, load_record
 from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.simulate import simulate as run
 
 if TYPE_CHECKING:
     from flexaxis._results import Results
-    from flexaxis.experiments.reporting.figures import Series
 
 
 class Recording(Record):
@@ -56,8 +56,6 @@ class Recording(Record):
         -------
         Axes, or ndarray of Axes
         """
-        from flexaxis.experiments.reporting.figures import Series
-
         output = self.scenario.get("output", "")
         usual = ("torque", output if output in self.signals else self.signals[-1])
         curves = {}
@@ -84,45 +82,27 @@ class Recording(Record):
 
 
 def panels(axes: Any, count: int) -> list[Any]:
-    """Return axes to draw on, one below the other: those of the caller, or new ones.
-
-    Raises
-    ------
-    FlexaxisError
-        If the caller has others than `count`.
-    """
+    """Return axes to draw on, one below the other: those of the caller, or new ones."""
     if axes is None:
         from matplotlib import pyplot
 
-        from flexaxis.experiments.reporting.styles import SETTINGS
-
         with pyplot.rc_context(SETTINGS):
-            size = (8.0, max(4.0, 1.0 + 1.6 * count))
+            size = (8.0, 2.4 + 1.6 * count)
             axes = pyplot.subplots(count, sharex=True, squeeze=False, figsize=size)[1]
-    found = list(np.ravel(np.asarray(axes, object)))
-    if len(found) != count:
-        raise FlexaxisError(
-            f"{len(found)} axes for {count} panels: give as many (plt.subplots({count})), "
-            "name fewer panels, or give none"
-        )
-    return found
+    return list(np.ravel(np.asarray(axes, object)))
 
 
 def draw(curves: Mapping[str, Sequence[Series]], axes: Any, scenario: Scenario | None) -> Any:
-    """Draw curves over time, a panel each, with faults and burn-in of a scenario.
+    """Draw curves over time, a panel each; on new axes with faults and burn-in of a scenario.
 
-    Axes that have curves already have the truth and the faults, too. One axes is returned as it
-    is, several as an array.
+    Axes of the caller have the truth already. One axes is returned as it is, several as an array.
     """
-    from flexaxis.experiments.reporting import figures
-    from flexaxis.experiments.reporting.inputs import around
-
-    found = panels(axes, len(curves))
-    fresh = not any(ax.lines for ax in found)
-    shown = {name: [s for s in each if fresh or s.role != "truth"] for name, each in curves.items()}
-    marks = around(scenario) if scenario and fresh else {}
-    figures.curves(shown, x="time [s]", axes=found, **marks)
-    return found[0] if len(found) == 1 else np.array(found, object)
+    marks = figures.around(scenario) if scenario and axes is None else {}
+    shown = {name: [s for s in each if axes is None or s.role != "truth"]
+             for name, each in curves.items()}  # fmt: skip
+    result = panels(axes, len(curves))
+    figures.curves(shown, x="time [s]", axes=result, **marks)
+    return result[0] if len(result) == 1 else np.array(result, object)
 
 
 def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: Any) -> Recording:
@@ -156,15 +136,13 @@ def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: An
     >>> record.torque.shape, record.period
     ((400,), 0.005)
     """
-    from flexaxis.sim.simulate import simulate as run
-
     return Recording.of(run(changed(scenario, changes), [seed_of(seed)])[0])
 
 
 def changed(scenario: str | Path | Scenario, changes: Mapping[str, Any]) -> Scenario:
     """Return a scenario with some values replaced."""
-    found = scenario if isinstance(scenario, Scenario) else find_scenario(str(scenario))
-    return found.override(changes) if changes else found
+    result = scenario if isinstance(scenario, Scenario) else find_scenario(str(scenario))
+    return result.override(changes) if changes else result
 
 
 def seed_of(seed: Any) -> int:
@@ -219,63 +197,8 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     >>> fx.cache()["removed"]
     0
     """
-    from flexaxis.experiments.running.cache import default_cache
-
     store = default_cache()
     removed = store.clear() if clear else 0
     size, limit = (round(bytes_ / 1024**2, 1) for bytes_ in (store.size(), store.limit))
     return {"folder": store.folder, "records": len(store.entries()), "megabytes": size,
             "limit": limit, "removed": removed}  # fmt: skip
-
-
-def view(
-    run: str | Path | Scenario | Record,
-    *,
-    seed: int = 0,
-    at: float = 0.0,
-    exaggerate: float = 100.0,
-    picture: str | Path | None = None,
-) -> Path | None:
-    """Show a run in 3-D: in a window, or as a picture.
-
-    The twist of the joints is about a milliradian. The angles of gear and arm are therefore
-    exaggerated; the motor turns as it does.
-
-    Parameters
-    ----------
-    run : str, Path, Scenario or Record
-        A scenario, which is simulated first, or a recording of `simulate` or `load`.
-    seed : int
-        Seed of the simulation.
-    at : float
-        Time of the run at which to begin [s].
-    exaggerate : float
-        Factor of the twist; 1 shows it as it is.
-    picture : str or Path, optional
-        PNG file to write instead of opening a window. It needs no display.
-
-    Returns
-    -------
-    Path or None
-        The picture.
-
-    Raises
-    ------
-    FlexaxisError
-        If a number or the name of the picture is wrong.
-    """
-    target = None if picture is None else Path(picture)
-    if not (0 <= exaggerate < np.inf and (target is None or target.suffix.lower() == ".png")):
-        raise FlexaxisError("give a factor of 0 or more, and a picture that ends in .png")
-    from flexaxis.experiments.demo import view as drawing
-
-    if target is not None:
-        drawing.draw_offscreen()  # before the engine is imported
-    record = run if isinstance(run, Record) else simulate(run, seed=seed)
-    if not 0 <= at <= (end := record.time[-1]):
-        raise FlexaxisError(f"at={at:g}: give a time of the run, 0 to {end:g} s")
-    if target is None:
-        drawing.window(record, start=at, exaggerate=exaggerate)
-    else:
-        drawing.picture(record, target, at=at, exaggerate=exaggerate)
-    return target

@@ -14,7 +14,7 @@ import pandas as pd
 from flexaxis._estimates import EstimatorLike
 from flexaxis._records import panels, seed_of
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue.find import find_scenario, select
+from flexaxis.experiments.catalogue.find import select
 from flexaxis.experiments.check import check as rules
 from flexaxis.experiments.comparison import sweep
 from flexaxis.experiments.comparison.ranking import REFERENCE
@@ -24,6 +24,7 @@ from flexaxis.experiments.gate import gate
 from flexaxis.experiments.gate.report import as_dict, write
 from flexaxis.experiments.reporting import figures
 from flexaxis.experiments.reporting.study import over_axis
+from flexaxis.experiments.reporting.tables import between
 from flexaxis.experiments.running import results as engine
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.estimators import parse, text_of
@@ -37,6 +38,7 @@ from flexaxis.sim.scenario import Scenario
 
 Estimators = EstimatorLike | Iterable[EstimatorLike]
 Scenarios = str | Path | Scenario | Iterable[str | Path | Scenario]
+Place = str | Path | None
 Seeds = int | str | Iterable[int] | None
 SHOWN = (
     "scenario", "estimator", "parameter", "lag", "lag_interval", "t10", "std", "bias", "score",
@@ -49,12 +51,6 @@ def texts_of(estimators: Estimators) -> list[str]:
     """Return some estimators as text."""
     one = isinstance(estimators, str) or callable(estimators)
     return list(map(text_of, [estimators] if one else estimators))  # type: ignore[arg-type]
-
-
-def listed(scenarios: Scenarios) -> list[Any]:
-    """Return one or several names, paths or scenarios as a list."""
-    one = isinstance(scenarios, str | Path | Scenario)
-    return [scenarios] if one else list(scenarios)  # type: ignore[arg-type]
 
 
 def seeds_of(seeds: Seeds, default: int) -> tuple[int, ...]:
@@ -72,23 +68,20 @@ def seeds_of(seeds: Seeds, default: int) -> tuple[int, ...]:
 
 @contextmanager
 def working(
-    cases: int, folder: str | Path | None = None, *, jobs: int = 1, dask: str | None = None,
+    cases: int, folder: Place = None, *, jobs: int = 1, dask: str | None = None,
     cache: bool = True, overwrite: bool = False, time_limit: float | None = None,
 ) -> Iterator[Runner]:  # fmt: skip
     """Give a runner with progress; warn of estimates that are not finite."""
     with ExitStack() as stack:
         executor = None
         if dask:
-            try:
-                client = optional_package("distributed").Client(dask, timeout=10)
-            except (OSError, ValueError) as error:
-                raise FlexaxisError(f"dask {dask}: no scheduler answers there: {error}") from error
-            stack.enter_context(client)
+            client = stack.enter_context(optional_package("distributed").Client(dask))
             executor, jobs = client.get_executor(retries=2), sum(client.nthreads().values())
         advance = stack.enter_context(progress(f"{cases} cases at most", cases))
         runner = stack.enter_context(Runner(
-            Path(folder) if folder else None, jobs=jobs, executor=executor, cache=default_cache() if cache else None,
-            overwrite=overwrite, time_limit=time_limit, advance=advance,
+            Path(folder) if folder else None, jobs=jobs, executor=executor,
+            cache=default_cache() if cache else None, overwrite=overwrite, time_limit=time_limit,
+            advance=advance,
         ))  # fmt: skip
         yield runner
     for estimator, where in dict(reversed(runner.remarks)).items():
@@ -109,13 +102,8 @@ class Results(engine.Results):
         If nothing changed, the scores of all parameters.
         """
         rows = self.scores("scenario", "estimator", *self.axes)
-        if rows.empty:
-            return rows
         changed = rows[rows["changed"].astype(bool)]
-        rows = rows if changed.empty else changed
-        columns = [*SHOWN[:2], *self.axes, *SHOWN[2:]]
-        varies = {"scenario": len(self.study["scenarios"]) > 1, "failed": rows["failed"].any()}
-        return rows[[name for name in columns if varies.get(name, True)]].reset_index(drop=True)
+        return (rows if changed.empty else changed)[[*self.axes, *SHOWN]].reset_index(drop=True)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
         """Draw the lag after a fault: against the noise before it, or over an axis of a study.
@@ -139,43 +127,26 @@ class Results(engine.Results):
         """
         if x and x not in self.axes:
             raise FlexaxisError(unknown("axis", x, self.axes) + " Leave it out for the first one")
-        rows = self.scores("scenario", "estimator")
-        rows = rows[rows["changed"].astype(bool) & rows["lag"].notna()]
-        if rows.empty:
-            raise FlexaxisError("no lag to draw: no estimated parameter changes")
         axes = panels(ax, 1)
         if key := x or next(iter(self.axes), ""):
             options = over_axis(self, key, "lag")
             first = dict(list(options["panels"].items())[:1])
             figures.curves(**options | {"panels": first, "axes": axes})
         else:
-            rows["setting"] = rows["estimator"] + " on " + rows["scenario"]
-            figures.lag_against_noise(rows, list(rows["estimator"].unique()), axes=axes)
+            rows = self.scores("scenario", "estimator").query("changed")
+            figures.lag_against_noise(rows, axes=axes)
         return axes[0]
 
-    def report(self, path: str | Path | None = None) -> Path:
+    def report(self, path: Place = None) -> Path:
         """Write the report, by default to report.html in the folder; return its path."""
         target = Path(path or (self.folder or Path()) / REPORT)
         studies.write_report(self, target)
         return target
 
-    def rerun(self, cases: int = 10, *, seed: int = 0) -> pd.DataFrame:
-        """Run random cases again; return every number that differs, an empty table if none does.
-
-        Parameters
-        ----------
-        cases : int
-            How many.
-        seed : int
-            Of the random choice.
-        """
-        with Runner() as runner:
-            return engine.rerun(self, cases, runner, seed=seed)
-
     def __repr__(self) -> str:
-        failed = len(self.failures)
-        text = f"{self.cases} cases" + (f", {failed} of them failed: see .failures" * bool(failed))
-        return f"{text}\n{self.table.to_string(index=False, float_format='{:.3g}'.format)}"
+        text = f"{self.cases} cases, {len(self.failures)} of them failed"
+        table = self.table.assign(lag_interval=self.table["lag_interval"].map(between))
+        return f"{text}\n{table.to_string(index=False, float_format='{:.3g}'.format)}"
 
     def _repr_html_(self) -> str:
         return self.table.to_html(index=False)
@@ -186,7 +157,7 @@ def benchmark(
     *,
     scenarios: Scenarios = "smoke",
     seeds: Seeds = None,
-    folder: str | Path | None = None,
+    folder: Place = None,
     shard: tuple[int, int] = (1, 1),
     command: str = "",
     **work: Any,
@@ -227,8 +198,7 @@ def benchmark(
         If a name is wrong, or an estimator cannot be made. One that fails on a record is a row
         with its error (`Results.failures`).
     """
-    names = listed(scenarios)
-    suite, texts = select(names), texts_of(estimators)
+    suite, texts = select(scenarios), texts_of(estimators)
     own, swept, numbers = suite.scenarios, suite.swept_scenarios, seeds_of(seeds, suite.seeds)
     turned = [*dict.fromkeys([REFERENCE, *texts])] if texts else suite.swept_estimators
     tried = sweep.texts(sweep.settings(turned)) if folder else []
@@ -239,7 +209,7 @@ def benchmark(
             for name, reason in left_out.items():
                 remark(f"{name} is left out: {reason}")
             own, swept = ([s for s in each if s.name not in left_out] for each in (own, swept))
-        title = " ".join(getattr(name, "name", str(name)) for name in names)
+        title = scenarios if isinstance(scenarios, str) else ", ".join(s.name for s in own)
         wanted = Study(title, tuple(own), tuple(texts or suite.estimators), numbers)
         results = studies.run(wanted, runner, swept=(swept, turned), shard=shard, command=command)
     return Results(runner.store, results.study)
@@ -248,9 +218,8 @@ def benchmark(
 def study(
     definition: str | Path | Mapping[str, Any],
     *,
-    folder: str | Path | None = None,
+    folder: Place = None,
     shard: tuple[int, int] = (1, 1),
-    trajectories: bool = False,
     command: str = "",
     **work: Any,
 ) -> Results:
@@ -261,8 +230,6 @@ def study(
     definition : str, Path or mapping
         A TOML file, or its keys: ``{"scenario": "fm_step-v1", "estimators": ["glr"], "seeds":
         20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``; classes may stand among the estimators.
-    trajectories : bool
-        Whether to write all estimates to the folder, too.
     folder, shard, command, **work
         As for `benchmark`.
 
@@ -282,9 +249,7 @@ def study(
         texts = texts_of(definition.get("estimators", ()))
         wanted = study_from({"name": "study"} | dict(definition) | {"estimators": texts})
     with working(wanted.cases, folder, **work) as runner:
-        results = studies.run(
-            wanted, runner, shard=shard, trajectories=trajectories, command=command
-        )
+        results = studies.run(wanted, runner, shard=shard, command=command)
     return Results(runner.store, results.study)
 
 
@@ -309,11 +274,9 @@ class Comparison:
         """The one word: worse, undecided, better, slight or same."""
         return str(self.content["verdict"])
 
-    @property
-    def table(self) -> pd.DataFrame:
-        """A line a score, as text."""
-        return pd.DataFrame([r["text"] for r in self.content["rows"]],
-                            columns=self.content["columns"])  # fmt: skip
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a pandas DataFrame, a line a score."""
+        return pd.DataFrame(self.content["rows"]).drop(columns="text")
 
     def plot(self, *, ax: Any = None) -> Any:
         """Draw the change of each score with its interval, and the margin that matters.
@@ -328,12 +291,10 @@ class Comparison:
         return axes
 
     def __repr__(self) -> str:
-        head, table = [self.content["headline"], *self.content["advice"], ""], self.table
-        return "\n".join([*head, table.to_string(index=False), "", *self.content["legend"]])
-
-    def _repr_html_(self) -> str:
-        lines = "".join(f"<p>{line}</p>" for line in self.content["legend"])
-        return f"<p><b>{self.content['headline']}</b></p>{self.table.to_html(index=False)}{lines}"
+        c = self.content
+        table = pd.DataFrame([row["text"] for row in c["rows"]], columns=c["columns"])
+        lines = [c["headline"], *c["advice"], "", table.to_string(index=False), "", *c["legend"]]
+        return "\n".join(lines)
 
 
 def compare(
@@ -346,7 +307,7 @@ def compare(
     max_seeds: int = 0,
     match_std: bool = False,
     margins: Mapping[str, float] | None = None,
-    folder: str | Path | None = None,
+    folder: Place = None,
     **work: Any,
 ) -> Comparison:
     """Say whether a candidate is better or worse than a base, run on the same records.
@@ -390,11 +351,10 @@ def compare(
         old, new = map(Path, runs)
         result = gate.compare_runs(old, new, margins=checked, estimators=sides, seeds=numbers)
     else:
-        names = listed(scenarios)
-        suite = select(names, default=gate.SUITE)
+        suite = select(scenarios, default=gate.SUITE)
         own, numbers = suite.scenarios, seeds_of(seeds, suite.seeds)
-        files = [name for name in map(str, names) if name.endswith(".toml")]
-        sources = {find_scenario(name).name: name for name in files}
+        if len(own) == 1 and isinstance(scenarios, str | Path):
+            sources = {own[0].name: str(scenarios)}
         with working(2 * len(own) * max(max_seeds, len(numbers)), folder, **work) as runner:
             result = gate.compare(
                 *map(str, sides), own, numbers, runner, margins=checked,  # type: ignore[arg-type]
@@ -411,8 +371,8 @@ def tune(
     match: str = "excess",
     scenarios: Scenarios | None = None,
     seeds: Seeds = None,
-    folder: str | Path | None = None,
-    file: str | Path | None = None,
+    folder: Place = None,
+    file: Place = None,
     **work: Any,
 ) -> pd.DataFrame:
     """Find the settings at which estimators are as noisy as rpem-forgetting, or sweep them.
@@ -446,12 +406,13 @@ def tune(
     """
     names, lines = list(estimators) or [n for n, entry in REGISTRY.items() if entry.knob], []
     if scenarios is not None:
-        own, numbers = select(listed(scenarios)).scenarios, seeds_of(seeds, 16)
+        own, numbers = select(scenarios).scenarios, seeds_of(seeds, 16)
         most = len(sweep.texts(sweep.settings(names, factors=sweep.TURNS)))
         with working(most * len(own) * len(numbers), folder, **work) as runner:
             swept = sweep.sweep(own, names, numbers, runner.rows)
         return pd.DataFrame(swept.matched).drop(columns="values")
     numbers = seeds_of("0:16" if seeds is None else seeds, 16)
+    span = f"{numbers[0]}:{numbers[-1] + 1}"
     with working(12 * len(names) * len(numbers), folder, **work) as runner:
         for name in names:
             tuned, problem = None, ""
@@ -463,7 +424,7 @@ def tune(
                 problem = str(error)
             lines.append({"estimator": name, "problem": problem} | (asdict(tuned) if tuned else {}))
             if file:
-                save(Path(file), name, tuned, command=f"flexaxis tune {name}")
+                save(Path(file), name, tuned, command=f"flexaxis tune {name} --seeds {span}")
     return pd.DataFrame(lines)
 
 

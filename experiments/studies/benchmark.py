@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.comparison import sweep
-from flexaxis.experiments.comparison.ranking import overall
+from flexaxis.experiments.comparison.ranking import faults_of, overall, widest
 from flexaxis.experiments.files import REPORT, SUMMARY, write_json, write_text
 from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
-from flexaxis.experiments.reporting.inputs import RunInputs
-from flexaxis.experiments.reporting.words import faults_of, widest
-from flexaxis.experiments.running.case import NUMBERS, run_case
+from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.store import ROWS, Store
 from flexaxis.experiments.running.study import Study, missing, units
 from flexaxis.sim.scenario import Scenario, scenario_from
-from flexaxis.sim.simulate import simulate
 
 FAILURE = ("scenario", "estimator", "seed", "error")
 
@@ -35,7 +32,6 @@ def run(
     swept: tuple[Sequence[Scenario], Sequence[str]] = ((), ()),
     command: str = "",
     shard: tuple[int, int] = (1, 1),
-    trajectories: bool = False,
 ) -> Results:
     """Run what is missing of a study; a folder gets its summary and report.
 
@@ -48,7 +44,7 @@ def run(
         Where to compare which estimators at equal noise, for the report of a run.
     command : str
         The line that runs it again, for the report.
-    shard, trajectories
+    shard
         As in `Runner.run`. A shard has no report: `merge` puts shards together first.
 
     Raises
@@ -58,9 +54,7 @@ def run(
     """
     tradeoff = {"scenarios": [s.resolved() for s in swept[0]], "estimators": list(swept[1])}
     about = {"title": study.name, "command": command, "tradeoff": tradeoff}
-    results = runner.run(
-        study, shard=shard, traces=not study.axes, trajectories=trajectories, about=about
-    )
+    results = runner.run(study, shard=shard, traces=not study.axes, about=about)
     if results.folder and shard == (1, 1):
         finish(results, runner)
     return results
@@ -110,7 +104,7 @@ def finish(results: Results, runner: Runner) -> None:
 def write_report(results: Results, path: Path) -> None:
     """Write the report of a study, or of a run from its summary.json."""
     html = (study_report.render(results) if results.axes
-            else run_report.render(RunInputs(results, results.summary)))  # fmt: skip
+            else run_report.render(results, results.summary))  # fmt: skip
     write_text(path, html)
 
 
@@ -126,8 +120,8 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
         return None
     scenarios = [scenario_from(s, source="sweep") for s in wanted["scenarios"]]
     able = sweep.able(scenarios, wanted["estimators"], seeds, runner.rows)
-    found = sweep.sweep(scenarios, able, seeds, runner.rows)
-    matched = faults_of(found.matched)
+    result = sweep.sweep(scenarios, able, seeds, runner.rows)
+    matched = faults_of(result.matched)
     if not matched.empty:  # once more, with what the report draws of the nearest settings
         own = matched[matched["fault"] == widest(matched)]
         drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
@@ -135,70 +129,43 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
     left_out = [name for name in wanted["estimators"] if name not in able]
     texts = sweep.texts(sweep.settings(left_out)) if left_out else []
     failed = runner.run(Study("sweep", tuple(scenarios), tuple(texts), tuple(seeds))).failures
-    return asdict(found) | {
+    return asdict(result) | {
         "left_out": left_out,
         "failures": failed.to_dict("records"),
-        "overall": overall(found.at_excess),
+        "overall": overall(result.at_excess),
         "definitions": {s.name: s.resolved() for s in scenarios},
     }
 
 
-class Plan(NamedTuple):
-    """What a study would run.
+def plan(study: Study, folder: Path) -> dict[str, Any]:
+    """Return what a study would run, timed on one seed of its first variant.
 
-    Attributes
-    ----------
-    variants : list of dict
-        Swept values with the scenario and its estimators.
-    cases, to_run, records : int
-        All cases, those that the folder lacks, and the records that are simulated for them.
-    seconds : float
-        Processor time of one core that they take on this machine [s].
-    megabytes : float
-        Size of their rows [MB].
-    not_timed : list of str
-        Estimators of users, which a plan does not run.
+    Returns
+    -------
+    dict
+        ``variants`` (a dict of swept values each), ``cases``, ``to_run`` (those that the folder
+        lacks), ``seconds`` of one core, ``megabytes`` of their rows, and ``not_timed``, the
+        estimators of users, which are not run.
     """
-
-    variants: list[dict[str, Any]]
-    cases: int
-    to_run: int
-    records: int
-    seconds: float
-    megabytes: float
-    not_timed: list[str]
-
-
-def plan(study: Study, folder: Path) -> Plan:
-    """Return what a study would run, timed on one record of its first variant."""
     every = units(study)
     done = Store.read(folder).done() if (folder / ROWS).exists() else set[str]()
-    todo = list(missing(every, done))
-    clock = time.process_time
-    start, seed, base = clock(), study.seeds[0], every[0]
-    record = simulate(base.scenario, [seed])[0]
-    simulating, running = clock() - start, dict[str, float]()
-    for setting in base.settings:
-        if not setting.spec.is_users:
-            run_case(base.scenario, record, setting.spec)  # compiles
-            start = clock()
-            run_case(base.scenario, record, setting.spec)
-            running[setting.estimator] = clock() - start
-    seconds = sum(
-        (unit.scenario.duration / base.scenario.duration)
-        * (simulating * len({seed for _, _, seed in unit.cases()})
-           + sum(running.get(setting.estimator, 0.0) for _, setting, _ in unit.cases()))
-        for unit in todo
-    )  # fmt: skip
-    variants = {unit.scenario.hash: {"scenario": unit.base, **unit.axes,
-                "estimators": ", ".join(s.text for s in unit.settings)} for unit in every}
-    to_run, rows = sum(len(unit.cases()) for unit in todo), len(base.scenario.identify)
-    return Plan(
-        list(variants.values()), sum(len(unit.cases()) for unit in every), to_run,
-        sum(len({seed for _, _, seed in unit.cases()}) for unit in todo), seconds,
-        to_run * rows * len(NUMBERS) * BYTES / 1e6,
-        [text for text in study.estimators if text not in running],
-    )  # fmt: skip
+    to_run = sum(len(unit.cases()) for unit in missing(every, done))
+    known = [setting for setting in every[0].settings if not setting.spec.is_users]
+    one = replace(every[0], settings=tuple(known), seeds=study.seeds[:1])
+    run_unit(one, Options())  # compiles
+    start = time.process_time()
+    run_unit(one, Options())
+    seconds = (time.process_time() - start) / max(1, len(known))
+    variants = {unit.scenario.hash: {"scenario": unit.base, **unit.axes} for unit in every}
+    numbers = len(NUMBERS) * len(one.scenario.identify)
+    return {
+        "variants": list(variants.values()),
+        "cases": sum(len(unit.cases()) for unit in every),
+        "to_run": to_run,
+        "seconds": seconds * to_run,
+        "megabytes": BYTES * numbers * to_run / 1e6,
+        "not_timed": [s.text for s in every[0].settings if s.spec.is_users],
+    }
 
 
 BYTES = 20  # of a number: in SQLite and as text in scores.csv

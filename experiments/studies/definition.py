@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from itertools import product
@@ -25,7 +24,7 @@ from flexaxis.sim.tables.config import Config, Word
 
 FIRST = 1000
 """The first seed that is reported on; 0 to 99 are for tuning."""
-MOST = 100_000  # seeds, and points of a grid
+MOST = 100_000  # seeds
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
@@ -59,8 +58,6 @@ def _one_or_more(value: Any) -> Any:
 
 
 def _numbers(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, int | str):
-        raise ValueError('must be a number of seeds, such as 60, or a range, such as "1000:1060"')
     return parse_seeds(str(value))
 
 
@@ -68,11 +65,11 @@ def _flat(value: Any) -> Any:
     """Return nested tables as dotted keys: a key may be written with or without quotes."""
     if not isinstance(value, Mapping):
         return value
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for key, inner in value.items():
         whole = not isinstance(inner, Mapping)
-        found |= {key: inner} if whole else {f"{key}.{k}": v for k, v in _flat(inner).items()}
-    return found
+        result |= {key: inner} if whole else {f"{key}.{k}": v for k, v in _flat(inner).items()}
+    return result
 
 
 Words = Annotated[tuple[str, ...], BeforeValidator(_one_or_more), Field(strict=False)]
@@ -136,36 +133,35 @@ def study_from(
         wrong = {item["loc"][0] for item in error.errors()}
         right = {key: value for key, value in content.items() if key not in wrong}
         file = StudyFile.model_validate(BLANK | right)
-    scenarios = []
-    for name in dict.fromkeys(file.scenario):
+    known: dict[str, list[Any]] = {"scenario": [], "estimators": []}
+
+    def scenario(name: str) -> Scenario:
         beside = folder / name
-        try:
-            found = find_scenario(str(beside if beside.is_file() else name))
-            scenarios.append(found.override(file.override))
-        except ScenarioError as error:
-            problems += [("scenario", line) for line in error.problems]
-    estimators = []
-    for text in dict.fromkeys(file.estimators):
-        try:  # code of users is not imported before it is run
-            specs.written_options(text) if names_code(text) else specs.parse(text)
-            estimators.append(text)
-        except EstimatorError as error:
-            problems.append(("estimators", str(error)))
+        return find_scenario(str(beside if beside.is_file() else name)).override(file.override)
+
+    def estimator(text: str) -> str:  # code of users is not imported before it is run
+        specs.written_options(text) if names_code(text) else specs.parse(text)
+        return text
+
+    for key, find in (("scenario", scenario), ("estimators", estimator)):
+        for name in dict.fromkeys(getattr(file, key)):
+            try:
+                known[key].append(find(name))
+            except (ScenarioError, EstimatorError) as error:
+                problems += [(key, line) for line in str(error).splitlines()]
     wrong_axes = dict(_sweep_problems(file))
-    problems += [(f"sweep.{key}" if key else "sweep", text) for key, text in wrong_axes.items()]
+    problems += [(f"sweep.{key}", text) for key, text in wrong_axes.items()]
     axes = {key: values for key, values in file.sweep.items() if key not in wrong_axes}
-    points = [] if "" in wrong_axes else [*_grid(axes), *_twins(file, axes)]
     study = Study(
-        name=file.name, scenarios=tuple(scenarios), estimators=tuple(estimators), seeds=file.seeds,
-        axes=tuple(axes), points=tuple(points), streams=file.streams,
+        file.name, tuple(known["scenario"]), tuple(known["estimators"]), file.seeds, tuple(axes),
+        (*_grid(axes), *_twins(file, axes)), file.streams,
     )  # fmt: skip
     try:
         units(study)
     except StudyError as error:
-        head = f"{file.name}: "
-        problems += [("", line.removeprefix(head)) for line in str(error).splitlines()]
+        problems += [("sweep", line.split("sweep: ")[-1]) for line in str(error).splitlines()]
     if problems:
-        lines = (f"{source}: {key}: {text}".replace(": : ", ": ") for key, text in problems)
+        lines = (f"{source}: {key}: {text}" for key, text in problems)
         raise StudyError("\n".join(dict.fromkeys(lines)))
     return study
 
@@ -192,8 +188,7 @@ def _twins(file: StudyFile, axes: Mapping[str, Any]) -> Iterator[Point]:
 
 
 def _sweep_problems(file: StudyFile) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with an axis, by its key; "" stands for the whole grid."""
-    sizes = {}
+    """Yield what is wrong with an axis, by its key."""
     for key, values in file.sweep.items():
         first = re.split(r"[.\[]", key)[0]
         if not (first in Scenario.model_fields or is_option(key, file.estimators)):
@@ -203,8 +198,3 @@ def _sweep_problems(file: StudyFile) -> Iterator[tuple[str, str]]:
             yield key, f"neither a key of a scenario nor an option of an estimator.{hint}"
         elif not (isinstance(values, list) and values):
             yield key, f"must be an array of values, not {values}"
-        else:
-            sizes[key] = len(values)
-    if math.prod(sizes.values()) > MOST:
-        counts = " × ".join(f"{size} values of {key}" for key, size in sizes.items())
-        yield "", f"{counts} are too many points: at most {MOST} in all"
