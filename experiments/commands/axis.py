@@ -19,7 +19,7 @@ def _target(args: Args, default: str, *inputs: Any) -> Path:
         check_file(args.log)
     path = args.output or args.log.with_name(args.log.stem + default)
     check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))
-    require_suffix(path, Path(default).suffix, "the result")
+    require_suffix(path, f".{default.rpartition('.')[2]}", "the result")
     spare_foreign(path, path.with_suffix(".html"))
     return path
 
