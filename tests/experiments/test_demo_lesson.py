@@ -47,7 +47,7 @@ def recorded(tmp_path):
         hidden = {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}
         environment = {key: value for key, value in os.environ.items() if key not in hidden}
         done = subprocess.run(
-            [*command, "--script", script],
+            [*command, script],
             capture_output=True,
             text=True,
             check=False,
@@ -151,8 +151,7 @@ def test_a_recording_has_the_pictures_of_the_lesson(recorded):
     ("words", "message"),
     [
         (["--record", "a.avi"], "a recording is a .gif file"),
-        (["--script", "a.toml"], "--script is for --record"),
-        (["--record", "a.gif", "--script", "none.toml"], "none.toml: cannot be read"),
+        (["--record", "a.gif", "none.toml"], "none.toml: cannot be read"),
         (["--speed", "0"], "--speed 0: give a factor"),
         (["--record", "a.gif", "--estimator", "ekf"], "two estimators race, not 1"),
         (["--record", "a.gif", "--estimator", "ekf", "--estimator", "ekg"], "Did you mean 'ekf'"),
