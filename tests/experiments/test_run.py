@@ -13,7 +13,7 @@ import pytest
 from engine_cases import short, small_study, user_file
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running.results import Results, rerun
+from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner, parallel
 from flexaxis.experiments.running.store import ROWS, Store
 from flexaxis.experiments.running.study import Study
@@ -120,16 +120,6 @@ def test_a_run_that_is_killed_or_stopped_resumes_with_every_row_once(tmp_path):
     assert len(frame) == 2 * 8 * 3
     assert not frame.duplicated(["case", "parameter"]).any()
 
-
-def test_random_cases_run_again_are_equal_or_say_what_differs():
-    study = small_study("frozen", seeds=2)
-    with Runner() as runner, Runner() as again:
-        results = runner.run(study)
-        assert rerun(results, 1, again).empty
-        results.frame.loc[:, "std"] = 7.0
-        differ = rerun(results, 1, again)
-    assert set(differ.index.get_level_values(2)) == {"std"}
-    assert (differ["before"] == 7.0).all()
 
 
 def test_parallel_gives_every_result():
