@@ -198,7 +198,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     0
     """
     store = default_cache()
-    removed = store.clear() if clear else 0
+    removed = store.evict(-1) if clear else 0
     size, limit = (round(bytes_ / 1024**2, 1) for bytes_ in (store.size(), store.limit))
     return {"folder": store.folder, "records": len(store.entries()), "megabytes": size,
             "limit": limit, "removed": removed}  # fmt: skip

@@ -26,7 +26,7 @@ from flexaxis.experiments.reporting import figures
 from flexaxis.experiments.reporting.study import over_axis
 from flexaxis.experiments.reporting.tables import between
 from flexaxis.experiments.running import results as engine
-from flexaxis.experiments.running.cache import default_cache
+from flexaxis.experiments.running.cache import default_cache, keep_nominal_runs
 from flexaxis.experiments.running.estimators import parse, text_of
 from flexaxis.experiments.running.progress import progress, remark
 from flexaxis.experiments.running.run import Runner
@@ -73,15 +73,15 @@ def working(
 ) -> Iterator[Runner]:  # fmt: skip
     """Give a runner with progress; warn of estimates that are not finite."""
     with ExitStack() as stack:
-        executor = None
+        executor, kept = None, default_cache() if cache else None
+        stack.enter_context(keep_nominal_runs(kept))
         if dask:
             client = stack.enter_context(optional_package("distributed").Client(dask))
             executor, jobs = client.get_executor(retries=2), sum(client.nthreads().values())
         advance = stack.enter_context(progress(f"{cases} cases at most", cases))
         runner = stack.enter_context(Runner(
             Path(folder) if folder else None, jobs=jobs, executor=executor,
-            cache=default_cache() if cache else None, overwrite=overwrite, time_limit=time_limit,
-            advance=advance,
+            cache=kept, overwrite=overwrite, time_limit=time_limit, advance=advance,
         ))  # fmt: skip
         yield runner
     for estimator, where in dict(reversed(runner.remarks)).items():

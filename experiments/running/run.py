@@ -110,8 +110,8 @@ class Runner:
 
     Attributes
     ----------
-    done, simulated : int
-        Cases run and records simulated so far.
+    done : int
+        Cases run so far.
     remarks : list of (str, str)
         Estimators of users that returned values that are not finite, and where.
 
@@ -137,7 +137,7 @@ class Runner:
         weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
         self._workers = [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
-        self._advance, self.done, self.simulated = advance, 0, 0
+        self._advance, self.done = advance, 0
         self.remarks: list[tuple[str, str]] = []
         self._folder, self._overwrite = folder, overwrite
 
@@ -200,7 +200,6 @@ class Runner:
             self.store.add(outcome.cases)
             lost -= len(outcome.cases)
             self.done += len(outcome.cases)
-            self.simulated += outcome.simulated
             self.remarks += outcome.remarks
             reason = next(iter(outcome.missing), reason)
             self._advance(len(outcome.cases))
