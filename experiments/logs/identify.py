@@ -21,6 +21,7 @@ from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
 from flexaxis.experiments.logs.validate import Fit, correlation, fit_of
 from flexaxis.experiments.logs.verdict import judged
+from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -175,7 +176,9 @@ def identify(
             raise LogError(f"--{option} {value}: it is one of {', '.join(known)}")
     wanted = FRICTION.get("coulomb" if friction == "auto" else friction, {})
     if given and (axis.model.laws or not given.keys() <= {*wanted.values()}):
-        raise LogError(f"--friction {friction} has no {', '.join(given)}; it has {wanted}")
+        known = (*axis.model.parameters, *LAWFUL)
+        hints = "".join(did_you_mean(name, known) for name in given if name not in known)
+        raise LogError(f"--friction {friction} has no {', '.join(given)}.{hints}")
     linear = record.versions.get("motion") == "linear"
     corner = axis.highpass if highpass is None else highpass
     log = log_of(record, replace(axis, beside={}))
