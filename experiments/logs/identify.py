@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.inverse import Inverse
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import changes_in
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding, texts_of
-from flexaxis.experiments.logs.fit import Answer, answer, explain
-from flexaxis.experiments.logs.search import FRICTION, LINEAR, Search, Tried
+from flexaxis.experiments.logs.fit import Answer, answer
+from flexaxis.experiments.logs.search import FRICTION, Search, Tried
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
 from flexaxis.experiments.logs.validate import Fit, correlation, fit_of
@@ -51,8 +50,6 @@ class Identification:
         torque alone.
     whole : Fit
         Of a simulation of the whole log.
-    map : Inverse or None
-        The inverse dynamics of the log, as if it were rigid.
     friction : str
         The word for its laws, ``"none"`` if it has none.
     tried : tuple of Tried
@@ -68,7 +65,6 @@ class Identification:
     answer: Answer
     fit: float
     whole: Fit
-    map: Inverse | None
     friction: str
     tried: tuple[Tried, ...]
     findings: tuple[Finding, ...]
@@ -243,7 +239,7 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     if setup.model.laws and not axis.model.laws:
         word = "coulomb" if "f_s" not in setup.model.parameters else "stribeck"
     return Identification(
-        result, taken, fit, whole, explain(log, lag, LINEAR), word, tuple(search.tried),
+        result, taken, fit, whole, word, tuple(search.tried),
         tuple(found), record.versions.get("torque_unit", ""),
         record.versions.get("motion") == "linear",
     )  # fmt: skip

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.changes import Explained, explain
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import made_of
 from flexaxis.experiments.logs.findings import Finding
@@ -19,7 +20,6 @@ from flexaxis.experiments.logs.fit import deviations_of
 from flexaxis.experiments.logs.identify import identify
 from flexaxis.experiments.logs.importing import read_any
 from flexaxis.experiments.logs.read import open_log
-from flexaxis.experiments.logs.series import Explained, explain
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
 from flexaxis.sim.errors import FlexaxisError
