@@ -184,7 +184,7 @@ def identify(
             f"--highpass {corner:g} Hz: give a corner below half the rate, {0.5 / log.period:g} "
             f"Hz, and not below {LOWEST / log.period:g} Hz"
         )
-    names = _free(axis, free, fix)
+    names = free_names(axis, free, fix)
     setup = Setup(whole, axis.model, names, delay=delay, highpass=corner)
     if axis.known:
         _check_rate(axis.model, log.period)
@@ -245,7 +245,8 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     )  # fmt: skip
 
 
-def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
+def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
+    """Return the parameters to identify: those that are named, or all that a log can show."""
     known = axis.model.parameters
     wanted = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
     axis.having(dict.fromkeys(wanted, 1.0))  # raises for unknown names
