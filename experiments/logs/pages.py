@@ -297,7 +297,7 @@ def many_page(result: Many, title: str, command: str) -> LogPage:
         points = Series(x=k, y=y, low=y - 2 * sd, high=y + 2 * sd, kind="points", label="log, ±2σ")
         panels[name] = [points, Series(x=k, y=one.fitted, role="truth", label="explained")]
     words = "Each log with ±2σ; the line is what covariates and a change explain."
-    chart = Chart("Estimates over the logs", words, "log", panels, {"height": 150})
+    chart = Chart("Estimates over the logs", words, "log", panels)
     rows = [[name, *row] for name, row in zip(table.index, table.to_numpy(), strict=True)]
     return LogPage(
         title, command, result.findings[0], result.findings, [chart],
