@@ -3,16 +3,12 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from identify_axes import VALUES, log
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.identify import free_names
-from flexaxis.experiments.logs.setup import Setup
-from flexaxis.experiments.logs.signals import log_of
-from flexaxis.sim.record import load_record
 
 F_C = 10 * VALUES[1]["f_m"]
 
@@ -61,13 +57,3 @@ def test_what_a_known_axis_has_at_zero_stays_there_unless_freed():
     assert "f_l" not in free_names(known, (), ()) and "f_m" in free_names(known, (), ())
     assert free_names(known, ("f_l", "k"), ()) == ("f_l", "k")
     assert "f_l" in free_names(replace(known, known=False), (), ())
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_start_that_cannot_be_simulated_is_the_worst(record):
-    """A resonance that is far too fast for the rate of the log."""
-    setup = Setup(
-        log_of(load_record(record), find_axis("two_mass")),
-        find_axis("two_mass").model, ("J_m", "k"), delay=0.0, highpass=None,
-    )  # fmt: skip
-    assert setup.solve(np.array([1e-9, 1e4])).square == np.inf
