@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from ctypes.util import find_library
 from importlib import import_module
 from pathlib import Path
@@ -21,13 +19,12 @@ from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 
 FRAMES = 50  # a second
+WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
+"""Values of MUJOCO_GL that need no display, best first, and the library that each needs."""
 
 
 def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
     """Return the angles (N, n) [rad] of the n masses to be drawn, their twist exaggerated.
-
-    The gear is drawn where the motor would have it, and gear and arm are turned out of that by
-    `exaggerate` times their true deviation.
 
     Raises
     ------
@@ -45,7 +42,11 @@ def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
 def exaggerated(
     angles: NDArray[np.float64], *, ratio: float, exaggerate: float
 ) -> NDArray[np.float64]:
-    """Return the angles (…, n) [rad] to be drawn, from the true ones."""
+    """Return the angles (…, n) [rad] to be drawn, from the true ones.
+
+    The gear is drawn where the motor would have it, and gear and arm are turned out of that by
+    `exaggerate` times their true deviation.
+    """
     drawn = np.array(angles)
     rigid = ratio * drawn[..., :1]
     drawn[..., 1:] = rigid + exaggerate * (drawn[..., 1:] - rigid)
@@ -53,47 +54,38 @@ def exaggerated(
 
 
 def picture(record: Record, path: Path, *, at: float, exaggerate: float) -> None:
-    """Write one picture (PNG) of the axis at a time of the record [s]."""
-    import matplotlib.image
-
-    with camera(model_of(record), width=1280, height=720) as shoot:
-        pixels = shoot(poses(record, exaggerate=exaggerate)[_sample(record, at)])
-    with new_file(path) as part:
-        matplotlib.image.imsave(part, pixels, format="png")
-
-
-@contextmanager
-def camera(
-    name: str = DEFAULT, *, width: int, height: int
-) -> Iterator[Callable[[NDArray[np.float64]], NDArray[np.uint8]]]:
-    """Give a function from angles (n,) [rad] to a picture (height, width, 3), without a display.
+    """Write one picture (PNG) of the axis at a time of the record [s].
 
     Raises
     ------
     OutputError
         If nothing can be drawn on this machine.
     """
-    mujoco, model, data = scene(name)
+    import matplotlib.image
+
+    mujoco, model, data = scene(model_of(record))
+    data.qpos[:] = poses(record, exaggerate=exaggerate)[_sample(record, at)]
+    mujoco.mj_forward(model, data)
     try:
-        renderer = mujoco.Renderer(model, height=height, width=width)
+        renderer = mujoco.Renderer(model, height=720, width=1280)
     except Exception as error:  # each platform fails in its own way
         raise OutputError(
             f"no picture can be drawn here: {error}. Without a display set MUJOCO_GL=egl or "
             "MUJOCO_GL=osmesa (Debian: libegl1, libosmesa6)"
         ) from error
-
-    def shoot(angles: NDArray[np.float64]) -> NDArray[np.uint8]:
-        data.qpos[:] = angles
-        mujoco.mj_forward(model, data)
+    with renderer, new_file(path) as part:
         renderer.update_scene(data, camera="view")
-        return renderer.render()  # type: ignore[no-any-return]
-
-    with renderer:
-        yield shoot
+        matplotlib.image.imsave(part, renderer.render(), format="png")
 
 
 def window(record: Record, *, start: float, exaggerate: float) -> None:
-    """Replay a record in a window, in real time, until it ends or the window is closed."""
+    """Replay a record in a window, in real time, until it ends or the window is closed.
+
+    Raises
+    ------
+    OutputError
+        If no window can be opened.
+    """
     mujoco, model, data = scene(model_of(record))
     angles = poses(record, exaggerate=exaggerate)
     try:
@@ -132,21 +124,15 @@ def _sample(record: Record, at: float) -> int:
     return int(np.clip(np.searchsorted(record.time, at), 0, len(record.time) - 1))
 
 
-WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
-"""Values of MUJOCO_GL that need no display, best first, and the library that each needs."""
-
-
 def draw_offscreen() -> None:
     """Set MUJOCO_GL to a way that works here, unless it is set or there is a display.
 
     Raises
     ------
     FlexaxisError
-        If there is no display, and neither of the libraries that can do without.
+        If there is no display, and neither of the libraries that need none.
     """
-    if "MUJOCO_GL" in os.environ or sys.platform != "linux":
-        return  # elsewhere the engine needs no display
-    if {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
+    if sys.platform != "linux" or {"MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         return
     way = next((way for way, library in WAYS.items() if find_library(library)), None)
     if way is None:
