@@ -14,18 +14,16 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.demo.axis import EXCITATION, FRICTION
-from flexaxis.experiments.demo.lesson import Act, advance
 from flexaxis.experiments.demo.racer import HYPOTHESES, SHOWN, TUNING
 from flexaxis.experiments.demo.session import BUTTONS, MARK, DemoSession
 from flexaxis.experiments.demo.tracking import LENGTH, Change
 from flexaxis.experiments.demo.view import exaggerated, scene
 from flexaxis.experiments.reporting.styles import NINE
+from flexaxis.experiments.reporting.tables import short
 from flexaxis.sim.timing import PERIOD
 
 Array = NDArray[np.float64]
 
-# One is slower than the axis, the other would have to be told of a click.
-NOT_HERE = {"literal-rpem", "oracle-reset"}
 COLOURS = [style.light for style in NINE]
 A, B = zip("AB", COLOURS, strict=False)
 RUN, PAUSE, STEP = "Run", "Pause", f"Step {MARK * PERIOD:g} s"
@@ -45,8 +43,8 @@ class Page:
     ----------
     server : viser.ViserServer
     session : DemoSession
-    acts : sequence of Act
-        What is done without a click.
+    acts : list of dict
+        What is done without a click, as `flexaxis.experiments.demo.serve.load_lesson` returns it.
     exaggerate, speed : float
         As for `flexaxis.experiments.demo.serve.serve`.
 
@@ -57,15 +55,13 @@ class Page:
     paused : bool
     steps : int
         Steps of `MARK` samples that viewers have asked for.
-    status : str
-        How fast the demo runs.
     """
 
     def __init__(
         self,
         server: Any,
         session: DemoSession,
-        acts: Sequence[Act],
+        acts: list[dict[str, Any]],
         exaggerate: float,
         speed: float,
     ) -> None:
@@ -73,7 +69,7 @@ class Page:
 
         self._server, self._session, self._acts = server, session, acts
         self._exaggerate, self._lock = exaggerate, threading.Lock()
-        self.speed, self.paused, self.steps, self.status = speed, False, 0, ""
+        self.speed, self.paused, self.steps = speed, False, 0
         self._engine = scene()
         self._scene = ViserMujocoScene(server, self._engine[1], num_envs=1)
         self._scene.camera_tracking_enabled = False
@@ -87,7 +83,11 @@ class Page:
     def advance(self, samples: int) -> None:
         """Let the session go on."""
         with self._lock:
-            advance(self._session, self._acts, samples)
+            self._session.advance(samples)
+            while self._acts and self._acts[0]["at"] <= self._session.axis.time:
+                act = self._acts.pop(0)
+                self._session.do(act["do"], *act.get("with", ()))
+                self._session.message = act.get("say", self._session.message)
 
     def draw_axis(self) -> None:
         """Show where the axis is."""
@@ -103,14 +103,11 @@ class Page:
         with self._lock:
             session, curves = self._session, self._session.curves()
             clock = f"**t = {session.axis.time:.1f} s**{' · paused' * self.paused}"
-            self._clock.content = f"{clock} · {session.message}\n\n<small>{self.status}</small>"
+            self._clock.content = f"{clock} · {session.message}"
             self._now.content = _values(session)
             self._changes.content = _changes(session.changes)
-            errors, thoughts = np.empty((0, 4)), np.empty((0, len(HYPOTHESES)))
-            if session.changes:
-                change = session.changes[-1]
-                errors = np.full((len(change.error), 4), np.nan)
-                errors[:, :2], errors[: len(change.bound), 2:] = change.error, change.bound
+            errors = session.changes[-1].curves if session.changes else np.empty((0, 4))
+            thoughts = np.empty((0, len(HYPOTHESES)))
             for racer in session.racers:
                 thoughts = np.array(racer.thoughts or thoughts)
         self._left.data, self._bank.data = _since(errors), _since(thoughts)
@@ -149,7 +146,7 @@ class Page:
             self._on(gui.add_dropdown("friction", [*FRICTION]), "set_friction")
         for letter, racer in zip("AB", session.racers, strict=True):
             with gui.add_folder(f"Estimator {letter}: which, λ, Δ, μ", expand_by_default=False):
-                names = dict.fromkeys([racer.text, *(n for n in REGISTRY if n not in NOT_HERE)])
+                names = dict.fromkeys([racer.text, *(n for n in REGISTRY if n != "oracle-reset")])
                 choice = gui.add_dropdown("estimator", [*names])
                 sliders = {key: gui.add_slider(*look, look[1]) for key, look in TUNING.items()}
                 show = partial(self._show, letter, sliders)
@@ -169,7 +166,6 @@ class Page:
             hypotheses = [*zip(HYPOTHESES, COLOURS, strict=False)]
             title = "hypotheses: probability of a change"
             self._bank = _plot(gui, title, hypotheses, x=SINCE, y=SHARE)
-            gui.add_button("Save what was done as a lesson").on_click(self._save)
         panel.dock_left()
         panel.set_width(390)
 
@@ -199,11 +195,6 @@ class Page:
 
     def _wind(self, label: str) -> None:
         self.paused, self.steps = label != RUN, self.steps + (label == STEP)
-
-    def _save(self, event: Any) -> None:
-        with self._lock:
-            text = self._session.lesson()
-        event.client.send_file_download("flexaxis_lesson.toml", text.encode())
 
 
 def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any) -> Any:
@@ -237,28 +228,25 @@ def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def _values(session: DemoSession) -> str:
     """Return true and estimated values as a table."""
-    columns = [session.axis.theta(SHOWN), *(racer.shown(racer.theta) for racer in session.racers)]
+    heads, columns = ["", "truth"], [session.axis.theta(SHOWN)]
+    for letter, racer in zip("AB", session.racers, strict=True):
+        heads.append(f"{letter}: {racer.text}")
+        columns.append(racer.shown(racer.theta))
     rows = [
-        [name, *("–" if np.isnan(value) else f"{value:.4g}" for value in values)]
+        [name, *(f"{value:.4g}".replace("nan", "–") for value in values)]
         for name, *values in zip(SHOWN, *columns, strict=True)
     ]
-    return _table(["", "truth", *_heads(session)], rows)
-
-
-def _heads(session: DemoSession) -> list[str]:
-    return [f"{letter}: {racer.text}" for letter, racer in zip("AB", session.racers, strict=True)]
+    return _table(heads, rows)
 
 
 def _changes(changes: Iterable[Change]) -> str:
-    """Return the latest changes as a table: lags, findings and the bound."""
+    """Return the latest changes as a table: lags [s], findings and the bound."""
     rows = []
     for change in [*changes][: -LATEST - 1 : -1]:
-        lags = change.lags if change.parameter else [np.nan] * 2
-        allowed = [] if change.allowed is None else change.allowed
+        *lags, single, unknown = map(short, change.lags)
         racers = [
-            f"{lag:.2g} s{' …' * change.open} {finding}".removeprefix("nan s ")
+            f"{lag}{' …' * change.open} {finding}"
             for lag, finding in zip(lags, change.findings, strict=True)
         ]
-        bound = " – ".join(f"{lag:.2g}" for lag in allowed)
-        rows.append([f"{change.at * PERIOD:.1f}", change.what, *racers, bound])
-    return _table(["t [s]", "what", "lag and finding of A", "of B", "bound"], rows)
+        rows.append([f"{change.at * PERIOD:.1f}", change.what, *racers, f"{single} – {unknown}"])
+    return _table(["t [s]", "what", "lag [s], finding of A", "of B", "bound"], rows)

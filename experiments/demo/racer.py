@@ -72,7 +72,7 @@ class Racer:
         self.theta = np.array([self._nominal[p] ** float(e) for p, e in map(physical, NAMES)])
         self.thoughts: list[Array] = []
         self._seen = self._changed = 0
-        self._estimator = self._build()
+        self._estimator = self._build(self.tuning)
         names = tuple(self._estimator.names)
         if names[: len(NAMES)] != NAMES or self._estimator.output != "speed":
             raise FlexaxisError(
@@ -139,13 +139,8 @@ class Racer:
         """
         if option not in self.tuning:
             raise FlexaxisError(f"{self.text} has no {option} to tune")
-        before, old = dict(self.tuning), self._estimator
-        self.tuning[option] = value
-        try:
-            self._estimator = self._build()
-        except ValueError:
-            self.tuning = before
-            raise
+        old, tuning = self._estimator, self.tuning | {option: value}
+        self._estimator, self.tuning = self._build(tuning), tuning
         self.join(recent, P=getattr(old, "P", None))
 
     def join(self, recent: Array, P: Array | None = None) -> None:
@@ -172,14 +167,12 @@ class Racer:
         known = [bank.pop(name, 0.0) for name in SHOWN]
         return np.array([*known, max(bank.values(), default=0.0)])
 
-    def _build(self) -> Estimator:
-        """Return the estimator with the present tuning, starting at the present estimate."""
+    def _build(self, tuning: Mapping[str, float]) -> Estimator:
+        """Return the estimator with a tuning, starting at the present estimate."""
         values = dict(self._nominal)
         for (parameter, exponent), value in zip(map(physical, NAMES), self.theta, strict=False):
             values[parameter] = float(value) ** exponent
-        spec = replace(self._spec, options={**self._spec.options, **self.tuning})
+        spec = replace(self._spec, options={**self._spec.options, **tuning})
         # P(0) is that of the nominal axis, however far the estimate is by now.
-        P0 = known_P(
-            NAMES, forgetting=self.tuning.get("forgetting"), scale=self.tuning.get("scale", 1)
-        )
+        P0 = known_P(NAMES, forgetting=tuning.get("forgetting"), scale=tuning.get("scale", 1))
         return make_estimator(spec, values, PERIOD, P0=P0)

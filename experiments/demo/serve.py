@@ -8,13 +8,14 @@ import time
 import webbrowser
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.demo.lesson import Lesson, load_lesson
 from flexaxis.experiments.demo.page import Page
-from flexaxis.experiments.demo.session import MARK, DemoSession
+from flexaxis.experiments.demo.session import DEFAULT_RACERS, MARK, DemoSession
 from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.files import read_text, toml_tables
 from flexaxis.sim.timing import PERIOD, sample_index
 
 HOST, PORT = "127.0.0.1", 8080
@@ -62,14 +63,17 @@ def serve(
         If viser or mjviser is missing, the port is taken, the lesson cannot be read, or an
         estimator cannot race.
     """
-    plan = load_lesson(lesson) if lesson else Lesson()
-    session = DemoSession(estimators or plan.estimators, seed=plan.seed if seed is None else seed)
+    plan = load_lesson(lesson) if lesson else {"act": []}
+    session = DemoSession(
+        estimators or plan.get("estimators", DEFAULT_RACERS),
+        seed=plan.get("seed", 0) if seed is None else seed,
+    )
     server = start(port)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with suppress(KeyboardInterrupt):
         address = f"http://{HOST}:{server.get_port()}"
         print(f"the live axis is at {address}  (Ctrl-C ends it)", flush=True)
-        page = Page(server, session, plan.act, exaggerate, speed)
+        page = Page(server, session, plan["act"], exaggerate, speed)
         page.advance(sample_index(WARM, PERIOD))
         page.draw_curves()
         if browser:
@@ -77,6 +81,25 @@ def serve(
         _loop(page, server)
     with redirect_stdout(io.StringIO()):
         server.stop()
+
+
+def load_lesson(path: Path) -> dict[str, Any]:
+    """Return a lesson: ``estimators``, ``seed``, and the tables ``[[act]]`` in order of time.
+
+    Each has a time ``at`` [s], what to ``do``, one of `flexaxis.experiments.demo.session.ACTIONS`,
+    ``with`` its arguments, and a message to ``say``.
+
+    Raises
+    ------
+    FlexaxisError
+        If the file cannot be read, or an act has no ``at`` or ``do``.
+    """
+    lesson = toml_tables(read_text(path, FlexaxisError), source=str(path), refuse=FlexaxisError)
+    acts = lesson.get("act", [])
+    for act in acts:
+        if not {"at", "do"} <= act.keys():
+            raise FlexaxisError(f"{path}: each [[act]] needs `at` and `do`, this has {act}")
+    return lesson | {"act": sorted(acts, key=itemgetter("at"))}
 
 
 def start(port: int | None = None) -> Any:
@@ -140,9 +163,8 @@ def _own_pages_only() -> Iterator[None]:
 
 
 def _loop(page: Page, server: Any) -> None:
-    """Advance and draw in real time, and measure how fast."""
-    before = counted = time.monotonic()
-    work, owed, frames, samples, next_curves = time.process_time(), 0.0, 0, 0, 0.0
+    """Advance and draw in real time."""
+    before, owed, next_curves = time.monotonic(), 0.0, 0.0
     while True:
         time.sleep(max(0.0, before + 1 / FRAMES - time.monotonic()))
         now = time.monotonic()
@@ -153,17 +175,9 @@ def _loop(page: Page, server: Any) -> None:
         due, page.steps = int(owed) + page.steps * MARK, 0
         owed %= 1
         page.advance(due)
-        frames, samples = frames + 1, samples + due
         # viser wakes its event loop from this thread, which fails if a viewer comes or goes then.
         with suppress(RuntimeError):
             page.draw_axis()
             if now >= next_curves:
                 next_curves = now + 1 / CURVES
                 page.draw_curves()
-        if (past := now - counted) > 2.0:
-            used = 100 * (time.process_time() - work) / past
-            rate = samples * PERIOD / past
-            page.status = (
-                f"{frames / past:.0f} pictures/s, {rate:.2g} × real time, {used:.0f} % of a core"
-            )
-            counted, work, frames, samples = now, time.process_time(), 0, 0

@@ -1,4 +1,4 @@
-"""The demo without a screen: an axis, two estimators that race on it, and all that was done."""
+"""The demo without a screen: an axis, two estimators that race on it, and what was changed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from flexaxis.experiments.demo.axis import EXCITATION, FRICTION, LiveAxis
 from flexaxis.experiments.demo.racer import SETTLE, SHOWN, Racer
 from flexaxis.experiments.demo.tracking import Change
 from flexaxis.sim.errors import FlexaxisError, unknown
-from flexaxis.sim.files import toml_text
 from flexaxis.sim.timing import PERIOD, sample_index
 
 Array = NDArray[np.float64]
@@ -39,6 +38,10 @@ BUTTONS: Mapping[str, tuple[str, float]] = {
 """Faults with a button: parameter, and factor on nominal."""
 
 
+ACTIONS = ("inject", "repair", "set_friction", "set_excitation", "set_noise", "tune", "choose")
+"""Methods that a viewer or a lesson may call."""
+
+
 class DemoSession:
     """A live axis, two racing estimators, faults and tuning; no screen, no clock of its own.
 
@@ -57,8 +60,6 @@ class DemoSession:
     factors : dict of str to float
         Faults that act now.
     changes : deque of Change
-    actions : deque of dict
-        What was done, as the tables ``[[act]]`` of a lesson.
     message : str
         What happened last.
 
@@ -71,12 +72,10 @@ class DemoSession:
     def __init__(self, estimators: Sequence[str] = DEFAULT_RACERS, *, seed: int = 0) -> None:
         if len(estimators) != 2:
             raise FlexaxisError(f"two estimators race, not {len(estimators)}: give two")
-        self._start: dict[str, Any] = {"estimators": [*estimators], "seed": seed}
         self.axis = LiveAxis(seed=seed)
         self.racers = [Racer(text, self.axis.nominal) for text in estimators]
         self.factors: dict[str, float] = {}
         self.changes: deque[Change] = deque(maxlen=KEPT)
-        self.actions: deque[dict[str, Any]] = deque(maxlen=10 * KEPT)
         self.message = "no fault: the estimates stay at the truth"
         self._marks: deque[tuple[Array, ...]] = deque(maxlen=round(SPAN / PERIOD / MARK))
         self._recent = np.empty((2, 0))
@@ -106,19 +105,16 @@ class DemoSession:
         columns = [np.array(column) for column in zip(*self._marks, strict=True)]
         return dict(zip(names, columns, strict=True))
 
-    def lesson(self) -> str:
-        """Return what was done as a lesson that does the same again, as TOML."""
-        return toml_text(self._start | {"act": [*self.actions]})
-
     def do(self, action: str, *values: Any) -> None:
-        """Call a method that returns what has happened in words; an error becomes the message."""
+        """Call one of `ACTIONS`, which returns what has happened; an error becomes the message."""
         try:
+            if action not in ACTIONS:
+                raise FlexaxisError(unknown("action", action, ACTIONS))
             what = getattr(self, action)(*values)
-        except ValueError as error:  # every error of ours is one
+        except (ValueError, TypeError) as error:  # every error of ours is a ValueError
             self.message = str(error)
-            return
-        self.message = f"at {self.axis.time:.1f} s: {what}"
-        self.actions.append({"at": round(self.axis.time, 6), action: [*values]})
+        else:
+            self.message = f"at {self.axis.time:.1f} s: {what}"
 
     def inject(self, parameter: str, factor: float) -> str:
         """Set a parameter to a factor times nominal, and follow how the estimators find it."""

@@ -43,11 +43,10 @@ class Change:
         First sample after it.
     parameter : str or None
         Which of `SHOWN` changed, the one that changed most; None if none did.
-    error : ndarray (n, 2)
-        Of both estimators, for at most 5 s.
-    bound : ndarray (n, 2)
-        Mean error that the Cramér–Rao bound allows: for an estimator that knows which parameter
-        changed, and for one that does not; both know when. Empty if no bound is defined.
+    curves : ndarray (n, 4)
+        Errors of both estimators, for at most 5 s, and two that the Cramér–Rao bound allows on
+        the mean: for an estimator that knows which parameter changed, and for one that does not;
+        both know when. NaN where no bound is defined.
     findings : list of str
         What each estimator reported.
     """
@@ -59,26 +58,22 @@ class Change:
         self._column = int(np.argmax(sizes / np.maximum(np.abs(self._truth + before), 1e-9)))
         self._size = float(sizes[self._column])
         self.parameter = SHOWN[self._column] if self._size else None
-        self._bounded = np.count_nonzero(sizes) == 1 and axis.noise > 0
+        known = SHOWN[self._column] in tracked(axis.scenario, NAMES)  # not friction that is gone
+        self._bounded = known and np.count_nonzero(sizes) == 1 and axis.noise > 0
         self._where = axis.scenario, axis.values, axis.state, axis.noise**2
-        self.error = self.bound = np.empty((0, 2))
+        self.curves = np.empty((0, 4))
         self._torque = np.empty(0)
         self.findings = ["", ""]
 
     @property
     def open(self) -> bool:
         """Whether it is still followed."""
-        return self.parameter is not None and len(self.error) < LENGTH
+        return self.parameter is not None and len(self.curves) < LENGTH
 
     @property
     def lags(self) -> Array:
-        """Integral of both errors so far (2,) [s]."""
-        return np.asarray(lag(self.error, PERIOD))
-
-    @property
-    def allowed(self) -> Array | None:
-        """The same of the bound (2,) [s], if there is one."""
-        return np.asarray(lag(self.bound, PERIOD)) if len(self.bound) else None
+        """Integral of the curves so far (4,) [s]."""
+        return np.asarray(lag(self.curves, PERIOD))
 
     def take(self, estimates: Sequence[Array], torque: Array, excited: NDArray[np.bool_]) -> None:
         """Take estimates (n, 4) of both, the torque (n,), and whether the reference moves (n,)."""
@@ -87,16 +82,15 @@ class Change:
         shown = np.stack([theta[excited, self._column] for theta in estimates], axis=1)
         error = np.abs(shown - self._truth[self._column]) / self._size
         error = np.where(np.isnan(error), 1.0, error)
-        self.error = np.concatenate([self.error, error])[:LENGTH]
+        error = np.concatenate([self.curves[:, :2], error])[:LENGTH]
         self._torque = np.concatenate([self._torque, torque])[:LENGTH]
         self._bounded = self._bounded and bool(excited.all())
-        self.bound = self._allowed() if self._bounded else self.bound[:0]
+        bound = self._bound() if self._bounded else np.full_like(error, np.nan)
+        self.curves = np.hstack([error, bound])
 
-    def _allowed(self) -> Array:
+    def _bound(self) -> Array:
         scenario, values, state, variance = self._where
         names = tracked(scenario, NAMES)
-        if self.parameter not in names:  # friction is gone, and with it the law of the bound
-            return self.bound
         found = bound_from(scenario, names, values, state, self._torque, variance=variance)
         i = names.index(self.parameter)
         deviations = np.stack([found.single[:, i], found.unknown[:, i]], axis=1)

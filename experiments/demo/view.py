@@ -18,7 +18,8 @@ from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 
-FRAMES = 50  # a second
+STRIDE = 4
+"""Samples from one picture of a window to the next."""
 WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
 """Values of MUJOCO_GL that need no display, best first, and the library that each needs."""
 
@@ -94,16 +95,14 @@ def window(record: Record, *, start: float, exaggerate: float) -> None:
         raise OutputError(
             f"no window can be opened here: {error}. A picture needs no display: -o axis.png"
         ) from error
-    period = record.time[1] - record.time[0]
-    stride = max(1, round(1 / FRAMES / period))
     with viewer:
-        for k in range(_sample(record, start), len(angles), stride):
+        for k in range(_sample(record, start), len(angles), STRIDE):
             if not viewer.is_running():
                 break
             data.qpos[:] = angles[k]
             mujoco.mj_forward(model, data)
             viewer.sync()
-            time.sleep(stride * period)
+            time.sleep(STRIDE * record.period)
 
 
 def model_of(record: Record) -> str:
