@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 FRICTION: Mapping[str, Mapping[str, Any]] = {
     "none": {},
     "Coulomb 0.1 N m": {"friction": {"coulomb": 0.1}},
-    "Coulomb 0.2 N m": {"friction": {"coulomb": 0.2}},
     "static curve": {"static_friction": {"f_c": 0.1, "f_s": 0.1, "alpha": 2.0, "beta": 5.0}},
     "LuGre": {
         "lugre": {

@@ -30,8 +30,6 @@ RUN, PAUSE, STEP = "Run", "Pause", f"Step {MARK * PERIOD:g} s"
 EDGE = "± 2σ"
 SHARE = {"range": (0.0, 1.1)}
 SINCE = {"time": False, "distr": 3, "range": (PERIOD, LENGTH * PERIOD)}
-POINTS = np.unique(np.geomspace(1, LENGTH, 160).astype(int)) - 1
-"""Samples after a change that are drawn: evenly on a logarithmic axis."""
 LATEST = 8
 """Changes in the table."""
 
@@ -75,8 +73,6 @@ class Page:
         self._scene.camera_tracking_enabled = False
         server.initial_camera.position = (1.1, -1.7, 1.5)
         server.initial_camera.look_at = (0.1, 0.0, 0.45)
-        text = f"twist × {exaggerate:g} for the eye"
-        server.scene.add_label("/twist", text, position=(0.45, 0.0, 1.0))
         self._add_controls()
         self._add_curves()
 
@@ -124,7 +120,7 @@ class Page:
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(440)
-        gui.set_panel_label("flexaxis: break it, and watch which estimator finds it first")
+        gui.set_panel_label(f"flexaxis: break it! (twist × {self._exaggerate:g} for the eye)")
         sheet = (files("flexaxis.experiments.demo") / "page.css").read_text(encoding="utf-8")
         gui.add_html(f"<style>{sheet}:root {{ --a: {A[1]}; --b: {B[1]}; }}</style>")
         acts = {label: ("inject", *fault) for label, fault in BUTTONS.items()}
@@ -137,9 +133,7 @@ class Page:
         bounds = ("bound, told which", COLOURS[3]), ("not told", COLOURS[4])
         self._left = _plot(gui, "left of the last change", (A, B, *bounds), x=SINCE, y=SHARE)
         self._changes = gui.add_html("")
-        with gui.add_folder("Axis: speed, noise, excitation, friction", expand_by_default=False):
-            speed = gui.add_slider("speed ×", 0.25, max(10.0, self.speed), 0.05, self.speed)
-            speed.on_update(lambda _: setattr(self, "speed", speed.value))
+        with gui.add_folder("Axis: noise, excitation, dry friction", expand_by_default=False):
             noise = gui.add_slider("noise [rad/s]", 0.0, 0.5, 0.01, session.axis.noise)
             self._on(noise, "set_noise")
             self._on(gui.add_dropdown("excitation", EXCITATION), "set_excitation")
@@ -214,9 +208,8 @@ def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any)
 
 
 def _since(values: Array) -> tuple[Array, ...]:
-    """Return times since a change, and the columns of values (n, k) at these."""
-    rows = POINTS[len(values) > POINTS]
-    return (PERIOD * (rows + 1.0), *values[rows].T)
+    """Return times since a change, and the columns of values (n, k)."""
+    return (PERIOD * np.arange(1.0, len(values) + 1), *values.T)
 
 
 def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:

@@ -24,8 +24,6 @@ SPAN = 40.0
 """Time that the curves show [s]."""
 RECENT = SETTLE + sample_index(3.0, PERIOD)
 """Samples that an estimator is shown when it joins."""
-KEPT = 200
-"""Changes that are remembered."""
 DEFAULT_RACERS = ("rpem-forgetting", RECOMMENDED)
 """The paper's method, and the recommended one."""
 
@@ -59,7 +57,7 @@ class DemoSession:
         A and B.
     factors : dict of str to float
         Faults that act now.
-    changes : deque of Change
+    changes : list of Change
     message : str
         What happened last.
 
@@ -75,7 +73,7 @@ class DemoSession:
         self.axis = LiveAxis(seed=seed)
         self.racers = [Racer(text, self.axis.nominal) for text in estimators]
         self.factors: dict[str, float] = {}
-        self.changes: deque[Change] = deque(maxlen=KEPT)
+        self.changes: list[Change] = []
         self.message = "no fault: the estimates stay at the truth"
         self._marks: deque[tuple[Array, ...]] = deque(maxlen=round(SPAN / PERIOD / MARK))
         self._recent = np.empty((2, 0))

@@ -61,7 +61,7 @@ class Change:
         known = SHOWN[self._column] in tracked(axis.scenario, NAMES)  # not friction that is gone
         self._bounded = known and np.count_nonzero(sizes) == 1 and axis.noise > 0
         self._where = axis.scenario, axis.values, axis.state, axis.noise**2
-        self.curves = np.empty((0, 4))
+        self.curves = np.full((0 if self.parameter else 1, 4), np.nan)
         self._torque = np.empty(0)
         self.findings = ["", ""]
 
@@ -91,7 +91,7 @@ class Change:
     def _bound(self) -> Array:
         scenario, values, state, variance = self._where
         names = tracked(scenario, NAMES)
-        found = bound_from(scenario, names, values, state, self._torque, variance=variance)
+        result = bound_from(scenario, names, values, state, self._torque, variance=variance)
         i = names.index(self.parameter)
-        deviations = np.stack([found.single[:, i], found.unknown[:, i]], axis=1)
+        deviations = np.stack([result.single[:, i], result.unknown[:, i]], axis=1)
         return np.minimum(1.0, np.sqrt(2 / np.pi) * deviations / self._size)

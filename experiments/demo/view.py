@@ -1,4 +1,4 @@
-"""The axis in 3-D: a window that replays a record, or one picture of it."""
+"""The axis in 3-D: a window that replays a run, or one picture of it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.files import OutputError, new_file
 from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
+from flexaxis.sim.scenario import Scenario
+
+Array = NDArray[np.float64]
 
 STRIDE = 4
 """Samples from one picture of a window to the next."""
@@ -24,7 +28,66 @@ WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
 """Values of MUJOCO_GL that need no display, best first, and the library that each needs."""
 
 
-def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
+def view(
+    run: str | Path | Scenario | Record,
+    *,
+    seed: int = 0,
+    at: float = 0.0,
+    exaggerate: float = 100.0,
+    picture: str | Path | None = None,
+) -> Path | None:
+    """Show a run in 3-D: in a window, or as a picture.
+
+    The twist of the joints is about a milliradian. The angles of gear and arm are therefore
+    exaggerated; the motor turns as it does.
+
+    Parameters
+    ----------
+    run : str, Path, Scenario or Record
+        A scenario, which is simulated first, or a recording of `simulate` or `load`.
+    seed : int
+        Seed of the simulation.
+    at : float
+        Time of the run at which to begin [s].
+    exaggerate : float
+        Factor of the twist; 1 shows it as it is.
+    picture : str or Path, optional
+        PNG file to write instead of opening a window. It needs no display.
+
+    Returns
+    -------
+    Path or None
+        The picture.
+
+    Raises
+    ------
+    FlexaxisError
+        If a number or the name of the picture is wrong.
+    OutputError
+        If nothing can be drawn on this machine.
+    """
+    target = None if picture is None else Path(picture)
+    if target is not None:
+        if target.suffix.lower() != ".png":
+            raise FlexaxisError(f"picture={str(picture)!r}: give a name that ends in .png")
+        draw_offscreen()
+    from flexaxis.sim.simulate import simulate  # imports the engine
+
+    if not isinstance(run, Record):
+        run = simulate(run if isinstance(run, Scenario) else find_scenario(str(run)), [seed])[0]
+    if not 0 <= at <= (end := run.time[-1]):
+        raise FlexaxisError(f"at={at:g}: give a time of the run, 0 to {end:g} s")
+    angles = poses(run, exaggerate=exaggerate)[round(at / run.period) :]
+    mujoco, model, data = scene(model_of(run))
+    if target is None:
+        _replay(mujoco, model, data, angles, run.period)
+    else:
+        data.qpos[:] = angles[0]
+        _draw(mujoco, model, data, target)
+    return target
+
+
+def poses(record: Record, *, exaggerate: float) -> Array:
     """Return the angles (N, n) [rad] of the n masses to be drawn, their twist exaggerated.
 
     Raises
@@ -40,9 +103,7 @@ def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
     return exaggerated(np.column_stack(angles), ratio=ratio, exaggerate=exaggerate)
 
 
-def exaggerated(
-    angles: NDArray[np.float64], *, ratio: float, exaggerate: float
-) -> NDArray[np.float64]:
+def exaggerated(angles: Array, *, ratio: float, exaggerate: float) -> Array:
     """Return the angles (…, n) [rad] to be drawn, from the true ones.
 
     The gear is drawn where the motor would have it, and gear and arm are turned out of that by
@@ -54,18 +115,10 @@ def exaggerated(
     return drawn
 
 
-def picture(record: Record, path: Path, *, at: float, exaggerate: float) -> None:
-    """Write one picture (PNG) of the axis at a time of the record [s].
-
-    Raises
-    ------
-    OutputError
-        If nothing can be drawn on this machine.
-    """
+def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
+    """Write a picture of the axis as it is."""
     import matplotlib.image
 
-    mujoco, model, data = scene(model_of(record))
-    data.qpos[:] = poses(record, exaggerate=exaggerate)[_sample(record, at)]
     mujoco.mj_forward(model, data)
     try:
         renderer = mujoco.Renderer(model, height=720, width=1280)
@@ -79,16 +132,8 @@ def picture(record: Record, path: Path, *, at: float, exaggerate: float) -> None
         matplotlib.image.imsave(part, renderer.render(), format="png")
 
 
-def window(record: Record, *, start: float, exaggerate: float) -> None:
-    """Replay a record in a window, in real time, until it ends or the window is closed.
-
-    Raises
-    ------
-    OutputError
-        If no window can be opened.
-    """
-    mujoco, model, data = scene(model_of(record))
-    angles = poses(record, exaggerate=exaggerate)
+def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) -> None:
+    """Show angles (N, n) in a window, in real time, until they end or the window is closed."""
     try:
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
     except Exception as error:
@@ -96,13 +141,12 @@ def window(record: Record, *, start: float, exaggerate: float) -> None:
             f"no window can be opened here: {error}. A picture needs no display: -o axis.png"
         ) from error
     with viewer:
-        for k in range(_sample(record, start), len(angles), STRIDE):
+        for data.qpos[:] in angles[::STRIDE]:
             if not viewer.is_running():
                 break
-            data.qpos[:] = angles[k]
             mujoco.mj_forward(model, data)
             viewer.sync()
-            time.sleep(STRIDE * record.period)
+            time.sleep(STRIDE * period)
 
 
 def model_of(record: Record) -> str:
@@ -117,10 +161,6 @@ def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
     _, assets = model_files(name)
     model = mujoco.MjModel.from_xml_string(assets["scene.xml"].decode(), assets)
     return mujoco, model, mujoco.MjData(model)
-
-
-def _sample(record: Record, at: float) -> int:
-    return int(np.clip(np.searchsorted(record.time, at), 0, len(record.time) - 1))
 
 
 def draw_offscreen() -> None:

@@ -31,13 +31,13 @@ class Check:
 
         What is measured of each identified parameter has their names, one number is a ``value``.
         """
-        found = self.measure(evidence)
-        if not isinstance(found, Mapping):
-            names = evidence.names if np.ndim(found) else ["value"]
-            found = dict(zip(names, np.ravel(found), strict=True))
+        result = self.measure(evidence)
+        if not isinstance(result, Mapping):
+            names = evidence.names if np.ndim(result) else ["value"]
+            result = dict(zip(names, np.ravel(result), strict=True))
         claim = {key: getattr(self, key) for key in ("id", "claim", "source", "expected")}
-        measured = {name: finite(value) for name, value in found.items()}
-        return claim | {"measured": measured, "holds": bool(self.holds(found))}
+        measured = {name: finite(value) for name, value in result.items()}
+        return claim | {"measured": measured, "holds": bool(self.holds(result))}
 
 
 def within(low: float, high: float, *, least: int = 1) -> Holds:

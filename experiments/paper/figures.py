@@ -18,9 +18,7 @@ from flexaxis.experiments.paper.measures import (
     decibels,
     low_energy,
     responses,
-    times,
     torque_lines,
-    torque_peaks,
 )
 from flexaxis.experiments.reporting.figures import Series, curves
 
@@ -32,16 +30,12 @@ STEP = 5
 def fig3(e: Evidence) -> Figure:
     """Draw the spectrum of the torque in closed loop."""
     omega, amplitude = torque_lines(e)
-    peaks = [*torque_peaks(e).values()]
-    series = [
-        Series(x=omega, y=amplitude, role="data", label="torque"),
-        Series(x=peaks, y=np.interp(peaks, omega, amplitude), kind="points", label="peaks"),
-    ]
+    y = "amplitude [N m]"
     return curves(
-        {"amplitude [N m]": series},
+        {y: [Series(x=omega, y=amplitude, role="data", label="torque")]},
         x=FREQUENCY,
-        limits={"amplitude [N m]": (0.0, 1.15 * amplitude.max()), FREQUENCY: (0.0, 220.0)},
-        marks=[*((peak, "peak of the paper") for peak in PEAKS)],
+        limits={y: (0.0, 0.18), FREQUENCY: (0.0, 220.0)},
+        marks=[(peak, "peak of the paper") for peak in PEAKS],
         spans=[(0.0, 70.0, f"{low_energy(e):.1f} % of the energy")],
         height=300,
     )
@@ -50,10 +44,10 @@ def fig3(e: Evidence) -> Figure:
 def fig4(e: Evidence) -> Figure:
     """Draw the Bode diagrams of the axis, the identified physical model and an ARX model."""
     omega = np.geomspace(20, 400, 600)
-    found, panels = responses(e, omega), defaultdict(list)
+    result, panels = responses(e, omega), defaultdict(list)
     for name in ("axis", PHYSICAL, "ARX, order 40"):
-        phase = np.degrees(np.unwrap(np.angle(found[name])))
-        for label, y in (("gain [dB]", decibels(found[name])), ("phase [°]", phase)):
+        phase = np.degrees(np.unwrap(np.angle(result[name])))
+        for label, y in (("gain [dB]", decibels(result[name])), ("phase [°]", phase)):
             panels[label].append(Series(x=omega, y=y, estimator=name))
     return curves(
         panels,
@@ -86,11 +80,10 @@ def estimates(method: str, e: Evidence) -> Figure:
     """Draw estimates, on the same axes for each method."""
     time, theta = e.scenario.times[::STEP], e.runs(method).theta[:, ::STEP]
     panels = {}
-    for name, columns, t63 in zip(e.names, theta.T, times(e, method, 0.37), strict=True):
+    for name, columns in zip(e.names, theta.T, strict=True):
         low, high = np.percentile(columns, [10, 90], axis=1)
-        label = f"{name}: 63 % after {t63:.2g} s"
         panels[f"{name} / nominal"] = [
-            Series(x=time, y=columns[:, 0], low=low, high=high, estimator=name, label=label),
+            Series(x=time, y=columns[:, 0], low=low, high=high, estimator=name),
             Series(x=time[[0, -1]], y=[1, 1], role="truth"),
         ]
     return curves(panels, x=TIME, limits=dict.fromkeys(panels, (0.88, 1.4)))

@@ -114,20 +114,20 @@ def free_scale(e: Evidence) -> ByName:
 def responses(e: Evidence, omega: Array) -> dict[str, NDArray[np.complex128]]:
     """Return the frequency responses (M,) of the axis, and of the models of Fig. 4."""
     u, y = signals(e.records("long")[0])
-    found = {f"ARX, order {n}": fit_arx(u, y, order=n, period=e.period).response(omega)
+    result = {f"ARX, order {n}": fit_arx(u, y, order=n, period=e.period).response(omega)
              for n in ORDERS}  # fmt: skip
     for name, names, theta in (
         ("axis", e.names, e.model.theta), (PHYSICAL, e.physical.names, e.physical.theta)
     ):  # fmt: skip
         model = e.axis.parametrize(names)
-        found[name], _ = frequency_response(model, theta, omega, period=e.period)
-    return found
+        result[name], _ = frequency_response(model, theta, omega, period=e.period)
+    return result
 
 
 def magnitude_error(e: Evidence, *names: str) -> ByName:
     """Return the largest error of the magnitude of models in the band [dB]."""
-    found = responses(e, np.linspace(*BAND, 400))
-    return {name: np.abs(decibels(found[name] / found["axis"])).max() for name in names}
+    result = responses(e, np.linspace(*BAND, 400))
+    return {name: np.abs(decibels(result[name] / result["axis"])).max() for name in names}
 
 
 def decibels(response: Any) -> Any:
@@ -202,11 +202,11 @@ def peaks_over_bounds(e: Evidence, method: str) -> ByName:
 
     The bound of P_ii is (1−λ)/μ with forgetting, and √(Δ_ii/μ) with covariance modification.
     """
-    found = {}
+    result = {}
     for mu in MU:
         bound = (1 - FORGETTING) / mu if method == "forgetting" else np.sqrt(e.drift / mu)
-        found[f"μ = {mu:g}"] = np.max(standstill(e, method, mu).P / bound)
-    return found
+        result[f"μ = {mu:g}"] = np.max(standstill(e, method, mu).P / bound)
+    return result
 
 
 def growth(e: Evidence) -> Any:
@@ -217,11 +217,11 @@ def growth(e: Evidence) -> Any:
 
 def bursts(e: Evidence) -> ByName:
     """Return the largest error after a standstill, without μ and with μ = 1 [%], median run."""
-    restart, found = round(PAUSE[1] / e.period), {}
+    restart, result = round(PAUSE[1] / e.period), {}
     for mu in (0.0, 1.0):
         theta = standstill(e, "forgetting", mu).theta[:, restart : restart + WINDOW]
-        found[f"μ = {mu:g}"] = 100 * np.median(np.abs(theta - 1).max(axis=(1, 2)))
-    return found
+        result[f"μ = {mu:g}"] = 100 * np.median(np.abs(theta - 1).max(axis=(1, 2)))
+    return result
 
 
 def steps(e: Evidence, kind: str, adaptation: Adaptation, mu: float = 0.0) -> Iterator[Array]:
@@ -245,17 +245,17 @@ def prices(e: Evidence) -> ByName:
 
 
 @cache
-def choice(e: Evidence, *wanted: float) -> tuple[Array, Array]:
+def choice(e: Evidence, *targets: float) -> tuple[Array, Array]:
     """Return what a Δ chosen for time constants [s] does, (p,) each.
 
     These are the time of 63 % of a small step over that wanted, and the standard deviation without
     a change over that predicted.
     """
-    chosen = {"drift": drift_for(wanted, e.Q, period=e.period)}
+    chosen = {"drift": drift_for(targets, e.Q, period=e.period)}
     errors = steps(e, "small ", chosen)
     t63 = [settling(np.median(error, axis=0), 0.37, e.period) for error in errors]
     runs = e.filtered("nominal", chosen)
-    return np.array(t63, float) / wanted, std(runs) / claimed(e, e.steady_P(chosen))
+    return np.array(t63, float) / targets, std(runs) / claimed(e, e.steady_P(chosen))
 
 
 def choices(e: Evidence) -> list[tuple[Array, Array]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -73,5 +72,4 @@ def render(e: Evidence, claims: Sequence[Mapping[str, Any]], command: str) -> st
         figures={n: (page.drawn(draw, title, e), title, text)
                  for n, (draw, title, text) in FIGURES.items()},
         command=command,
-        versions={name: version(name) for name in ("flexaxis", "mujoco", "numpy", "scipy")},
     )  # fmt: skip
