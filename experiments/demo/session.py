@@ -86,7 +86,7 @@ class DemoSession:
             # As every chunk ends at a mark, results do not depend on how often this is called.
             estimates = [racer.run(torque, speed) for racer in self.racers]
             self._recent = np.hstack([self._recent, [torque, speed]])[:, -RECENT:]
-            if self.changes and self.changes[-1].open:
+            if self.changes:
                 self.changes[-1].take(estimates, torque, excited)
                 self.changes[-1].findings = [racer.finding for racer in self.racers]
             if self.axis.samples % MARK == 0:
