@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from flexaxis.experiments.comparison.matching import MATCHED, NOISIER, QUIETER
 from flexaxis.experiments.scoring.intervals import LEAST, difference, holm_levels, mean_interval
@@ -156,62 +155,14 @@ def too_few(rows: Iterable[Row]) -> str:
     return f"{seeds} {are} too few to rank: from {LEAST} on" if seeds < LEAST else ""
 
 
-@dataclass(frozen=True, eq=False)
-class Ecdf:
-    """How often an estimator comes how near to the bound, over all faults and runs.
-
-    The view of COCO (Hansen et al., Optimization Methods and Software 36, 2021, 114-144): the share
-    of all problems that are solved within a multiple of the best that can be. A problem is a fault
-    in a run, and the best is the lag of its Cramér–Rao bound.
-
-    Attributes
-    ----------
-    problems : int
-        Faults in runs, the same for all estimators.
-    faults : int
-        Pairs of scenario and parameter among them.
-    ratios : mapping of str to ndarray
-        lag/bound of each estimator, increasing, of the problems where it reached anything.
-    """
-
-    problems: int
-    faults: int
-    ratios: Mapping[str, NDArray[np.float64]]
-
-    def curve(self, estimator: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return x and the share of problems with lag/bound ≤ x, where it steps up."""
-        ratios = self.ratios[estimator]
-        return ratios, np.arange(1, len(ratios) + 1) / self.problems
-
-    def share(self, estimator: str, within: float) -> float:
-        """Return the share of problems with lag/bound ≤ `within`."""
-        return float(np.sum(self.ratios[estimator] <= within) / self.problems)
+def faults_of(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return rows of a sweep as a DataFrame, with the name of their `fault`."""
+    table = pd.DataFrame(rows, columns=None if rows else ["scenario", "parameter", "lag"])
+    return table.assign(fault=table["scenario"] + ": " + table["parameter"],
+                        lag=table["lag"].astype(float))  # fmt: skip
 
 
-def ecdf(rows: Iterable[Row], estimators: Sequence[str]) -> Ecdf | None:
-    """Return the distribution of lag over bound; None where no fault has a bound.
-
-    A run that was lost or failed, whose lag is that of an estimator that never moves, or whose
-    estimator does not estimate what changes, reaches nothing: it counts among the problems.
-
-    Parameters
-    ----------
-    rows : iterable of mapping
-        Of single runs: ``scenario, parameter, seed, estimator, lag, lag_bound, lag_null,
-        diverged``. Rows without a bound are left out.
-    estimators : sequence of str
-    """
-    problems: set[tuple[str, str, int]] = set()
-    ratios: dict[str, list[float]] = {name: [] for name in estimators}
-    for row in rows:
-        if not row["lag_bound"]:
-            continue
-        problems.add((row["scenario"], row["parameter"], row["seed"]))
-        lag, null = row["lag"], row["lag_null"]
-        moved = lag is not None and (null is None or lag < (1 - 1e-6) * null)
-        if row["estimator"] in ratios and moved and not row["diverged"]:
-            ratios[row["estimator"]].append(lag / row["lag_bound"])
-    if not problems:
-        return None
-    ordered = {name: np.sort(np.array(each, float)) for name, each in ratios.items()}
-    return Ecdf(len(problems), len({problem[:2] for problem in problems}), ordered)
+def widest(matched: pd.DataFrame) -> str:
+    """Return the fault at which the lags of estimators at equal noise differ most."""
+    lags = matched.groupby("fault")["lag"].agg(["max", "min"])
+    return str((lags["max"] / lags["min"]).fillna(0).idxmax())

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexaxis.experiments.reporting import figures, styles
-from flexaxis.experiments.reporting.inputs import around
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import LAW_UNITS, PARAMETER_UNITS
 
@@ -72,7 +71,7 @@ def over_time(
     shown = {
         label: [s for s in each if fresh or s.role != "truth"] for label, each in series.items()
     }
-    marked = around(scenario) if scenario and fresh else {}
+    marked = figures.around(scenario) if scenario and fresh else {}
     figures.curves(shown, x="time [s]", axes=found, **marked)
     return returned(found)
 

@@ -101,8 +101,7 @@ class Results(kept.Results):
             first = dict(list(options["panels"].items())[:1])
             curves(**options | {"panels": first, "axes": axes})
         else:
-            rows["setting"] = rows["estimator"] + " on " + rows["scenario"]
-            lag_against_noise(rows, list(rows["estimator"].unique()), axes=axes)
+            lag_against_noise(rows, axes=axes)
         return axes[0]
 
     def __repr__(self) -> str:

@@ -17,10 +17,10 @@ from flexaxis.experiments.files import REPORT, write_json, write_text
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.verdict import BETTER, ORDER, SAME, SILENT, SLIGHT, UNDECIDED, WORSE
-from flexaxis.experiments.reporting.compare import render
-from flexaxis.experiments.reporting.inputs import estimates, truth
+from flexaxis.experiments.reporting.page import comparison as comparison_page
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.store import ROWS
+from flexaxis.experiments.scoring.curves import estimates, truth
 from flexaxis.experiments.scoring.score_table import METRICS
 from flexaxis.sim.scenario import Scenario
 
@@ -297,6 +297,6 @@ def write(folder: Path, content: Mapping[str, Any], scenarios: Sequence[Scenario
     worst = worst_run(folder, content, scenario) if scenario else None
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "verdict.md", markdown(content))
-    write_text(folder / REPORT, render(content, worst))
+    write_text(folder / REPORT, comparison_page(content, worst))
     write_json(folder / "compare.json", dict(content))  # last: a folder without it is not complete
     return folder / REPORT

@@ -14,12 +14,10 @@ import numpy as np
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.comparison import sweep
-from flexaxis.experiments.comparison.ranking import overall
+from flexaxis.experiments.comparison.ranking import faults_of, overall, widest
 from flexaxis.experiments.files import REPORT, SUMMARY, write_json, write_text
 from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
-from flexaxis.experiments.reporting.inputs import RunInputs
-from flexaxis.experiments.reporting.words import faults_of, widest
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
@@ -118,7 +116,7 @@ def finish(results: Results, runner: Runner, *, say: Callable[[str], object] | N
         "tradeoff": swept,
     }
     (results.folder / SUMMARY).unlink(missing_ok=True)  # of another question
-    write_text(results.folder / REPORT, run_report.render(RunInputs(results, summary)))
+    write_text(results.folder / REPORT, run_report.render(results, summary))
     write_json(results.folder / SUMMARY, summary)  # last: a folder without one is not complete
 
 
@@ -139,13 +137,11 @@ def _with_trajectories(results: Results, rows: Sequence[Mapping[str, Any]]) -> l
             errors = [t.relative[row["parameter"]] for t in known if row["parameter"] in t.relative]
             errors += [lost[row["parameter"]]] * row["failed"] if row["parameter"] in lost else []
             identity = {"scenario": name, "hash": scenario.hash, "estimator": estimator}
-            scores = {key: value for key, value in row.items() if key not in OF_A_STUDY}
             further = of_trajectories(errors, row["bound"], period=scenario.period)
-            found.append(identity | scores | further)
+            found.append(row | identity | further)
     return found
 
 
-OF_A_STUDY = ("hours", "false_alarms_per_hour", "false_alarms_per_hour_interval")
 FAILURE = ("scenario", "estimator", "seed", "error")
 
 

@@ -234,7 +234,7 @@ def test_a_study_is_that_of_the_command(short_toml, tmp_path, capsys):
     other = fx.load(tmp_path / "out").to_dataframe()
     mine = found.to_dataframe()
     assert mine["lag"].equals(other["lag"]) and len(mine) == 18  # a twin without the fault each
-    assert "motor friction" in found.plot().get_xlabel()  # the axis in words, not as a key
+    assert "after the fault" in found.plot().get_xlabel()  # the axis in words, not as a key
     with pytest.raises(FlexaxisError, match="fault"):
         found.plot("fault[0].factr")
 

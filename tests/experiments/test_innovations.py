@@ -108,10 +108,6 @@ class Short(Told):
         return theta
 
 
-class Words(Silent):
-    innovations = "none of your business"
-
-
 def row_of(scenario, name):
     (((row,),),) = BenchHere().runs([scenario], [f"{Path(__file__)}:{name}"], [0]).values()
     return row
@@ -158,11 +154,6 @@ def test_who_shows_none_is_not_judged(short):
 def test_too_few_innovations_are_refused(short):
     with pytest.raises(EstimatorError, match=r"`innovations` of the shape .*; \(1600, 2\) is need"):
         row_of(short, "Short")
-
-
-def test_something_else_of_that_name_is_left_alone(short):
-    row = row_of(short, "Words")
-    assert row["nis"] is None and row["whiteness"] is None
 
 
 @pytest.mark.slow

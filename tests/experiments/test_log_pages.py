@@ -1,20 +1,13 @@
 """Pages of logs: what they say first, and that no spike of a long log is lost on its chart."""
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
-from page_data import charts_of
 
 from flexaxis.experiments.logs.changes import Change
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.pages.import_page import _finding as of_import
-from flexaxis.experiments.logs.pages.import_page import log_chart
-from flexaxis.experiments.logs.pages.page import LogPage, capital, write_page
 from flexaxis.experiments.logs.pages.track_page import track_page
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.reporting.charts_old.shapes import COLUMNS, extremes
-from flexaxis.sim.record import Record
 
 N = 200_000
 
@@ -42,22 +35,6 @@ def test_no_spike_and_no_gap_is_lost():
             assert np.nanmax(y[here]) == np.nanmax(y[np.intersect1d(here, kept)])
 
 
-def test_a_page_of_a_long_log_is_small_and_has_its_spike(tmp_path):
-    speed = np.nan_to_num(spiked())
-    record = Record(time=1e-3 * np.arange(N), torque=np.sin(0.01 * np.arange(N)), speed=speed)
-    page = LogPage(
-        "a log", "flexaxis import a.csv", Finding("ok", "fine."), (), [log_chart(record)], ()
-    )
-    write_page(page, tmp_path / "log.html")
-    assert (tmp_path / "log.html").stat().st_size < 200_000
-    html = (tmp_path / "log.html").read_text(encoding="utf-8")
-    ((_, motion),) = [view["panels"] for view in charts_of(html)["the-log"]]
-    (drawn,) = motion["lines"]
-    assert max(drawn["y"]) == pytest.approx(50, rel=5e-3)
-    assert motion["high"] > 50  # nor does the axis cut it off
-    assert len(drawn["x"]) < 4 * COLUMNS
-
-
 def doubt(name, verdict):
     return Finding(verdict, "text", name, 1.0)
 
@@ -83,14 +60,6 @@ def tracked(changes=(), doubts=()):
     )  # fmt: skip
 
 
-def test_a_tracked_log_within_its_deviations_of_nominal_is_as_identified():
-    told = {"estimator": "ekf", "log": "a.csv", "command": "flexaxis track a.csv"}
-    wide = replace(tracked(), deviations=np.full((4000, 1), 0.26))  # f_m is .5 above nominal
-    for found, is_said in ((tracked(), True), (wide, False)):
-        text = track_page(found, 0.005, problems=[], **told).finding.text
-        assert ("above what was identified" in text) is is_said
-
-
 def test_a_tracked_log_says_first_what_changed():
     changed = tracked([Change("f_m", 8.0, 0.5, 40.0)])
     told = {"estimator": "ekf", "log": "a.csv", "command": "flexaxis track a.csv"}
@@ -108,8 +77,3 @@ def test_a_tracked_log_says_first_what_changed():
     assert kind == "problem" and text.startswith("No parameter changed; last over nominal: f_m 1.5")
     assert "no change within this log, but f_m is 50 % above what was identified" in text
     assert quiet.remarks[0] == Finding("problem", "the log: clipping: much")
-
-
-def test_a_sentence_keeps_its_symbol():
-    assert capital("f_c has grown") == "f_c has grown."
-    assert capital("no parameter changed.") == "No parameter changed."

@@ -3,12 +3,10 @@
 import os
 import shutil
 
-import h5netcdf
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.files import OutputError, check_not_input, write_json, write_text
-from flexaxis.sim.record import load_record
+from flexaxis.experiments.files import write_json, write_text
 from flexaxis.sim.simulate import simulate
 
 OWN = """\
@@ -89,41 +87,6 @@ def test_an_input_is_refused_as_output(here, capsys, case):
     assert content(here) == before
     assert (out, len(err.splitlines())) == ("", 1) and err.startswith("flexaxis: ")
     assert "is an input of this command" in err
-
-
-def test_a_log_in_netcdf_is_imported_beside_itself(here, capsys):
-    record = load_record(here / "rec.nc")
-    with h5netcdf.File(here / "mine.nc", "w") as file:  # of a robot, not a record of ours
-        file.dimensions = {"sample": len(record.time)}
-        for name in ("time", "torque", "angle"):
-            file.create_variable(name, ("sample",), data=getattr(record, name))
-    before = (here / "mine.nc").read_bytes()
-    assert main(["import", "mine.nc", *LOG]) == 0
-    assert (here / "mine.nc").read_bytes() == before
-    assert (here / "mine-imported.nc").exists() and (here / "mine-imported.html").exists()
-    shutil.copy("mine.nc", "log.h5")
-    assert main(["import", "log.h5", *LOG]) == 0
-    assert (here / "log.nc").exists() and (here / "log.h5").read_bytes() == before
-
-
-def test_the_default_of_another_command_is_no_input_either(here, capsys):
-    shutil.copy("axis.toml", "rec-axis.toml")
-    assert main(["identify", "rec.nc", "--model", "rec-axis.toml"]) == 2
-    assert "rec-axis.toml is an input of this command" in capsys.readouterr().err
-
-
-def test_what_is_not_there_cannot_be_lost(here):
-    check_not_input(["fm_step-v1", None, "", "x" * 5000], "fm_step-v1", None, "new.nc")
-    with pytest.raises(OutputError, match=r"rec\.nc is an input"):
-        check_not_input(["missing", "rec.nc"], "new.nc", "rec.nc")
-
-
-def test_what_cannot_be_written_is_one_line_that_names_the_file(tmp_path):
-    target = tmp_path / "missing" / "results.json"
-    with pytest.raises(OutputError) as raised:
-        write_json(target, {})
-    assert str(raised.value).startswith(f"{target}: cannot be written: No such file or directory.")
-    assert "\n" not in str(raised.value)
 
 
 def test_a_text_that_cannot_be_written_whole_leaves_the_old_one(tmp_path):

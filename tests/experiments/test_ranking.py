@@ -5,8 +5,6 @@ import pytest
 from scipy import stats
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.comparison.mismatch import matrix, misled, mismatched
 from flexaxis.experiments.comparison.ranking import leaders, mark, overall, too_few
 from flexaxis.experiments.reporting.styles import style
 from flexaxis.experiments.scoring.intervals import LEAST, difference
@@ -143,26 +141,6 @@ def test_dropping_a_scenario_never_raises_the_rank():
     third = [match("C", 1, scenario="easy", score=10.0), match("C", 1, scenario="hard")]
     assert [r["estimator"] for r in overall(both)] == ["B", "A"]
     assert [r["estimator"] for r in overall(both + third)] == ["B", "A", "C"]
-
-
-def test_who_was_wrong_by_half_the_fault_before_it_is_not_crowned():
-    scenario = find_scenario("fm_step-v1")  # f_m × 1.5: a fault of 50 % of nominal
-    rows = [row("m", "wrong", 0.1, bias=-25.1), row("m", "right", 2.0, bias=24.9)]
-    wrong = misled(rows, {"m": scenario})
-    assert wrong == {("m", "f_m", "wrong")}
-    names = ["coulomb_fm_step-v1", "fm_step-v1"]
-    assert mismatched({name: find_scenario(name) for name in names}) == names[:1]
-
-
-def test_a_cell_is_the_changed_parameter_else_the_worst():
-    rows = [
-        row("s", "a", 1.0, parameter="k_T", changed=False, bias=50.0),
-        row("s", "a", 2.0, parameter="f_m"),
-        row("calm", "a", None, parameter="k_T", changed=False),
-        row("calm", "a", None, parameter="f_m", changed=False, bias=-9.0),
-    ]
-    cells = matrix(rows, ["s", "calm"])
-    assert [cells[name, "a"]["parameter"] for name in ("s", "calm")] == ["f_m", "f_m"]
 
 
 def test_registered_estimators_look_different():

@@ -139,9 +139,9 @@ def test_who_does_not_estimate_what_changes_is_shown_as_well():
     (record,) = simulate(scenario, [0])
     cases = [run_case(scenario, record, spec(name)) for name in ("Asks", "Tracks")]
     table = default_table([row for case in cases for row in pool_rows(case.rows, scenario)])
-    estimators, parameters = (list(column.cells) for column in table.columns[:2])
-    assert [name.split(":")[-1] for name in estimators[1:]] == ["Asks"] * 3 + ["Tracks"]
-    assert parameters[1:] == [*LINEAR, "f_c"]
+    estimators, parameters = zip(*((c[1].text, c[2].text) for _, c in table.rows), strict=True)
+    assert [name.split(":")[-1] for name in estimators] == ["Asks"] * 3 + ["Tracks"]
+    assert list(parameters) == [*LINEAR, "f_c"]
 
 
 def test_q_is_of_the_linear_parameters_of_identify():

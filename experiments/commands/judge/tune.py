@@ -75,11 +75,11 @@ def main(args: argparse.Namespace) -> int:
 def _sweep(args: argparse.Namespace) -> int:
     """Sweep the knobs, match the noise and draw."""
     from flexaxis.experiments.catalogue.find import select
-    from flexaxis.experiments.comparison.ranking import overall
+    from flexaxis.experiments.comparison.ranking import faults_of, overall
     from flexaxis.experiments.comparison.sweep import TURNS, reference, settings, sweep, texts
     from flexaxis.experiments.reporting.figures import speed_noise
-    from flexaxis.experiments.reporting.terminal import equal_noise_table, show
-    from flexaxis.experiments.reporting.words import fault_words, faults_of
+    from flexaxis.experiments.reporting.terminal import equal_noise_table, lines, show
+    from flexaxis.experiments.reporting.words import fault_words
 
     scenarios, *_ = select(args.sweep)
     estimators = list(dict.fromkeys(args.estimator)) or [*SWEPT]
@@ -93,9 +93,9 @@ def _sweep(args: argparse.Namespace) -> int:
         content |= asdict(swept) | {"overall": ranking}
         content |= {"definitions": {s.name: s.resolved() for s in scenarios}}
         path = folder / "sweep.svg"
-        speed_noise(faults_of(swept.points), estimators, fault_words(content)).savefig(path)
+        speed_noise(faults_of(swept.points), fault_words(content)).savefig(path)
         write_json(folder / "sweep.json", content)
-    table = equal_noise_table(content, len(seeds))
+    table = lines(equal_noise_table(content))
     return answer(args, content | {"figure": path}, 0, path, show=lambda: show(table))
 
 

@@ -31,7 +31,7 @@ def main(args: argparse.Namespace) -> int:
     path = args.output or args.folder / REPORT
     check_not_input([args.folder / ROWS, args.folder / SUMMARY], path)
     results = Results.load(args.folder)
-    return _of_study(args, path, results) if results.axes else _of_run(args, path)
+    return _of_study(args, path, results) if results.axes else _of_run(args, path, results)
 
 
 def _of_study(args: argparse.Namespace, path: Path, results: Any) -> int:
@@ -44,17 +44,16 @@ def _of_study(args: argparse.Namespace, path: Path, results: Any) -> int:
     return 0
 
 
-def _of_run(args: argparse.Namespace, path: Path) -> int:
-    from flexaxis.experiments.reporting.inputs import RunInputs
+def _of_run(args: argparse.Namespace, path: Path, results: Any) -> int:
     from flexaxis.experiments.reporting.run import render
     from flexaxis.experiments.reporting.terminal import show_run
 
-    found = RunInputs.of(args.folder)
-    write_text(path, render(found))
+    summary = results.summary
+    write_text(path, render(results, summary))
     if args.json:
-        known = {key: value for key, value in found.summary.items() if key != "command"}
-        return answer(args, known | {"made_by": found.summary["command"], "report": path})
-    show_run(found.summary)
-    options.tell_failures(found.summary.get("failures", []))
+        known = {key: value for key, value in summary.items() if key != "command"}
+        return answer(args, known | {"made_by": summary["command"], "report": path})
+    show_run(summary)
+    options.tell_failures(summary["failures"])
     print(f"report: {path}")
     return 0
