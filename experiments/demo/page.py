@@ -123,7 +123,7 @@ class Page:
         gui.set_panel_label(f"flexaxis: break it! (twist × {self._exaggerate:g} for the eye)")
         sheet = (files("flexaxis.experiments.demo") / "page.css").read_text(encoding="utf-8")
         gui.add_html(f"<style>{sheet}:root {{ --a: {A[1]}; --b: {B[1]}; }}</style>")
-        acts = {label: ("inject", *fault) for label, fault in BUTTONS.items()}
+        acts: Any = {label: ("inject", *fault) for label, fault in BUTTONS.items()}
         acts["Repair everything"] = ("repair",)
         faults = gui.add_button_group("faults", [*acts])
         faults.on_click(lambda _: self._do(*acts[faults.value]))

@@ -117,7 +117,7 @@ class Evidence:
             self.onset = fault.events()[0].index
 
     @cache  # noqa: B019
-    def records(self, group: str) -> list[Record]:
+    def records(self, group: str) -> list[Any]:
         """Return the records of one of `scenarios`."""
         number = self.sizes.get(group, self.sizes["others"])
         seeds = range(self.first, self.first + number)

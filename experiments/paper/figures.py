@@ -37,7 +37,6 @@ def fig3(e: Evidence) -> Figure:
         limits={y: (0.0, 0.18), FREQUENCY: (0.0, 220.0)},
         marks=[(peak, "peak of the paper") for peak in PEAKS],
         spans=[(0.0, 70.0, f"{low_energy(e):.1f} % of the energy")],
-        height=300,
     )
 
 
@@ -97,7 +96,7 @@ def diagonal(method: str, e: Evidence) -> Figure:
         ends = Series(x=time[[0, -1]], y=[level, level], estimator=name, role="bound", label="_")
         series += [Series(x=time, y=P, estimator=name), ends]
     y = "diagonal of P"
-    return curves({y: series}, x=TIME, logs=[y], limits={y: (1.5e-6, 2e-3)}, height=300)
+    return curves({y: series}, x=TIME, logs=[y], limits={y: (1.5e-6, 2e-3)})
 
 
 FIGURES: Mapping[str, tuple[Callable[[Evidence], Figure], str, str]] = {

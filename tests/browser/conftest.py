@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import time
 import urllib.request
+from pathlib import Path
 
 import pytest
 from websockets.sync.client import connect
@@ -41,6 +42,28 @@ def browser(tmp_path):
         process.wait()
 
 
+SERIOUS = """
+axe.run().then(r => window.problems = r.violations
+  .filter(v => ["serious", "critical"].includes(v.impact))
+  .map(v => v.id + ": " + v.nodes.slice(0, 3).map(n => n.html.slice(0, 99)).join(" · "))); 1
+"""
+
+
+@pytest.fixture
+def axe():
+    """Return a function that says what axe-core finds serious or critical in a page."""
+    axe = pytest.importorskip("axe_core_python", reason="axe-core-python is not installed")
+    code = Path(axe.__file__).with_name("axe.min.js").read_text(encoding="utf-8")
+
+    def problems(browser):
+        browser.run(code + "; window.problems = null; 1")
+        browser.run(SERIOUS)
+        browser.wait("window.problems !== null", "axe-core")
+        return browser.run("window.problems")
+
+    return problems
+
+
 class Browser:
     """One page; `requests` has every address that it asked for, `errors` what its scripts threw."""
 
@@ -63,6 +86,11 @@ class Browser:
         return self._call("Runtime.evaluate", expression=script, returnByValue=True)["result"].get(
             "value"
         )
+
+    def click(self, text, kind="button"):
+        """Click on the first element of a kind with a text."""
+        elements = f"[...document.querySelectorAll({kind!r})]"
+        self.run(f"{elements}.find(e => e.innerText.includes({text!r})).click()")
 
     def wait(self, script, what):
         """Wait until a script comes to something true."""
