@@ -1,5 +1,6 @@
 """The live axis without a browser: the loop, the race, the bound, and who may come in."""
 
+import re
 import signal
 import socket
 import subprocess
@@ -73,7 +74,8 @@ def test_both_find_a_fault_and_the_bank_says_when():
     slow, quick, single, unknown = change.lags
     assert 0 < single < unknown < 3 * quick < slow  # known for many runs: 1.27 s
     assert slow == pytest.approx(1.27, abs=0.5)
-    assert change.findings[0] == "" and change.findings[1].startswith("f_m × 1.5 after 0.")
+    assert change.findings[0] == ""
+    assert re.fullmatch(r"f_m × 1\.(4|5)\d* after 0\.\d+ s", change.findings[1])
     thoughts = np.array(session.racers[1].thoughts)[: RATE // 2]
     assert thoughts.max(axis=0).argmax() == HYPOTHESES.index("f_m") and thoughts.max() > 0.9
 
