@@ -23,7 +23,8 @@ CLOCK = "parseFloat(document.body.innerText.match(/t = ([\\d.]+) s/)?.[1])"
 DRAWN = """(title => {{
   const plot = [...document.querySelectorAll(".u-title")].find(e => e.innerText == title);
   const canvas = plot?.parentElement.querySelector("canvas");
-  const data = canvas?.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data ?? [];
+  if (!canvas?.width) return 0;
+  const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
   let count = 0;
   for (let i = 0; i < data.length; i += 4)
     count += data[i + 3] > 99 && Math.abs(data[i] - data[i + 2]) > 60;
