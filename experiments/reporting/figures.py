@@ -340,8 +340,8 @@ def score_map(
     limits : (float, float)
         Of the colours, the same in maps that are compared.
     """
-    (ax,), (low, high) = new(90 + 32 * len(cells)), limits
-    ax.pcolormesh(cells, norm=LogNorm(low, 4 * high), cmap="Blues")  # light, below black letters
+    (ax,), (low, high) = new(90 + 60 * len(cells)), limits
+    ax.pcolormesh(cells, norm=LogNorm(low, 10 * high), cmap="Blues")  # light, below black letters
     for (row, column), value in np.ndenumerate(cells):
         ax.text(column + 0.5, row + 0.5, short(value), color="#000000", ha="center", va="center")
     ax.set_xticks(np.arange(cells.shape[1]) + 0.5, map(number, cells.columns))

@@ -283,16 +283,9 @@ def track_of(  # noqa: PLR0917
     place, p = [list(estimated).index(name) for name in names], len(estimated)
     if len(place) < p and np.shape(claimed) == (p, p):
         claimed = np.asarray(claimed)[np.ix_(place, place)]
-    return Track(
-        scenario=scenario,
-        names=names,
-        theta=theta[:, place],
-        true_parameters=record.true_parameters,
-        torque=record.torque,
-        claimed=claimed,
-        innovations=innovations,
-        findings=findings,
-    )
+    known = {"claimed": claimed, "innovations": innovations, "findings": findings}
+    truth = record.true_parameters
+    return Track(scenario, names, theta[:, place], truth, record.torque, **known)
 
 
 def _row(

@@ -37,7 +37,6 @@ from flexaxis.experiments.running.user_code import (
     is_of_the_machine,
     why_it_ended,
 )
-from flexaxis.experiments.seeds import check_jobs
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -111,8 +110,8 @@ class Runner:
 
     Attributes
     ----------
-    done, simulated : int
-        Cases run and records simulated so far.
+    done : int
+        Cases run so far.
     remarks : list of (str, str)
         Estimators of users that returned values that are not finite, and where.
 
@@ -129,7 +128,8 @@ class Runner:
         cache: RecordCache | None = None, time_limit: float | None = None,
         overwrite: bool = False, advance: Callable[[int], object] = lambda cases: None,
     ) -> None:  # fmt: skip
-        check_jobs(jobs)
+        if not (isinstance(jobs, int) and jobs > 0):
+            raise FlexaxisError(f"jobs {jobs!r}: give a number of processes, 1 or more")
         limit = TIME_LIMIT if time_limit is None else time_limit
         if not 0 < limit < float("inf"):
             raise FlexaxisError(f"a time limit of {limit!r} s: give a finite number above 0")
@@ -137,7 +137,7 @@ class Runner:
         weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
         self._workers = [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
-        self._advance, self.done, self.simulated = advance, 0, 0
+        self._advance, self.done = advance, 0
         self.remarks: list[tuple[str, str]] = []
         self._folder, self._overwrite = folder, overwrite
 
@@ -200,7 +200,6 @@ class Runner:
             self.store.add(outcome.cases)
             lost -= len(outcome.cases)
             self.done += len(outcome.cases)
-            self.simulated += outcome.simulated
             self.remarks += outcome.remarks
             reason = next(iter(outcome.missing), reason)
             self._advance(len(outcome.cases))

@@ -9,9 +9,9 @@ from identify_axes import VALUES, log
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.identification.identify import _free
-from flexaxis.experiments.logs.identification.log import log_of
-from flexaxis.experiments.logs.identification.setup import Setup
+from flexaxis.experiments.logs.identify import _free
+from flexaxis.experiments.logs.setup import Setup
+from flexaxis.experiments.logs.signals import log_of
 from flexaxis.sim.record import load_record
 
 F_C = 10 * VALUES[1]["f_m"]
@@ -46,7 +46,7 @@ def test_a_level_that_is_given_stays(record, capsys, more):
     ("more", "said"),
     [
         (("--fix", "f_c=0.05", "--friction", "none"), "--friction none has no f_c"),
-        (("--fix", "v_s=0.05", "--friction", "coulomb"), "coulomb has no v_s; of --friction,"),
+        (("--fix", "v_s=0.05", "--friction", "coulomb"), "coulomb has no v_s"),
         (("--fix", "f_cc=0.05"), "Did you mean 'f_c'?"),
         (("--start", "jm=0.05"), "Did you mean 'J_m'?"),
     ],

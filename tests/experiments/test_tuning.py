@@ -13,7 +13,6 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import at_equal_noise, tuned, tunings
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.comparison import tune as tuning
 from flexaxis.experiments.comparison.sweep import TURNS
 from flexaxis.experiments.comparison.tune import (
     ROUNDS,
@@ -35,7 +34,7 @@ OWN = PAPER | LAWS | {"oracle-reset"}  # these keep the value they are known for
 def test_tuning_finds_the_reference_itself_and_its_equal(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["tune", "rpem-forgetting", "--seeds", "0:2", "--jobs", "1"]) == 0
-    ratio = float(re.search(r"excess ([\d.]+) times the reference's", capsys.readouterr().out)[1])
+    ratio = float(re.search(r"([\d.]+) times its excess", capsys.readouterr().out)[1])
     assert abs(ratio - 1) < TOLERANCE
     assert main(["tune", "frozen", "--seeds", "0:2"]) == 2
     assert "no knob" in capsys.readouterr().err
@@ -63,14 +62,8 @@ def test_no_match_and_wrong_words_are_said(capsys):
 
     with pytest.raises(ValueError, match=r"no setting of its knob.*last one tried.* is ekf"):
         match_noise("ekf", Flat(range(1), BenchHere().frame))
-    for words, said in (
-        ([], "name one estimator, or give --all"),
-        (["--all", "--match", "f_m"], "leave --match"),
-        (["--save", "ekf"], "--save took ekf for its FILE"),
-        (["ekff"], "Did you mean 'ekf'"),
-    ):
-        assert main(["tune", *words]) == 2
-        assert said in capsys.readouterr().err
+    assert main(["tune", "ekff"]) == 2
+    assert "Did you mean 'ekf'" in capsys.readouterr().err
 
 
 LAM = """
@@ -192,12 +185,12 @@ def test_a_knob_is_turned_within_its_range_and_budget(own, name, quiet, last):
 
 def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, capsys):
     path = tmp_path / "tuned.toml"
-    monkeypatch.setattr(tuning, "Trials", Powers)
+    monkeypatch.setattr("flexaxis._results.Trials", Powers)
     monkeypatch.chdir(tmp_path)
     words = ["tune", "cusum-reset", "--seeds", "0:2", "--save", str(path)]
     for other in ("variable-forgetting", "cusum-reset", "cusum-reset"):
         assert main(["tune", other, *words[2:], "--json"]) == 0
-        found = json.loads(capsys.readouterr().out)
+        (found,) = json.loads(capsys.readouterr().out)["rows"]
     before, plain = tomllib.loads(path.read_text(encoding="utf-8"))["tuned"]
     assert plain["value"] == found["value"] and plain["setting"] == found["setting"]
     assert (before["estimator"], plain["estimator"]) == ("variable-forgetting", "cusum-reset")
@@ -289,13 +282,11 @@ def test_the_knob_of_a_scenario_is_that_of_its_axis():
         )
 
 
-def test_list_and_show_say_where_a_knob_is_tuned(capsys):
+def test_show_says_where_a_knob_is_tuned(capsys):
     assert main(["show", "ekf"]) == 0
-    said = capsys.readouterr().out
-    assert "0.001162 as tuned for n1 at 5 ms, k_T, 1/J_a, f_m, noise 0.1 rad/s" in said
-    assert "0.002 on any other axis" in said
-    assert main(["list", "estimators"]) == 0
-    assert "tuned for n1 at 5 ms" in " ".join(capsys.readouterr().out.split())
+    text = capsys.readouterr().out
+    assert "walk = 0.001162" in text
+    assert "tuned for n1 at 5 ms, k_T, 1/J_a, f_m, noise 0.1 rad/s" in text
 
 
 @pytest.mark.slow
