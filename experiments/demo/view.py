@@ -63,7 +63,6 @@ def view(
     ------
     FlexaxisError
         If a number or the name of the picture is wrong.
-<<<<<<< HEAD
     OutputError
         If nothing can be drawn on this machine.
     """
@@ -71,13 +70,6 @@ def view(
     if target is not None:
         if target.suffix.lower() != ".png":
             raise FlexaxisError(f"picture={str(picture)!r}: give a name that ends in .png")
-=======
-    """
-    target = None if picture is None else Path(picture)
-    if not (0 <= exaggerate < np.inf and (target is None or target.suffix.lower() == ".png")):
-        raise FlexaxisError("give a factor of 0 or more, and a picture that ends in .png")
-    if target is not None:
->>>>>>> c7af90d8a5a5be879e74083189be89b8f4fb733a
         draw_offscreen()
     from flexaxis.sim.simulate import simulate  # imports the engine
 
@@ -85,7 +77,6 @@ def view(
         run = simulate(run if isinstance(run, Scenario) else find_scenario(str(run)), [seed])[0]
     if not 0 <= at <= (end := run.time[-1]):
         raise FlexaxisError(f"at={at:g}: give a time of the run, 0 to {end:g} s")
-<<<<<<< HEAD
     angles = poses(run, exaggerate=exaggerate)[round(at / run.period) :]
     mujoco, model, data = scene(model_of(run))
     if target is None:
@@ -97,16 +88,6 @@ def view(
 
 
 def poses(record: Record, *, exaggerate: float) -> Array:
-=======
-    if target is None:
-        window(run, start=at, exaggerate=exaggerate)
-    else:
-        picture(run, target, at=at, exaggerate=exaggerate)
-    return target
-
-
-def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
->>>>>>> c7af90d8a5a5be879e74083189be89b8f4fb733a
     """Return the angles (N, n) [rad] of the n masses to be drawn, their twist exaggerated.
 
     Raises

@@ -294,16 +294,6 @@ def test_a_fault_study_from_the_command_line_to_its_artefacts(capsys, short_toml
     assert (told["to_run"], told["cases"], told["seconds"]) == (0, 24, 0)
 
 
-def test_a_lesson_from_the_command_line_to_a_film(capsys, tmp_path):
-    lesson, film = tmp_path / "short.toml", tmp_path / "short.gif"
-    lesson.write_text(
-        'duration = 1.0\nspeed = 1.0\nframes = 2\nestimators = ["rpem-forgetting", "ekf"]\n'
-        '[[act]]\nat = 0.2\nparameter = "f_m"\nfactor = 2.0\n'
-    )
-    status, out, _ = flexaxis(capsys, "demo", lesson, "--record", film)
-    assert (status, out.strip()) == (0, str(film)) and film.read_bytes()[:4] == b"GIF8"
-
-
 # ---------------------------------------------------------------- json and files
 
 
@@ -350,7 +340,6 @@ REFUSED = [
     ["track", "rec.nc", "--identify", "k_T", "--model", "axis.toml", "-o", "axis.toml"],
     ["study", "--from", "part", "-o", "part"],
     ["study", "study.toml", "-o", "study.toml"],
-    ["demo", "axis.toml", "--record", "axis.toml"],
     ["compare", "part", "part/../part", "-o", "part"],
 ]
 

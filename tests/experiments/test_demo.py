@@ -200,7 +200,7 @@ def test_a_lesson_is_served_from_the_command_line(tmp_path):
         probe.bind(("127.0.0.1", 0))
         port = str(probe.getsockname()[1])
     words = ["demo", lesson, "--no-browser", "--port", port]
-    command = [sys.executable, "-u", "-m", "flexaxis.experiments.cli", *words]
+    command = [sys.executable, "-u", "-m", "flexaxis", *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert f"http://127.0.0.1:{port}".encode() in process.stdout.readline()
         with urllib.request.urlopen(f"http://127.0.0.1:{port}") as answer:
