@@ -186,7 +186,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--false-alarms P": ("Probability that many logs without a change show one (default: 0.01).",
                          {"type": float, "default": 0.01}),
     # the live axis
-    "--speed X": ("Multiple of real time, 0.05 to 50 (default: 1).", NUMBER),
     "--exaggerate X": ("Magnification of the joint twist in the picture (default: 100).",
                        {"type": float, "default": 100.0}),
     "--port N": ("Port of the page (default: 8080, or the next free one).", WHOLE),
@@ -206,6 +205,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "track: -o EST.nc": ("File for the estimates (default: LOG-track.nc).", PATH),
     "paper: -o DIR": ("Folder for figures and claims (default: results/paper).", PATH),
     **LOG_OPTIONS,
+    "demo: --speed X": ("Multiple of real time, 0.05 to 50 (default: 1).", NUMBER),
 }  # fmt: skip
 """Every option: its name and what it takes, then its help, and keywords of `add_argument`.
 

@@ -21,7 +21,7 @@ from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.seeds import FIRST
+from flexaxis.experiments.studies.definition import FIRST
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
