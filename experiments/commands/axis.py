@@ -78,8 +78,10 @@ def identify(args: Args) -> int:
     """
     ending = "-estimates.csv" if args.log.is_dir() else "-axis.toml"
     path = _target(args, ending, args.model, args.validate)
-    options = {name: getattr(args, name) for name in
-               ("free", "delay", "friction", "gravity", "highpass", "validate", "false_alarms")}
+    options = {
+        name: getattr(args, name)
+        for name in ("free", "delay", "friction", "gravity", "highpass", "validate", "false_alarms")
+    }
     result = fx.identify(
         args.log, args.model, start=assignments("start", args.start),
         fix=assignments("fix", args.fix), covariates=args.covariate, columns=tables_of(args),

@@ -15,6 +15,7 @@ from flexaxis.experiments.reporting import figures
 from flexaxis.experiments.reporting.figures import Series
 from flexaxis.experiments.reporting.styles import SETTINGS
 from flexaxis.experiments.running.cache import default_cache
+from flexaxis.experiments.studies.definition import seed_of
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import SIGNALS, Record, load_record
 from flexaxis.sim.scenario import Scenario, scenario_from
@@ -143,14 +144,6 @@ def changed(scenario: str | Path | Scenario, changes: Mapping[str, Any]) -> Scen
     """Return a scenario with some values replaced."""
     result = scenario if isinstance(scenario, Scenario) else find_scenario(str(scenario))
     return result.override(changes) if changes else result
-
-
-def seed_of(seed: Any) -> int:
-    """Return the number of a run; refuse what is no whole number from 0 to 2^63 − 1."""
-    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-    if not whole or not 0 <= seed < 2**63:
-        raise FlexaxisError(f"seed {seed!s:.40}: give a whole number from 0 to 2^63 - 1")
-    return int(seed)
 
 
 def load(path: str | Path) -> Recording | Results:

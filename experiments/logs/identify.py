@@ -177,10 +177,8 @@ def identify(
     if given and (axis.model.laws or not given.keys() <= {*wanted.values()}):
         raise LogError(f"--friction {friction} has no {', '.join(given)}; it has {wanted}")
     linear = record.versions.get("motion") == "linear"
-    corner, log = (
-        axis.highpass if highpass is None else highpass,
-        log_of(record, replace(axis, beside={})),
-    )
+    corner = axis.highpass if highpass is None else highpass
+    log = log_of(record, replace(axis, beside={}))
     whole = log.cut(log.part(MOST))
     if corner is not None and not LOWEST < corner * log.period < 0.5:
         raise LogError(

@@ -8,7 +8,7 @@ from permutations of the residuals, so that the rate of false alarms is the stat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -102,7 +102,12 @@ def explain(
     ]
     costs = [n * np.log(fit.left(one.fitted)) + 2 * np.log(n) for one in options]
     costs[-1] += (WAVES - 2) * np.log(n)
-    return options[int(np.argmin(costs))]
+    best = options[int(np.argmin(costs))]
+    if best.kind == "step":
+        return best
+    shape = np.hstack([ramps[:, [ramp]], waves])  # a ramp alone tells less than the whole drift
+    whole = fit.result("drift", best.place, base, shape, float(chance))
+    return replace(whole, deviation=best.deviation)
 
 
 class _Fit:

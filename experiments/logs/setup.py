@@ -130,14 +130,10 @@ class Setup:
         theta = self.model.parametrize(self.names).theta
         lower, upper = np.full(along.q, -np.inf), np.full(along.q, np.inf)
         for i, name in enumerate(self.names):
-            usual = 0.0, np.inf
-            if name not in self.model.law_parameters:
-                usual = (
-                    min(theta[i] / REACH, theta[i] * REACH),
-                    max(theta[i] / REACH, theta[i] * REACH),
-                )
+            lawful = name in self.model.law_parameters
+            usual = (0.0, np.inf) if lawful else np.sort([theta[i] / REACH, theta[i] * REACH])
             lower[i], upper[i] = self.box.get(name, usual)
-        lower[-1], upper[-1] = self.earliest, self.latest
+        lower[-1], upper[-1] = min(self.earliest, self.delay or 0.0), self.latest
         log, states = self.log, self.model.states
         # a start of a search may be an axis whose load is seen by nothing
         sizes = float(abs(log.y[log.ok]).max()), float(np.ptp(log.angle))

@@ -136,7 +136,9 @@ class Runner:
         self._logs = tempfile.mkdtemp(prefix="flexaxis-")
         weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
-        self._workers = [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
+        self._workers: Sequence[Any] = (
+            [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
+        )
         self._advance, self.done = advance, 0
         self.remarks: list[tuple[str, str]] = []
         self._folder, self._overwrite = folder, overwrite
@@ -267,7 +269,9 @@ class Runner:
     def _problems(self, pairs: Sequence[Pair]) -> Sequence[tuple[str, EstimatorError]]:
         """Return the names of scenarios for which estimators cannot be made, and the errors."""
         with suppress(BrokenExecutor):  # the cases will show which one ends its process
-            return pairs and self._workers[0].submit(_problems, pairs, self._options).result()
+            if pairs:
+                work = self._workers[0].submit(_problems, pairs, self._options)
+                return work.result()  # type: ignore[no-any-return]
         return ()
 
 

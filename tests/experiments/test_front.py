@@ -132,7 +132,7 @@ def test_an_estimate_is_that_of_a_case_and_can_be_drawn(short):
     assert [line.get_label() for line in axes[2].lines].count("truth") == 1
     with pytest.raises(EstimatorError, match="Did you mean 'f_m'"):
         result.plot("f_n")
-    with pytest.raises(EstimatorError, match="option forgetting is"):
+    with pytest.raises(EstimatorError, match="write options as in"):
         fx.estimate(record, "rpem-forgetting", options={"forgetting": None})
 
 
