@@ -202,7 +202,7 @@ def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any)
         ({"label": "s"}, *series),
         title=title,
         scales={"x": {"time": False}} | scales,
-        legend={"show": len(lines) <= len(HYPOTHESES)},
+        legend={"show": len(lines) < 6},
         height=150,
     )
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from operator import itemgetter
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 from flexaxis.experiments.demo.page import Page
@@ -69,7 +70,14 @@ def serve(
         seed=plan.get("seed", 0) if seed is None else seed,
     )
     server = start(port)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    stopping = Event()
+
+    def stop(*_: object) -> None:
+        stopping.set()  # also where the exception is lost, as in a callback of the engine
+        raise KeyboardInterrupt
+
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, stop)
     with suppress(KeyboardInterrupt):
         address = f"http://{HOST}:{server.get_port()}"
         print(f"the live axis is at {address}  (Ctrl-C ends it)", flush=True)
@@ -78,7 +86,7 @@ def serve(
         page.draw_curves()
         if browser:
             webbrowser.open(address)
-        _loop(page, server)
+        _loop(page, server, stopping)
     with redirect_stdout(io.StringIO()):
         server.stop()
 
@@ -162,11 +170,10 @@ def _own_pages_only() -> Iterator[None]:
         library.serve = original  # type: ignore[misc]
 
 
-def _loop(page: Page, server: Any) -> None:
+def _loop(page: Page, server: Any, stopping: Event) -> None:
     """Advance and draw in real time."""
     before, owed, next_curves = time.monotonic(), 0.0, 0.0
-    while True:
-        time.sleep(max(0.0, before + 1 / FRAMES - time.monotonic()))
+    while not stopping.wait(max(0.0, before + 1 / FRAMES - time.monotonic())):
         now = time.monotonic()
         elapsed, before = now - before, now
         if not server.get_clients():

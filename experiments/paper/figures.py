@@ -30,11 +30,9 @@ STEP = 5
 def fig3(e: Evidence) -> Figure:
     """Draw the spectrum of the torque in closed loop."""
     omega, amplitude = torque_lines(e)
-    y = "amplitude [N m]"
     return curves(
-        {y: [Series(x=omega, y=amplitude, role="data", label="torque")]},
+        {"amplitude [N m]": [Series(x=omega, y=amplitude, role="data", label="torque")]},
         x=FREQUENCY,
-        limits={y: (0.0, 0.18), FREQUENCY: (0.0, 220.0)},
         marks=[(peak, "peak of the paper") for peak in PEAKS],
         spans=[(0.0, 70.0, f"{low_energy(e):.1f} % of the energy")],
     )
@@ -52,7 +50,7 @@ def fig4(e: Evidence) -> Figure:
         panels,
         x=FREQUENCY,
         logs=[FREQUENCY],
-        limits={FREQUENCY: (20.0, 400.0), "gain [dB]": (-12, 38), "phase [°]": (-200, 90)},
+        limits={"gain [dB]": (-12, 38), "phase [°]": (-200, 90)},
         spans=[(20.0, BAND[0], "little torque"), (BAND[1], 400.0, "no torque")],
     )
 
