@@ -20,8 +20,7 @@ from flexaxis.experiments.catalogue import find as catalogue
 from flexaxis.experiments.catalogue.names import GROUPS as CATALOGUE
 from flexaxis.experiments.catalogue.names import suite_card
 from flexaxis.experiments.cli import GROUPS, commands, group_of, parser
-from flexaxis.experiments.scoring.score_definition import Score
-from flexaxis.experiments.scoring.score_table import SCORES
+from flexaxis.experiments.scoring.score_table import SCORES, Score
 from flexaxis.sim.scenario import Scenario
 
 FENCE = "`" * 5

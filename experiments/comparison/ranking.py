@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexaxis.experiments.comparison.matching import MATCHED, NOISIER, QUIETER
 from flexaxis.experiments.scoring.intervals import LEAST, difference, holm_levels, mean_interval
 
 Row = Mapping[str, Any]
 
 REFERENCE = "rpem-forgetting"
+MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
 CONTROLS = ("frozen", "oracle-reset")  # they know more than an estimator may, or nothing
 AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
 """Sign before a lag that no setting matches; before a score it is the other way round."""
@@ -154,64 +152,3 @@ def too_few(rows: Iterable[Row]) -> str:
     seeds = max((int(np.sum(~np.isnan(lag))) for lag in lags), default=LEAST)
     are = "seed is" if seeds == 1 else "seeds are"
     return f"{seeds} {are} too few to rank: from {LEAST} on" if seeds < LEAST else ""
-
-
-@dataclass(frozen=True, eq=False)
-class Ecdf:
-    """How often an estimator comes how near to the bound, over all faults and runs.
-
-    The view of COCO (Hansen et al., Optimization Methods and Software 36, 2021, 114-144): the share
-    of all problems that are solved within a multiple of the best that can be. A problem is a fault
-    in a run, and the best is the lag of its Cramér–Rao bound.
-
-    Attributes
-    ----------
-    problems : int
-        Faults in runs, the same for all estimators.
-    faults : int
-        Pairs of scenario and parameter among them.
-    ratios : mapping of str to ndarray
-        lag/bound of each estimator, increasing, of the problems where it reached anything.
-    """
-
-    problems: int
-    faults: int
-    ratios: Mapping[str, NDArray[np.float64]]
-
-    def curve(self, estimator: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return x and the share of problems with lag/bound ≤ x, where it steps up."""
-        ratios = self.ratios[estimator]
-        return ratios, np.arange(1, len(ratios) + 1) / self.problems
-
-    def share(self, estimator: str, within: float) -> float:
-        """Return the share of problems with lag/bound ≤ `within`."""
-        return float(np.sum(self.ratios[estimator] <= within) / self.problems)
-
-
-def ecdf(rows: Iterable[Row], estimators: Sequence[str]) -> Ecdf | None:
-    """Return the distribution of lag over bound; None where no fault has a bound.
-
-    A run that was lost or failed, whose lag is that of an estimator that never moves, or whose
-    estimator does not estimate what changes, reaches nothing: it counts among the problems.
-
-    Parameters
-    ----------
-    rows : iterable of mapping
-        Of single runs: ``scenario, parameter, seed, estimator, lag, lag_bound, lag_null,
-        diverged``. Rows without a bound are left out.
-    estimators : sequence of str
-    """
-    problems: set[tuple[str, str, int]] = set()
-    ratios: dict[str, list[float]] = {name: [] for name in estimators}
-    for row in rows:
-        if not row["lag_bound"]:
-            continue
-        problems.add((row["scenario"], row["parameter"], row["seed"]))
-        lag, null = row["lag"], row["lag_null"]
-        moved = lag is not None and (null is None or lag < (1 - 1e-6) * null)
-        if row["estimator"] in ratios and moved and not row["diverged"]:
-            ratios[row["estimator"]].append(lag / row["lag_bound"])
-    if not problems:
-        return None
-    ordered = {name: np.sort(np.array(each, float)) for name, each in ratios.items()}
-    return Ecdf(len(problems), len({problem[:2] for problem in problems}), ordered)

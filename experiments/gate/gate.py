@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
-from flexaxis.experiments.files import SUMMARY, OutputError, StudyError, json_table
 from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, tuned
-from flexaxis.experiments.gate.pairs import Lack, Paired, pair, table
+from flexaxis.experiments.gate.pairs import SIDES, Lack, Paired, pair, table
 from flexaxis.experiments.gate.verdict import (
     ALPHA,
     SAME,
     SLIGHT,
     UNDECIDED,
     WORSE,
+    Lost,
     alarming,
     judge,
+    losses,
     overall,
 )
 from flexaxis.experiments.running.results import Results
@@ -44,7 +43,9 @@ class Comparison:
         Texts as for `--estimator`; at equal noise as tuned.
     seeds : list of int
     rows : DataFrame
-        A verdict a row, as from `flexaxis.experiments.gate.verdict.judge`.
+        A verdict a score, as from `flexaxis.experiments.gate.verdict.judge`.
+    lost : sequence of Lost
+        A verdict on each way to lose runs.
     paired : Paired
         What they are of.
     margins : mapping of metric to float
@@ -52,46 +53,35 @@ class Comparison:
         At which look it was decided, of how many planned.
     equal : EqualNoise, optional
         The settings of both, where they were tuned to one noise first.
-    unmatched : sequence of (scenario, parameter)
-        Where the candidate is as noisy as the base at no setting that was tried.
     """
 
     base: str
     candidate: str
     seeds: list[int]
     rows: pd.DataFrame
+    lost: Sequence[Lost]
     paired: Paired
     margins: Mapping[str, float]
     look: int = 1
     looks: int = 1
     equal: EqualNoise | None = None
-    unmatched: Sequence[tuple[str, str]] = ()
-
-    @property
-    def alpha(self) -> float:
-        """Largest probability of a false alarm at this look."""
-        return ALPHA / self.looks
 
     @property
     def verdict(self) -> str:
         """The one word. Without all of the candidate's runs, only "worse" can be said."""
-        word, sides = overall(self.rows), {lack.side for lack in self.paired.lacking}
-        incomplete = self.paired.missing or self.unmatched or "candidate" in sides
+        word = overall(self.rows["verdict"], self.lost)
+        sides = {lack.side for lack in self.paired.lacking}
+        incomplete = self.paired.missing or "candidate" in sides
         if word != WORSE and (incomplete or ("base" in sides and word in {SLIGHT, SAME})):
             return UNDECIDED
         return word
-
-    @property
-    def newly_lost(self) -> int:
-        """How many runs more the candidate lost than the base."""
-        return int((self.rows["newly"] - self.rows["regained"]).clip(lower=0).sum())
 
     @property
     def must_look(self) -> bool:
         """Whether an undecided comparison may not pass: runs newly lost or failed, or missing."""
         failed = self.paired.failed
         gone = any(k.side == "candidate" and not k.unreadable for k in self.paired.lacking)
-        return gone or failed["candidate"] > failed["base"] or alarming(self.rows)
+        return gone or failed["candidate"] > failed["base"] or alarming(self.lost)
 
     def status(self, *, strict: bool = False) -> int:
         """Return the exit status: 1 worse; 3 undecided, if `strict` or `must_look`; else 0."""
@@ -104,7 +94,6 @@ def compare(
     base: str, candidate: str, scenarios: Sequence[Scenario], seeds: Sequence[int],
     runner: Runner, *,
     margins: Mapping[str, float] = MARGINS, max_seeds: int = 0, match_std: bool = False,
-    traces: bool = False,
 ) -> Comparison:  # fmt: skip
     """Run both estimators and judge every score, at equal noise if `match_std`.
 
@@ -125,8 +114,8 @@ def compare(
         Changes that do not matter, as shares.
     max_seeds : int
         Seeds that may be spent.
-    match_std, traces : bool
-        Whether to tune both to one noise first, and to keep what figures are drawn from.
+    match_std : bool
+        Whether to tune both to one noise first.
 
     Raises
     ------
@@ -134,9 +123,13 @@ def compare(
         If there are fewer than two seeds, more than `max_seeds`, or no common run; if noise cannot
         be equal.
     """
-    looks, run = look_seeds(seeds, max_seeds), partial(runner.rows, traces=traces)
-    texts = {"base": base, "candidate": candidate}
-    scenarios, lacking = _readable(runner, texts, scenarios, len(seeds))
+    looks, run = look_seeds(seeds, max_seeds), runner.rows
+    left = [runner.misfits(scenarios, [text]) for text in (base, candidate)]
+    lacking = [Lack(name, side, len(seeds), unreadable=True)
+               for side, own, other in zip(SIDES, left, left[::-1], strict=True)
+               for name in own if name not in other]  # fmt: skip
+    readable = [s for s in scenarios if s.name not in {*left[0], *left[1]}]
+    scenarios = readable or scenarios  # running them tells why
     equal = None
     if match_std:
         if used := {*SEEDS} & {*looks[-1]}:
@@ -152,16 +145,16 @@ def compare(
         for side in sides:
             if side["failed"].all():  # a crash, and no verdict
                 check_failures(side)
-        paired = pair(sides[0], sides[1], margins)
-        paired = replace(paired, lacking=[*lacking, *paired.lacking])
-        unmatched: Sequence[tuple[str, str]] = ()
+        paired = pair(*sides, margins)
         if equal:
-            paired, unmatched = equal.apply(paired, scenarios, run, now)
-        rows = judge(paired, alpha=ALPHA / len(looks))
-        if overall(rows) != UNDECIDED:
+            paired = equal.apply(paired, scenarios, run, now)
+        paired = replace(paired, lacking=[*lacking, *paired.lacking])
+        alpha = ALPHA / len(looks)
+        rows, lost = judge(paired, alpha=alpha), losses(paired, alpha=alpha)
+        if overall(rows["verdict"], lost) != UNDECIDED:
             break
-    about = (paired, margins, looks.index(now) + 1, len(looks), equal, unmatched)
-    return Comparison(base, candidate, now, rows, *about)
+    about = (paired, margins, looks.index(now) + 1, len(looks), equal)
+    return Comparison(base, candidate, now, rows, lost, *about)
 
 
 def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
@@ -172,29 +165,15 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
     >>> [len(look) for look in look_seeds(range(8), 40)]
     [8, 16, 32, 40]
     """
-    if len(seeds) < 2:
-        raise FlexaxisError("one seed has no spread: give at least 2 seeds, better 32")
-    if 0 < most < len(seeds):
+    if len(seeds) < 2 or 0 < most < len(seeds):
         raise FlexaxisError(
-            f"--max-seeds {most} is less than the {len(seeds)} seeds of the first look: give more, "
-            "or fewer --seeds"
+            f"give at least 2 seeds, better 32, and no more --seeds ({len(seeds)}) than "
+            f"--max-seeds ({most})"
         )
-    looks = [list(seeds)]
-    while len(looks[-1]) < most:
-        more = range(looks[-1][-1] + 1, looks[-1][-1] + 1 + most)
-        looks.append([*looks[-1], *more][: min(2 * len(looks[-1]), most)])
-    return looks
-
-
-def _readable(
-    runner: Runner, texts: Mapping[str, str], scenarios: Sequence[Scenario], seeds: int
-) -> tuple[Sequence[Scenario], list[Lack]]:
-    """Return the scenarios that both can read, and those that one side alone can read."""
-    left = {side: {*runner.misfits(scenarios, [text])} for side, text in texts.items()}
-    both = set.intersection(*left.values())
-    lacks = [Lack(n, side, seeds, True) for side, names in left.items() for n in names - both]
-    kept = [s for s in scenarios if not any(s.name in names for names in left.values())]
-    return (kept, lacks) if kept else (scenarios, [])  # running them tells why
+    every, sizes = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], [len(seeds)]
+    while sizes[-1] < most:
+        sizes.append(min(2 * sizes[-1], most))
+    return [every[:size] for size in sizes]
 
 
 def check_margins(margins: Mapping[str, float]) -> dict[str, float]:
@@ -237,47 +216,26 @@ def compare_runs(
         If the versions or the content of a scenario differ, the estimator is not clear, or fewer
         than two seeds are common.
     """
-    sides, versions, names = [], [], []
+    sides, names, versions = [], [], []
     for folder, text in zip((base, candidate), estimators, strict=True):
-        frame, known = _stored(folder)
-        versions.append(known)
-        names.append(_chosen(folder, text, [*frame["estimator"].unique()]))
-        kept = frame["seed"].isin(frame["seed"] if seeds is None else seeds)
-        sides.append(table(frame[kept & (frame["estimator"] == names[-1])]))
-    hashes = (side.groupby(level="scenario")["hash"].first() for side in sides)
-    both = pd.concat(hashes, axis=1, join="inner")
-    if versions[0] != versions[1] or (both.iloc[:, 0] != both.iloc[:, 1]).any():
+        results = Results.load(folder)
+        frame = results.frame if seeds is None else results.select({"seed": [*seeds]}).frame
+        texts = [*frame["estimator"].unique()]
+        name = text or texts[0]
+        if results.axes or name not in texts or len(texts) > (1 if text is None else len(texts)):
+            raise FlexaxisError(
+                f"{folder}: take a finished run, and name its estimator with --base or "
+                f"--candidate. It holds: {', '.join(texts)}"
+            )
+        names.append(name)
+        versions.append(results.summary["versions"])
+        sides.append(table(frame[frame["estimator"] == name]))
+    old, new = (dict(zip(side["scenario"], side["hash"], strict=True)) for side in sides)
+    if versions[0] != versions[1] or any(old[name] != new[name] for name in old.keys() & new):
         raise FlexaxisError(
             f"{base} and {candidate} are of different versions of flexaxis, or of a scenario: run "
             "both again, or use `flexaxis compare --base … --candidate …`"
         )
-    common = sides[0].index.unique("seed").intersection(sides[1].index.unique("seed"))
-    if len(common) < 2:
-        raise FlexaxisError(
-            f"{base} and {candidate} have {len(common)} of the seeds in common: at least 2 are "
-            "needed, better 32"
-        )
-    paired = pair(sides[0], sides[1], margins)
-    return Comparison(names[0], names[1], sorted(common), judge(paired), paired, margins)
-
-
-def _stored(folder: Path) -> tuple[pd.DataFrame, Any]:
-    """Return the rows of a finished run, and the versions that made them."""
-    try:
-        results = Results.load(folder)
-        if results.axes:
-            raise StudyError("it is a study")
-        return results.frame, json_table(folder / SUMMARY, OutputError)["versions"]
-    except (OSError, StudyError, KeyError) as error:
-        raise OutputError(
-            f"{folder} holds no finished run (rows and {SUMMARY} are needed; a study is compared "
-            f"with `flexaxis compare --base A --candidate B FILE.toml`): {error}"
-        ) from error
-
-
-def _chosen(folder: Path, text: str | None, names: Sequence[str]) -> str:
-    """Return the estimator of a folder that is meant."""
-    if text in names or (text is None and len(names) == 1):
-        return text or names[0]
-    hint = did_you_mean(text, names) if text else " Name one with --base or --candidate."
-    raise FlexaxisError(f"{folder}: which estimator?{hint} It holds: {', '.join(names)}")
+    paired = pair(*sides, margins)
+    common = sorted({*sides[0]["seed"]} & {*sides[1]["seed"]})
+    return Comparison(*names, common, judge(paired), losses(paired), paired, margins)

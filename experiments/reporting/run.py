@@ -11,8 +11,7 @@ from markupsafe import Markup
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.catalogue.card import in_a_line
-from flexaxis.experiments.comparison.mismatch import TRACKS, misled, track_of
-from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, REFERENCE, ecdf
+from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, REFERENCE
 from flexaxis.experiments.reporting import figures, page, tables, words
 from flexaxis.experiments.reporting.inputs import RunInputs, around, estimates, truth
 from flexaxis.experiments.reporting.tables import Cell, Table, between, short
@@ -121,26 +120,10 @@ class Drawing:
 
     def defaults(self, rows: pd.DataFrame) -> Iterator[tuple[str, Markup]]:
         """Yield heading and figure of all scenarios together, at default settings."""
-        scenarios, runs = self.inputs.scenarios, self.inputs.runs
-        wrong = misled(self.summary["rows"], scenarios)
-        keys = rows.set_index(["scenario", "parameter", "estimator"]).index
-        able = rows[rows["changed"] & ~keys.isin(list(wrong))]
+        able = rows[rows["changed"]]
         able = able.assign(setting=able["estimator"] + " on " + able["scenario"])
         yield "Lag against noise, a point a fault", self.draw(
             figures.lag_against_noise, "default settings", able, list(self.looks))  # fmt: skip
-        for track in TRACKS:
-            names = {name for name, scenario in scenarios.items() if track_of(scenario) == track}
-            misfits = {who for scenario, _, who in wrong if scenario in names}
-            estimators = [who for who in self.looks if who not in misfits]
-            own = runs[runs["scenario"].isin(names)].astype(object)
-            result = ecdf(own.where(own.notna(), None).to_dict("records"), estimators)
-            if result and estimators:
-                yield (
-                    f"Share of runs against the bound: {track}",
-                    self.draw(
-                        figures.shares, f"share of runs, {track}", result.ratios, result.problems
-                    ),
-                )
 
     def section(self, name: str, rows: pd.DataFrame) -> dict[str, Any]:
         """Return what the report shows of a scenario; of one that was only swept its name."""

@@ -9,7 +9,6 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from flexaxis.experiments.comparison.finds import finds
 from flexaxis.experiments.reporting import page, tables, words
 from flexaxis.experiments.reporting.figures import Series, curves, points, score_map
 from flexaxis.experiments.reporting.inputs import numeric_axes, pooled
@@ -28,7 +27,6 @@ def render(results: Results) -> str:
     looks = page.looks_of(name for name, _ in table.rows)
     shown = [over_axis(results, axis, "score", "false_alarms_per_hour") for axis in axes[:1]]
     shown += [over_axis(results, axis, "lag", "std") for axis in axes]
-    shown += _finds(finds(results))
     return page.render(
         "reporting/templates/study.html",
         title=title(results),
@@ -99,18 +97,6 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
     x = words.axis_words(axis, results.study)
     wide = across.min() > 0 and across.max() > 30 * across.min()
     return {"panels": panels, "x": x, "logs": [x] * bool(wide), "height": 230}
-
-
-def _finds(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    """Yield how often faults are found within 1 s over their size, beside what chance finds."""
-    for (base, parameter), own in rows.groupby(["base", "parameter"]) if len(rows) else ():
-        y = f"share of {parameter} found"
-        series = [points(line, "size", "share", str(who)) for who, line in own.groupby("estimator")]
-        yield {
-            "panels": {y: series},
-            "x": f"size of the fault, {base}",
-            "limits": {y: (-0.03, 1.03)},
-        }
 
 
 def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:

@@ -11,11 +11,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from flexaxis.estimators import RECOMMENDED
-from flexaxis.experiments.comparison.mismatch import misled
 from flexaxis.experiments.comparison.ranking import AT_LEAST, AT_MOST, REFERENCE, too_few
 from flexaxis.experiments.reporting import tables, words
 from flexaxis.experiments.reporting.tables import between, short
-from flexaxis.sim.scenario import scenario_from
 
 WIDE = 200  # columns where there is no terminal, as in the log of a build: no name is cut
 NOTES = {RECOMMENDED: " (recommended)", "frozen": " (never moves)"}
@@ -66,9 +64,7 @@ def show_run(summary: Mapping[str, Any]) -> None:
     """
     if (summary.get("tradeoff") or {}).get("matched"):
         show(equal_noise_table(summary["tradeoff"], len(summary["seeds"])))
-    scenarios = {name: scenario_from(entry["definition"], source=name)
-                 for name, entry in summary["scenarios"].items()}  # fmt: skip
-    show(default_table(summary["rows"], misled(summary["rows"], scenarios)))
+    show(default_table(summary["rows"]))
 
 
 def equal_noise_table(swept: Mapping[str, Any], seeds: int) -> Table:
@@ -114,7 +110,7 @@ def default_table(rows: Sequence[Mapping[str, Any]], wrong: Any = frozenset()) -
     rows : sequence of mapping
         Pooled.
     wrong : set of (str, str, str)
-        As from `flexaxis.experiments.comparison.mismatch.misled`.
+        (scenario, parameter, estimator) whose lag says nothing.
     """
     title = "Default settings: the noise differs, so do not rank by lag"
     heads = ["estimator", "parameter", *tables.COLUMNS.values()]

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.comparison.matching import Setting, plain
-from flexaxis.experiments.comparison.sweep import listed
+from flexaxis.experiments.comparison.sweep import Setting, listed
 from flexaxis.experiments.running.results import Results
 
 
@@ -40,7 +39,7 @@ def as_set(results: Results, pooled: Sequence[Mapping[str, Any]]) -> list[dict[s
         seeds[_fault(key)] = np.union1d(known, part["seed"].to_numpy(float))
     for (_, columns), row in zip(parts, pooled, strict=True):
         setting = Setting(row["estimator"], 1.0, columns)
-        values = {name: listed(plain(setting, name)) for name in ("lag", "std")}
+        values = {name: listed(setting.at(name)) for name in ("lag", "std")}
         if not row["changed"] or None in (row["lag"], row["std"], *values.values()):
             continue
         every = seeds[_fault(row)]

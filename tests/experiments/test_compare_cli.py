@@ -31,14 +31,6 @@ def test_no_regression_in_json_only(capsys, short_toml, tmp_path):
     assert {row["metric"] for row in told["rows"]} == {"never_settled", "lag", "std"}
 
 
-def test_what_is_in_the_json(capsys, short_toml, tmp_path):
-    found = compare(capsys, short_toml, tmp_path, SLOW, "--json")
-    told = json.loads(found[1])
-    lag = next(row for row in told["rows"] if row["metric"] == "lag")
-    assert (told["status"], told["newly_lost"], lag["verdict"]) == (1, 0, "worse")
-    assert lag["interval"][0] > 0.02 and lag["candidate"] / lag["base"] > 1.5
-
-
 @pytest.mark.slow
 def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
     wild = tmp_path / "wild.py"
@@ -99,22 +91,6 @@ def test_stored_runs(capsys, short_toml, tmp_path):
         assert (status, out) == (2, "") and f"{option[0]}: finished runs" in err
 
 
-def test_the_seeds_of_the_gate_are_the_default(capsys, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    from flexaxis.experiments.gate import gate
-
-    asked = []
-
-    def compare(base, candidate, scenarios, seeds, run, **options):
-        asked.append(len(seeds))
-        raise gate.FlexaxisError("enough")
-
-    monkeypatch.setattr(gate, "compare", compare)
-    for names in ([], ["fm_step-v1"], ["faults"]):
-        flexaxis(capsys, "compare", *names, "--base", "frozen", "--candidate", "frozen")
-    assert asked == [32, 32, 16]
-
-
 RAISES = """
 from flexaxis.estimators.registry import REGISTRY
 
@@ -151,14 +127,7 @@ def test_a_candidate_that_raises_loses_these_runs(capsys, short_toml, tmp_path):
     status, out, _ = compare(capsys, short_toml, tmp_path, f"{of}Raises", *words)
     told = json.loads(out)
     assert status == 3 and told["verdict"] == "undecided"
-    assert 0 < told["failed"]["candidate"] == told["newly_lost"] < 8
-
-
-@pytest.mark.slow
-def test_who_raises_in_all_runs_has_no_verdict(capsys, short_toml, tmp_path):
-    of = own(tmp_path, -1e9)
-    status, _, err = compare(capsys, short_toml, tmp_path, f"{of}Raises", "--base", f"{of}Same")
-    assert status == 70 and "ArithmeticError: not sure" in err
+    assert 0 < told["failed"]["candidate"] < 8
 
 
 @pytest.mark.slow

@@ -4,9 +4,7 @@ import json
 import sys
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-import pandas as pd
 import pytest
 
 import flexaxis as fx
@@ -14,10 +12,9 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.comparison.tune import EXCESS, TOLERANCE, Trials
+from flexaxis.experiments.comparison.tune import TOLERANCE
 from flexaxis.experiments.gate import equal_noise
 from flexaxis.experiments.gate.equal_noise import SEEDS
-from flexaxis.experiments.running.estimators import parse
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import PARAMETER_NAMES
 
@@ -144,21 +141,6 @@ def test_faults_in_several_parameters_are_compared_at_equal_excess_error(short):
     assert found.content["equal_noise"]["match"] == "excess" and found.verdict == "same"
 
 
-def test_it_is_said_what_each_side_got_and_drawn(short):
-    found = compared(Same, short, base="rpem-drift", seeds=3)
-    said = repr(found)
-    for side in (found.base, found.candidate):
-        assert side in said and side.startswith(
-            ("rpem-drift[scale=", "tests.experiments.test_equal_noise:Same[nu=")
-        )
-    assert "Tuned to the std of f_m of rpem-forgetting" in said
-    assert "Tuned to" in said and said in str(found) and "<table>" in found._repr_html_()
-    assert list(found.to_dataframe()["metric"]) == [r["metric"] for r in found.content["rows"]]
-    mpl.use("Agg")
-    ax = found.plot()
-    assert len(ax.get_yticklabels()) == 1
-
-
 @pytest.mark.parametrize(
     ("candidate", "said"),
     [
@@ -171,45 +153,6 @@ def test_it_is_said_what_each_side_got_and_drawn(short):
 def test_who_cannot_be_matched_is_refused_with_the_reason(short, candidate, said):
     with pytest.raises(FlexaxisError, match=said):
         compared(candidate, short, seeds=2)
-
-
-class Apart(Trials):
-    """Instead of runs: on `loud` no setting of the candidate is quiet enough, on `none` it has no
-    noise; elsewhere it grows with the knob."""
-
-    def _noises(self, scenario, text):
-        if text.startswith("rpem-forgetting"):
-            return {EXCESS: 1.0}
-        if scenario.name == "none":
-            return {}
-        quiet = 1e15 if scenario.name == "loud" else 30.0
-        return {EXCESS: quiet * parse(text).options["walk"]}
-
-
-class Changed:
-    """Instead of runs: everything is estimated, and several parameters change."""
-
-    def __init__(self, run, seeds):
-        pass
-
-    def changed(self, scenario, text):
-        return ["f_m", "k_T"]
-
-    def of(self, scenario, text):
-        return pd.DataFrame({"excess": [1.0]})
-
-
-@pytest.mark.parametrize("apart", ["loud", "none"])
-def test_one_scenario_that_cannot_be_matched_does_not_refuse_the_others(monkeypatch, apart):
-    fm = find_scenario("fm_step-v1")
-    where = [fm.override({"name": name}) for name in ("one", apart, "two")]
-    monkeypatch.setattr(equal_noise, "Runs", Changed)
-    monkeypatch.setattr(equal_noise, "Trials", Apart)
-    found = equal_noise.tuned("rpem-forgetting", "ekf", where, None, range(2))
-    assert found.left_out == [apart]
-    assert found.candidate.value == pytest.approx(1 / 30, rel=0.01)
-    with pytest.raises(FlexaxisError, match=r"--match-std.*ekf"):
-        equal_noise.tuned("rpem-forgetting", "ekf", where[1:2], None, range(2))
 
 
 def test_what_cannot_be_compared_at_equal_noise_is_refused(short):

@@ -3,16 +3,12 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from identify_axes import VALUES, log
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.identification.identify import _free
-from flexaxis.experiments.logs.identification.log import log_of
-from flexaxis.experiments.logs.identification.setup import Setup
-from flexaxis.sim.record import load_record
 
 F_C = 10 * VALUES[1]["f_m"]
 
@@ -42,32 +38,8 @@ def test_a_level_that_is_given_stays(record, capsys, more):
     assert axis.model.nominal["f_c"] == F_C and axis.model.laws
 
 
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        (("--fix", "f_c=0.05", "--friction", "none"), "--friction none has no f_c"),
-        (("--fix", "v_s=0.05", "--friction", "coulomb"), "coulomb has no v_s; of --friction,"),
-        (("--fix", "f_cc=0.05"), "Did you mean 'f_c'?"),
-        (("--start", "jm=0.05"), "Did you mean 'J_m'?"),
-    ],
-)
-def test_what_no_law_has_is_refused_before_all_else(record, capsys, more, said):
-    assert identify(record, *more) == 2
-    assert said.casefold() in capsys.readouterr().err.casefold()
-
-
 def test_what_a_known_axis_has_at_zero_stays_there_unless_freed():
     known = replace(find_axis("two_mass").having({"f_l": 0.0}), known=True)
     assert "f_l" not in _free(known, (), ()) and "f_m" in _free(known, (), ())
     assert _free(known, ("f_l", "k"), ()) == ("f_l", "k")
     assert "f_l" in _free(replace(known, known=False), (), ())
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_start_that_cannot_be_simulated_is_the_worst(record):
-    """A resonance that is far too fast for the rate of the log."""
-    setup = Setup(
-        log_of(load_record(record), find_axis("two_mass")),
-        find_axis("two_mass").model, ("J_m", "k"), delay=0.0, highpass=None,
-    )  # fmt: skip
-    assert setup.solve(np.array([1e-9, 1e4])).square == np.inf

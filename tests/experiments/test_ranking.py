@@ -2,14 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
-from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.comparison.mismatch import matrix, misled, mismatched
 from flexaxis.experiments.comparison.ranking import leaders, mark, overall, too_few
-from flexaxis.experiments.reporting.styles import style
-from flexaxis.experiments.scoring.intervals import LEAST, difference
+from flexaxis.experiments.scoring.intervals import LEAST
 
 RECORD = np.random.default_rng(0).standard_normal(16)
 """What the record does to every estimator alike."""
@@ -70,23 +65,6 @@ def test_with_fewer_than_five_seeds_nobody_leads_and_it_is_said():
     assert too_few([{"values": {"lag": [0.0]}}]).startswith("1 seed is too few to rank: ")
 
 
-def test_a_seed_that_one_has_not_is_left_out_of_its_pairs_and_no_others():
-    lags = {
-        "a": values(0.20, seed=1),
-        "b": values(0.24, seed=2),
-        "c": values(0.25, own=0.5, seed=3),
-    }
-    some = {"a": lags["a"], "b": [None, *lags["b"][1:]], "c": [*lags["c"][:-1], None]}
-    assert leaders(some) == ["a", "c"]
-    for name in "bc":
-        pairs = [(x, y) for x, y in zip(some[name], lags["a"], strict=True) if x is not None]
-        d = np.array([x - y for x, y in pairs])
-        n, mean, p = difference(some[name], lags["a"])
-        assert (n, mean) == (15, pytest.approx(d.mean()))
-        assert p == pytest.approx(stats.ttest_1samp(d, 0.0).pvalue)
-    assert difference([None, 1.0], [1.0, None]) == (0, 0.0, 1.0)
-
-
 @pytest.mark.parametrize("number", [2, 5, pytest.param(17, marks=pytest.mark.slow)])
 def test_the_best_is_wrongly_told_from_its_equals_in_one_of_twenty_at_most(number):
     """Estimators that are all alike: the best of them is the best by luck."""
@@ -134,41 +112,6 @@ def test_one_number_over_all_faults_has_a_fixed_set_and_no_score_is_zero():
     assert {r["estimator"]: r["score"] for r in overall([*rows, unbounded])}[
         "only elsewhere"
     ] == 0.0
-
-
-def test_dropping_a_scenario_never_raises_the_rank():
-    """With a third that has no score in "hard", the set of scenarios stays what it was."""
-    scores = {("A", "hard"): 20.0, ("A", "easy"): 70.0, ("B", "hard"): 60.0, ("B", "easy"): 60.0}
-    both = [match(name, 1, scenario=s, score=value) for (name, s), value in scores.items()]
-    third = [match("C", 1, scenario="easy", score=10.0), match("C", 1, scenario="hard")]
-    assert [r["estimator"] for r in overall(both)] == ["B", "A"]
-    assert [r["estimator"] for r in overall(both + third)] == ["B", "A", "C"]
-
-
-def test_who_was_wrong_by_half_the_fault_before_it_is_not_crowned():
-    scenario = find_scenario("fm_step-v1")  # f_m × 1.5: a fault of 50 % of nominal
-    rows = [row("m", "wrong", 0.1, bias=-25.1), row("m", "right", 2.0, bias=24.9)]
-    wrong = misled(rows, {"m": scenario})
-    assert wrong == {("m", "f_m", "wrong")}
-    names = ["coulomb_fm_step-v1", "fm_step-v1"]
-    assert mismatched({name: find_scenario(name) for name in names}) == names[:1]
-
-
-def test_a_cell_is_the_changed_parameter_else_the_worst():
-    rows = [
-        row("s", "a", 1.0, parameter="k_T", changed=False, bias=50.0),
-        row("s", "a", 2.0, parameter="f_m"),
-        row("calm", "a", None, parameter="k_T", changed=False),
-        row("calm", "a", None, parameter="f_m", changed=False, bias=-9.0),
-    ]
-    cells = matrix(rows, ["s", "calm"])
-    assert [cells[name, "a"]["parameter"] for name in ("s", "calm")] == ["f_m", "f_m"]
-
-
-def test_registered_estimators_look_different():
-    looks = [(style(name).light, style(name).marker) for name in REGISTRY]
-    assert len(set(looks)) == len(looks)
-    assert style("mine.py:Mine") == style("mine.py:Mine")
 
 
 def test_who_is_ahead_of_the_best_is_not_behind_it():

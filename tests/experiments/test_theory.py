@@ -1,25 +1,22 @@
 """Scores beside theory: fixed points of the score, consistency, what counts as an alarm."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring import bounds, consistency
-from flexaxis.experiments.scoring import detection as findings
 from flexaxis.experiments.scoring.bounds import (
     Limits,
     bounded,
     jump_bound,
     limits,
-    record_limits,
     score,
 )
 from flexaxis.experiments.scoring.consistency import nees
 from flexaxis.experiments.scoring.detection import detection
-from flexaxis.experiments.scoring.parameter_names import started_nominal, true_theta
+from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.score_table import rows
 from flexaxis.experiments.scoring.scores import Track
 from flexaxis.sim.simulate import simulate
@@ -102,13 +99,6 @@ def test_a_fault_beside_a_nuisance_is_scored():
     assert (found.alarms, found.false_alarms, found.missed) == (2, 1, 0)
 
 
-def test_estimators_are_told_what_is_not_true():
-    scenario = find_scenario("told_kg_fm_step-v1").override({"start": 1.2})
-    told, nominal = started_nominal(scenario), scenario.nominal.as_dict()
-    ratios = {name: told[name] / nominal[name] for name in told if told[name] != nominal[name]}
-    assert ratios == pytest.approx({"k_g": 1.1, "k_T": 1.2, "J_a": 1 / 1.2, "f_m": 1.2})
-
-
 def test_faults_in_one_sample_are_isolated_by_naming_both():
     scenario = find_scenario("together-v1")
     for names, share in ((("k_T", "f_m"), 1.0), (("f_m",), 0.0)):
@@ -134,44 +124,6 @@ def test_nees_is_the_number_of_parameters_for_an_honest_claim():
     assert nees(errors[0], None) is None
     assert nees(np.array([np.nan, 0.0]), covariance) is None
     assert nees(errors[0], np.zeros((2, 2))) is None
-
-
-def test_limits_are_remembered_by_the_torque_too(torque):
-    scenario = find_scenario("fm_step-v1")
-    for factor in (1.0, 3.0):
-        (fresh,) = limits(scenario, ["f_m"], factor * torque)
-        kept = record_limits(scenario.override({"identify": ["f_m"]}), factor * torque)
-        assert kept[0].lag_bound == pytest.approx(fresh.lag_bound)
-
-
-def test_what_all_parameters_share_is_made_once_and_is_its_own(torque, monkeypatch):
-    scenario = find_scenario("fm_step-v1")
-    truth = true_theta(NAMES, scenario.true_parameters())
-    given = {"torque": torque, "claimed": np.eye(3), "findings": [Finding(2010, ("k_T",))]}
-    shared = ("record_limits", "nees", "detection", "isolation")
-
-    def where(name):
-        return {"record_limits": bounds, "nees": consistency}.get(name, findings)
-
-    single = [np.zeros(3), np.eye(3)], *[[scenario, NAMES, given["findings"]]] * 2
-    alone = [
-        getattr(where(name), name)(*each) for name, each in zip(shared[1:], single, strict=True)
-    ]
-    made = []
-    for name in shared:
-        make = getattr(where(name), name)
-        monkeypatch.setattr(
-            where(name), name, lambda *each, name=name, make=make: made.append(name) or make(*each)
-        )
-    found = rows(Track(scenario, NAMES, truth, scenario.true_parameters(), **given))
-    assert sorted(made) == sorted(shared)
-    for row in found:
-        assert (row["nees"], row["detection"], row["isolation"]) == (
-            alone[0],
-            asdict(alone[1]),
-            alone[2],
-        )
-    assert found[0]["isolation"] == [{"fault": "f_m", "named": ["k_T"]}]
 
 
 def test_what_counts_as_an_alarm():

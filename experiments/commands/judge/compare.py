@@ -21,7 +21,6 @@ example:
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,7 +32,6 @@ from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
-    from flexaxis.sim.scenario import Scenario
 
 HELP = "say whether an estimator got better or worse, with an exit status"
 
@@ -100,22 +98,21 @@ def _refuse(args: argparse.Namespace, *names: str) -> None:
 
 
 def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from flexaxis.experiments.catalogue.find import find_scenario, find_suite, select, suite_names
+    from flexaxis.experiments.catalogue.find import find_suite, select, suite_names
     from flexaxis.experiments.gate.gate import SUITE, compare
 
     names = args.names or [SUITE]
     suites = [find_suite(name) for name in names if name in suite_names()] or [find_suite(SUITE)]
     seeds = parse_seeds(args.seeds or str(max(suite.seeds for suite in suites)))
     scenarios = select(names).scenarios
-    sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
     cases = 2 * len(scenarios) * max(args.max_seeds or 0, len(seeds))
     about = f"{cases} cases, and more to tune them" if args.match_std else f"at most {cases} cases"
     with options.working(args, about, cases, _output(args)) as (runner, _):
         comparison = compare(
             args.base, args.candidate, scenarios, seeds, runner, margins=margins,
-            max_seeds=args.max_seeds or 0, match_std=args.match_std, traces=True,
+            max_seeds=args.max_seeds or 0, match_std=args.match_std,
         )  # fmt: skip
-    return _answer(args, comparison, sources, scenarios)
+    return _answer(args, comparison)
 
 
 def _margins(args: argparse.Namespace) -> dict[str, float]:
@@ -146,26 +143,19 @@ def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
         *map(Path, args.names), margins=margins, estimators=(args.base, args.candidate),
         seeds=parse_seeds(args.seeds) if args.seeds else None,
     )  # fmt: skip
-    return _answer(args, comparison, {}, ())
+    return _answer(args, comparison)
 
 
 def _answer(
     args: argparse.Namespace,
     comparison: Comparison,
-    sources: dict[str, str],
-    scenarios: Sequence[Scenario],
 ) -> int:
-    from flexaxis.experiments.gate.report import as_dict, terminal_table, write
-    from flexaxis.experiments.reporting.terminal import show
+    import flexaxis as fx
+    from flexaxis.experiments.gate.report import as_dict, write
 
     status = comparison.status(strict=args.strict)
-    content = as_dict(comparison, sources=sources) | {"command": options.line(args)}
-    path = write(_output(args), content, scenarios)
-    look = [f"Look at the worst run: {content['worst']['command']}"] if status in (1, 3) else []
-
-    def shown() -> None:
-        print("\n".join([content["headline"], *content["advice"], *look, ""]))
-        show(terminal_table(content))
+    content = as_dict(comparison) | {"command": options.line(args)}
+    path = write(_output(args), content)
 
     content["report"] = path
-    return answer(args, content, status, "", *content["legend"], path, show=shown)
+    return answer(args, content, status, fx.Comparison(content), "", path)

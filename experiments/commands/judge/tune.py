@@ -104,7 +104,7 @@ def _tune(args: argparse.Namespace) -> int:
     from flexaxis.experiments.comparison.tune import (
         Trials,
         match_noise,
-        save,
+        save_setting,
     )
     from flexaxis.experiments.running.user_code import is_of_the_machine
 
@@ -126,14 +126,14 @@ def _tune(args: argparse.Namespace) -> int:
                 print(error, file=sys.stderr)  # the others can still be tuned
                 missed.append(name)
                 if path:
-                    save(path, name, None)
+                    save_setting(path, name, None)
                 continue
             finally:
                 advance(1)
             if path:
                 more = [] if args.match == "excess" else ["--match", args.match]
                 words = ["flexaxis tune", name, "--seeds", seeds, *more]
-                save(path, name, tuned, command=" ".join(words))
+                save_setting(path, name, tuned, command=" ".join(words))
             found.append(asdict(tuned) | {"estimator": name})
             if not args.json:
                 print(_in_words(args.match, tuned), flush=True)
