@@ -25,10 +25,10 @@ help:
 	@echo "make test       the test suite (minutes);   make test-slow adds the long checks"
 	@echo "make test-browser  the demo in Chromium, where that is installed"
 	@echo "make check      ruff, formatting, type checker, architecture test"
-	@echo "make docs-tables  the measured tables of the documentation (hours)"
+	@echo "make docs-tables  the measured tables of the documentation (half an hour)"
 	@echo "make docs-speed  those of docs/speed.md, measured on this machine (half an hour)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
-	@echo "make site       the documentation as pages that need no network: results/site/index.html"
+	@echo "make site       the documentation as pages that need no network: results/site/docs/index.html"
 	@echo "make dist       wheel and source archive of the last commit, the same bytes wherever: dist/"
 	@echo "make clean      remove .venv, results and caches"
 
@@ -55,8 +55,7 @@ format: $(VENV)/.check
 	$(BIN)/ruff check --fix .
 
 docs-tables: $(VENV)/.test
-	for name in tables demo friction drives control_suite glr; do \
-	  $(BIN)/python docs/$$name.py || exit 1; done
+	$(BIN)/python docs/results.py
 
 docs-speed: $(VENV)/.peers
 	$(BIN)/python docs/speed.py
@@ -65,7 +64,7 @@ notebooks: $(VENV)/.test
 	$(BIN)/python docs/notebooks/build.py
 
 site: $(VENV)/.docs
-	$(BIN)/python docs/site/build.py
+	$(BIN)/sphinx-build -b html -c docs/site -d build/doctrees -W --keep-going -q . results/site
 
 dist: $(VENV)/.test
 	$(BIN)/python tests/archives.py -o dist

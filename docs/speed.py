@@ -37,7 +37,7 @@ ROUNDS = 7
 TIMES = ("1", "2", "3")
 RATIOS = ("us_per_sample", "times", "ratio")
 UNIT = "rpem-forgetting"
-RIVALS = ("expm", "literal-rpem", "rpem-run")
+RIVALS = ("expm", "rpem-run")
 
 NAMED = [b for a, b in zip(sys.argv, sys.argv[1:], strict=False) if a == "--estimator"]
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from speed_steps import registered, restart
 
-from flexaxis.estimators import LiteralRpem, Rpem, three_mass
+from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.models.discretisation import extended_system
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
@@ -209,8 +209,7 @@ def rivals(given: Problem) -> list[Contender]:
     F, G, _ = extended_system(parametrization, parametrization.theta)
     block = np.zeros((len(F) + 1, len(F) + 1))
     block[:-1, :-1], block[:-1, -1:] = F * given.period, G * given.period
-    literal, ours = (make(given.model, **_options(given)) for make in (LiteralRpem, Rpem))
-    u, y = given.u[:FEW], given.y[:FEW]
+    ours = Rpem(given.model, **_options(given))
 
     def run() -> None:
         for _ in range(REPEATS):
@@ -219,8 +218,6 @@ def rivals(given: Problem) -> list[Contender]:
     return [
         Contender(EXPM, "one scipy.linalg.expm of the 21×21 extended matrix", EXPM,
                   timed(lambda: [expm(block) for _ in range(FEW)], FEW)),
-        Contender("literal-rpem", "the paper word for word, expm in every sample", EXPM,
-                  timed(lambda: literal.run(u, y), FEW)),
         Contender("rpem-run", "Rpem.run, one run on one thread", EXPM,
                   timed(run, REPEATS * len(given.u))),
     ]  # fmt: skip

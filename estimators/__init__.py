@@ -16,14 +16,12 @@ from flexaxis.estimators.signals import increment
 
 if TYPE_CHECKING:
     from flexaxis.estimators.methods.controls import Frozen
-    from flexaxis.estimators.methods.literal import LiteralRpem
     from flexaxis.estimators.methods.rpem import Rpem
 
 __all__ = [
     "RECOMMENDED",
     "EstimatorError",
     "Frozen",
-    "LiteralRpem",
     "Model",
     "Rpem",
     "increment",
@@ -38,7 +36,6 @@ RECOMMENDED = "glr"
 # numba and scipy take most of a second to import, so what needs them is loaded when it is used
 _LATER = {
     "Frozen": "methods.controls",
-    "LiteralRpem": "methods.literal",
     "Rpem": "methods.rpem",
 }
 

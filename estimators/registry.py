@@ -1,4 +1,4 @@
-"""The estimators by name: modules of methods/ and its rules/ bring their own entries."""
+"""The estimators by name: modules of methods/ bring their own entries."""
 
 import inspect
 import pkgutil
@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.estimators import methods
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.knob import Declared, Knob, make_knob, options_of
-from flexaxis.estimators.methods import rules
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.problem import Nominal, make_problem
 from flexaxis.estimators.tuned import Tuning, at_equal_noise
@@ -148,7 +146,7 @@ class _Registry(Mapping[str, Entry]):
 
 REGISTRY: Mapping[str, Entry] = _Registry()
 """
-All registered estimators: every `ENTRIES` of a module of the folders above.
+All registered estimators: every `ENTRIES` of a module of `flexaxis.estimators.methods`.
 
 A name that is not there raises an error that is an `EstimatorError` and a `KeyError`.
 """
@@ -156,11 +154,6 @@ A name that is not there raises an error that is an `EstimatorError` and a `KeyE
 
 @lru_cache
 def _entries() -> Mapping[str, Entry]:
-    found = [e for folder in (methods, rules) for e in _of(folder)]
+    modules = pkgutil.iter_modules(methods.__path__, methods.__name__ + ".")
+    found = [e for m in modules for e in getattr(import_module(m.name), "ENTRIES", ())]
     return {e.name: e for e in sorted(found, key=lambda e: e.rank)}
-
-
-def _of(folder: ModuleType) -> Iterator[Entry]:
-    for module in pkgutil.iter_modules(folder.__path__, folder.__name__ + "."):
-        if not module.ispkg:
-            yield from getattr(import_module(module.name), "ENTRIES", ())

@@ -51,7 +51,7 @@ def test_one_round():
     given = problem()
     (found,) = measure([*rivals(given), *shipped(given, ["ekf"])], 1)
     rows = {row["name"]: row for row in found}
-    assert {"expm", "literal-rpem", "rpem-run", "rpem-forgetting", "ekf"} <= set(rows)
+    assert {"expm", "rpem-run", "rpem-forgetting", "ekf"} <= set(rows)
     for row in found:
         assert row["low"] <= row["ratio"] <= row["high"] and row["us_per_sample"] > 0
     unit = rows["expm"]["us_per_sample"]

@@ -1,4 +1,7 @@
-"""Three estimators, a scenario each for friction, load and torque: the plot of a benchmark."""
+"""
+Three estimators, a scenario each for friction, load and torque: the plot of a benchmark
+========================================================================================
+"""
 
 import flexaxis as fx
 

@@ -1,4 +1,6 @@
-"""A fault and two estimators: motor friction jumps by half at 10 s.
+"""
+A fault and two estimators: motor friction jumps by half at 10 s
+================================================================
 
 The method with a forgetting factor needs its memory of a second; `glr` weighs which parameter
 jumped, and when, and moves that one. The band is ±2σ as claimed.

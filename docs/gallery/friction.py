@@ -1,4 +1,6 @@
-"""Viscous or dry: a linear model takes dry friction for viscous, one with both does not.
+"""
+Viscous or dry: a linear model takes dry friction for viscous, one with both does not
+=====================================================================================
 
 Beside 0.1 N m of Coulomb friction, $f_m$ of the linear estimator is a third too high before
 anything has happened.

@@ -1,4 +1,7 @@
-"""An axis to step by hand: a loop closed in Python, with a fault under way."""
+"""
+An axis to step by hand: a loop closed in Python, with a fault under way
+========================================================================
+"""
 
 import matplotlib.pyplot as plt
 

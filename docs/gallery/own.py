@@ -1,4 +1,6 @@
-"""An estimator of one's own: the shipped method, its answers smoothed over half a second.
+"""
+An estimator of one's own: the shipped method, its answers smoothed over half a second
+======================================================================================
 
 Any class with `names`, `output` and `step` will do; it goes by its own name.
 """

@@ -1,4 +1,7 @@
-"""Three faults in a row, and what an estimator says it found."""
+"""
+Three faults in a row, and what an estimator says it found
+==========================================================
+"""
 
 import flexaxis as fx
 

@@ -1,4 +1,7 @@
-"""What an estimator sees: the torque, and the motor speed with its noise."""
+"""
+What an estimator sees: the torque, and the motor speed with its noise
+======================================================================
+"""
 
 import flexaxis as fx
 

@@ -1,4 +1,6 @@
-"""Where the information is: spectrum of the torque, and how strongly it moves each prediction.
+"""
+Where the information is: spectrum of the torque, and how strongly it moves each prediction
+===========================================================================================
 
 The gradient ψ of the predictor is a filtered torque. Half of what is known of the arm comes from
 around the lower mode, in which the arm swings.

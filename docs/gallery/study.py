@@ -1,4 +1,7 @@
-"""How small a fault can be: lag over the size of the fault, as a study of nine runs."""
+"""
+How small a fault can be: lag over the size of the fault, as a study of nine runs
+=================================================================================
+"""
 
 import flexaxis as fx
 

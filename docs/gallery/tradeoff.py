@@ -1,4 +1,6 @@
-"""One knob, two prices: lag against noise while the forgetting factor is turned.
+"""
+One knob, two prices: lag against noise while the forgetting factor is turned
+=============================================================================
 
 A single point ranks nothing: an estimator can always be made faster by making it noisier.
 """

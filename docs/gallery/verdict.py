@@ -1,4 +1,7 @@
-"""Better, worse or undecided: the verdict on a change, scenario by scenario."""
+"""
+Better, worse or undecided: the verdict on a change, scenario by scenario
+=========================================================================
+"""
 
 import flexaxis as fx
 

@@ -1,4 +1,6 @@
-"""Standstill: forgetting winds P up, regularisation holds it.
+"""
+Standstill: forgetting winds P up, regularisation holds it
+==========================================================
 
 From 10 to 30 s nothing excites the axis, and forgetting divides $P$ by λ in every sample: the next
 measurement would then move the estimate by anything. The regularisation μ holds $P$ at (1 − λ)/μ;

@@ -100,7 +100,7 @@ unfair
 # ## The whole trade-off, with the bound
 #
 # Each estimator over its knob, $\nu = 1-\lambda$ or the walk, from a quarter to twice the default. The grey line is the least lag
-# that noise allows to whoever is told time and state of the fault (Cramér–Rao, [scores.md](../scores.md#beside-theory)).
+# that noise allows to whoever is told time and state of the fault (Cramér–Rao, [scores.md](../scores.md#the-bound)).
 
 # %%
 turns = [0.25, 0.5, 1, 2]
@@ -161,7 +161,7 @@ plt.show()
 
 # %% [markdown]
 # So the idea is worth something against forgetting, and a long way from `glr`, which finds *when* something changed and
-# *which* parameter it was ([scores.md](../scores.md#the-estimators)). In a file of its
+# *which* parameter it was ([scores.md](../estimators.md)). In a file of its
 # own, the class gets the same verdict from the command line, with an exit status for CI; `flexaxis new mine.py` writes a file to
 # begin with.
 #

@@ -184,7 +184,7 @@ print(f"estimates against the truth: {100 * error.std():.2f} % from day to day")
 
 # %% [markdown]
 # What comes next for an axis of yours: [logs.md](../logs.md) from `import` to `track`, [trend.md](../trend.md) on what the words
-# of a trend promise, and [friction.md](../friction.md#what-an-axis-owner-should-do) on the motion to log.
+# of a trend promise, and [friction.md](../friction.md#how-to-log-an-axis) on the motion to log.
 #
 # - E. Wernholt and S. Gunnarsson, *Nonlinear identification of a physically parameterized robot model*, SYSID 2006.
 # - L. Ljung, *System Identification: Theory for the User*, 2nd ed., Prentice Hall, 1999.

@@ -96,7 +96,6 @@ def make_design(
     noise: float | None = None,
     x0: ArrayLike | None = None,
     x0_covariance: ArrayLike | None = None,
-    relative: bool = True,
     scale: ArrayLike | None = None,
 ) -> Design:
     """
@@ -107,8 +106,6 @@ def make_design(
     x0_covariance : (n,) or (n, n) array_like, optional
         Covariance of the state at the first sample; zero, certain, by default. As in ``x0``, states
         that laws have, or that are zero at the start of every sample, need not be given.
-    relative : bool
-        Whether the design is in θ/θ(0); else in θ, as the paper has it.
     scale : (p,) array_like, optional
         By what θ is divided in the place of θ(0): needed where parameters of laws start at zero.
 
@@ -124,7 +121,7 @@ def make_design(
     start = finite_vector("theta0", parametrization.theta if theta0 is None else theta0, p)
     lower, upper = _box(start, bounds, np.array(parametrization.additive))
     weight, modification = _time_update(forgetting, drift, period, p)
-    scale = _scale(start, scale) if relative else np.ones(p)
+    scale = _scale(start, scale)
     sides = lower / scale, upper / scale
     squares = np.outer(scale, scale)
     return Design(
@@ -167,6 +164,13 @@ def at_least_zero(name: str, value: object, what: str) -> float:
     if _is_number(value) and np.isfinite(value) and value >= 0:  # type: ignore[call-overload, operator]
         return float(value)  # type: ignore[arg-type]
     raise EstimatorError(f"{name} is {value!r}; give {what}, finite and not negative")
+
+
+def flag(name: str, value: object) -> bool:
+    """Return a truth that is one."""
+    if isinstance(value, bool):
+        return value
+    raise EstimatorError(f"{name} is {value!r}; give true or false")
 
 
 def _is_number(value: object) -> bool:

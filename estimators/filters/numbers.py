@@ -11,7 +11,7 @@ _TUNING = (
     "clip",  # standard deviations beyond which a residual counts as one of that size
     "consistency",  # what clipping leaves of a variance
     "largest",  # variance of an estimate relative to θ(0)²
-    "rule",  # of forgetting, see `forgetful`
+    "rule",  # of forgetting, see `forgetting`
     "level", "first", "next", "reset", "short", "long", "least",  # of rules of forgetting
     "stay",  # probability with which a mode stays
     "astray_memory", "unknown", "heeds",  # see `fault_monitor`

@@ -9,7 +9,7 @@ in slow, steady adaptation it is P/2; after a reset of P it is not.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.covariance import bound, project
@@ -66,8 +66,6 @@ class Recursion(NamedTuple):
         Δ.
     regularization, lower, upper, floor, early : (p,) arrays
         μ, the box, what P may be in any case, and its ceiling while R̂ is not known.
-    rates, along, work : (p,), (p,), (p, p) arrays
-        Of a rule of forgetting.
     """
 
     axis: Axis
@@ -87,9 +85,6 @@ class Recursion(NamedTuple):
     upper: Array
     floor: Array
     early: Array
-    rates: Array
-    along: Array
-    work: Array
 
 
 @inlined
@@ -114,9 +109,6 @@ def recursion_in(block, at):
         items(block, at[i + 12])[0],
         items(block, at[i + 13])[0],
         items(block, at[i + 14])[0],
-        items(block, at[i + 15])[0],
-        items(block, at[i + 16])[0],
-        matrix(block, at[i + 17])[0],
     )
 
 
@@ -126,8 +118,7 @@ def recursion(
     robust: float = 0.0,
     correct: bool = False,
     ceiling: float = CEILING,
-    rates: ArrayLike = 0.0,
-    **more: ArrayLike,
+    **more: float,
 ) -> Memory:
     """
     Return a prediction-error method before the first sample.
@@ -142,8 +133,6 @@ def recursion(
         Whether the state moves with θ.
     ceiling : float
         Largest variance of an estimate relative to θ(0)²; infinite for none.
-    rates : (p,) array_like
-        Of a rule of forgetting.
     **more
         Numbers of a rule.
     """
@@ -187,9 +176,6 @@ def recursion(
             "upper": design.upper,
             "floor": GRANTED * variances,
             "early": np.full(p, np.inf) if np.isinf(ceiling) else EARLY * variances,
-            "rates": np.broadcast_to(np.asarray(rates, float), p),
-            "along": nothing,
-            "work": np.zeros((p, p)),
         }
     )
 

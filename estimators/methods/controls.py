@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.filters.design import above_zero, finite_vector
 from flexaxis.estimators.filters.filter import RecursiveEstimator
 from flexaxis.estimators.filters.prediction_error import LINEAR
-from flexaxis.estimators.methods.paper import rpem_corrected
-from flexaxis.estimators.methods.rpem import Rpem
+from flexaxis.estimators.methods.rpem import Rpem, rpem_forgetting
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
@@ -163,7 +162,7 @@ def _oracle_reset(
         Standard deviation of a change, relative to θ.
     """
     weight = problem.factor("oracle-reset", forgetting)
-    rpem = rpem_corrected(problem, forgetting=weight)
+    rpem = rpem_forgetting(problem, forgetting=weight, state_correction=True)
     return OracleReset(rpem, onsets=onsets, spread=spread)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.filters.design import above_zero, at_least_zero, make_design
+from flexaxis.estimators.filters.design import above_zero, at_least_zero, flag, make_design
 from flexaxis.estimators.glr.cogging import FASTEST
 from flexaxis.estimators.glr.filter import Glr
 from flexaxis.estimators.glr.records import Jumps, lengths
@@ -105,11 +105,9 @@ def glr(
     """
     nominal, period, noise = problem.nominal, problem.period, problem.noise
     _check(period=period, walk=walk, jump=jump, rate=rate, spread=spread, budget=budget)
-    if not isinstance(gear, bool):
-        raise EstimatorError(f"gear is {gear!r}; give true or false")
     asked = {*np.ravel(track), *np.ravel(suspects)}  # checked where they are used
     bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *problem.identify, *asked}
-    geared = gear and not bristles
+    geared = flag("gear", gear) and not bristles
     model = with_laws(nominal, torque=problem.torque, period=period, geared=geared)
     told = told_of(nominal)
     if noise is None and not isinstance(nominal, Model):

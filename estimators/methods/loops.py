@@ -6,7 +6,7 @@ Each takes a block of memory and where its arrays are, `at`; see
 compile in a fraction of the time. θ[k] uses y[k], and u[k] is not yet in x then.
 """
 
-from flexaxis.estimators.filters.forgetful import CUSUM, DIRECTIONAL, EFRA, PAPER, VARIABLE
+from flexaxis.estimators.filters.forgetting import forget
 from flexaxis.estimators.filters.interacting_models import (
     listen,
     mix,
@@ -22,13 +22,7 @@ from flexaxis.estimators.filters.prediction_error import (
     measure,
     publish,
     recursion_in,
-    time_update,
 )
-from flexaxis.estimators.methods.rules.cusum import reset_on_alarm
-from flexaxis.estimators.methods.rules.directional import forget_excited
-from flexaxis.estimators.methods.rules.efra import forget_and_reset
-from flexaxis.estimators.methods.rules.variable import forget_by_residual
-from flexaxis.estimators.methods.rules.vector import forget_each
 from flexaxis.estimators.models.compiler import inlined, loop
 from flexaxis.estimators.models.series import lawful_sample, linear_sample
 
@@ -63,24 +57,6 @@ def rpem_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
         if state.now[0]["anew"] > state.now[0]["heeds"]:
             return -k - 1
     return len(u)
-
-
-@inlined
-def forget(state, valid):
-    """Take P over the time update, by the rule of the filter."""
-    rule = state.now[0]["rule"]
-    if rule == PAPER:
-        time_update(state)
-    elif rule == CUSUM:
-        reset_on_alarm(state, valid)
-    elif rule == DIRECTIONAL:
-        forget_excited(state, valid)
-    elif rule == EFRA:
-        forget_and_reset(state)
-    elif rule == VARIABLE:
-        forget_by_residual(state, valid)
-    else:
-        forget_each(state)
 
 
 @loop

@@ -1,15 +1,29 @@
-"""The paper's recursive prediction-error method, compiled."""
+"""The paper's recursive prediction-error method: with forgetting, and with drift."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.filters.design import covariance_matrix, make_design
+from flexaxis.estimators.filters.design import (
+    above_zero,
+    at_least_zero,
+    covariance_matrix,
+    flag,
+    make_design,
+)
 from flexaxis.estimators.filters.filter import CompiledFilter, Trace, trace
-from flexaxis.estimators.filters.forgetful import LOOP, PAPER
-from flexaxis.estimators.filters.prediction_error import CEILING, read_claim, recursion
+from flexaxis.estimators.filters.forgetting import LOOP, PAPER
+from flexaxis.estimators.filters.prediction_error import (
+    CALM,
+    CEILING,
+    ROBUST,
+    read_claim,
+    recursion,
+)
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import Entry
 
 Array = NDArray[np.float64]
 
@@ -139,7 +153,7 @@ class Rpem(CompiledFilter):
             design,
             robust=robust,
             ceiling=ceiling,
-            correct=state_correction,
+            correct=flag("state_correction", state_correction),
             rule=PAPER,
         )
         super().__init__(LOOP, start, design, read_claim)
@@ -192,3 +206,100 @@ class Rpem(CompiledFilter):
     def trace(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
         """Do as ``run`` and keep residual, gradient and P of every sample."""
         return trace(self, u, y, valid)
+
+
+def rpem_forgetting(
+    problem: Problem,
+    *,
+    forgetting: float | None = None,
+    regularization: float = 0.0,
+    state_correction: bool = False,
+    robust: float = ROBUST,
+    ceiling: float = CALM,
+) -> Rpem:
+    """
+    Make the method with forgetting factor λ, eq. (13).
+
+    Parameters
+    ----------
+    forgetting : float, optional
+        λ of a sample.
+    regularization : float
+        m of μ_i = m (1−λ)/P(0)_ii, which keeps P_ii below P(0)_ii/m: free of units.
+    state_correction, robust, ceiling
+        As for `Rpem`.
+    """
+    weight = problem.factor("rpem-forgetting", forgetting)
+    P = problem.forgetting_P(weight)
+    share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
+    diagonal = np.diag(covariance_matrix("P0", P, len(problem.identify)))
+    return Rpem(
+        problem.model,
+        **problem.asked,
+        P0=P,
+        forgetting=weight,
+        regularization=share * (1 - weight) / diagonal,
+        state_correction=state_correction,
+        robust=robust,
+        ceiling=ceiling,
+    )
+
+
+def rpem_drift(
+    problem: Problem,
+    *,
+    scale: float = 1.0,
+    regularization: float = 0.0,
+    robust: float = ROBUST,
+    ceiling: float = 10 * CALM,
+) -> Rpem:
+    """
+    Make the method with covariance modification by ``scale`` times Δ, eq. (14), (32).
+
+    Parameters
+    ----------
+    scale : float
+        Factor on Δ.
+    regularization : float
+        m of μ_i = m Δ_ii/P(0)_ii², which keeps P_ii below P(0)_ii/√m: free of units.
+    robust, ceiling
+        As for `Rpem`.
+    """
+    from flexaxis.estimators.offline import priors
+
+    above_zero("scale", scale, "the factor on Δ")
+    share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
+    axis = problem.model, problem.identify, problem.period
+    drift = scale * priors.default_drift(*axis, torque=problem.torque, output=problem.output)
+    known = priors.stored_P(*axis, forgetting=None, scale=scale)
+    P = problem.initial_P(known, drift=drift)
+    diagonal = np.diag(covariance_matrix("P0", P, len(problem.identify)))
+    return Rpem(
+        problem.model,
+        **problem.asked,
+        P0=P,
+        drift=drift,
+        regularization=share * drift / diagonal**2,
+        robust=robust,
+        ceiling=ceiling,
+    )
+
+
+ENTRIES = (
+    Entry(
+        "rpem-forgetting",
+        "the paper's method with a forgetting factor, eq. (13)",
+        rpem_forgetting,
+        knob="1-forgetting",
+        default=0.995,
+        rank=1,
+    ),
+    Entry(
+        "rpem-drift",
+        "the paper's method with covariance modification, eq. (14), (32)",
+        rpem_drift,
+        knob="scale",
+        default=1.0,
+        rank=2,
+    ),
+)

@@ -1,9 +1,8 @@
-"""The shipped models, by name: one to four masses."""
+"""The shipped models, by name: one to three masses."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from flexaxis.estimators.models.chain import chain
 from flexaxis.estimators.models.laws import INPUT, Law
 from flexaxis.estimators.models.model import Model
 
@@ -52,26 +51,25 @@ def three_mass(nominal: Mapping[str, float]) -> Model:
     Model
         Input: motor torque command. Output: motor speed [rad/s].
     """
-    masses, springs = ("motor", "gear", "arm"), {"gear": "_g", "arm": "_a"}
-    return replace(chain("three_mass", masses, springs, nominal, ratio=True), identify=PAPER)
-
-
-def four_mass(nominal: Mapping[str, float]) -> Model:
-    """
-    Return the paper's axis with a load that the arm carries on one more spring.
-
-    Parameters
-    ----------
-    nominal : mapping
-        As for `three_mass`, and J_l, k_l, d_l, f_l of the load and its spring [SI].
-
-    Returns
-    -------
-    Model
-        Input: motor torque command. Output: motor speed [rad/s].
-    """
-    springs = {"gear": "_g", "arm": "_a", "load": "_l"}
-    return chain("four_mass", ("motor", *springs), springs, nominal, ratio=True)
+    return Model(
+        name="three_mass",
+        states=("twist_gear", "twist_arm", "speed_motor", "speed_gear", "speed_arm"),
+        A=(
+            ("0", "0", "r", "-1", "0"),
+            ("0", "0", "0", "1", "-1"),
+            ("-r*k_g/J_m", "0", "-(r^2*d_g + f_m)/J_m", "r*d_g/J_m", "0"),
+            ("k_g/J_g", "-k_a/J_g", "r*d_g/J_g", "-(f_g + d_g + d_a)/J_g", "d_a/J_g"),
+            ("0", "k_a/J_a", "0", "d_a/J_a", "-(d_a + f_a)/J_a"),
+        ),
+        B=("0", "0", "k_T/J_m", "0", "0"),
+        C=("0", "0", "1", "0", "0"),
+        nominal=dict(nominal),
+        positive=("J_m", "J_g", "J_a", "k_g", "k_a"),
+        nonnegative=("d_g", "d_a", "f_m", "f_g", "f_a"),
+        nonzero=("k_T", "r"),
+        identify=PAPER,
+        fixed=("r",),
+    )
 
 
 BRISTLES = Law(
@@ -196,7 +194,21 @@ def two_mass(nominal: Mapping[str, float]) -> Model:
     Model
         Input: motor torque command. Output: motor speed [rad/s].
     """
-    return chain("two_mass", ("motor", "load"), {"shaft": ""}, nominal)
+    return Model(
+        name="two_mass",
+        states=("twist", "speed_motor", "speed_load"),
+        A=(
+            ("0", "1", "-1"),
+            ("-k/J_m", "-(d + f_m)/J_m", "d/J_m"),
+            ("k/J_l", "d/J_l", "-(d + f_l)/J_l"),
+        ),
+        B=("0", "k_T/J_m", "0"),
+        C=("0", "1", "0"),
+        nominal=dict(nominal),
+        positive=("J_m", "J_l", "k"),
+        nonnegative=("d", "f_m", "f_l"),
+        nonzero=("k_T",),
+    )
 
 
 @dataclass(frozen=True)
@@ -274,8 +286,5 @@ MODELS: Mapping[str, _Shipped] = {
         guess=_two_mass_guess,
     ),
     "three_mass": _Shipped(three_mass, rough=N1, known={"n1": N1}),
-    "four_mass": _Shipped(
-        four_mass, rough=N1 | {"J_l": 0.4, "k_l": 2e4, "d_l": 2.0, "f_l": 0.1}
-    ),
 }  # fmt: skip
 """The shipped models, by name."""

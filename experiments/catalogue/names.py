@@ -37,7 +37,7 @@ GROUPS = {
     "nuisance": "changes that are no faults",
     "drives": "drives that exist, with friction and faults of their own",
     "control": "estimates drive the controller",
-    "chains": "axes of fewer or more masses than the paper's",
+    "chains": "axes of other masses than the paper's",
     "ground": "where estimators have failed that do well on all the others",
 }
 """The groups of the catalogue, in the order in which it is read."""

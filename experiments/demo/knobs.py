@@ -15,7 +15,7 @@ from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.experiments.running.estimators import parse
 
 # One is slower than the axis, the other would have to be told when somebody clicks.
-NOT_HERE = {"literal-rpem", "oracle-reset"}
+NOT_HERE = {"oracle-reset"}
 
 
 @dataclass(frozen=True)

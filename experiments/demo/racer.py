@@ -94,7 +94,7 @@ class Racer:
         self._knobs = {
             key: options[key] for key in ("forgetting", "regularization") if key in options
         }
-        if self.name in ("rpem-drift", "rpem-drift-mu"):
+        if self.name == "rpem-drift":
             self._knobs["drift"] = {name: options["scale"] * DRIFT[name] for name in NAMES}
         self.knobs = tuple(self._knobs)
         self.tuning = replace(KnobSettings(), **self._knobs)

@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, dlsim, find_peaks
 
-from flexaxis.estimators import LiteralRpem, Rpem
 from flexaxis.estimators.offline.frequency import frequency_response, information, line_spectrum
 from flexaxis.estimators.offline.identification import Identified
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.paper.claim import Evidence, by_name
-from flexaxis.experiments.paper.data import Data, signals
+from flexaxis.experiments.paper.data import Data
 from flexaxis.experiments.paper.experiments import (
     FAR,
-    FORGETTING,
     NEAR,
     band,
     magnitude_error,
@@ -89,24 +87,6 @@ def _difference(data: Data, name: str) -> float:
         for side in (1, -1, 0)
     )
     return float(np.linalg.norm((above - below) / (2 * step) - psi[:, 0]) / np.linalg.norm(psi))
-
-
-def compiled_difference(e: Evidence) -> float:
-    """Return the largest difference of θ̂ of the compiled filter and the literal one."""
-    record, model = e.data.nominal[0], e.data.parametrization
-    u, y = signals(record)
-    one, two = (
-        method(
-            e.data.model,
-            identify=e.data.names,
-            theta0=e.data.scenario.start * model.theta,
-            P0=e.convergence.runs["forgetting"].P0,
-            period=record.period,
-            forgetting=FORGETTING,
-        ).run(u[:1000], y[:1000])
-        for method in (Rpem, LiteralRpem)
-    )
-    return float(np.max(np.abs(one - two) / model.theta))
 
 
 def torque_lines(data: Data) -> tuple[Array, Array]:

@@ -197,7 +197,7 @@ def test_score(flexaxis):
     pooled = max(pooled, key=lambda row: row["largest"])
     assert pooled["largest"] > 0 and pooled["largest_interval"] is None  # of two seeds
     page = (run / "report.html").read_text(encoding="utf-8")
-    assert ">largest error [%]</th>" in page and "Largest error before the fault." in page
+    assert 'data-name="largest error [%]"' in page and "Largest error before the fault." in page
 
     study = 'scenario = "short.toml"\nestimators = ["rpem-forgetting"]\nseeds = 1\n'
     (flexaxis.place / "small.toml").write_text(f"{study}[sweep]\nstart = [1.0, 1.1]", "utf-8")

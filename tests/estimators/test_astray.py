@@ -46,7 +46,7 @@ def error(theta):
     return np.abs(theta[-1000:, :3].mean(axis=0) / TRUTH - 1).max()
 
 
-@pytest.mark.parametrize("name", ["rpem-corrected", "ekf", "imm"])
+@pytest.mark.parametrize("name", ["rpem-forgetting", "ekf", "imm"])
 def test_equal_readings_of_a_coarse_encoder_are_believed(name):
     """Of 45 s some 1200 repeat, in motion; and so do those of an axis at rest under torque."""
     y = counted()
@@ -57,7 +57,7 @@ def test_equal_readings_of_a_coarse_encoder_are_believed(name):
 
 
 @pytest.mark.parametrize("value", [0.0, 4.0])
-@pytest.mark.parametrize("name", ["rpem-corrected", "ekf", "imm"])
+@pytest.mark.parametrize("name", ["rpem-forgetting", "ekf", "imm"])
 def test_a_sensor_that_is_stuck_is_not_believed(name, value):
     estimator = make(name)
     estimator.run(run().u, stuck(run().y, value))
@@ -66,7 +66,7 @@ def test_a_sensor_that_is_stuck_is_not_believed(name, value):
     assert believed(estimator)[HEALS + 300 :].all()
 
 
-@pytest.mark.parametrize("name", ["rpem-corrected", "ekf"])
+@pytest.mark.parametrize("name", ["rpem-forgetting", "ekf"])
 def test_the_end_of_the_range_is_known_once_it_was_reached(name):
     """In the second half of the saturation no clipped reading is taken, not even the first."""
     estimator = make(name)
@@ -146,7 +146,7 @@ def test_findings_before_it_began_anew_stay_and_later_ones_are_counted_on():
     assert abs(named[0].onset * 0.005 - 36.0) < 0.1
 
 
-@pytest.mark.parametrize("name", ["rpem-forgetting", "efra", "variable-forgetting", "cusum-reset"])
+@pytest.mark.parametrize("name", ["rpem-forgetting", "variable-forgetting", "cusum-reset"])
 def test_what_forgets_begins_anew_where_it_is_lost(name):
     """The sensor has the wrong sign for 20 s: the way back from there leads into another valley."""
     y = run().y.copy()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import sqrtm
 
-from flexaxis.estimators import EstimatorError, Frozen, LiteralRpem, Rpem, three_mass
+from flexaxis.estimators import EstimatorError, Frozen, Rpem, three_mass
 
 P0 = [2.97e-4, 5.19e-5, 4.69e-6]
 DRIFT = np.diag([5e-8, 50e-8, 500e-8])
@@ -216,10 +216,9 @@ REFUSALS = [
 
 
 @pytest.mark.parametrize(("options", "message"), REFUSALS)
-@pytest.mark.parametrize("kind", [Rpem, LiteralRpem])
-def test_options_that_are_refused(nominal, kind, options, message):
+def test_options_that_are_refused(nominal, options, message):
     with pytest.raises(EstimatorError, match=message):
-        kind(three_mass(nominal), **({"P0": P0, "period": 0.005} | options))
+        Rpem(three_mass(nominal), **({"P0": P0, "period": 0.005} | options))
 
 
 SIGNALS = [
@@ -236,7 +235,6 @@ def test_signals_that_are_refused(nominal, signals, message):
     model = three_mass(nominal)
     for filter_ in (
         Rpem(model, P0=P0, period=0.005),
-        LiteralRpem(model, P0=P0, period=0.005),
         Frozen(model),
     ):
         with pytest.raises(EstimatorError, match=message):

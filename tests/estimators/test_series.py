@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from acceptance.literal import LiteralRpem
 
-from flexaxis.estimators import LiteralRpem, Rpem, three_mass, two_mass
+from flexaxis.estimators import Rpem, three_mass, two_mass
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.discretisation import plan
 

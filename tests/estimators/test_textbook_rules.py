@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from acceptance.axes import AXES, NAMES, scaled, simulate, theta_of
-from acceptance.textbook import Cusum, Variable, directional, efra, textbook, vector
+from acceptance.textbook import Cusum, Variable, textbook
 
 from flexaxis.estimators.registry import REGISTRY
 
@@ -36,19 +36,6 @@ def compare(signals, name, rule, *, corrected=False, **options):
 def make(name, axis, **options):
     given = {"identify": NAMES, "P0": P0, "forgetting": LAMBDA} | LITERAL | options
     return REGISTRY[name].factory(axis, 0.005, **given)
-
-
-def test_vector(jumps):
-    rates = np.array([2.0, 1.0, 0.4])
-    compare(jumps, "vector-forgetting", vector(1 - (1 - LAMBDA) * rates), rates=rates)
-
-
-def test_directional(jumps):
-    compare(jumps, "directional-forgetting", directional(LAMBDA, np.sqrt(RELATIVE_P0)))
-
-
-def test_efra(jumps):
-    compare(jumps, "efra", efra(LAMBDA, np.diag(10 * RELATIVE_P0)))
 
 
 def test_variable(jumps):

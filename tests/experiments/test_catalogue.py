@@ -179,10 +179,10 @@ def test_suites():
     standard = find_suite("standard")
     drawn = {name for name in FROZEN if name.endswith("-v2")}
     last = set(FROZEN) - {name.replace("-v2", "-v1") for name in drawn}
-    chains = {"two_mass_fm_step-v1", "four_mass_fm_step-v1"}
+    chains = {"two_mass_fm_step-v1"}
     assert set(standard.scenarios) == last - chains and len(last) == len(FROZEN) - len(drawn)
     assert {s.name for s in CATALOGUE if s.fault} - last == {n.replace("-v2", "-v1") for n in drawn}
-    assert set(standard.estimators) == set(REGISTRY) - {"literal-rpem"}
+    assert set(standard.estimators) == set(REGISTRY)
     assert standard.seeds == 30
     groups = {name: find_scenario(name).group for name in FROZEN}
     parted = [find_suite(name).scenarios for name in ("faults", "mismatch", "nuisance")]

@@ -1,4 +1,4 @@
-"""Axes of two and four masses from scenario to score; and one of which there is no model."""
+"""An axis of two masses from scenario to score; and one of which there is no model."""
 
 import mujoco
 import numpy as np
@@ -19,12 +19,11 @@ from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.simulate import simulate
 
-CHAINS = ("two_mass", "four_mass")
 T = 0.005
 
 
-def chain(name):
-    return find_scenario(f"{name}_fm_step-v1")
+def chain():
+    return find_scenario("two_mass_fm_step-v1")
 
 
 def linearised(q, name):
@@ -63,10 +62,9 @@ def test_the_estimators_model_is_the_plant(name):
         assert np.array_equal(C.ravel(), np.eye(len(A))[len(A) // 2])  # the motor's speed
 
 
-@pytest.mark.parametrize("name", CHAINS)
-def test_estimators_follow_a_fault_of_a_chain(name):
+def test_estimators_follow_a_fault_of_a_chain():
     """The lag of rpem is that of its memory of 1 s, and nobody is faster than the bound."""
-    scenario = chain(name)
+    scenario = chain()
     with BenchHere() as bench:
         runs = bench.runs([scenario], ["rpem-forgetting", "ekf", "frozen"], [1000])
     rows = {key[1]: {row["parameter"]: row for row in case} for key, (case,) in runs.items()}
@@ -82,10 +80,9 @@ def test_estimators_follow_a_fault_of_a_chain(name):
         assert 0 < rows[estimator]["f_m"]["score"] < 100
 
 
-@pytest.mark.parametrize("name", CHAINS)
-def test_the_bound_is_of_the_model_of_the_plant(name):
+def test_the_bound_is_of_the_model_of_the_plant():
     """By finite differences of the exact linear model, from the true state at the fault on."""
-    scenario = chain(name)
+    scenario = chain()
     (record,) = simulate(scenario, [1000])
     u, names, k, stop = record.torque, scenario.identify, 2000, 3000
     before = dict(zip(record.parameter_names, record.true_parameters[0].tolist(), strict=True))
@@ -95,7 +92,7 @@ def test_the_bound_is_of_the_model_of_the_plant(name):
     theta = np.array([after[each] for each in physical]) ** sign
 
     def speeds(q, u, x):
-        A, B = linearised(preset("n1", name).replace(**q), name)
+        A, B = linearised(preset("n1", "two_mass").replace(**q), "two_mass")
         from acceptance.axes import held
 
         step, found, motor = held(A, B, T), [], len(A) // 2
@@ -123,9 +120,8 @@ def test_the_bound_is_of_the_model_of_the_plant(name):
     assert found[2].lag_bound == pytest.approx(lag, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", CHAINS)
-def test_a_kept_record_is_the_record(name, tmp_path):
-    scenario = chain(name).override({"duration": 2.0, "fault[0].at": 1.0})
+def test_a_kept_record_is_the_record(tmp_path):
+    scenario = chain().override({"duration": 2.0, "fault[0].at": 1.0})
     store = RecordCache(tmp_path / "records")
     (made,), first = records(scenario, [0], store)
     (kept,), again = records(scenario, [0], store)
@@ -151,7 +147,7 @@ def unknown(request, monkeypatch):
 
     for place in ("experiments.running.cache", "experiments.scoring.nominal"):
         monkeypatch.setattr(f"flexaxis.{place}.simulate", never)
-    return chain("two_mass")
+    return chain()
 
 
 TOLD = "two_mass_fm_step-v1: estimators have no model two_mass with the parameters k_T, J_m, J_l,"

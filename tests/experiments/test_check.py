@@ -25,13 +25,7 @@ def broken(text, store):
     return {finding.rule for finding in check(parse(text), store=store) if finding.holds is False}
 
 
-# Seconds and more each.
-LONG = ("literal-rpem",)
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in LONG)) for n in REGISTRY]
-)
+@pytest.mark.parametrize("name", REGISTRY)
 def test_registered_estimators_keep_the_rules(name, store):
     findings = {finding.rule: finding for finding in check(parse(name), store=store)}
     assert {rule for rule, finding in findings.items() if finding.holds is False} == set()

@@ -203,7 +203,7 @@ def test_a_wrong_knob_is_refused_and_nothing_changes():
 
 
 def test_without_regularisation_a_pause_winds_up():
-    session = DemoSession(estimators=("rpem-forgetting", "rpem-forgetting-mu"))
+    session = DemoSession(estimators=("rpem-forgetting", "rpem-forgetting[regularization=0.01]"))
     session.advance(5 * RATE)
     session.axis.excitation = "off"
     session.advance(15 * RATE)

@@ -49,10 +49,10 @@ def test_the_file_holds_no_other_scenario():
 
 @pytest.fixture(scope="module")
 def record():
-    return contents.record_of("four_mass_fm_step-v1")  # which has every signal
+    return contents.record_of("fm_step-v1")
 
 
-@pytest.mark.parametrize("signal", contents.SIGNALS)
+@pytest.mark.parametrize("signal", [s for s in contents.SIGNALS if s != "true_angle_l"])
 def test_one_sample_that_moves_by_a_millionth_is_seen(record, signal):
     values = getattr(record, signal).copy()
     # a sample of ordinary size; a smaller one moves less than the tolerance

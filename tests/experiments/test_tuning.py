@@ -24,7 +24,7 @@ from flexaxis.experiments.comparison.tune import (
 from flexaxis.experiments.running.estimators import parse
 from flexaxis.sim.parameters import preset
 
-PAPER = {"rpem-forgetting", "rpem-drift", "rpem-forgetting-mu", "rpem-drift-mu", "literal-rpem"}
+PAPER = {"rpem-forgetting", "rpem-drift"}
 # not tuned to equal noise on the linear axis: what dry friction does not do there costs them noise
 LAWS = {entry.name for entry in REGISTRY.values() if entry.laws}
 OWN = PAPER | LAWS | {"oracle-reset"}  # these keep the value they are known for
@@ -32,7 +32,7 @@ OWN = PAPER | LAWS | {"oracle-reset"}  # these keep the value they are known for
 
 def test_tuning_finds_the_reference_itself_and_its_equal(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert main(["tune", "rpem-forgetting-mu", "--seeds", "0:2", "--jobs", "1"]) == 0
+    assert main(["tune", "rpem-forgetting", "--seeds", "0:2", "--jobs", "1"]) == 0
     ratio = float(re.search(r"excess ([\d.]+) times the reference's", capsys.readouterr().out)[1])
     assert abs(ratio - 1) < TOLERANCE
     assert main(["tune", "frozen", "--seeds", "0:2"]) == 2
@@ -149,12 +149,12 @@ def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, 
     monkeypatch.setattr(tuning, "Trials", Powers)
     monkeypatch.chdir(tmp_path)
     words = ["tune", "cusum-reset", "--seeds", "0:2", "--save", str(path)]
-    for other in ("rpem-corrected", "cusum-reset", "cusum-reset"):
+    for other in ("variable-forgetting", "cusum-reset", "cusum-reset"):
         assert main(["tune", other, *words[2:], "--json"]) == 0
         found = json.loads(capsys.readouterr().out)
     before, plain = tomllib.loads(path.read_text(encoding="utf-8"))["tuned"]
     assert plain["value"] == found["value"] and plain["setting"] == found["setting"]
-    assert (before["estimator"], plain["estimator"]) == ("rpem-corrected", "cusum-reset")
+    assert (before["estimator"], plain["estimator"]) == ("variable-forgetting", "cusum-reset")
     assert (plain["model"], plain["period"], plain["noise"]) == ("n1", 0.005, 0.1)
     assert plain["identify"] == ["k_T", "1/J_a", "f_m"]
     assert plain["command"] == "flexaxis tune cusum-reset --seeds 0:2"
@@ -203,12 +203,12 @@ ELSEWHERE = [axis("n2"), axis(J_m=0.012), axis(f_m=0.005)]
 
 @pytest.mark.parametrize("model", HERE)
 def test_a_tuned_knob_is_applied_on_its_axis_in_any_units(model):
-    expected = at_equal_noise("rpem-corrected").value
-    assert tuned("rpem-corrected", model, 0.005, THREE) == expected != 0.995
-    assert tuned("rpem-corrected", model, 0.005, THREE[::-1]) == expected
-    made = REGISTRY["rpem-corrected"].factory(model, 0.005, P0=[1e-4] * 3)
+    expected = at_equal_noise("cusum-reset").value
+    assert tuned("cusum-reset", model, 0.005, THREE) == expected != 0.995
+    assert tuned("cusum-reset", model, 0.005, THREE[::-1]) == expected
+    made = REGISTRY["cusum-reset"].factory(model, 0.005, P0=[1e-4] * 3)
     assert forgetting_of(made) == pytest.approx(expected, rel=1e-12)
-    made = REGISTRY["rpem-corrected"].factory(model, 0.005, P0=[1e-4] * 3, forgetting=0.999)
+    made = REGISTRY["cusum-reset"].factory(model, 0.005, P0=[1e-4] * 3, forgetting=0.999)
     assert forgetting_of(made) == pytest.approx(0.999, rel=1e-12), "what is said goes before"
 
 

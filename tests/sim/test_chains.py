@@ -1,4 +1,4 @@
-"""Plants of two and of four masses: their equations by hand, their MJCF, what tells them apart."""
+"""The plant of two masses: its equations by hand, its MJCF, what tells models apart."""
 
 import numpy as np
 import pytest
@@ -26,18 +26,7 @@ def two(q, x, u):
             (shaft - q["f_l"] * vl) / q["J_l"]]  # fmt: skip
 
 
-def four(q, x, u):
-    """d/dt of (φ_m, φ_g, φ_a, φ_l, v_m, v_g, v_a, v_l)."""
-    m, g, a, l, vm, vg, va, vl = x  # noqa: E741
-    gear = q["k_g"] * (q["r"] * m - g) + q["d_g"] * (q["r"] * vm - vg)
-    arm = q["k_a"] * (g - a) + q["d_a"] * (vg - va)
-    load = q["k_l"] * (a - l) + q["d_l"] * (va - vl)
-    return [vm, vg, va, vl, (q["k_T"] * u - q["f_m"] * vm - q["r"] * gear) / q["J_m"],
-            (gear - arm - q["f_g"] * vg) / q["J_g"], (arm - load - q["f_a"] * va) / q["J_a"],
-            (load - q["f_l"] * vl) / q["J_l"]]  # fmt: skip
-
-
-CHAINS = {"two_mass": (two, "ml"), "four_mass": (four, "mgal")}
+CHAINS = {"two_mass": (two, "ml")}
 
 
 def moved(name, torque, truth):
@@ -132,10 +121,6 @@ def test_the_axis_of_the_paper_has_the_numbers_of_its_file():
     assert preset("n1") == nominal_numbers("three_mass")
     assert preset("n1").r == 1 / 118 and "r" not in preset("n1", "two_mass")
     assert parameter_names("two_mass") == ("k_T", "J_m", "J_l", "k", "d", "f_m", "f_l")
-    assert parameter_names("four_mass") == (
-        "k_T", "J_m", "J_g", "J_a", "J_l", "k_g", "k_a", "k_l", "d_g", "d_a", "d_l",
-        "f_m", "f_g", "f_a", "f_l", "r",
-    )  # fmt: skip
 
 
 def test_parameters_are_those_of_one_model():
@@ -189,7 +174,7 @@ def test_a_changed_mjcf_is_another_scenario_and_the_published_one_is_not(monkeyp
     assert of["three_mass"].hash == plain.hash and of["three_mass"].key == plain.key
     for every in ("hash", "key", "record_hash"):
         assert len({getattr(scenario, every) for scenario in of.values()}) == len(MODEL_NAMES)
-    monkeypatch.setattr(identity, "model_digest", lambda _: "a fourth mass")
+    monkeypatch.setattr(identity, "model_digest", lambda _: "another MJCF")
     other = parse_scenario(text)
     assert not before & {other.hash, other.key, other.record_hash}
 
@@ -197,7 +182,7 @@ def test_a_changed_mjcf_is_another_scenario_and_the_published_one_is_not(monkeyp
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ('model = "two_masses"', "model: unknown model 'two_masses'; known are three_mass, four"),
+        ('model = "two_masses"', "model: unknown model 'two_masses'; known are three_mass, two"),
         (
             'model = "two_mass"',
             "unknown parameter '1/J_a'; known are k_T, J_m, J_l, k, d, f_m, f_l",

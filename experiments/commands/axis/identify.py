@@ -7,7 +7,7 @@ and friction with two sides are taken where such simulations are better with the
 axis shows ratios to k_T only, so k_T (and the gear ratio r) stay at their values unless freed.
 Status 0: the numbers can be used as far as their deviations say; 1: they cannot.
 
-MODEL is one_mass, two_mass, three_mass, four_mass, or a TOML of your own (docs/logs.md).
+MODEL is one_mass, two_mass, three_mass, or a TOML of your own (docs/logs.md).
 
 example:
   flexaxis identify rec.nc --model two_mass -o axis.toml

@@ -152,36 +152,6 @@ def physical(theta: Array) -> dict[str, float]:
     return {"k_T": theta[0], "J_a": 1 / theta[1], "f_m": theta[2]}
 
 
-def vector(rates: Array) -> Rule:
-    """A factor for each parameter (Sælid and Foss 1983); in gaps as well."""
-    L = np.diag(np.asarray(rates) ** -0.5)
-    return lambda P, seen: L @ P @ L
-
-
-def efra(factor: float, S: Array) -> Rule:
-    """Exponential forgetting and resetting (Salgado et al. 1988); in gaps as well."""
-    nu = 1 / factor - 1
-    return lambda P, seen: P / factor + nu / 10 * (S - P @ np.linalg.inv(S) @ P)
-
-
-def directional(factor: float, unit: Array) -> Rule:
-    """
-    Forgetting along ψ only, eq. (9) on the part of P⁻¹ that it excites (Cao and Schwartz).
-
-    The parameters are measured in ``unit`` (p,), relative to θ(0).
-    """
-    D = np.diag(unit)
-
-    def rule(P: Array, seen: Seen | None) -> Array:
-        if seen is None or not seen.psi @ seen.psi > ASLEEP * seen.after:
-            return P
-        R, psi = D @ np.linalg.inv(P) @ D, D @ seen.psi
-        v = R @ psi
-        return D @ np.linalg.inv(R - (1 - factor) * np.outer(v, v) / (psi @ v)) @ D
-
-    return rule
-
-
 class Variable:
     """λ = σ_q σ_v/|σ_e − σ_v| while the residual is large (Paleologu et al. 2008)."""
 

@@ -7,44 +7,15 @@ Signal Processing Letters 15 (2008) 597–600. σ_e² and σ_q², means of ε² 
 of 0.3 s; σ_v², of the noise, one of 2 s; exact means before they have seen as much.
 """
 
-import numpy as np
-
 from flexaxis.estimators.filters.design import above_zero
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.forgetful import VARIABLE, forgetful_filter
+from flexaxis.estimators.filters.forgetting import VARIABLE, forgetful_filter
 from flexaxis.estimators.filters.prediction_error import CALM, ROBUST
-from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
 SHORT, LONG = 0.3, 2.0  # s, memories of the residual and of the noise: 60 and 400 samples at 5 ms
 FASTEST = 0.05  # s, least time constant of forgetting; λ = 0.9 at 5 ms
-
-
-@inlined
-def forget_by_residual(state, valid):
-    """Do the time update; a gap has no residual, and forgets nothing."""
-    if valid:
-        factor, P = _variable_factor(state.now[0]), state.P
-        for i in range(len(P)):
-            for j in range(len(P)):
-                P[i, j] /= factor
-
-
-@inlined
-def _variable_factor(now):
-    """Return λ."""
-    sums, square = now["sums"], now["surprise"] ** 2
-    sums[3] += 1.0
-    short, long = min(sums[3], now["short"]), min(sums[3], now["long"])
-    sums[0] += (square - sums[0]) / short
-    sums[1] += ((now["scale"] - 1.0) ** 2 - sums[1]) / short
-    sums[2] += (square - sums[2]) / long
-    e, q, v = np.sqrt(sums[0]), np.sqrt(sums[1]), np.sqrt(sums[2])
-    highest = now["forgetting"]
-    if e <= now["level"] * v:
-        return highest
-    return max(min(q * v / (e - v), highest), now["least"])
 
 
 def _variable_forgetting(

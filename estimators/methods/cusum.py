@@ -7,42 +7,15 @@ schemes*, Biometrika 41, 1954). At g above the level P becomes what an unknown c
 zero: F. Gustafsson, *Adaptive Filtering and Change Detection*, Wiley 2000, ch. 3.
 """
 
-import numpy as np
-
 from flexaxis.estimators.filters.design import above_zero
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.forgetful import CUSUM, forgetful_filter
+from flexaxis.estimators.filters.forgetting import CUSUM, forgetful_filter
 from flexaxis.estimators.filters.noise import KNOWN
-from flexaxis.estimators.filters.prediction_error import CEILING, LINEAR, ROBUST
-from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.filters.prediction_error import CEILING, ROBUST
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
 FIRST, NEXT = 1.0, 0.5  # s before the first alarm, in which R̂ is learnt, and between two
-
-
-@inlined
-def reset_on_alarm(state, valid):
-    """P ← P/λ, eq. (9); where the sum exceeds the level, P becomes large."""
-    P, now = state.P, state.now[0]
-    sums = now["sums"]
-    for i in range(len(P)):
-        for j in range(len(P)):
-            P[i, j] /= now["forgetting"]
-    if not valid or not now["variance"] > 0.0:
-        return
-    square = min(now["epsilon"] ** 2 / (now["quiet"] * now["scale"]), 16.0)
-    sums[1] += 1.0
-    sums[0] = max(0.0, sums[0] + 0.375 * square - np.log(2.0))
-    if sums[0] > now["level"] and sums[1] > now["first"]:
-        sums[0] = 0.0
-        sums[1] = now["first"] - now["next"]
-        variance = now["reset"] / max(now["noise"], LINEAR**2 * now["signal"])
-        for i in range(len(P)):
-            state.granted[i] = variance
-            for j in range(len(P)):
-                P[i, j] = variance if i == j else 0.0
-                state.claim[i, j] = P[i, j]
 
 
 def _cusum_reset(

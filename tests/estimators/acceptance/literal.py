@@ -15,8 +15,6 @@ from flexaxis.estimators.filters.filter import RecursiveEstimator, Trace, trace
 from flexaxis.estimators.filters.noise import MEMORY
 from flexaxis.estimators.models.discretisation import discretize, extended_system
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.registry import Entry
 
 Array = NDArray[np.float64]
 
@@ -85,7 +83,7 @@ class LiteralRpem(RecursiveEstimator):
             bounds=bounds,
             output=output,
             x0=x0,
-            relative=False,
+            scale=np.ones(len(P0)),
         )
         super().__init__(self._design.model.names, output, self._design.bounds)
         self.reset()
@@ -102,11 +100,11 @@ class LiteralRpem(RecursiveEstimator):
         self._system = extended_system(self._design.model, self._theta)
 
     @property
-    def theta(self) -> Array:  # noqa: D102
+    def theta(self) -> Array:
         return self._theta.copy()
 
     @property
-    def covariance(self) -> Array:  # noqa: D102
+    def covariance(self) -> Array:
         return self._noise * self.P / 2
 
     def _take(
@@ -152,43 +150,3 @@ class LiteralRpem(RecursiveEstimator):
         transition, gain = discretize(*self._system[:2], self._design.period)
         self._X[:, list(self._design.model.reset)] = 0.0
         self._X = (transition @ self._X.ravel() + gain[:, 0] * u).reshape(self._X.shape)
-
-
-def _literal_forgetting(
-    problem: Problem,
-    *,
-    forgetting: float | None = None,
-    regularization: float = 0.0,
-) -> LiteralRpem:
-    """
-    Make the paper's method with a forgetting factor, word for word.
-
-    Parameters
-    ----------
-    forgetting : float, optional
-        λ of a sample.
-    regularization : float
-        μ of eq. (11).
-    """
-    weight = problem.factor("literal-rpem", forgetting)
-    P = problem.forgetting_P(weight)
-    return LiteralRpem(
-        problem.model,
-        **problem.asked,
-        P0=P,
-        forgetting=weight,
-        regularization=regularization,
-    )
-
-
-ENTRIES = (
-    Entry(
-        "literal-rpem",
-        "rpem-forgetting with a matrix exponential in every sample: slow, the oracle",
-        _literal_forgetting,
-        knob="1-forgetting",
-        default=0.995,
-        rank=6,
-        told_noise=False,
-    ),
-)
