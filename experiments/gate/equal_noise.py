@@ -9,7 +9,7 @@ there (`flexaxis.experiments.comparison.sweep`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -17,7 +17,7 @@ import pandas as pd
 from flexaxis.experiments.comparison.ranking import MATCHED
 from flexaxis.experiments.comparison.sweep import Noise, Run, Runs
 from flexaxis.experiments.comparison.tune import EXCESS, Trials, Tuned, match_noise
-from flexaxis.experiments.gate.pairs import SIDES, Paired
+from flexaxis.experiments.gate.pairs import SIDES, Gap, Paired
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -28,60 +28,49 @@ TURNS = (1 / 1.2, 1.0, 1.2)  # of the candidate's knob, about its setting
 FURTHER = (1.6, 4.0, 16.0)  # and its inverse, where all are noisier than the base, or all quieter
 
 
-@dataclass(frozen=True)
-class EqualNoise:
-    """The settings at which two estimators are equally noisy.
+def at_equal_noise(
+    paired: Paired, base: Tuned, candidate: Tuned,
+    scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int],
+) -> Paired:  # fmt: skip
+    """Return the lags read off at equal noise; a fault that has no match is a gap.
 
-    Attributes
+    Parameters
     ----------
-    match : str
-        What is equal: "excess", or the parameter whose std is.
+    paired : Paired
+        Of the two settings as they are.
     base, candidate : Tuned
+    scenarios : sequence of Scenario
+    run : callable
     seeds : sequence of int
-        On which they were tuned.
+        Of the comparison.
     """
-
-    match: str
-    base: Tuned
-    candidate: Tuned
-    seeds: Sequence[int]
-
-    def apply(
-        self, paired: Paired, scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int]
-    ) -> Paired:
-        """Return the lags read off at equal noise; a fault that has no match is missing.
-
-        Parameters
-        ----------
-        paired : Paired
-            Of the two settings as they are.
-        scenarios : sequence of Scenario
-        run : callable
-        seeds : sequence of int
-            Of the comparison.
-        """
-        noise: Noise = "excess" if self.match == EXCESS else "std"
-        base, turn, runs = self.base.setting, self.candidate.turned, Runs(run, seeds)
-        lags, missing = [], [*paired.missing]
-        for row in paired.scores.query("metric == 'lag'").to_dict("records"):
-            (scenario,) = (s for s in scenarios if s.name == row["scenario"])
-            line = {t: f for f in TURNS if (t := turn(f)) and runs.able(scenario, t)}
-            (match,) = runs.matches(
-                scenario, base, line, turn, FURTHER,
-                wanted=[(row["parameter"], noise)], whole=True,
-            ).values()  # fmt: skip
-            if match is None or match.how != MATCHED:
-                missing.append((row["scenario"], row["parameter"]))
-                continue
-            logs = np.array([match.reference.at("lag"), match.at("lag")])
-            sides = dict(zip(SIDES, np.exp(logs.mean(axis=1)), strict=True))
-            lags.append(row | sides | {"changes": logs[1] - logs[0], "scale": np.nan})
-        return replace(paired, scores=pd.DataFrame(lags), missing=missing)
+    noise: Noise = "excess" if base.match == EXCESS else "std"
+    turn, runs = candidate.turned, Runs(run, seeds)
+    lags, gaps = [], [*paired.gaps]
+    for row in paired.scores.query("metric == 'lag'").to_dict("records"):
+        (scenario,) = (s for s in scenarios if s.name == row["scenario"])
+        line = {t: f for f in TURNS if (t := turn(f)) and runs.able(scenario, t)}
+        (match,) = runs.matches(
+            scenario, base.setting, line, turn, FURTHER,
+            wanted=[(row["parameter"], noise)], whole=True,
+        ).values()  # fmt: skip
+        if match is None or match.how != MATCHED:
+            gaps.append(
+                Gap(
+                    "candidate",
+                    "the noise of {parameter} at {scenario} has no match".format(**row),
+                )
+            )
+            continue
+        logs = np.array([match.reference.at("lag"), match.at("lag")])
+        sides = dict(zip(SIDES, np.exp(logs.mean(axis=1)), strict=True))
+        lags.append(row | sides | {"changes": logs[1] - logs[0], "scale": np.nan})
+    return replace(paired, scores=pd.DataFrame(lags), gaps=gaps)
 
 
 def tuned(
     base: str, candidate: str, scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int] = SEEDS
-) -> EqualNoise:
+) -> list[Tuned]:
     """Turn the tuning parameters of two estimators until both are as noisy as the reference.
 
     Where one parameter alone changes in these scenarios, the std of that parameter is equal; where
@@ -115,7 +104,4 @@ def tuned(
     match = EXCESS if len(every) > 1 else every.pop()
     where = [s for s, names in zip(scenarios, changing, strict=True) if names]
     trials = Trials(seeds, run, match, where)
-    try:
-        return EqualNoise(match, *(match_noise(text, trials) for text in texts), seeds)
-    except FlexaxisError as error:
-        raise FlexaxisError(f"--match-std: {error}; see `flexaxis tune --sweep`") from error
+    return [match_noise(text, trials) for text in texts]

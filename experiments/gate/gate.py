@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, tuned
-from flexaxis.experiments.gate.pairs import SIDES, Lack, Paired, pair, table
+from flexaxis.experiments.comparison.tune import Tuned
+from flexaxis.experiments.gate.equal_noise import SEEDS, at_equal_noise, tuned
+from flexaxis.experiments.gate.pairs import SIDES, Gap, Paired, pair, table
 from flexaxis.experiments.gate.verdict import (
     ALPHA,
     SAME,
@@ -51,7 +52,7 @@ class Comparison:
     margins : mapping of metric to float
     look, looks : int
         At which look it was decided, of how many planned.
-    equal : EqualNoise, optional
+    equal : sequence of Tuned
         The settings of both, where they were tuned to one noise first.
     """
 
@@ -64,24 +65,21 @@ class Comparison:
     margins: Mapping[str, float]
     look: int = 1
     looks: int = 1
-    equal: EqualNoise | None = None
+    equal: Sequence[Tuned] = ()
 
     @property
     def verdict(self) -> str:
         """The one word. Without all of the candidate's runs, only "worse" can be said."""
         word = overall(self.rows["verdict"], self.lost)
-        sides = {lack.side for lack in self.paired.lacking}
-        incomplete = self.paired.missing or "candidate" in sides
-        if word != WORSE and (incomplete or ("base" in sides and word in {SLIGHT, SAME})):
-            return UNDECIDED
-        return word
+        sides = {gap.side for gap in self.paired.gaps}
+        short = "candidate" in sides or ("base" in sides and word in {SLIGHT, SAME})
+        return UNDECIDED if short and word != WORSE else word
 
     @property
     def must_look(self) -> bool:
         """Whether an undecided comparison may not pass: runs newly lost or failed, or missing."""
-        failed = self.paired.failed
-        gone = any(k.side == "candidate" and not k.unreadable for k in self.paired.lacking)
-        return gone or failed["candidate"] > failed["base"] or alarming(self.lost)
+        more = self.paired.failed["candidate"] > self.paired.failed["base"]
+        return more or alarming(self.lost) or any(gap.must_look for gap in self.paired.gaps)
 
     def status(self, *, strict: bool = False) -> int:
         """Return the exit status: 1 worse; 3 undecided, if `strict` or `must_look`; else 0."""
@@ -125,12 +123,12 @@ def compare(
     """
     looks, run = look_seeds(seeds, max_seeds), runner.rows
     left = [runner.misfits(scenarios, [text]) for text in (base, candidate)]
-    lacking = [Lack(name, side, len(seeds), unreadable=True)
-               for side, own, other in zip(SIDES, left, left[::-1], strict=True)
-               for name in own if name not in other]  # fmt: skip
+    gaps = [Gap(side, f"the {side} cannot read {name}")
+            for side, own, other in zip(SIDES, left, left[::-1], strict=True)
+            for name in own if name not in other]  # fmt: skip
     readable = [s for s in scenarios if s.name not in {*left[0], *left[1]}]
     scenarios = readable or scenarios  # running them tells why
-    equal = None
+    equal: Sequence[Tuned] = ()
     if match_std:
         if used := {*SEEDS} & {*looks[-1]}:
             raise FlexaxisError(
@@ -138,7 +136,7 @@ def compare(
                 "on others, such as --seeds 1000:1032"
             )
         equal = tuned(base, candidate, scenarios, run, SEEDS[: max(2, len(seeds))])
-        base, candidate = equal.base.setting, equal.candidate.setting
+        base, candidate = (side.setting for side in equal)
     for now in looks:
         frame = run(scenarios, list(dict.fromkeys((base, candidate))), now)
         sides = [table(frame[frame["estimator"] == text]) for text in (base, candidate)]
@@ -147,8 +145,8 @@ def compare(
                 check_failures(side)
         paired = pair(*sides, margins)
         if equal:
-            paired = equal.apply(paired, scenarios, run, now)
-        paired = replace(paired, lacking=[*lacking, *paired.lacking])
+            paired = at_equal_noise(paired, *equal, scenarios, run, now)
+        paired = replace(paired, gaps=[*gaps, *paired.gaps])
         alpha = ALPHA / len(looks)
         rows, lost = judge(paired, alpha=alpha), losses(paired, alpha=alpha)
         if overall(rows["verdict"], lost) != UNDECIDED:
@@ -170,22 +168,19 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
             f"give at least 2 seeds, better 32, and no more --seeds ({len(seeds)}) than "
             f"--max-seeds ({most})"
         )
-    every, sizes = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], [len(seeds)]
-    while sizes[-1] < most:
-        sizes.append(min(2 * sizes[-1], most))
+    every, most = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], max(most, len(seeds))
+    sizes = dict.fromkeys(min(len(seeds) * 2**k, most) for k in range(most.bit_length()))
     return [every[:size] for size in sizes]
 
 
 def check_margins(margins: Mapping[str, float]) -> dict[str, float]:
     """Return all margins, with some of them added or changed; refuse unknown scores."""
     for metric, margin in margins.items():
-        if metric not in METRICS:
+        if metric not in METRICS or not 0 < margin < 1:
             raise FlexaxisError(
-                f"--margin: unknown score {metric!r}.{did_you_mean(metric, METRICS)} "
-                f"Scores: {', '.join(METRICS)}"
+                f"--margin {metric}: give a score and a share between 0 and 100 %, as in lag=2%."
+                f"{did_you_mean(metric, METRICS)} Scores: {', '.join(METRICS)}"
             )
-        if not 0 < margin < 1:
-            raise FlexaxisError(f"--margin: give a share between 0 and 100 %, as in {metric}=2%")
     return {**MARGINS, **margins}
 
 
@@ -221,15 +216,15 @@ def compare_runs(
         results = Results.load(folder)
         frame = results.frame if seeds is None else results.select({"seed": [*seeds]}).frame
         texts = [*frame["estimator"].unique()]
-        name = text or texts[0]
-        if results.axes or name not in texts or len(texts) > (1 if text is None else len(texts)):
+        chosen = [text] if text else texts
+        if results.axes or len(chosen) > 1 or chosen[0] not in texts:
             raise FlexaxisError(
                 f"{folder}: take a finished run, and name its estimator with --base or "
                 f"--candidate. It holds: {', '.join(texts)}"
             )
-        names.append(name)
+        names += chosen
         versions.append(results.summary["versions"])
-        sides.append(table(frame[frame["estimator"] == name]))
+        sides.append(table(frame[frame["estimator"] == names[-1]]))
     old, new = (dict(zip(side["scenario"], side["hash"], strict=True)) for side in sides)
     if versions[0] != versions[1] or any(old[name] != new[name] for name in old.keys() & new):
         raise FlexaxisError(

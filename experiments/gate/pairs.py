@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -12,7 +11,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.experiments.comparison.sweep import SPREADS
-from flexaxis.experiments.scoring.intervals import FLOOR
 from flexaxis.experiments.scoring.score_table import METRICS, SCORES
 from flexaxis.sim.errors import FlexaxisError
 
@@ -30,13 +28,12 @@ FLAGS = ["changed", "failed", *LOST]
 NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
 
 
-class Lack(NamedTuple):
-    """Cases of a scenario that `side` lacks; `unreadable` if it cannot read the scenario."""
+class Gap(NamedTuple):
+    """What `side` lacks in a comparison; `must_look` if the comparison may not pass for it."""
 
-    scenario: str
     side: str
-    cases: int
-    unreadable: bool = False
+    text: str
+    must_look: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,21 +50,17 @@ class Paired:
     lost : DataFrame
         By scenario and seed: whether the run was lost, columns ``"diverged base"`` and so on. A
         run that diverged on either side does not count as never settled.
-    missing : sequence of (scenario, parameter)
-        Changed parameters that the base estimates, and the candidate does not, or not at equal
-        noise.
-    estimated : mapping of side to list of str
+    gaps : sequence of Gap
+    estimated : mapping of side to set of str
         Parameters that base and candidate estimate.
-    lacking : sequence of Lack
     failed : mapping of side to int
         Cases that failed.
     """
 
     scores: pd.DataFrame
     lost: pd.DataFrame
-    missing: Sequence[tuple[str, str]] = ()
-    estimated: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    lacking: Sequence[Lack] = ()
+    gaps: Sequence[Gap] = ()
+    estimated: Mapping[str, set[str]] = field(default_factory=dict)
     failed: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -107,33 +100,36 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
     """
     both = base.merge(candidate, on=KEY, suffixes=(" base", " candidate"))
     if both["seed"].nunique() < 2:
-        names = (", ".join(rows["parameter"].unique()) for rows in (base, candidate))
         raise FlexaxisError(
-            "base and candidate have fewer than 2 runs in common. They estimate {} and {}: compare "
-            "estimators that share a parameter, on the same scenarios and seeds".format(*names)
+            "base and candidate have fewer than 2 runs in common: compare estimators that share a "
+            "parameter, on the same scenarios and seeds"
         )
-    sides = dict(zip(SIDES, (base, candidate), strict=True))
+    groups, sides = both.groupby(KIND), dict(zip(SIDES, (base, candidate), strict=True))
+    scores = [_score(part, *key, *each) for key, part in groups for each in margins.items()]
     shared = {s: rows[rows["scenario"].isin(both["scenario"])] for s, rows in sides.items()}
     changed = shared["base"].loc[shared["base"]["changed"], KIND].drop_duplicates()
-    groups = both.groupby(KIND)
-    scores = [_score(part, *key, *each) for key, part in groups for each in margins.items()]
+    gaps = [Gap("candidate", f"the candidate does not estimate {parameter} at {scenario}")
+            for scenario, parameter in changed.itertuples(index=False)
+            if (scenario, parameter) not in groups.groups]  # fmt: skip
     return Paired(
         pd.DataFrame([score for score in scores if score]),
         _lost(both),
-        [kind for kind in map(tuple, changed.to_numpy()) if kind not in groups.groups],
-        {side: list(rows["parameter"].unique()) for side, rows in shared.items()},
-        _lacking(base, candidate),
+        gaps + _lacking(sides),
+        {side: {*rows["parameter"]} for side, rows in shared.items()},
         {side: len(rows[rows["failed"]].drop_duplicates(CASE)) for side, rows in sides.items()},
     )
 
 
-def _lacking(base: pd.DataFrame, candidate: pd.DataFrame) -> list[Lack]:
+def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
     """Return what one side alone was run on, of the seeds on which both were run at all."""
-    cases = [{*zip(rows["scenario"], rows["seed"], strict=True)} for rows in (base, candidate)]
-    seeds = {*base["seed"]} & {*candidate["seed"]}
-    gone = zip(SIDES, (cases[1] - cases[0], cases[0] - cases[1]), strict=True)
-    counts = Counter((name, side) for side, lacks in gone for name, seed in lacks if seed in seeds)
-    return [Lack(*key, cases) for key, cases in sorted(counts.items())]
+    seeds = set.intersection(*({*rows["seed"]} for rows in sides.values()))
+    cases = pd.DataFrame({
+        side: rows[rows["seed"].isin(seeds)].drop_duplicates(CASE)["scenario"].value_counts()
+        for side, rows in sides.items()
+    }).fillna(0)  # fmt: skip
+    lacks = cases.rsub(cases.max(axis=1), axis=0).stack()
+    return [Gap(side, f"the {side} lacks {n:.0f} cases of {scenario}", side == "candidate")
+            for (scenario, side), n in lacks.items() if n]  # fmt: skip
 
 
 def _lost(both: pd.DataFrame) -> pd.DataFrame:
@@ -165,11 +161,10 @@ def _score(
         if score.guard:  # the modulus of the mean, and the runs on its side
             scale = max(np.sqrt(np.mean(sides("std")[0, pairs] ** 2)), 1e-3 / margin)
             values *= np.sign(np.nanmean(values, axis=1, keepdims=True))
-        elif np.nanmin(values) < score.zero:  # less is as good as none
-            scale = max(np.nanmean(values[0]), score.zero / margin)
-    logs = np.log(np.maximum(values, FLOOR)) if np.isnan(scale) else values / scale
+    # less than `zero` is as good as none
+    logs = values / scale if score.guard else np.log(np.maximum(values, score.zero))
     middle = logs[:, pairs].mean(axis=1) if pairs.any() else np.full(2, np.nan)
-    base, candidate = np.exp(middle) if np.isnan(scale) else scale * middle
+    base, candidate = scale * middle if score.guard else np.exp(middle)
     return {
         "scenario": scenario, "parameter": parameter, "metric": metric, "margin": margin,
         "base": base, "candidate": candidate, "changes": logs[1] - logs[0], "scale": scale,

@@ -35,17 +35,14 @@ TEXTS = {
     # reasons for undecided
     "far": " (a run lies far on the other side)",
     "few": " (too few runs to exclude rare failures)", "": "",
-    # what else the headline says
-    "missing": "the candidate has no {1} at {0} to compare",
-    "lacking": "{1} lacks {2} cases of {0}",
-    "failed": "{0} failed in {1} runs",
+    # lost runs
     "diverged": "{4} of {1} runs newly diverge, {5} no longer do",
     "never_settled": "{4} of {1} runs newly never settle, {5} settle again",
     # advice
     "unfair": "Not a fair comparison: the {0} estimates {1} too, which costs lag and noise with "
     "any method; the {2} holds them at nominal.",
     "scenarios": "Compare on scenarios that both are run on, and whose faults both estimate.",
-    "seeds": "{0} seeds may decide (--max-seeds).",
+    "seeds": "More seeds may decide: --max-seeds.",
     "tuned": "Tuned to the {0} of rpem-forgetting: base {1}, candidate {2}.",
 }  # fmt: skip
 """All words that depend on a verdict."""
@@ -62,7 +59,7 @@ LEGEND = (
 )
 
 
-OWN = ("base", "candidate", "seeds", "look", "looks", "failed", "estimated", "missing", "lacking")
+OWN = ("base", "candidate", "seeds", "look", "looks", "failed", "gaps")
 
 
 def as_dict(comparison: Comparison) -> dict[str, Any]:
@@ -74,8 +71,8 @@ def as_dict(comparison: Comparison) -> dict[str, Any]:
         ``verdict``, one word; ``headline``, one line; ``advice``, lines on what to do next;
         ``columns`` and ``rows``, what matters first, each with its cells as ``text``; ``legend``,
         at most five lines; ``lost``, verdicts on lost runs; ``base, candidate, seeds, look, looks,
-        alpha, failed, estimated, missing, lacking, equal_noise``. The other keys of a
-        row are those of `flexaxis.experiments.gate.verdict.judge`.
+        alpha, failed, gaps``; ``equal_noise``, both settings as tuned. The other keys of a row are
+        those of `flexaxis.experiments.gate.verdict.judge`.
     """
     c = comparison
     rows = c.rows[c.rows["verdict"] != SILENT]  # a bias that is not worse needs no row
@@ -84,10 +81,10 @@ def as_dict(comparison: Comparison) -> dict[str, Any]:
     about = {**vars(c), "seeds": len(c.seeds), "percent": 100 * ALPHA / c.looks, "margins": margins}
     return {
         "verdict": c.verdict, "alpha": ALPHA / c.looks, "headline": headline(c, shown),
-        "advice": advice(c, shown), "columns": COLUMNS,
+        "advice": advice(c), "columns": COLUMNS,
         "rows": [row | {"text": cells(row)} for row in shown],
         "legend": [text.format(**about) for text in LEGEND[: 4 + (c.looks > 1)]],
-        "lost": [way._asdict() for way in c.lost], "equal_noise": c.equal and asdict(c.equal),
+        "lost": [way._asdict() for way in c.lost], "equal_noise": [asdict(side) for side in c.equal],
         **{name: getattr(c, name, None) or getattr(c.paired, name, None) for name in OWN},
     }  # fmt: skip
 
@@ -102,12 +99,9 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
         clauses = [", ".join([sentence(own[0]), *beside * (own[0]["metric"] == "lag")])]
     elif own:
         clauses = [f"{len(own)} of {len(shown)} scores {TEXTS['how many'][c.verdict]}"]
-    facts = {
-        **{way.way: [way] for way in c.lost if way.newly or way.regained},
-        "missing": c.paired.missing, "lacking": c.paired.lacking,
-        "failed": [each for each in c.paired.failed.items() if each[1]],
-    }  # fmt: skip
-    clauses += [TEXTS[name].format(*each) for name, every in facts.items() for each in every]
+    lost = [way for way in c.lost if way.newly or way.regained]
+    clauses += [TEXTS[way.way].format(*way) for way in lost] + [gap.text for gap in c.paired.gaps]
+    clauses += [f"the {side} failed in {n} runs" for side, n in c.paired.failed.items() if n]
     return f"{c.verdict.upper()}: {'; '.join(clauses) or 'no run has a score on both sides'}"
 
 
@@ -116,7 +110,7 @@ def _scaled(row: Row) -> tuple[Any, str]:
     numbers = np.array([row["change"], *row["interval"]], float)
     if row["scale"] is not None:
         return numbers, METRICS[row["metric"]]
-    return (100 * numbers, "%") if -0.5 < row["change"] < 1 else (1 + numbers, "times")
+    return (100 * numbers, "%") if -0.5 < numbers[0] < 1 else (1 + numbers, "times")
 
 
 def sentence(row: Row) -> str:
@@ -128,35 +122,29 @@ def sentence(row: Row) -> str:
     return f"{what} is {short(numbers[0])} {unit} {word} ({between(numbers[1:])})"
 
 
-def advice(c: Comparison, shown: Sequence[Row]) -> list[str]:
+def advice(c: Comparison) -> list[str]:
     """Return what limits the comparison, and what to do next."""
     names, lines = c.paired.estimated, []
     for fewer, more in permutations(names, 2):
-        if rest := ", ".join(sorted({*names[more]} - {*names[fewer]})):
+        if rest := ", ".join(sorted(names[more] - names[fewer])):
             lines.append(TEXTS["unfair"].format(more, rest, fewer))
-    if c.paired.missing or c.paired.lacking:
-        lines.append(TEXTS["scenarios"])
-    elif c.verdict == UNDECIDED:
-        needed = [row["seeds_needed"] or 0 for row in shown if row["verdict"] == UNDECIDED]
-        about = f"About {max(needed):.0f}" if needed and min(needed) else "More"
-        lines.append(TEXTS["seeds"].format(about))
+    if c.verdict == UNDECIDED:
+        lines.append(TEXTS["scenarios" if c.paired.gaps else "seeds"])
     if c.equal:
-        noise = "excess error" if c.equal.match == "excess" else f"std of {c.equal.match}"
+        match = c.equal[0].match
+        noise = "excess error" if match == "excess" else f"std of {match}"
         lines.append(TEXTS["tuned"].format(noise, c.base, c.candidate))
     return lines
 
 
 def cells(row: Row) -> list[str]:
     """Return a verdict as the texts of a row, in the order of `COLUMNS`."""
-    metric, word = row["metric"], row["verdict"] + TEXTS[row["reason"]]
-    where = [row["scenario"], f"{metric.replace('_', ' ')} {row['parameter']}"]
-    if not row["pairs"]:
-        return [*where, "–", "–", "–", f"no pairs of {row['runs']}", word]
-    values = [f"{row[side]:.3g} {METRICS[metric]}".rstrip() for side in SIDES]
-    numbers, unit = _scaled(row)
-    change, low, high = map(short, numbers)
-    within = f"{low} … {high} {unit}" + f" ({row['pairs']} pairs)" * (row["pairs"] < row["runs"])
-    return [*where, *values, f"{change} {unit}", within, word]
+    metric, (numbers, unit) = row["metric"].replace("_", " "), _scaled(row)
+    change, low, high = (f"{short(number)} {unit}".rstrip() for number in numbers)
+    values = (f"{short(row[side])} {METRICS[row['metric']]}".rstrip() for side in SIDES)
+    some = f" ({row['pairs']} of {row['runs']} pairs)" * (row["pairs"] < row["runs"])
+    within, word = f"{low} … {high}{some}", row["verdict"] + TEXTS[row["reason"]]
+    return [row["scenario"], f"{metric} {row['parameter']}", *values, change, within, word]
 
 
 def markdown(content: Mapping[str, Any]) -> str:

@@ -37,8 +37,6 @@ FAILED, SCATTER = 0.2, 4 * 1.4826
 """A pair this far on the other side (log-ratio), and so many median deviations (four standard
 deviations) off the median, is a failure."""
 
-MOST_SEEDS = 4000  # more are no answer to "how many seeds?"
-
 
 class Lost(NamedTuple):
     """Runs that were lost in one way on each side, and ``newly`` and ``regained`` on one alone."""
@@ -66,11 +64,10 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     DataFrame
         One row a score, what matters most first: ``scenario, metric, parameter, verdict``;
         ``base, candidate``, means over the pairs (geometric where ratios are compared); ``runs,
-        pairs``; ``change, interval``, candidate/base − 1, or where scores may be 0 (``scale``) the
+        pairs``; ``change, interval``, candidate/base − 1, of a bias (``scale``) the
         difference; ``p, level``, uncorrected and by Holm's procedure; ``margin``, as the change is;
-        ``seeds_needed``, about how many would decide; ``reason``, why a clear change is undecided:
-        "few" (rare failures may not have shown in so few runs), "far" (a run lies far on the other
-        side).
+        ``reason``, why a clear change is undecided: "few" (rare failures may not have shown in so
+        few runs), "far" (a run lies far on the other side).
     """
     scores = paired.scores.reset_index(drop=True)
     if scores.empty:
@@ -84,10 +81,9 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     rows["margin"] *= scale
     rows["runs"] = rows["changes"].map(len)
     rows["interval"] = rows[["low", "high"]].to_numpy().tolist()
-    rows["order"] = rows["verdict"].map([*ORDER, SILENT].index)
-    rows["size"] = abs(rows["change"]) / rows["margin"]
-    rows = rows.sort_values(["order", "size"], ascending=[True, False])
-    return rows.drop(columns=["changes", "low", "high", "order", "size"])
+    order = rows["verdict"].map([*ORDER, SILENT].index)
+    rows = rows.iloc[np.lexsort((-abs(rows["change"]) / rows["margin"], order))]
+    return rows.drop(columns=["changes", "low", "high"])
 
 
 def decide(
@@ -108,11 +104,11 @@ def decide(
     Returns
     -------
     DataFrame
-        One row a score: ``pairs, change, low, high, p, level, verdict, reason, seeds_needed``.
+        One row a score: ``pairs, change, low, high, p, level, verdict, reason``.
     """
     pairs = pd.DataFrame(changes)
-    n, mean, se = pairs.count(axis=1), pairs.mean(axis=1).fillna(0.0), pairs.sem(axis=1)
-    mean, se = (x.where(abs(x) > 1e-12, 0.0).to_numpy() for x in (mean, se))  # rounding errors
+    n, mean, se = pairs.count(axis=1), pairs.mean(axis=1), pairs.sem(axis=1)
+    mean, se = (x.mask(abs(x) <= 1e-12, 0.0).to_numpy() for x in (mean, se))  # rounding errors
     n, margin = n.to_numpy(), np.log1p(margins)
     freedom, level = np.maximum(n - 1, 1), np.empty(len(n))
     guard = np.array([SCORES[metric].guard for metric in metrics])
@@ -126,7 +122,6 @@ def decide(
         way = 1 * (low > 0) - (high < 0)
         runs, ways = _agreeing(way, n, scenarios, metrics)
         seen = abs(mean) > UNSEEN * np.expm1(-np.log(alpha / ways) / runs)
-        narrow = n * (half / abs(abs(mean) - margin)) ** 2
     beyond, inside = np.maximum(low, -high) > margin, np.maximum(-low, high) < margin
     off = pairs.sub(pairs.median(axis=1), axis=0)
     outlier = off.gt(SCATTER * abs(off).median(axis=1), axis=0) & (pairs > FAILED)
@@ -136,12 +131,10 @@ def decide(
     choices = [clear & (way > 0), clear, inside & (way != 0), inside]
     words = np.select(choices, [WORSE, BETTER, SLIGHT, SAME], UNDECIDED)
     words = np.where(guard & (words != WORSE), SILENT, words)
-    needed = np.where((words == UNDECIDED) & ~beyond & (narrow < MOST_SEEDS), narrow, np.nan)
     return pd.DataFrame({
         "pairs": n, "change": mean, "low": low, "high": high, "p": p, "level": level,
         "verdict": words,
         "reason": np.select([far, beyond & ~seen], ["far", "few"], ""),
-        "seeds_needed": np.maximum(np.ceil(needed), n + 1),
     })  # fmt: skip
 
 
@@ -178,10 +171,8 @@ def losses(paired: Paired, *, alpha: float = ALPHA) -> list[Lost]:
     found = []
     for way in LOST:
         base, candidate = paired.lost[[f"{way} base", f"{way} candidate"]].to_numpy(bool).T
-        newly, regained = int((candidate & ~base).sum()), int((base & ~candidate).sum())
-        word = judge_lost(newly, regained, way, alpha)
-        counts = (len(base), int(base.sum()), int(candidate.sum()), newly, regained)
-        found.append(Lost(way, *counts, word))
+        counts = [int(x.sum()) for x in (base, candidate, candidate & ~base, base & ~candidate)]
+        found.append(Lost(way, len(base), *counts, judge_lost(*counts[2:], way, alpha)))
     return found
 
 

@@ -6,15 +6,13 @@ that shows, so that the time about the first fault is kept sample by sample.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.parameter_names import nominal_theta, theta_over_time
 from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.windows import windows
 from flexaxis.sim.scenario import Scenario
@@ -24,7 +22,6 @@ Single = NDArray[np.float32]
 
 CURVE_STEP = 10  # samples from one kept point of a whole trajectory to the next
 BEFORE, AFTER = 0.1, 1.0  # s about a fault in which every sample is kept
-BAND = (10.0, 50.0, 90.0)  # percentiles of the trajectories
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,60 +123,3 @@ def _told(finding: Any, period: float, late: int) -> dict[str, Any]:
         "ratio": [each if np.isfinite(each) else None for each in ratio],
         "reason": str(getattr(finding, "reason", "") or ""),
     }
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Trajectories of one estimator on one scenario, over all seeds, over nominal.
-
-    `truth`, `low`, `median`, `high` are (M, p), `time` is (M,) [s]; low and high are the 10th and
-    90th percentile. `near` is the same about the first fault, every sample of it; None where there
-    is no fault, or where it was not kept.
-    """
-
-    scenario: str
-    estimator: str
-    names: tuple[str, ...]
-    time: Array
-    truth: Array
-    low: Array
-    median: Array
-    high: Array
-    near: Curve | None = None
-
-
-def curve_of(
-    scenario: Scenario,
-    estimator: str,
-    names: Sequence[str],
-    runs: Sequence[Single],
-    near: Sequence[Single] = (),
-) -> Curve:
-    """Return the trajectories of an estimator on a scenario.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    estimator : str
-        What to call it.
-    names : sequence of str
-        Estimated parameters.
-    runs : sequence of ndarray (M, p)
-        Every tenth estimate over its nominal value, of each run.
-    near : sequence of ndarray (W, p)
-        Every estimate about the first fault, where it was kept.
-    """
-    times = scenario.times
-    truth = theta_over_time(scenario, names) / nominal_theta(scenario, names)
-    made = partial(Curve, scenario.name, estimator, tuple(names))
-    close, part = None, near_fault(scenario)
-    if len(near) and near[0].size:
-        close = made(times[part], truth[part], *_band(near))
-    return made(times[::CURVE_STEP], truth[::CURVE_STEP], *_band(runs), near=close)
-
-
-def _band(runs: Sequence[Single]) -> tuple[Array, Array, Array]:
-    drawn = np.stack(runs).astype(float)
-    with np.errstate(all="ignore"):  # a lost run may hold anything
-        low, median, high = np.percentile(np.where(np.isnan(drawn), np.inf, drawn), BAND, axis=0)
-    return low, median, high

@@ -8,7 +8,7 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import pack, run_case, unpack
 from flexaxis.experiments.running.estimators import parse
-from flexaxis.experiments.scoring.curves import curve_of, near_fault, residual
+from flexaxis.experiments.scoring.curves import near_fault, residual
 from flexaxis.sim.simulate import simulate
 
 
@@ -96,12 +96,3 @@ def test_traces_come_back_as_they_were(short, record):
             assert back.detail.residual is None
         else:
             np.testing.assert_array_equal(back.detail.residual, case.detail.residual)
-
-
-def test_pooled_curves_have_what_is_near_the_fault(short, record):
-    case = case_on(short, record)
-    runs, near = [case.curve, 2 * case.curve], [case.detail.near, 2 * case.detail.near]
-    both = curve_of(short, "glr", case.names, runs, near)
-    np.testing.assert_allclose(both.near.median, 1.5 * near[0], rtol=1e-6)
-    assert set(both.near.truth[:, 2].round(9)) == {1.0, 1.5}  # a step, not a ramp
-    assert curve_of(short, "frozen", case.names, runs).near is None

@@ -94,11 +94,10 @@ def test_an_estimator_against_itself_with_another_knob_is_the_same(short):
 def test_the_same_method_in_a_class_of_its_own_is_the_same(short):
     """Its knob has another name, scale and default: what is equal is the noise, not the number."""
     found = compared(Same, short)
-    equal = found.content["equal_noise"]
+    own = found.content["equal_noise"][1]
     # slight: a difference of some thousandths is seen where the pairs are so alike
     assert found.verdict in ("same", "slight")
-    own = equal["candidate"]
-    assert (equal["match"], own["knob"]) == ("f_m", "nu")
+    assert (own["match"], own["knob"]) == ("f_m", "nu")
     assert own["value"] == pytest.approx(0.005, rel=0.05)
     assert abs(np.log(own["ratio"])) < TOLERANCE
     assert abs(lag(found)["change"]) < 0.002  # straight between two turns of a smooth curve
@@ -122,8 +121,8 @@ def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
     """Tuned badly, to 1.3 times the noise, the same method is still the same."""
     right = equal_noise.match_noise
 
-    def wrong(name, trials, options):
-        found = right(name, trials, options)
+    def wrong(name, trials):
+        found = right(name, trials)
         if "Same" not in name:
             return found
         value = 1.6 * found.value
@@ -138,7 +137,7 @@ def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
 def test_faults_in_several_parameters_are_compared_at_equal_excess_error(short):
     other = find_scenario("kt_step-v1").override(SHORT)
     found = compared("rpem-forgetting[forgetting=0.99]", [short, other], seeds=3)
-    assert found.content["equal_noise"]["match"] == "excess" and found.verdict == "same"
+    assert found.content["equal_noise"][0]["match"] == "excess" and found.verdict == "same"
 
 
 @pytest.mark.parametrize(
@@ -169,8 +168,8 @@ def test_on_the_command_line(capsys, short_toml, tmp_path):
              "--jobs", "1", "-o", str(tmp_path / "out")]  # fmt: skip
     assert main([*words, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["equal_noise"]["match"] == "f_m" and told["unmatched"] == []
-    setting = told["equal_noise"]["candidate"]["setting"]
+    assert told["equal_noise"][0]["match"] == "f_m" and told["gaps"] == []
+    setting = told["equal_noise"][1]["setting"]
     assert "robust=5" in setting and "forgetting=0.99" in setting  # other options stay
     assert told["candidate"] == setting
     for name in ("report.html", "verdict.md"):
