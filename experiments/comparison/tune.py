@@ -19,7 +19,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
-from flexaxis.experiments.comparison.sweep import Run, Setting, knob_of, reference, setting
+from flexaxis.experiments.comparison.sweep import Run, Runs, Setting, knob_of, reference, setting
 from flexaxis.experiments.files import write_text
 from flexaxis.experiments.running.estimators import written_options
 from flexaxis.experiments.running.run import check_failures
@@ -189,6 +189,47 @@ def match_noise(text: str, trials: Trials) -> Tuned:
         f"within {knob.label} from {least:.4g} to {most:.4g} is {tried}, with {np.exp(error):.3g} "
         f'times that noise. If it is quicker with less of it, write knob = "1/{knob.label}"'
     )
+
+
+def equally_noisy(
+    texts: Sequence[str], scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int]
+) -> list[Tuned]:
+    """Turn the tuning parameters of two estimators until both are as noisy as the reference.
+
+    Where one parameter alone changes in these scenarios, the std of that parameter is equal; where
+    several do, the excess prediction error, which is one number for all.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        As for `--estimator`; a tuning parameter that is set in them is turned, other options
+        stay.
+    scenarios : sequence of Scenario
+        Noise is taken before their faults.
+    run : callable
+    seeds : sequence of int
+        For tuning.
+
+    Raises
+    ------
+    FlexaxisError
+        If one of them has no tuning parameter, nothing changes that both estimate, or no setting
+        reaches the noise.
+    """
+    for text in texts:
+        parts(text)  # without a knob nothing need be run
+    first = Runs(run, seeds[:1])
+    changing = [set[str].intersection(*({*first.changed(s, t)} for t in texts)) for s in scenarios]
+    every = set[str]().union(*changing)
+    if not every:
+        raise FlexaxisError(
+            "--match-std: no scenario has a fault in a parameter that both estimate, so there is "
+            "no lag to compare. Name one that has (`flexaxis list`)"
+        )
+    match = EXCESS if len(every) > 1 else every.pop()
+    where = [s for s, names in zip(scenarios, changing, strict=True) if names]
+    trials = Trials(seeds, run, match, where)
+    return [match_noise(text, trials) for text in texts]
 
 
 def _rounded(position: float, knob: Knob) -> float:

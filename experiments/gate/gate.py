@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from flexaxis.experiments.comparison.tune import Tuned
-from flexaxis.experiments.gate.equal_noise import SEEDS, at_equal_noise, tuned
+from flexaxis.experiments.comparison.tune import Tuned, equally_noisy
+from flexaxis.experiments.gate.equal_noise import SEEDS, at_equal_noise
 from flexaxis.experiments.gate.pairs import SIDES, Gap, Paired, pair, table
 from flexaxis.experiments.gate.verdict import (
     ALPHA,
@@ -25,7 +25,6 @@ from flexaxis.experiments.gate.verdict import (
 )
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner, check_failures
-from flexaxis.experiments.running.store import ROWS
 from flexaxis.experiments.scoring.score_table import MARGINS, METRICS
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario
@@ -75,17 +74,17 @@ class Comparison:
         short = "candidate" in sides or ("base" in sides and word in {SLIGHT, SAME})
         return UNDECIDED if short and word != WORSE else word
 
-    @property
-    def must_look(self) -> bool:
-        """Whether an undecided comparison may not pass: runs newly lost or failed, or missing."""
-        more = self.paired.failed["candidate"] > self.paired.failed["base"]
-        return more or alarming(self.lost) or any(gap.must_look for gap in self.paired.gaps)
-
     def status(self, *, strict: bool = False) -> int:
-        """Return the exit status: 1 worse; 3 undecided, if `strict` or `must_look`; else 0."""
-        if self.verdict == UNDECIDED:
-            return 3 if strict or self.must_look else 0
-        return int(self.verdict == WORSE)
+        """Return the exit status: 1 worse; 3 undecided; else 0.
+
+        Unless `strict`, undecided is 3 only where somebody must look: candidate runs are newly lost
+        or failed, or not there.
+        """
+        if self.verdict != UNDECIDED:
+            return int(self.verdict == WORSE)
+        failed = self.paired.failed
+        newly = failed["candidate"] > failed["base"] or alarming(self.lost)
+        return 3 * (strict or newly or any(gap.must_look for gap in self.paired.gaps))
 
 
 def compare(
@@ -132,20 +131,19 @@ def compare(
     if match_std:
         if used := {*SEEDS} & {*looks[-1]}:
             raise FlexaxisError(
-                f"seed {min(used)} is used for tuning (seeds {SEEDS[0]} to {SEEDS[-1]}): compare "
-                "on others, such as --seeds 1000:1032"
+                f"seed {min(used)} is used for tuning: compare on others, such as --seeds 1000:1032"
             )
-        equal = tuned(base, candidate, scenarios, run, SEEDS[: max(2, len(seeds))])
+        equal = equally_noisy((base, candidate), scenarios, run, SEEDS[: max(2, len(seeds))])
         base, candidate = (side.setting for side in equal)
     for now in looks:
-        frame = run(scenarios, list(dict.fromkeys((base, candidate))), now)
+        frame = run(scenarios, [base, candidate], now)
         sides = [table(frame[frame["estimator"] == text]) for text in (base, candidate)]
         for side in sides:
             if side["failed"].all():  # a crash, and no verdict
                 check_failures(side)
         paired = pair(*sides, margins)
         if equal:
-            paired = at_equal_noise(paired, *equal, scenarios, run, now)
+            paired = at_equal_noise(paired, *equal, scenarios=scenarios, run=run, seeds=now)
         paired = replace(paired, gaps=[*gaps, *paired.gaps])
         alpha = ALPHA / len(looks)
         rows, lost = judge(paired, alpha=alpha), losses(paired, alpha=alpha)
@@ -168,8 +166,9 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
             f"give at least 2 seeds, better 32, and no more --seeds ({len(seeds)}) than "
             f"--max-seeds ({most})"
         )
-    every, most = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], max(most, len(seeds))
-    sizes = dict.fromkeys(min(len(seeds) * 2**k, most) for k in range(most.bit_length()))
+    every, sizes = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], [len(seeds)]
+    while sizes[-1] < most:
+        sizes.append(min(2 * sizes[-1], most))
     return [every[:size] for size in sizes]
 
 
@@ -179,14 +178,9 @@ def check_margins(margins: Mapping[str, float]) -> dict[str, float]:
         if metric not in METRICS or not 0 < margin < 1:
             raise FlexaxisError(
                 f"--margin {metric}: give a score and a share between 0 and 100 %, as in lag=2%."
-                f"{did_you_mean(metric, METRICS)} Scores: {', '.join(METRICS)}"
+                f"{did_you_mean(metric, METRICS)}"
             )
     return {**MARGINS, **margins}
-
-
-def is_run(name: str) -> bool:
-    """Return whether a name is the folder of a finished run."""
-    return (Path(name) / ROWS).exists()
 
 
 def compare_runs(

@@ -29,9 +29,6 @@ TEXTS = {
     # noise beside a lag, by the verdict on the std
     SAME: "same noise", SLIGHT: "same noise", WORSE: "more noise", BETTER: "less noise",
     UNDECIDED: "noise undecided",
-    # how many scores are the same, slightly different or undecided
-    "how many": {SAME: "agree", SLIGHT: "differ by less than the margin",
-                 UNDECIDED: "are undecided"},
     # reasons for undecided
     "far": " (a run lies far on the other side)",
     "few": " (too few runs to exclude rare failures)", "": "",
@@ -84,7 +81,8 @@ def as_dict(comparison: Comparison) -> dict[str, Any]:
         "advice": advice(c), "columns": COLUMNS,
         "rows": [row | {"text": cells(row)} for row in shown],
         "legend": [text.format(**about) for text in LEGEND[: 4 + (c.looks > 1)]],
-        "lost": [way._asdict() for way in c.lost], "equal_noise": [asdict(side) for side in c.equal],
+        "lost": [way._asdict() for way in c.lost],
+        "equal_noise": [asdict(side) for side in c.equal],
         **{name: getattr(c, name, None) or getattr(c.paired, name, None) for name in OWN},
     }  # fmt: skip
 
@@ -98,7 +96,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
         beside += ["at equal noise"] * bool(c.equal)
         clauses = [", ".join([sentence(own[0]), *beside * (own[0]["metric"] == "lag")])]
     elif own:
-        clauses = [f"{len(own)} of {len(shown)} scores {TEXTS['how many'][c.verdict]}"]
+        clauses = [f"{len(own)} of {len(shown)} scores"]
     lost = [way for way in c.lost if way.newly or way.regained]
     clauses += [TEXTS[way.way].format(*way) for way in lost] + [gap.text for gap in c.paired.gaps]
     clauses += [f"the {side} failed in {n} runs" for side, n in c.paired.failed.items() if n]

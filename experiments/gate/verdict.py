@@ -65,7 +65,7 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
         One row a score, what matters most first: ``scenario, metric, parameter, verdict``;
         ``base, candidate``, means over the pairs (geometric where ratios are compared); ``runs,
         pairs``; ``change, interval``, candidate/base − 1, of a bias (``scale``) the
-        difference; ``p, level``, uncorrected and by Holm's procedure; ``margin``, as the change is;
+        difference; ``p``, uncorrected; ``margin``, as the change is;
         ``reason``, why a clear change is undecided: "few" (rare failures may not have shown in so
         few runs), "far" (a run lies far on the other side).
     """
@@ -73,7 +73,7 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     if scores.empty:
         return pd.DataFrame({"verdict": []})
     changes = pd.DataFrame(scores["changes"].tolist())  # NaN where one has fewer
-    about = (scores[name].to_numpy() for name in ("scenario", "metric", "margin"))
+    about = scores[["scenario", "metric", "margin"]].to_numpy().T
     rows = scores.join(decide(changes, *about, alpha))
     ratio, scale = rows["scale"].isna(), rows["scale"].fillna(1.0)
     for name in ("change", "low", "high"):
@@ -104,12 +104,12 @@ def decide(
     Returns
     -------
     DataFrame
-        One row a score: ``pairs, change, low, high, p, level, verdict, reason``.
+        One row a score: ``pairs, change, low, high, p, verdict, reason``.
     """
     pairs = pd.DataFrame(changes)
     n, mean, se = pairs.count(axis=1), pairs.mean(axis=1), pairs.sem(axis=1)
     mean, se = (x.mask(abs(x) <= 1e-12, 0.0).to_numpy() for x in (mean, se))  # rounding errors
-    n, margin = n.to_numpy(), np.log1p(margins)
+    n, margin = n.to_numpy(), np.log1p(np.asarray(margins, float))
     freedom, level = np.maximum(n - 1, 1), np.empty(len(n))
     guard = np.array([SCORES[metric].guard for metric in metrics])
     with np.errstate(all="ignore"):
@@ -132,7 +132,7 @@ def decide(
     words = np.select(choices, [WORSE, BETTER, SLIGHT, SAME], UNDECIDED)
     words = np.where(guard & (words != WORSE), SILENT, words)
     return pd.DataFrame({
-        "pairs": n, "change": mean, "low": low, "high": high, "p": p, "level": level,
+        "pairs": n, "change": mean, "low": low, "high": high, "p": p,
         "verdict": words,
         "reason": np.select([far, beyond & ~seen], ["far", "few"], ""),
     })  # fmt: skip

@@ -181,7 +181,7 @@ class Late(Base):
         ("Writes", "keeps no reference"),
         ("KeepsView", "keeps no reference"),
         ("NoGap", "survives a gap"),
-        ("Spiked", "finite after a spike"),
+        ("Spiked", "finite"),
         ("Late", "a shift of u hurts"),
         ("Negative", "covariance"),
         ("Skew", "covariance"),

@@ -12,9 +12,8 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.comparison import tune
 from flexaxis.experiments.comparison.tune import TOLERANCE
-from flexaxis.experiments.gate import equal_noise
-from flexaxis.experiments.gate.equal_noise import SEEDS
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import PARAMETER_NAMES
 
@@ -119,7 +118,7 @@ def test_one_that_is_slower_is_worse_though_its_knob_made_it_quick(short):
 
 def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
     """Tuned badly, to 1.3 times the noise, the same method is still the same."""
-    right = equal_noise.match_noise
+    right = tune.match_noise
 
     def wrong(name, trials):
         found = right(name, trials)
@@ -128,7 +127,7 @@ def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
         value = 1.6 * found.value
         return type(found)(f"{name}[nu={value:.4g}]", "nu", value, found.match, 1.3, {})
 
-    monkeypatch.setattr(equal_noise, "match_noise", wrong)
+    monkeypatch.setattr(tune, "match_noise", wrong)
     found = compared(Same, short)
     assert found.candidate != "Same" and abs(lag(found)["change"]) < 0.02
 
@@ -158,7 +157,7 @@ def test_what_cannot_be_compared_at_equal_noise_is_refused(short):
     other = find_scenario("kt_step-v1").override(SHORT)
     with pytest.raises(FlexaxisError, match="no scenario has a fault in a parameter that both"):
         compared(Still, other, seeds=2)
-    with pytest.raises(FlexaxisError, match=f"used for tuning .seeds 0 to {SEEDS[-1]}"):
+    with pytest.raises(FlexaxisError, match="used for tuning"):
         compared(Same, short, seeds="10:20")
 
 

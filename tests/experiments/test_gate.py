@@ -164,7 +164,7 @@ def test_a_lost_run_counts_once_and_has_no_pair():
     assert found.lost[1].candidate == 0 and found.verdict == "worse"
     assert row(found, "lag")["pairs"] == 12
     alike = compared(side(diverged=gone), side(diverged=gone))
-    assert alike.verdict == "same" and as_dict(alike)["headline"] == "SAME: 2 of 2 scores agree"
+    assert alike.verdict == "same" and as_dict(alike)["headline"] == "SAME: 2 of 2 scores"
     assert compared(side(diverged=True), side(diverged=True)).verdict == "undecided"
 
 
@@ -196,11 +196,11 @@ def test_the_verdict_comes_first_and_large_changes_are_ratios():
     content = as_dict(compared(side(), side(lag=17 * scatter)))
     assert content["headline"] == "WORSE: lag of f_m at s is 16 times longer (14–18), same noise"
     (lag,) = (r for r in content["rows"] if r["metric"] == "lag")
-    assert lag["text"][4:] == ["16 times", "14 … 18 times", "worse"] and content["rows"][0] == lag
+    assert lag["text"][4:] == ["16 times", "14 times … 18 times", "worse"] and content["rows"][0] == lag
     assert len(content["legend"]) <= 5
     text = markdown(content)
     assert text.index("WORSE") < text.index("| scenario") < text.index(content["legend"][0])
-    assert as_dict(compared(side(), side()))["headline"] == "SAME: 2 of 2 scores agree"
+    assert as_dict(compared(side(), side()))["headline"] == "SAME: 2 of 2 scores"
     quick = as_dict(compared(side(), side(lag=0.7 * scatter)))
     assert quick["headline"].startswith("BETTER: lag of f_m at s is 33 % shorter (24–41)")
 
@@ -210,7 +210,7 @@ def test_cells_have_units_and_reasons():
     shown = as_dict(compared(side(), side(lag=lag)))
     (row_,) = (r for r in shown["rows"] if r["metric"] == "lag")
     assert shown["verdict"] == "undecided" and "seeds may decide" in shown["advice"][0]
-    assert cells(row_)[2] == "1 s" and cells(row_)[6] == "undecided"
+    assert cells(row_)[2] == "1.0 s" and cells(row_)[6] == "undecided"
 
 
 def test_what_one_side_lacks_is_never_the_same():

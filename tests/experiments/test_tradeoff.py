@@ -94,7 +94,7 @@ def test_out_of_reach_is_said_on_one_side():
     loud = match(setting(1.0), line([2.0, 4.0]), "std")
     assert loud.how == "noisier" and loud.ratio == pytest.approx(2.0)
     still = match(setting(1.0), [setting(1.0, std=0.0, lag=5.0)], "std")
-    assert still.how == "quieter" and still.ratio == 0.0
+    assert still.how == "quieter" and still.ratio < 1e-5
 
 
 @pytest.mark.parametrize("n", [8, 16])

@@ -187,9 +187,9 @@ def axis(name="n1", **changes):
 
 def forgetting_of(estimator):
     """At rest nothing is learnt: P/λ is all that a sample does."""
-    before = estimator.P[0, 0]
+    before = estimator.covariance[0, 0]
     estimator.step(0.0, 0.0)
-    return before / estimator.P[0, 0]
+    return before / estimator.covariance[0, 0]
 
 
 HERE = [

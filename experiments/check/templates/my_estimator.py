@@ -40,20 +40,23 @@ class Mine:
         """(2) How an error of the prediction changes the estimate."""
         gain = self.P * psi / (1 + psi * self.P * psi)
         self.P = (1 - gain * psi) * self.P / self.forgetting
-        usual = self.nominal["f_m"]
-        self.theta = np.clip(self.theta + gain * error, 0.1 * usual, 10 * usual)
+        ratio = (self.theta + gain * error) / self.nominal["f_m"]
+        self.theta = self.nominal["f_m"] * np.clip(ratio, 0.1, 10)
 
     def _model(self):
         """(3) Return dX/dt = M X; x = two twists, speeds of motor, gear and arm."""
-        n = self.nominal
-        r, J_m, J_g, J_a, d_g, d_a = (n[k] for k in ("r", "J_m", "J_g", "J_a", "d_g", "d_a"))
-        A, M = np.zeros((5, 5)), np.zeros((11, 11))
-        A[0, 2:4] = r, -1
-        A[1, 3:5] = 1, -1
-        A[2] = np.array([-r * n["k_g"], 0, -(r**2 * d_g + self.theta), r * d_g, 0]) / J_m
-        A[3] = np.array([n["k_g"], -n["k_a"], r * d_g, -(n["f_g"] + d_g + d_a), d_a]) / J_g
-        A[4] = np.array([0, n["k_a"], 0, d_a, -(d_a + n["f_a"])]) / J_a
-        M[:5, :5] = M[5:10, 5:10] = A
+        names = "r k_T J_m J_g J_a k_g k_a d_g d_a f_g f_a"
+        r, k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_g, f_a = map(
+            self.nominal.__getitem__, names.split()
+        )
+        M = np.zeros((11, 11))
+        M[5:10, 5:10] = M[:5, :5] = [
+            [0, 0, r, -1, 0],
+            [0, 0, 0, 1, -1],
+            [-r * k_g / J_m, 0, -(r**2 * d_g + self.theta) / J_m, r * d_g / J_m, 0],
+            [k_g / J_g, -k_a / J_g, r * d_g / J_g, -(f_g + d_g + d_a) / J_g, d_a / J_g],
+            [0, k_a / J_a, 0, d_a / J_a, -(d_a + f_a) / J_a],
+        ]
         M[2, 7] = -1 / J_m  # derivative of A with respect to theta
-        M[7, 10] = n["k_T"] / J_m
+        M[7, 10] = k_T / J_m
         return M

@@ -13,10 +13,8 @@ example:
 from __future__ import annotations
 
 import argparse
-import time
 
 from flexaxis.experiments.commands.answers import answer
-from flexaxis.experiments.running.progress import remark
 
 HELP = "check that an estimator keeps the rules"
 
@@ -24,22 +22,6 @@ HELP = "check that an estimator keeps the rules"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
-
-
-class _Slow:
-    """Says which rule is looked at, whenever it has been long: code may take minutes for a run."""
-
-    PATIENCE = 2.0  # s
-
-    def __init__(self) -> None:
-        self._start = self._said = time.monotonic()
-
-    def __call__(self, rule: str) -> None:
-
-        now = time.monotonic()
-        if now - self._said > self.PATIENCE:
-            self._said = now
-            remark(f"checking: {rule} … ({now - self._start:.0f} s so far)")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -54,7 +36,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.estimators import parse
 
-    found = check(parse(args.estimator), store=default_cache(), begun=_Slow())
+    found = check(parse(args.estimator), store=default_cache())
     status = int(any(finding.holds is False for finding in found))
     if args.json:
         rules = [asdict(finding) for finding in found]

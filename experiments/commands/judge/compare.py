@@ -76,10 +76,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Compare, report, and return the verdict as a status."""
-    from flexaxis.experiments.gate.gate import is_run
+    from flexaxis.experiments.running.store import ROWS
 
     margins = _margins(args)
-    if len(args.names) == 2 and all(map(is_run, args.names)):
+    if len(args.names) == 2 and all((Path(name) / ROWS).exists() for name in args.names):
         _refuse(args, "max_seeds", "jobs", "overwrite", "resume", "match_std")
         return _stored(args, margins)
     if not (args.base and args.candidate):
