@@ -138,11 +138,12 @@ def advice(c: Comparison) -> list[str]:
 def cells(row: Row) -> list[str]:
     """Return a verdict as the texts of a row, in the order of `COLUMNS`."""
     metric, (numbers, unit) = row["metric"].replace("_", " "), _scaled(row)
-    change, low, high = (f"{short(number)} {unit}".rstrip() for number in numbers)
+    change, low, high = map(short, numbers)
     values = (f"{short(row[side])} {METRICS[row['metric']]}".rstrip() for side in SIDES)
     some = f" ({row['pairs']} of {row['runs']} pairs)" * (row["pairs"] < row["runs"])
-    within, word = f"{low} … {high}{some}", row["verdict"] + TEXTS[row["reason"]]
-    return [row["scenario"], f"{metric} {row['parameter']}", *values, change, within, word]
+    within, word = f"{low} … {high} {unit}{some}", row["verdict"] + TEXTS[row["reason"]]
+    name = f"{metric} {row['parameter']}"
+    return [row["scenario"], name, *values, f"{change} {unit}", within, word]
 
 
 def markdown(content: Mapping[str, Any]) -> str:

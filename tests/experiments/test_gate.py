@@ -196,7 +196,8 @@ def test_the_verdict_comes_first_and_large_changes_are_ratios():
     content = as_dict(compared(side(), side(lag=17 * scatter)))
     assert content["headline"] == "WORSE: lag of f_m at s is 16 times longer (14–18), same noise"
     (lag,) = (r for r in content["rows"] if r["metric"] == "lag")
-    assert lag["text"][4:] == ["16 times", "14 times … 18 times", "worse"] and content["rows"][0] == lag
+    assert lag["text"][4:] == ["16 times", "14 … 18 times", "worse"]
+    assert content["rows"][0] == lag
     assert len(content["legend"]) <= 5
     text = markdown(content)
     assert text.index("WORSE") < text.index("| scenario") < text.index(content["legend"][0])
