@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexaxis.estimators.models.sampled import travel
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.scoring import true_model
 from flexaxis.experiments.scoring.bounds import cramer_rao, jump_bound
@@ -75,23 +74,6 @@ def lugre():
     q = dict(zip(scenario.parameter_names, truth[ONSET].tolist(), strict=True))
     u = record.torque[ONSET : ONSET + 200]
     return scenario, truth, record.torque, x, slopes(q, TRACKED, u, x)
-
-
-def test_every_step_along_a_path_with_dry_friction_is_solved_for(monkeypatch):
-    """Of friction that is as good as a jump, where a search may go to and fro for ever."""
-    left = []
-
-    def watched(prepared, X, moved, u):
-        travel(prepared, X, moved, u)
-        laws, mean, gain = prepared.laws, prepared.lanes[1], prepared.square[0]
-        torque = laws["local"][:, 0]
-        left.append(max(abs(mean[:, 0] - laws["offset"] - gain @ torque) / laws["reach"]))
-
-    monkeypatch.setattr(true_model, "_travelled", true_model._travelled.function)
-    monkeypatch.setattr(true_model, "travel", watched)
-    scenario, record = drawn("coulomb_fm_step-v1")
-    state_at(scenario, scenario.true_parameters(), record.torque, ONSET)
-    assert len(left) == ONSET and max(left) < 1e-9
 
 
 @pytest.mark.parametrize(("finer", "worst"), [(true_model.FINER, 0.03), (20, 0.005)])

@@ -51,14 +51,6 @@ def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
     assert status == 3 and out.startswith("UNDECIDED: of 2 runs, 2 newly diverge")
 
 
-def test_undecided_is_no_regression_unless_strict(capsys, short_toml, tmp_path):
-    close = "rpem-forgetting[forgetting=0.9949]"
-    margin = ("--margin", "lag=0.1%,std=0.1%", "--seeds", "2")  # two have no power
-    assert compare(capsys, short_toml, tmp_path, close, *margin)[0] == 0
-    status, out, _ = compare(capsys, short_toml, tmp_path, close, *margin, "--strict")
-    assert status == 3 and "UNDECIDED" in out
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [

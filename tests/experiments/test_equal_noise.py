@@ -153,14 +153,6 @@ def test_who_cannot_be_matched_is_refused_with_the_reason(short, candidate, said
         compared(candidate, short, seeds=2)
 
 
-def test_what_cannot_be_compared_at_equal_noise_is_refused(short):
-    other = find_scenario("kt_step-v1").override(SHORT)
-    with pytest.raises(FlexaxisError, match="no scenario has a fault in a parameter that both"):
-        compared(Still, other, seeds=2)
-    with pytest.raises(FlexaxisError, match="used for tuning"):
-        compared(Same, short, seeds="10:20")
-
-
 def test_on_the_command_line(capsys, short_toml, tmp_path):
     words = ["compare", str(short_toml), "--base", "rpem-forgetting", "--candidate",
              "rpem-forgetting[forgetting=0.98, robust=5]", "--match-std", "--seeds", "3",

@@ -1,14 +1,12 @@
 """identify where its user knows the dry friction, or a part of it."""
 
 import json
-from dataclasses import replace
 
 import pytest
 from identify_axes import VALUES, log
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.identification.identify import _free
 
 F_C = 10 * VALUES[1]["f_m"]
 
@@ -36,10 +34,3 @@ def test_a_level_that_is_given_stays(record, capsys, more):
     assert told["estimates"]["f_m"]["value"] == pytest.approx(VALUES[1]["f_m"], rel=0.05)
     axis = find_axis(str(record.with_name("axis.toml")))
     assert axis.model.nominal["f_c"] == F_C and axis.model.laws
-
-
-def test_what_a_known_axis_has_at_zero_stays_there_unless_freed():
-    known = replace(find_axis("two_mass").having({"f_l": 0.0}), known=True)
-    assert "f_l" not in _free(known, (), ()) and "f_m" in _free(known, (), ())
-    assert _free(known, ("f_l", "k"), ()) == ("f_l", "k")
-    assert "f_l" in _free(replace(known, known=False), (), ())

@@ -26,16 +26,6 @@ def test_nis_is_the_squared_innovation_over_its_claim():
     assert nis(claims(white(100_000), 0.25)) == pytest.approx(4.0, rel=0.02)
 
 
-def test_gaps_and_claims_of_nothing_are_left_out():
-    nan = np.nan
-    assert nis(claims([1.0, nan, 3.0, 5.0], [1.0, 1.0, nan, 0.0])) == 1.0
-    assert nis(claims([nan, nan])) is None and nis(claims([1.0], [0.0])) is None
-    assert nis(np.empty((0, 2))) is None
-    assert whiteness(claims(np.full(100, nan)), LAGS) is None
-    assert whiteness(claims(np.zeros(100)), LAGS) is None
-    assert whiteness(claims(white(10)), LAGS) is None, "shorter than its lags"
-
-
 def test_whiteness_is_the_statistic_of_ljung_and_box():
     z = white(500, seed=3)
     rho = np.array([z[lag:] @ z[:-lag] for lag in range(1, LAGS + 1)]) / (z @ z)

@@ -108,17 +108,6 @@ def test_what_goes_wrong_is_an_answer_as_well(  # noqa: PLR0917
     assert error in found["error"] and list(found) == [*HEAD, "error"]
 
 
-def test_ctrl_c_is_an_answer_as_well(capsys, place, monkeypatch):
-    from flexaxis.experiments.commands.look import list as listing
-
-    def pressed(args):
-        raise KeyboardInterrupt("nothing is kept")
-
-    monkeypatch.setattr(listing, "main", pressed)
-    found = answered(capsys, "list")
-    assert found["status"] == 130 and found["error"] == "interrupted; nothing is kept"
-
-
 def test_every_command_has_it_and_is_documented():
     """But the one that serves a page."""
     text = TABLE.read_text()

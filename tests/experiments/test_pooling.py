@@ -8,7 +8,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.scoring.parameter_names import true_theta
-from flexaxis.experiments.scoring.pooling import rmse, settles, spread
+from flexaxis.experiments.scoring.pooling import spread
 from flexaxis.experiments.scoring.score_table import SCORES, rows, undefined
 from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.summary import of_trajectories, pool_rows
@@ -94,14 +94,6 @@ def test_settling_times_of_the_median_run():
     assert row["t63"] == pytest.approx(0.5 * np.log(1 / 0.37), abs=0.005)
     assert row["t90"] == pytest.approx(0.5 * np.log(10), abs=0.005)
     assert row["rmse"]["100"] == pytest.approx(np.exp(-1))
-
-
-def test_settling_is_for_good():
-    run = np.array([1.0, 0.05, 0.5, 0.05, 0.05], np.float32)
-    assert settles([run], 0.1, 1.0) == 3.0
-    assert settles([run[:3]], 0.1, 1.0) is None
-    assert settles([], 0.1, 1.0) is None
-    assert rmse([], (20,)) == {}
 
 
 def test_the_excess_error_is_that_of_the_prediction():

@@ -112,12 +112,3 @@ def test_one_number_over_all_faults_has_a_fixed_set_and_no_score_is_zero():
     assert {r["estimator"]: r["score"] for r in overall([*rows, unbounded])}[
         "only elsewhere"
     ] == 0.0
-
-
-def test_who_is_ahead_of_the_best_is_not_behind_it():
-    """Three in a circle, each ahead of the next on the seeds that the two have in common."""
-    a = [0.0] * 6 + [None] * 6 + [3.0] * 6
-    b = [1.0 + 0.01 * k for k in range(6)] + [0.0] * 6 + [None] * 6
-    c = [None] * 6 + [1.0 + 0.01 * k for k in range(6)] + [0.0] * 6
-    found = leaders({"a": a, "b": b, "c": c})
-    assert len(found) == 2  # the best, who is ahead of it, and not who is behind it

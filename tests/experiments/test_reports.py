@@ -205,9 +205,7 @@ def ids(html):
 
 
 def test_the_page_of_a_comparison_stands_alone():
-    x = np.arange(3.0)
-    worst = {"time": x, "truth": x, "base": x, "candidate": x, "parameter": "f_m"}
-    html = compare.render(VERDICT, worst)
+    html = compare.render(VERDICT)
     assert html.index("WORSE: lag") < html.index("<svg role") < html.index("<table")
     assert "a&lt;b&gt;" in html and "a<b>" not in html
     assert len(ids(html)) == len(set(ids(html)))

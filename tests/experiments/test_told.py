@@ -6,7 +6,6 @@ import pytest
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.estimators import Spec, build, parse
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.nominal import design_torque
@@ -19,7 +18,6 @@ from flexaxis.experiments.scoring.score_table import rows
 from flexaxis.experiments.scoring.scores import Track
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import parse_scenario
-from flexaxis.sim.simulate import simulate
 
 LINEAR = ("k_T", "1/J_a", "f_m")
 DRY = "friction.coulomb = 0.1\n"
@@ -82,28 +80,6 @@ def test_only_who_has_laws_is_asked_for_them():
     assert build(spec("Tracks"), made(DRY)).asked == LINEAR
     with pytest.raises(EstimatorError, match=r"`laws`.*identifies only f_c: leave"):
         build(parse("rpem-forgetting"), made(DRY + 'identify = ["f_c"]\n'))
-
-
-@pytest.mark.slow
-def test_rows_are_of_what_is_estimated_and_has_a_truth():
-    scenario = made(ASKED, FAULT)
-    (record,) = simulate(scenario, [0])
-    linear = {row["parameter"]: row for row in run_case(scenario, record, spec("Asks")).rows}
-    assert list(linear) == list(LINEAR) and not any(row["changed"] for row in linear.values())
-    more = {row["parameter"]: row for row in run_case(scenario, record, spec("Tracks")).rows}
-    assert list(more) == [*LINEAR, "f_c"]  # there is no c_sin, and of f_s there is none
-    assert more["f_c"]["changed"] and more["f_c"]["lag"] == pytest.approx(2.0)
-    assert more["f_c"]["bias"] == pytest.approx(0, abs=1e-12)
-    assert more["f_c"]["excess"] == linear["f_m"]["excess"]
-    assert more["f_c"]["nees"] == pytest.approx(0, abs=1e-12)  # of the four alone
-    besides = made(DRY)  # f_c is scored where it is known, whatever is asked for
-    (record,) = simulate(besides, [0])
-    assert [r["parameter"] for r in run_case(besides, record, spec("Tracks")).rows][3:] == ["f_c"]
-    plain = made()
-    (record,) = simulate(plain, [0])
-    assert len(run_case(plain, record, spec("Tracks")).rows) == 3
-    with pytest.raises(EstimatorError, match=r"estimates f_c, but x has k_T, .*: nothing of it"):
-        build(spec("Dry"), plain)
 
 
 def test_q_is_of_the_linear_parameters_of_identify():

@@ -1,7 +1,5 @@
 """Matching at equal noise, the sweep over knobs, and its command."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -157,23 +155,3 @@ def test_without_a_fault_there_is_nothing_to_compare(capsys):
     words = ["tune", "rpem-forgetting", "--sweep", "standstill-v1", "--seeds", "1"]
     assert main(words) == 2
     assert "standstill-v1: no fault in an estimated parameter" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_the_command(tmp_path, capsys):
-    words = ["tune", "rpem-forgetting", "--sweep", "kt_step-v1", "--seeds", "2",
-             "--jobs", "1", "-o", str(tmp_path)]  # fmt: skip
-    assert main([*words, "--json"]) == 0
-    content = json.loads(capsys.readouterr().out)
-    assert content["reference"] == "rpem-forgetting[forgetting=0.995]"
-    lags = [p["lag"] for p in content["points"]]
-    assert len(lags) == 5 and (np.diff(lags) < 0).all()  # faster the more it forgets
-    (row,) = content["matched"]
-    assert row["lag"] == pytest.approx(lags[2]) and row["over_bound"] > 5
-    assert row["over_single"] > row["over_bound"]
-    (whole,) = content["overall"]
-    assert 0 < whole["score"] < 100 and whole["faults"] == 1
-    assert (tmp_path / "sweep.svg").exists() and (tmp_path / "sweep.json").exists()
-    assert main(words) == 0
-    shown = capsys.readouterr().out
-    assert "torque constant −10 %  (kt_step-v1: k_T)" in shown and "overall score" in shown

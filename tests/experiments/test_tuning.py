@@ -122,28 +122,6 @@ def test_an_option_is_turned_as_its_class_says(own):
     assert parse(with_knob(own("Called"), 2.0)).options == {"low": 0.2, "lam": 0.98}
 
 
-def test_a_path_is_straight_in_the_logarithms_and_ends(own):
-    assert parse(with_knob(own("Along"), 1.0)).options == {"low": 0.2, "high": 1.0}
-    turned = parse(with_knob(own("Along"), 2.0)).options
-    assert turned == pytest.approx({"low": 0.8, "high": 2**0.5})
-    assert with_knob(own("Along"), 5.0) is None and with_knob(own("Along"), 0.2) is None
-
-
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("Outside", "from 2 to 4, and does not hold 1"),
-        ("Strange", "the same options at each"),
-        ("Elsewhere", r"'lov' is no option.*did you mean 'low'"),
-        ("Negative", "numbers above 0"),
-        ("Words", r"cannot be read.*1-lam"),
-    ],
-)
-def test_a_knob_that_is_none_is_said_to_be_so(own, name, said):
-    with pytest.raises(ValueError, match=f"own.py:{name}: its `knob`.*{said}"):
-        with_knob(own(name), 2.0)
-
-
 def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, capsys):
     path = tmp_path / "tuned.toml"
     monkeypatch.setattr(tuning, "Trials", Powers)
