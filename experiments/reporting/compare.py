@@ -21,7 +21,7 @@ def render(verdict: Row) -> str:
         As `flexaxis compare --json` prints it.
     """
     rows, figures = verdict["rows"], []
-    if any(row["interval"] for row in rows):
+    if any(None not in row["interval"] for row in rows):
         figures.append(page.drawn(verdict_intervals, "change of each score", rows))
     lines = [("", [Cell(text) for text in row["text"]]) for row in rows]
     return page.render(

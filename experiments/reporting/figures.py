@@ -373,7 +373,7 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
     axes : Axes, optional
         Where to draw; a new figure by default.
     """
-    shown = [row for row in rows if row["interval"] and row["change"] is not None][:30]
+    shown = [row for row in rows if None not in (row["change"], *row["interval"])][:30]
     ax, names = axes or new(60 + 24 * len(shown)), []
     for place, row in enumerate(shown):
         parts = np.array([row["change"], *row["interval"], row["margin"] or 0])
