@@ -154,8 +154,8 @@ def keeps_no_reference(subject: Subject) -> Seen:
     u, y, half = subject.u.copy(), subject.y.copy(), len(subject.u) // 2
     reused, kept = subject.make(), subject.make()
     run_estimator(reused, u[:half], y[:half])
-    run_estimator(kept, subject.u[:half], subject.y[:half])
     intact = np.array_equal((u, y), (subject.u, subject.y))
+    run_estimator(kept, subject.u[:half], subject.y[:half])
     u[:half] = y[:half] = 1e6
     rest, expected = (run_estimator(e, subject.u[half:], subject.y[half:]) for e in (reused, kept))
     estimator = subject.make()
