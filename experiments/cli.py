@@ -169,7 +169,12 @@ def _guarded(args: argparse.Namespace) -> int:
     try:
         return _answered(args)
     except KeyboardInterrupt as error:
-        return _ended(args, INTERRUPTED, "; ".join(["interrupted", *map(str, error.args)]))
+        words = ["interrupted", *map(str, error.args)]
+        if hasattr(args, "resume"):
+            from flexaxis.experiments.commands.options import RESUME, line
+
+            words.append(f"what is stored is kept; go on with: {line(args, RESUME)}")
+        return _ended(args, INTERRUPTED, "; ".join(words))
 
 
 def _answered(args: argparse.Namespace) -> int:

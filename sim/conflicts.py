@@ -59,15 +59,27 @@ def problems(error: ValidationError, content: Mapping[str, Any], top: type[Scena
     lines = [f"{key}: {text}" for key, text in explain(error, top)]
     if not lines:
         return _conflict_lines(error)
-    wrong = {str(item["loc"][0]) for item in error.errors()}
-    right = {key: value for key, value in content.items() if key not in wrong}
+    wrong = {_place(item["loc"]) for item in error.errors()}
+    right = {key: value for key, value in content.items() if (key,) not in wrong}
+    kept = {}  # of arrays of tables, the entries that are right
+    for key in ("fault", "nuisance"):
+        if key in right:
+            kept[key] = [i for i in range(len(right[key])) if (key, i) not in wrong]
+            right[key] = [right[key][i] for i in kept[key]]
     try:
-        if "model" not in wrong:  # on which the names of all parameters depend
+        if ("model",) not in wrong:  # on which the names of all parameters depend
             top.model_validate({"name": "x", "duration": 86400.0} | right)
     except ValidationError as more:
-        parts = [(re.split(r"[:.\[]", line)[0], line) for line in _conflict_lines(more)]
-        lines += [line for key, line in parts if key not in wrong]
+        for line in _conflict_lines(more):
+            key, number, rest = re.fullmatch(r"(\w+)(?:\[(\d+)\])?(.*)", line, re.DOTALL).groups()
+            here = f"{key}[{kept[key][int(number)]}]{rest}" if key in kept else line
+            lines += [here] * ((key,) not in wrong)
     return lines
+
+
+def _place(loc: Sequence[int | str]) -> tuple[int | str, ...]:
+    """Return the key at the top that an error is in, with the number of an entry of an array."""
+    return tuple(loc[: 2 if loc[0] in {"fault", "nuisance"} else 1])
 
 
 def _conflict_lines(error: ValidationError) -> list[str]:

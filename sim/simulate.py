@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
 from importlib.metadata import version
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import model_digest
 from flexaxis.sim.errors import ScenarioError, SimulationError
-from flexaxis.sim.plant.loop import Progress, Truth, closed_loop
+from flexaxis.sim.plant.loop import Truth, closed_loop
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.streams import stream
@@ -29,13 +29,10 @@ def simulate(
     seeds: Sequence[int],
     *,
     repeat: int = 0,
-    threads: int = 1,
-    progress: Progress | None = None,
 ) -> list[Record]:
     """Run a scenario once for each seed, all in one batch.
 
-    A record depends on scenario, seed and repeat alone: not on the other seeds, their order or
-    the number of threads.
+    A record depends on scenario, seed and repeat alone: not on the other seeds, or their order.
 
     Parameters
     ----------
@@ -45,10 +42,6 @@ def simulate(
         Numbers of the runs, from 0.
     repeat : int
         Measure the same run again: the same excitation and faults, other noise.
-    threads : int
-        Threads that share the runs.
-    progress : callable, optional
-        Called now and then with the fraction done.
 
     Returns
     -------
@@ -72,11 +65,11 @@ def simulate(
     )
     white = partial(_white, scenario, seeds, repeat)
     with _named(scenario, seeds):
-        truth = closed_loop(runs, reference, white, threads=threads, progress=progress)
+        truth = closed_loop(runs, reference, white)
     sensors = scenario.sensors.values()
     angle = reading(sensors, "angle", white, period=grid.period)(truth.angles[:, :, 0])
     speed = reading(sensors, "speed", white, period=grid.period)(truth.speed)
-    return _records(scenario, runs, seeds, truth, [angle, speed])
+    return _records(scenario, seeds, truth, [angle, speed])
 
 
 def tracked(
@@ -143,9 +136,7 @@ def _named(scenario: Scenario, seeds: list[int]) -> Iterator[None]:
         raise SimulationError(message, error.run, error.time, error.reason) from None
 
 
-def _records(
-    scenario: Scenario, runs: list[Scenario], seeds: list[int], truth: Truth, read: list[Array]
-) -> list[Record]:
+def _records(scenario: Scenario, seeds: list[int], truth: Truth, read: list[Array]) -> list[Record]:
     angle, speed = read
     signals: dict[str, Any] = {
         "torque": truth.torque,
@@ -156,23 +147,26 @@ def _records(
     }
     masses = [name[2:] for name in scenario.nominal if name[0] == "J"]
     signals |= {f"true_angle_{name}": truth.angles[..., i] for i, name in enumerate(masses)}
-    parameters = {run.hash: run.true_parameters() for run in runs}
-    for shared in parameters.values():  # by all records of the batch to which it happens at once
-        shared.flags.writeable = False
     return [
-        Record(
-            time=scenario.times,
-            **{name: values[:, i].copy() for name, values in signals.items()},
-            true_parameters=parameters[run.hash],
-            parameter_names=scenario.parameter_names,
-            scenario=run.resolved(),
-            hash=scenario.hash,
-            seed=seed,
-            burn_in=scenario.burn_in,
-            versions=made_with(scenario),
-        )
-        for i, (run, seed) in enumerate(zip(runs, seeds, strict=True))
+        record_of(scenario, seed, {name: values[:, i].copy() for name, values in signals.items()})
+        for i, seed in enumerate(seeds)
     ]
+
+
+def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Array]) -> Record:
+    """Return the record of a run from its signals."""
+    run = scenario.drawn(seed)
+    return Record(
+        time=scenario.times,
+        **signals,
+        true_parameters=run.true_parameters(),
+        parameter_names=scenario.parameter_names,
+        scenario=run.resolved(),
+        hash=scenario.hash,
+        seed=seed,
+        burn_in=scenario.burn_in,
+        versions=made_with(scenario),
+    )
 
 
 @cache

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from scipy.linalg import expm
 
+from flexaxis.models_mjcf import model_files
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.plant import Plant
 
@@ -37,7 +38,7 @@ for pole in sorted(poles, key=abs):
 # %% The same matrix out of MuJoCo
 # The engine knows bodies, joints and tendons, and nothing of A. Push it in each state and look at
 # the accelerations.
-model = Plant([axis], period=0.005, substeps=5).model(0)
+model = mujoco.MjModel.from_xml_string(model_files("three_mass")[0])
 data = mujoco.MjData(model)
 
 

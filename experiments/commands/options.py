@@ -208,8 +208,6 @@ def working(
         ))  # fmt: skip
         try:
             yield runner, advance
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(go_on(args, runner.done)) from None
         except FlexaxisError as error:
             if not runner.done:
                 raise

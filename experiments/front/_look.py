@@ -24,7 +24,7 @@ class CacheState:
     records : int
         Number of records.
     size_mb, limit_mb : float
-        Their size and its limit [MB]; FLEXAXIS_CACHE_LIMIT sets the limit.
+        Their size and its limit [MB].
     removed : int
         Number of records that were removed.
     """
@@ -56,7 +56,7 @@ def cache(*, clear: bool = False) -> CacheState:
     from flexaxis.experiments.running.cache import default_cache
 
     store = default_cache()
-    removed = store.clear() if clear else 0
+    removed = store.evict(-1) if clear else 0
     size, limit = (round(bytes_ / 1024**2, 1) for bytes_ in (store.size(), store.limit))
     return CacheState(store.folder, len(store.entries()), size, limit, removed)
 

@@ -15,10 +15,9 @@ from flexaxis._given import spec_of
 from flexaxis._records import Recording, changed
 from flexaxis._table import ShownTable
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.protocol import Estimator
+from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.experiments.catalogue.names import is_scenario
 from flexaxis.experiments.running.case import follow, track_of
-from flexaxis.experiments.running.estimate import run_on
 from flexaxis.experiments.running.estimators import Spec, build
 from flexaxis.experiments.running.user_code import reported
 from flexaxis.experiments.scoring.parameter_names import known_names
@@ -124,7 +123,7 @@ def _of_instance(estimator: Estimator, record: Recording, scenario: Scenario | N
     _check_output(estimator, record, name)
     y = getattr(record, estimator.output)
     with reported(name, f"on {record!r}", refusing=True):
-        theta, _, _ = run_on(estimator, record.torque, y, record.valid, claims=False)
+        theta = run_estimator(estimator, record.torque, y, record.valid)
     return Estimate(name, tuple(estimator.names), theta, record, scenario, _findings(estimator))
 
 

@@ -16,8 +16,7 @@ from flexaxis.experiments.running.results import Results
 
 MAPS, LINES = 3, 300  # pairs of axes with maps; lines of the table
 SHOWN = ("lag", "over_bound", "t10", "std", "bias", "score", "diverged")
-LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]",
-          "false_alarms_per_hour": "false alarms / h"}  # fmt: skip
+LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]"}
 
 
 def render(results: Results) -> str:
@@ -25,7 +24,7 @@ def render(results: Results) -> str:
     axes, study, failures = numeric_axes(results), results.study, results.failures
     table = _table(results)
     looks = page.looks_of(name for name, _ in table.rows)
-    shown = [over_axis(results, axis, "score", "false_alarms_per_hour") for axis in axes[:1]]
+    shown = [over_axis(results, axis, "score") for axis in axes[:1]]
     shown += [over_axis(results, axis, "lag", "std") for axis in axes]
     return page.render(
         "reporting/templates/study.html",

@@ -9,21 +9,19 @@ import platform
 import time
 import warnings
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.experiments.running.cache import RecordCache, keep_nominal_runs, records
-from flexaxis.experiments.running.estimate import write_estimates
 from flexaxis.experiments.running.estimators import Spec, build
-from flexaxis.experiments.running.study import PlannedCase, Unit
+from flexaxis.experiments.running.study import PlannedCase, Unit, labels
 from flexaxis.experiments.running.user_code import (
     PIPE,
     TIME_LIMIT,
@@ -62,8 +60,6 @@ class Options:
         Where records are kept.
     traces : bool
         Whether to keep what the figures of single runs need.
-    trajectories : Path or None
-        Folder for all estimates of each case.
     time_limit : float
         Of one run of a user's estimator [s].
     log : str
@@ -72,7 +68,6 @@ class Options:
 
     cache: RecordCache | None = None
     traces: bool = False
-    trajectories: Path | None = None
     time_limit: float = TIME_LIMIT
     log: str = os.devnull
 
@@ -93,6 +88,7 @@ class Done:
         JSON of what was named for each fault.
     error : str or None
         Why the case failed.
+    host : str
     trace : bytes or None
         A case without its rows, as from `pack`.
     """
@@ -128,61 +124,60 @@ class Outcome:
     remarks: list[tuple[str, str]] = field(default_factory=list)
 
 
-def run_unit(unit: Unit, options: Options, stop: Any = None) -> Outcome:
-    """Run the cases of a unit.
-
-    Parameters
-    ----------
-    unit : Unit
-    options : Options
-    stop : event, optional
-        When it is set, the unit ends after the current case.
-    """
-    outcome, failed = Outcome(), dict[int, str]()
-    cases = unit.cases()
-    seeds = list(dict.fromkeys(seed for _, _, seed in cases))
+def run_unit(unit: Unit, options: Options) -> Outcome:
+    """Run the cases of a unit."""
+    outcome = Outcome()
+    seeds = list(dict.fromkeys(seed for _, _, seed in unit.cases()))
     # One thread, so that rows are equal to the last bit wherever they are made.
     with threadpool_limits(1), keep_nominal_runs(options.cache), warnings.catch_warnings():
         warnings.filterwarnings("ignore", category=UserWarning, module="flexaxis")
-        made = _records(unit, seeds, options.cache, outcome, failed)
-        known = {record.seed: record for record in made}
-        for case in cases:
-            _, setting, seed = case
-            if stop is not None and stop.is_set():
-                break
-            if reason := failed.get(seed) or unit.error:
-                outcome.cases.append(failure(unit, case, reason, known.get(seed)))
-                continue
-            try:
-                found = run_case(unit.scenario, known[seed], setting.spec, options)
-            except EstimatorError as error:
-                if is_of_the_machine(error):
-                    outcome.missing.append(str(error))
-                    continue
-                text = f"{type(error).__name__}: {error}"
-                done = failure(unit, case, text, known[seed])
-            else:
-                done = _done(unit, case, found, options)
-                _note_not_finite(outcome, setting.spec, unit, seed, found)
-            outcome.cases.append(done)
+        known = _records(unit.scenario, seeds, options.cache, outcome)
+        for case in unit.cases():
+            _run(unit, case, known[case[2]], options, outcome)
     return outcome
 
 
 def _records(
-    unit: Unit, seeds: Sequence[int], cache: RecordCache | None, outcome: Outcome,
-    failed: dict[int, str],
-) -> list[Record]:  # fmt: skip
-    """Return the records of some seeds; if one stops its batch, each is simulated alone."""
+    scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None, outcome: Outcome
+) -> dict[int, Record | str]:
+    """Return the records of some seeds, or why there is none; one that stops a batch is alone."""
     try:
-        found, simulated = records(unit.scenario, seeds, cache, repeat=unit.repeat)
-        outcome.simulated += simulated
-        return found
+        made, simulated = records(scenario, seeds, cache)
     except SimulationError as error:
         if len(seeds) == 1:
-            failed[seeds[0]] = f"SimulationError: {error}"
-            return []
-    alone = [_records(unit, [seed], cache, outcome, failed) for seed in seeds]
-    return [record for each in alone for record in each]
+            return {seeds[0]: f"SimulationError: {error}"}
+        alone = [_records(scenario, [seed], cache, outcome) for seed in seeds]
+        return {seed: record for each in alone for seed, record in each.items()}
+    outcome.simulated += simulated
+    return dict(zip(seeds, made, strict=True))
+
+
+def _run(
+    unit: Unit, case: PlannedCase, record: Record | str, options: Options, outcome: Outcome
+) -> None:
+    """Run a case, and add its rows to an outcome."""
+    _, setting, seed = case
+    error, trace = unit.error or None, None
+    if isinstance(record, str):  # nobody can run it: one row without scores
+        outcome.cases.append(_row(unit, case, [undefined()], record))
+        return
+    try:
+        if not error:
+            result = run_case(unit.scenario, record, setting.spec, options)
+            lines, trace = result.rows, pack(result) if options.traces else None
+            finite = np.isfinite(result.theta).all(axis=1)  # type: ignore[arg-type]
+            if setting.spec.is_users and not finite.all():
+                where = f"on {unit.scenario.name}, seed {seed}, sample {int(np.argmin(finite))}"
+                outcome.remarks.append((setting.text, where))
+    except EstimatorError as raised:
+        if is_of_the_machine(raised):
+            outcome.missing.append(str(raised))
+            return
+        error = f"{type(raised).__name__}: {raised}"
+    if error:  # a run lost at its first sample
+        drawn = unit.scenario.drawn(seed)
+        lines = rows(failed_track(drawn, record.true_parameters, record.torque))
+    outcome.cases.append(_row(unit, case, lines, error, trace))
 
 
 def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = Options()) -> Case:
@@ -193,11 +188,11 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
     EstimatorError
         If the estimator raises an exception, or returns what it must not.
     """
-    drawn = scenario.drawn(record.seed or 0)
-    watched = spec.is_users and not spec.text.startswith(PIPE)
-    with ended_after(options.time_limit, options.log) if watched else nullcontext():
+    drawn, program = scenario.drawn(record.seed or 0), spec.text.startswith(PIPE)
+    clock = time.perf_counter if program else time.thread_time
+    watched = spec.is_users and not program  # a program has its own time for an answer
+    with ended_after(options.time_limit if watched else None, options.log):
         estimator = build(spec, drawn)
-        clock = time.perf_counter if spec.text.startswith(PIPE) else time.thread_time
         start = clock()
         theta, claimed, innovations = follow(spec.text, estimator, drawn, record)
         seconds = clock() - start
@@ -242,42 +237,27 @@ def follow(
     """
     where, samples = f"on {scenario.name}, seed {record.seed}", len(record.time)
     y, claimed = getattr(record, estimator.output), None
-    thetas, innovations = [], []
+    thetas, shown = [], []
     # In seconds, so that the estimator does not learn from a cut when the fault comes.
     size = sample_index(1.0, scenario.period) if hasattr(estimator, "covariance") else samples
     for first in range(0, samples, size):
         part = slice(first, min(first + size, samples))
-        u, valid = record.torque[part], None if record.valid is None else record.valid[part]
+        valid = None if record.valid is None else record.valid[part]
         with reported(text, where, first=first, period=scenario.period):
-            theta = run_estimator(estimator, u, y[part], valid)
-        if theta.shape != (len(u), len(estimator.names)):
-            raise EstimatorError(
-                f"{text} returned estimates of the shape {theta.shape} {where}; "
-                f"{(len(u), len(estimator.names))} is needed: one row a sample, one column a name"
-            )
-        thetas.append(theta)
-        innovations.append(_innovations(text, estimator, len(u), where))
+            thetas.append(run_estimator(estimator, record.torque[part], y[part], valid))
+        shown.append(getattr(estimator, "innovations", None))
         if part.stop <= claimed_at(scenario) + 1:
             claimed = getattr(estimator, "covariance", None)
-    known = [each for each in innovations if each is not None]
-    whole = np.concatenate(known) if len(known) == len(innovations) else None
-    return np.concatenate(thetas), claimed, whole
-
-
-def _innovations(text: str, estimator: Any, samples: int, where: str) -> Array | None:
-    """Return innovation and claimed variance (N, 2) of the last run, None if it shows none."""
-    try:
-        found = np.array(getattr(estimator, "innovations", None), float)  # a copy
-    except (TypeError, ValueError):
-        return None  # the user has something else under this name
-    if found.ndim != 2 or found.shape[1] != 2:
-        return None
-    if len(found) != samples:
-        raise EstimatorError(
-            f"{text} has `innovations` of the shape {found.shape} after a run of {samples} samples "
-            f"{where}; {(samples, 2)} is needed: y − ŷ and its variance for each sample"
-        )
-    return found
+    theta = np.concatenate(thetas)
+    innovations = None if shown[0] is None else np.concatenate(shown)
+    wanted = {"estimates": (theta, len(estimator.names)), "`innovations`": (innovations, 2)}
+    for what, (values, width) in wanted.items():
+        if values is not None and values.shape != (samples, width):
+            raise EstimatorError(
+                f"{text} returned {what} of the shape {values.shape} {where}; "
+                f"{(samples, width)} is needed: one row a sample"
+            )
+    return theta, claimed, innovations
 
 
 def track_of(  # noqa: PLR0917
@@ -315,75 +295,39 @@ def track_of(  # noqa: PLR0917
     )
 
 
-def _done(unit: Unit, case: PlannedCase, found: Case, options: Options) -> Done:
-    if options.trajectories is not None and found.theta is not None:
-        times = np.arange(len(found.theta)) * unit.scenario.period
-        path, about = options.trajectories / f"{case[0]}.nc", {"estimator": found.estimator}
-        write_estimates(path, times, found.theta, found.names, about)
-    trace = pack(found) if options.traces else None
-    return _row(unit, case, found.rows, trace=trace)
-
-
-def failure(unit: Unit, case: PlannedCase, error: str, record: Record | None = None) -> Done:
-    """Return a case that failed: a run lost at its first sample.
-
-    Without a record the run itself could not be simulated: one row without scores.
-    """
-    lines: Sequence[Mapping[str, Any]] = []
-    if record is not None and record.true_parameters is not None:
-        drawn = unit.scenario.drawn(case[2])
-        lines = rows(failed_track(drawn, record.true_parameters, record.torque))
-    return _row(unit, case, lines or [undefined()], error=error)
-
-
 def _row(
-    unit: Unit, case: PlannedCase, lines: Sequence[Mapping[str, Any]], *,
-    error: str | None = None, trace: bytes | None = None,
+    unit: Unit, case: PlannedCase, lines: Sequence[Mapping[str, Any]], error: str | None,
+    trace: bytes | None = None,
 ) -> Done:  # fmt: skip
-    (name, setting, seed), scenario = case, unit.scenario
-    about = {
-        "scenario": unit.base,
-        "estimator": setting.estimator,
-        "setting": setting.text,
-        "code": setting.spec.digest,
-        "hash": scenario.hash,
-        "seconds": scenario.duration,
-        "axes": {**unit.axes, **setting.axes},
+    name, setting, seed = case
+    about = labels(unit, setting) | {
+        "seconds": unit.scenario.duration,
         "parameters": [line["parameter"] or "" for line in lines],
     }
-    numbers = np.array([[_number(line, column) for column in NUMBERS] for line in lines])
-    if scenario.onset_spread is not None:
-        onset = first_onset(scenario.drawn(seed)) * scenario.period
+    numbers, named = numbers_of(lines), lines[0].get("isolation")
+    if unit.scenario.onset_spread is not None:
+        onset = first_onset(unit.scenario.drawn(seed)) * unit.scenario.period
         numbers[:, NUMBERS.index("onset")] = onset
-    named = lines[0].get("isolation")
     isolation = None if named is None else json.dumps(named)
-    text = json.dumps(about, ensure_ascii=False)
-    return Done(name, text, seed, numbers, isolation, error, platform.node(), trace)
+    about_text = json.dumps(about, ensure_ascii=False)
+    return Done(name, about_text, seed, numbers, isolation, error, platform.node(), trace)
 
 
-def _number(line: Mapping[str, Any], name: str) -> float:
-    table, _, part = name.partition(".")
-    value = (line.get(table) or {}).get(part) if part else line.get(name)
-    return np.nan if value is None else float(value)
-
-
-def _note_not_finite(outcome: Outcome, spec: Spec, unit: Unit, seed: int, found: Case) -> None:
-    if spec.is_users and found.theta is not None:
-        finite = np.isfinite(found.theta).all(axis=1)
-        if not finite.all():
-            where = f"on {unit.scenario.name}, seed {seed}, sample {int(np.argmin(finite))}"
-            outcome.remarks.append((spec.text, where))
+def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
+    """Return the numbers (p, n) of rows with tables in them, in the order of `NUMBERS`."""
+    table = pd.json_normalize(list(lines)).reindex(columns=NUMBERS)
+    return np.ascontiguousarray(table.to_numpy(float))
 
 
 def pack(case: Case) -> bytes:
     """Return what the figures of a case need, as the bytes of an .npz file."""
     about = [case.estimator, case.names, list(case.relative), list(case.detail.findings)]
     arrays: dict[str, Any] = {f"of {name}": values for name, values in case.relative.items()}
-    arrays |= {"curve": case.curve, "near": case.detail.near}
     if case.detail.residual is not None:
         arrays["residual"] = case.detail.residual
     buffer = io.BytesIO()
-    np.savez(buffer, about=np.array(json.dumps(about)), **arrays)
+    np.savez(buffer, about=np.array(json.dumps(about)), curve=case.curve, near=case.detail.near,
+             **arrays)  # fmt: skip
     return buffer.getvalue()
 
 

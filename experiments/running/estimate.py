@@ -27,9 +27,8 @@ def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]
 
 
 def run_on(
-    estimator: Estimator, u: Array, y: Array, valid: NDArray[np.bool_] | None = None, *,
-    claims: bool = True,
-) -> tuple[Array, Array | None, NDArray[np.bool_]]:  # fmt: skip
+    estimator: Estimator, u: Array, y: Array, valid: NDArray[np.bool_] | None = None
+) -> tuple[Array, Array | None, NDArray[np.bool_]]:
     """Run an estimator from its current state, and ask what it claims after each sample.
 
     Parameters
@@ -37,8 +36,6 @@ def run_on(
     estimator : Estimator
     u, y : ndarray (n,)
     valid : ndarray (n,) of bool, optional
-    claims : bool
-        Whether to ask for covariance and alarms; if not, its fast `run` is used.
 
     Returns
     -------
@@ -46,11 +43,10 @@ def run_on(
     covariance : ndarray (n, p, p) or None
     alarms : ndarray (n,) of bool
     """
-    n, p = len(y), len(estimator.names)
-    alarms, has_covariance = np.zeros(n, bool), claims and hasattr(estimator, "covariance")
-    if not has_covariance and not (claims and hasattr(estimator, "alarm")):
+    n, p, claims = len(y), len(estimator.names), hasattr(estimator, "covariance")
+    theta, claimed, alarms = np.empty((n, p)), np.empty((n, p, p)), np.zeros(n, bool)
+    if not (claims or hasattr(estimator, "alarm")):
         return run_estimator(estimator, u, y, valid), None, alarms
-    theta, claimed = np.empty((n, p)), np.empty((n, p, p))
     for k in range(n):
         try:
             value = estimator.step(u[k], y[k] if valid is None or valid[k] else None)
@@ -58,10 +54,10 @@ def run_on(
         except BaseException as error:
             error.at_sample = k  # type: ignore[attr-defined]  # for the message
             raise
-        if has_covariance:
+        if claims:
             claimed[k] = estimator.covariance  # type: ignore[attr-defined]
         alarms[k] = getattr(estimator, "alarm", False)
-    return theta, claimed if has_covariance else None, alarms
+    return theta, claimed if claims else None, alarms
 
 
 def write_estimates(

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import inspect
 import json
-import re
+import pickle
 import shlex
 import sys
-from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from hashlib import sha256
 from importlib.metadata import entry_points
 from importlib.util import find_spec
@@ -34,6 +33,7 @@ from flexaxis.experiments.files import SHORT
 from flexaxis.experiments.running.user_code import (
     PIPE,
     PipeEstimator,
+    code_file,
     load_class,
     names_code,
     reported,
@@ -82,7 +82,7 @@ class Spec:
         """Whether it is code of a user: a file, module, program, entry point or session class."""
         return self.session is not None or self.name not in REGISTRY
 
-    @cached_property
+    @property
     def make(self) -> Factory:
         """The class, or what makes an estimator; user code is imported when it is first asked."""
         if self.text.startswith(PIPE):
@@ -100,17 +100,14 @@ class Spec:
     def digest(self) -> str | None:
         """Digest of the code of a user, None for an estimator of the registry.
 
-        It covers the file and the files beside it that it imports, the words of a command that
-        are files, or the source of a class of this session.
+        It covers the file, the words of a command that are files, or the source of a class of
+        this session.
         """
         if self.session is not None:
             return _short(_source(self.session))
         if not names_code(self.text):
             return None
         return _short(b"".join(path.read_bytes() for path in _files_of(self.name)))
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in vars(self).items() if key != "make"}
 
 
 def _short(content: bytes) -> str:
@@ -128,12 +125,10 @@ def _files_of(name: str) -> list[Path]:
     """Return the files of a user's estimator that decide what it does."""
     if name.startswith(PIPE):
         paths = [Path(word) for word in shlex.split(name.removeprefix(PIPE))]
-    elif (module := name.rpartition(":")[0]).endswith(".py"):
-        path = Path(module)
-        imports = re.findall(r"^\s*(?:from|import)\s+\.?(\w+)", path.read_text(), re.MULTILINE)
-        paths = [path, *(path.with_name(f"{name}.py") for name in sorted({*imports}))]
+    elif file := code_file(name):
+        paths = [Path(file)]
     else:
-        spec = find_spec(module)
+        spec = find_spec(name.rpartition(":")[0])
         paths = [Path(spec.origin)] if spec and spec.origin else []
     return [path for path in paths if path.is_file()]
 
@@ -144,13 +139,11 @@ _session: dict[str, Factory] = {}
 def text_of(make: Factory) -> str:
     """Return the text for a class: its module's, or its name in this session, if it has one."""
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
-    if not name.isidentifier():
-        raise EstimatorError(f"{make!r} has no name to stand in results: give a class")
+    if not name.isidentifier() or name in REGISTRY:
+        raise EstimatorError(f"{make!r}: give a class with a name that no registered one has")
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]
         return f"{module}:{name}"
-    if name in REGISTRY:
-        raise EstimatorError(f"{name} is the name of a registered estimator: rename the class")
     _session[name] = make
     return name
 
@@ -167,10 +160,8 @@ def parse(text: str) -> Spec:
         return Spec(text)
     spec = Spec(text, written_options(text), _session.get(text.partition("[")[0].strip()))
     name = spec.name
-    module = name.rpartition(":")[0]
-    if module.endswith(".py") and not (path := Path(module)).is_file():
-        near = did_you_mean(path.name, [file.name for file in path.parent.glob("*.py")])
-        raise EstimatorError(f"{path} cannot be imported: there is no such file.{near}")
+    if (file := code_file(name)) and not Path(file).is_file():
+        raise EstimatorError(f"{file} cannot be imported: there is no such file")
     ours = name in REGISTRY or spec.session or names_code(name)
     if not ours and name not in (installed := _installed()):
         raise EstimatorError(
@@ -216,34 +207,18 @@ def with_options(text: str, options: Mapping[str, Any]) -> str:
     if not options:
         return text
     every = written_options(text) | dict(options)
-    inside = ",".join(f"{key}={_written(key, value)}" for key, value in every.items())
+    inside = ",".join(f"{key}={_written(value)}" for key, value in every.items())
     return f"{text.partition('[')[0].strip()}[{inside}]"
 
 
-def _written(key: str, value: Any) -> str:
+def _written(value: Any) -> str:
     plain = value.tolist() if isinstance(value, np.generic | np.ndarray) else value
-    if isinstance(plain, float) and np.isfinite(plain):
-        return f"{plain:.12g}"
-    try:
-        text = json.dumps(plain, allow_nan=False)
-    except (TypeError, ValueError):
-        text = "null"
-    if "null" in text or text[0] == "{":
-        raise EstimatorError(
-            f"option {key} is {value!r}: give a finite number, a text, True or False, or a list of "
-            "these"
-        )
-    return text
+    return f"{plain:.12g}" if isinstance(plain, float) else json.dumps(plain, default=repr)
 
 
 def keywords(make: Factory, name: str = "") -> set[str]:
     """Return what a constructor takes by keyword besides nominal values and period."""
-    try:
-        parameters = list(inspect.signature(make).parameters.values())[2:]
-    except (TypeError, ValueError) as error:
-        raise EstimatorError(
-            f"{name} cannot be made from nominal values and a period: {error}"
-        ) from error
+    parameters = list(inspect.signature(make).parameters.values())[2:]
     return {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
 
 
@@ -255,14 +230,6 @@ def _check_options(spec: Spec) -> None:
                 f"{spec.name} has no option {key!r}.{did_you_mean(key, known)} "
                 f"It has: {', '.join(sorted(known)) or 'none'}"
             )
-
-
-class Nominal(dict[str, float]):
-    """Nominal values by parameter; a wrong name is answered with the nearest right one."""
-
-    def __missing__(self, name: str) -> float:
-        hint = did_you_mean(str(name), self)
-        raise KeyError(f"nominal has no {name!r}.{hint} It has: {', '.join(self)}")
 
 
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
@@ -279,31 +246,18 @@ def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Est
         If its constructor raises anything else.
     """
     _check_options(spec)
-    names = keywords(spec.make)
-    given = {key: value for key, value in known.items() if key in names} | dict(spec.options)
-    if spec.is_users and isinstance(nominal, Mapping):
-        nominal = Nominal(nominal)
+    names = keywords(spec.make, spec.name)
+    known = {key: value for key, value in known.items() if key in names} | dict(spec.options)
     with reported(spec.text, "when it was made", refusing=True):
         try:
-            estimator = spec.make(nominal, period, **given)
-        except (EstimatorError, TypeError, ValueError) as error:
-            if not isinstance(error, EstimatorError) and user_line(error):
+            estimator = spec.make(nominal, period, **known)
+        except (TypeError, ValueError) as error:
+            if isinstance(error, EstimatorError) or user_line(error):
                 raise
             raise EstimatorError(f"{spec.text}: {error}") from error  # it refuses an option
-    for attribute in ("names", "output", "step"):
-        if not hasattr(estimator, attribute):
-            raise EstimatorError(f"{spec.text}: an estimator needs `{attribute}`, this has none")
-    names = estimator.names
-    wrong = isinstance(names, str) or not isinstance(names, Sequence | np.ndarray)
-    if wrong or not len(names) or not all(isinstance(name, str) for name in names):
-        raise EstimatorError(
-            f"{spec.text}: `names` must be a sequence of parameters, such as ('k_T', '1/J_a'), "
-            f"not {names!r}"
-        )
-    return estimator  # type: ignore[no-any-return]
-
-
-_built: OrderedDict[str, Any] = OrderedDict()  # the last ones used
+        if not isinstance(estimator, Estimator) or not len(estimator.names):
+            raise EstimatorError(f"{spec.text}: an estimator needs `names`, `output` and `step`")
+    return estimator
 
 
 def build(spec: Spec, scenario: Scenario) -> Estimator:
@@ -324,27 +278,24 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     """
     check_model(scenario)
     nominal, known = started_nominal(scenario), _known(spec, scenario)
-    shipped = scenario.model != DEFAULT and not spec.is_users
-    axis: Any = MODELS[scenario.model].factory(nominal) if shipped else nominal
-    parts = [spec.text, scenario.model, nominal, scenario.period,
-             *((key, _content(value)) for key, value in known.items())]  # fmt: skip
-    estimator = None if spec.is_users else _built.pop(key := repr(parts), None)
-    if estimator is None:
-        estimator = make_estimator(spec, axis, scenario.period, **known)
-        if not spec.is_users and hasattr(estimator, "reset"):
-            run_estimator(estimator, np.zeros(2), np.zeros(2))  # compiles it: no part of the cost
+    if spec.is_users:
+        estimator = make_estimator(spec, nominal, scenario.period, **known)
+    else:
+        key = pickle.dumps((spec.text, scenario.model, nominal, scenario.period, known))
+        estimator = _registered(key).copy()
     _check_fits(spec.text, estimator, scenario)
-    if not spec.is_users and hasattr(estimator, "reset"):
-        estimator.reset()
-        _built[key] = estimator
-        while len(_built) > KEPT:
-            _built.popitem(last=False)
-        return estimator.copy()  # type: ignore[no-any-return]
-    return estimator  # type: ignore[no-any-return]
+    return estimator
 
 
-def _content(value: Any) -> Any:
-    return _short(value.tobytes()) if isinstance(value, np.ndarray) else value
+@lru_cache(KEPT)
+def _registered(key: bytes) -> Any:
+    """Return an estimator of the registry that was built with these arguments, and compiled."""
+    text, model, nominal, period, known = pickle.loads(key)
+    axis = nominal if model == DEFAULT else MODELS[model].factory(nominal)
+    estimator: Any = make_estimator(parse(text), axis, period, **known)
+    run_estimator(estimator, np.zeros(2), np.zeros(2))  # compiles it: no part of the cost
+    estimator.reset()
+    return estimator
 
 
 def _known(spec: Spec, scenario: Scenario) -> dict[str, Any]:

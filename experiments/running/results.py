@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.files import (
@@ -21,9 +21,8 @@ from flexaxis.experiments.files import (
 )
 from flexaxis.experiments.running.case import NUMBERS
 from flexaxis.experiments.running.store import Store
-from flexaxis.experiments.running.study import Study, is_option
+from flexaxis.experiments.running.study import is_option
 from flexaxis.experiments.scoring import summary
-from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.pooling import Columns
 from flexaxis.experiments.scoring.score_table import columns as score_columns
 from flexaxis.experiments.scoring.summary import Case
@@ -33,6 +32,8 @@ from flexaxis.sim.scenario import Scenario, scenario_from
 if TYPE_CHECKING:
     import xarray
 
+Part = tuple[dict[str, Any], pd.DataFrame]
+"""Values that some rows have in common, and the rows."""
 FIRST = ("scenario", "estimator", "seed", "parameter", "changed")
 LAST = ("onset", "seconds", "error", "setting", "hash", "case", "cost.us_per_sample",
         "cost.seconds", "cost.host")  # fmt: skip
@@ -82,34 +83,29 @@ class Results:
     @cached_property
     def frame(self) -> pd.DataFrame:
         """All rows, a line a case and parameter; the columns that matter most come first."""
-        every = self._store.variants()
-        if (asked := self.study.get("variants")) is not None:
-            labels = {_key(label): (place, label) for place, label in enumerate(asked)}
-            known = [(*labels[_key(about)], number, about) for number, about in every.items()
-                     if _key(about) in labels]  # fmt: skip
-            known.sort(key=lambda each: (each[0], each[2]))
-            every = {number: about | label for _, label, number, about in known}
-        table = self._store.frame(every)
-        if asked is not None:
+        table = self._store.frame(self._variants)
+        if "variants" in self.study:
             table = table[table["seed"].isin(self.study["seeds"])].reset_index(drop=True)
-        axes = {
-            key: [_plain(point.get(key)) for point in table["axes"]]
-            for key in dict.fromkeys(key for about in every.values() for key in about["axes"])
-        }
-        table = table.assign(**axes)
+        axes = dict.fromkeys(key for about in self._variants.values() for key in about["axes"])
+        for key in axes:
+            table[key] = [_plain(point.get(key)) for point in table["axes"]]
         return table[[*FIRST, *axes, *score_columns(), *LAST]]
 
-    @property
-    def made_with(self) -> dict[str, str]:
-        """Versions and digest of the code that made the rows."""
-        return self._store.made_with
+    @cached_property
+    def _variants(self) -> dict[int, dict[str, Any]]:
+        """What the cases of each estimator on each scenario share, in the order of the rows."""
+        every = self._store.variants()
+        if "variants" not in self.study:
+            return every
+        labels = {_key(label): label for label in self.study["variants"]}
+        order = {key: place for place, key in enumerate(labels)}
+        known = [(number, about) for number, about in every.items() if _key(about) in labels]
+        known.sort(key=lambda pair: order[_key(pair[1])])
+        return {number: about | labels[_key(about)] for number, about in known}
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return `frame`."""
         return self.frame
-
-    def __len__(self) -> int:
-        return len(self.frame)
 
     @property
     def cases(self) -> int:
@@ -123,58 +119,36 @@ class Results:
         names = ["scenario", "estimator", "setting", "seed", "error"]
         return failed[names].reset_index(drop=True)
 
-    def select(self, where: Mapping[str, Any]) -> Self:
-        """Return the rows whose columns have these values; a list means one of them.
+    def groups(self, *by: str) -> Iterator[Part]:
+        """Yield the rows that agree in some columns, group by group, in the order of the values.
 
-        Raises
-        ------
-        StudyError
-            If there is no such column.
-        """
-        self._check(where)
-        kept = pd.Series(True, self.frame.index)
-        for name, value in where.items():
-            values = value if isinstance(value, list | tuple | set) else [value]
-            kept &= self.frame[name].isin(list(values))
-        found = type(self)(self._store, self.study)
-        found.__dict__["frame"] = self.frame[kept].reset_index(drop=True)
-        return found
-
-    def groups(
-        self, *by: str, bins: Mapping[str, Sequence[float]] | None = None
-    ) -> list[tuple[dict[str, Any], pd.DataFrame]]:
-        """Return the rows that agree in some columns, group by group, in the order of the values.
+        Column ``point`` tells the settings on the scenarios apart.
 
         Parameters
         ----------
         *by : str
-        bins : mapping of str to sequence of float, optional
-            Edges between which the values of an axis count as one, the middle of the two.
 
         Raises
         ------
         StudyError
             If there is no such column.
         """
-        self._check(by)
-        table = self.frame[self.frame["parameter"] != ""].sort_values(["seed", "case"])
-        table["point"] = table.groupby(["hash", "setting"], sort=False).ngroup()
-        keys = [_ordered(table[name], (bins or {}).get(name)) for name in by]
-        parts = table.groupby(keys, observed=True, dropna=False)
-        return [({name: _value(value) for name, value in zip(by, key, strict=True)}, part)
-                for key, part in parts]  # fmt: skip
+        for name in by:
+            if name not in self.frame:
+                raise StudyError(unknown("column", name, self.frame.columns))
+        keys = self.frame[[*dict.fromkeys(("seed", "case", "parameter", *by))]]
+        keys = keys[keys["parameter"] != ""].sort_values(["seed", "case"])
+        points = self.frame.groupby(["hash", "setting"], sort=False).ngroup()
+        parts = keys.groupby([_ordered(keys[name]) for name in by], observed=True, dropna=False)
+        for values, part in parts:
+            key = {name: _value(value) for name, value in zip(by, values, strict=True)}
+            yield key, self.frame.loc[part.index].assign(point=points)
 
-    def scores(
-        self, *by: str, scores: Sequence[str] | None = None,
-        bins: Mapping[str, Sequence[float]] | None = None,
-    ) -> pd.DataFrame:  # fmt: skip
+    def scores(self, *by: str, scores: Sequence[str] | None = None) -> pd.DataFrame:
         """Return `pooled` as a DataFrame."""
-        return pd.DataFrame(self.pooled(*by, scores=scores, bins=bins))
+        return pd.DataFrame(self.pooled(*by, scores=scores))
 
-    def pooled(
-        self, *by: str, scores: Sequence[str] | None = None,
-        bins: Mapping[str, Sequence[float]] | None = None,
-    ) -> list[dict[str, Any]]:  # fmt: skip
+    def pooled(self, *by: str, scores: Sequence[str] | None = None) -> list[dict[str, Any]]:
         """Return scores pooled over the rows that agree in some columns, with 95 % intervals.
 
         Parameters
@@ -184,67 +158,53 @@ class Results:
             rows with and without a change, are always told apart.
         scores : sequence of str, optional
             Which scores to pool; all by default.
-        bins : mapping, optional
-            As for `groups`.
 
         Returns
         -------
         list of dict
-            The columns of `by`, ``parameter, changed, runs, seeds``, the scores as in summary.json,
-            ``hours`` of simulated time and ``false_alarms_per_hour``. The excess error is that of
-            one scenario, and is None where rows of several are pooled.
+            The columns of `by`, ``parameter, changed, runs, seeds``, and the scores as in
+            summary.json. The excess error is that of one scenario, and is None where rows of
+            several are pooled.
 
         Raises
         ------
         StudyError
             If there is no such column or score.
         """
-        for score in scores or ():
+        names = by or ("scenario", "estimator", *self.axes)
+        wanted = dict.fromkeys(("failed", *(summary.POOLED if scores is None else scores)))
+        for score in wanted:
             if score not in summary.POOLED:
                 raise StudyError(unknown("score", score, summary.POOLED))
-        names = by or ("scenario", "estimator", *self.axes)
-        keys = dict.fromkeys([*names, "parameter", "changed"])
-        wanted = dict.fromkeys(("failed", *(summary.POOLED if scores is None else scores)))
-        lines, every = [], []
-        for key, part in self.groups(*keys, bins=bins):
-            columns = _Columns(part)
-            line = key | {"runs": len(part), "seeds": int(part["seed"].nunique())}
-            line |= summary.pool_columns(columns, wanted)
-            lines.append(line | summary.cost(columns) | _alarms(part, line))
-            every.append(columns)
-        if "excess" in wanted:
-            self._add_excess(lines, every, names)
+        keys, lines = dict.fromkeys([*names, "parameter", "changed"]), list[dict[str, Any]]()
+        for _, group in groupby(self.groups(*keys), lambda pair: [pair[0][name] for name in names]):
+            parts = list(group)
+            every = [_columns(part) for _, part in parts]
+            shared = self._excess(parts, every) if "excess" in wanted else {}
+            for (key, part), columns in zip(parts, every, strict=True):
+                line = key | {"runs": len(part), "seeds": int(part["seed"].nunique())}
+                line |= summary.pool_columns(columns, wanted) | summary.cost(columns)
+                lines.append(line | shared)
         return lines
 
-    def _add_excess(
-        self, lines: list[dict[str, Any]], every: Sequence[Columns], names: Sequence[str]
-    ) -> None:
-        """Add the excess error, which all parameters of a group share."""
-        together: dict[str, list[tuple[dict[str, Any], Columns]]] = {}
-        for line, values in zip(lines, every, strict=True):
-            line |= {"excess": None, "excess_interval": None}
-            key = json.dumps([str(line[name]) for name in names])
-            together.setdefault(key, []).append((line, values))
-        for group in together.values():
-            if len({point for _, values in group for point in values["point"]}) != 1:
-                continue
-            scenario = self.scenario(self.frame.loc[int(group[0][1]["row"][0])])
-            by_name = {line["parameter"]: values for line, values in group}
+    def _excess(self, parts: Sequence[Part], every: Sequence[Columns]) -> dict[str, Any]:
+        """Return the excess error, which all parameters of a group share."""
+        if len({point for columns in every for point in columns["point"]}) == 1:
+            scenario = self.scenario(parts[0][1].iloc[0])
+            by_name = {key["parameter"]: own for (key, _), own in zip(parts, every, strict=True)}
             asked = {n: v for n, v in by_name.items() if n in scenario.identify} or by_name
-            first = next(iter(asked.values()))["case"]
-            if all(np.array_equal(values["case"], first) for values in asked.values()):
-                shared = summary.excess(asked, scenario)
-                for line, _ in group:
-                    line.update(shared)
+            if len({v["seed"].tobytes() for v in asked.values()}) == 1:  # of the same cases
+                return summary.excess(asked, scenario)
+        return {"excess": None, "excess_interval": None}
 
     def scenario(self, row: Mapping[str, Any]) -> Scenario:
         """Return the scenario of a row of `frame`, at its point of the sweep."""
-        known = {entry["definition"]["name"]: entry["definition"]
-                 for entry in self.study["scenarios"]}  # fmt: skip
-        base = scenario_from(known[row["scenario"]], source=str(row["scenario"]))
+        definitions = (entry["definition"] for entry in self.study["scenarios"])
+        definition = next(each for each in definitions if each["name"] == row["scenario"])
+        base = scenario_from(definition, source=str(row["scenario"]))
+        point = next(v["axes"] for v in self._variants.values() if v["hash"] == row["hash"])
         options = self.study["estimators"]
-        axes = {key: json.loads(row[key]) if _is_json(row[key]) else row[key]
-                for key in self.axes if not is_option(key, options)}  # fmt: skip
+        axes = {key: value for key, value in point.items() if not is_option(key, options)}
         return base.override(axes, inherit=self.study["streams"] == "common") if axes else base
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
@@ -255,9 +215,9 @@ class Results:
         scenario_hash, setting : str
             As in the columns ``hash`` and ``setting`` of `frame`.
         """
-        found = self._store.traces(scenario_hash, setting)
-        seeds = {*self.study.get("seeds", found)}
-        return {seed: trace for seed, trace in found.items() if seed in seeds}
+        known = self._store.traces(scenario_hash, setting)
+        seeds = {*self.study.get("seeds", known)}
+        return {seed: trace for seed, trace in known.items() if seed in seeds}
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -295,11 +255,6 @@ class Results:
         values = table.groupby("point")[axes].first()
         return cube.assign_coords({axis: ("point", values[axis]) for axis in axes})
 
-    def _check(self, names: Iterable[str]) -> None:
-        for name in names:
-            if name not in self.frame:
-                raise StudyError(unknown("column", name, self.frame.columns))
-
 
 def _value(value: Any) -> Any:
     """Return a value of a group as one of Python, None where it is missing."""
@@ -315,45 +270,15 @@ def _plain(value: Any) -> Any:
     return value if value is None or isinstance(value, int | float | str) else json.dumps(value)
 
 
-def _is_json(value: Any) -> bool:
-    return isinstance(value, str) and value[:1] in {"[", "{"}
-
-
-def _ordered(values: pd.Series, edges: Sequence[float] | None) -> Any:
-    """Return the groups of a column: numbers in order or in bins, texts as they came."""
-    if edges is not None:
-        place = np.searchsorted(edges, values.to_numpy(float), side="right")
-        place = np.clip(place, 1, len(edges) - 1)
-        return (np.asarray(edges)[place - 1] + np.asarray(edges)[place]) / 2
+def _ordered(values: pd.Series) -> Any:
+    """Return the groups of a column: numbers in order, texts as they came."""
     if pd.api.types.is_numeric_dtype(values):
         return values
     return pd.Categorical(values, categories=values.dropna().unique())
 
 
-class _Columns(dict[str, Any]):
-    """Columns of some rows as arrays of numbers, each made when it is first asked for."""
-
-    def __init__(self, part: pd.DataFrame) -> None:
-        super().__init__(case=part["case"].to_numpy(), row=part.index.to_numpy())
-        self._part = part
-
-    def __missing__(self, name: str) -> Any:
-        self[name] = found = self._part[name].to_numpy(float)
-        return found
-
-
-def _alarms(part: pd.DataFrame, pooled: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the simulated hours, and the false alarms an hour without a fault."""
-    hours = float(part["seconds"].sum() / 3600)
-    calm = float(part["detection.calm"].sum() / 3600) or hours
-    found: dict[str, Any] = dict.fromkeys(
-        ("false_alarms_per_hour", "false_alarms_per_hour_interval")
-    )
-    if pooled.get("detection") and calm:
-        counts = part["detection.false_alarms"].fillna(0.0).to_numpy()
-        within = rate_interval(counts, calm, part["seed"].to_numpy(float))
-        found = dict(zip(found, (float(counts.sum()) / calm, within), strict=True))
-    return found | {"hours": hours}
+def _columns(part: pd.DataFrame) -> Columns:
+    return {name: part[name].to_numpy(float) for name in ("seed", "point", *NUMBERS)}
 
 
 def rerun(results: Results, number: int, runner: Any, *, seed: int = 0) -> pd.DataFrame:
@@ -374,14 +299,12 @@ def rerun(results: Results, number: int, runner: Any, *, seed: int = 0) -> pd.Da
     DataFrame
         Values ``before`` and ``now`` by case, parameter and column; empty if all are equal.
     """
-    key = ["case", "parameter"]
-    chosen = results.frame.drop_duplicates("case")
-    parts = []
-    for _, row in chosen.sample(min(number, len(chosen)), random_state=seed).iterrows():
-        scenario, one = results.scenario(row), (int(row["seed"]),)
-        parts.append(runner.run(Study("rerun", (scenario,), (row["setting"],), one)).frame)
+    cases = results.frame.drop_duplicates("case")
+    chosen = cases.sample(min(number, len(cases)), random_state=seed)
+    parts = [runner.rows([results.scenario(row)], [row["setting"]], [int(row["seed"])])
+             for _, row in chosen.iterrows()]  # fmt: skip
     columns = [name for name in (*NUMBERS, "error") if not name.startswith("cost.")]
-    now = pd.concat(parts).set_index(key)[columns]
-    before = results.frame.set_index(key)[columns].loc[now.index]
-    differ = before.compare(now, result_names=("before", "now"))
+    every = (pd.concat(parts), results.frame)
+    now, before = (frame.set_index(["case", "parameter"])[columns] for frame in every)
+    differ = before.loc[now.index].compare(now, result_names=("before", "now"))
     return differ.stack(level=0, future_stack=True).dropna(how="all")

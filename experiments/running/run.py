@@ -12,6 +12,7 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -20,14 +21,12 @@ from typing import Any, Self
 
 import pandas as pd
 from loky import ProcessPoolExecutor
-from loky.backend import get_context
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.running.case import Options, Outcome, run_unit
-from flexaxis.experiments.running.estimators import Misfit, build, parse
-from flexaxis.experiments.running.progress import remark
+from flexaxis.experiments.running.estimators import Misfit, Spec, build, parse
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.store import CSV, ROWS, Store
 from flexaxis.experiments.running.study import Study, Unit, describe, missing, units
@@ -44,6 +43,7 @@ from flexaxis.sim.scenario import Scenario
 
 Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
 """``run(scenarios, estimators, seeds)``: rows of these cases, as `Runner.rows` gives them."""
+Pair = tuple[Scenario, Spec]
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
@@ -54,38 +54,28 @@ class Worker:
     """One process that runs one unit at a time, and can be replaced alone."""
 
     def __init__(self) -> None:
-        self._stop = get_context("loky").Event()
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool = _pool(1)
 
     def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
         """Hand work to the process, which is started if there is none."""
-        if self._pool is not None:
-            try:
-                return self._pool.submit(work, *args)  # type: ignore[no-any-return]
-            except BrokenExecutor:  # it was killed while it had nothing to do
-                self.end()
-        self._pool = ProcessPoolExecutor(
-            1, initializer=_start, initargs=(self._stop, os.getpid()), env=ENVIRONMENT
-        )
-        return self._pool.submit(work, *args)  # type: ignore[no-any-return]
-
-    def stop(self) -> None:
-        """Ask it to end its unit after the current case."""
-        self._stop.set()
+        try:
+            return self._pool.submit(work, *args)  # type: ignore[no-any-return]
+        except BrokenExecutor:  # it was killed while it had nothing to do
+            self.end()
+            return self._pool.submit(work, *args)  # type: ignore[no-any-return]
 
     def end(self) -> None:
         """End the process and what it started."""
-        pool, self._pool = self._pool, None
-        if pool is not None:
-            pool.shutdown(wait=True, kill_workers=True)
+        self._pool.shutdown(wait=True, kill_workers=True)
+        self._pool = _pool(1)
 
 
-_stop_events: list[Any] = []  # of this worker: at most one
+def _pool(jobs: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(jobs, initializer=_start, initargs=(os.getpid(),), env=ENVIRONMENT)
 
 
-def _start(stop: Any, parent: int) -> None:
+def _start(parent: int) -> None:
     """Prepare a worker: Ctrl-C is for the parent, stdout for results, and no orphan stays."""
-    _stop_events.append(stop)
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_IGN)
     sys.stdout.flush()
@@ -97,10 +87,6 @@ def _end_with(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(1)
     os._exit(1)
-
-
-def _work(unit: Unit, options: Options) -> Outcome:
-    return run_unit(unit, options, next(iter(_stop_events), None))
 
 
 class Runner:
@@ -141,7 +127,7 @@ class Runner:
     def __init__(
         self, folder: Path | None = None, *, jobs: int = 1, executor: Executor | None = None,
         cache: RecordCache | None = None, time_limit: float | None = None,
-        overwrite: bool = False, advance: Callable[[int], object] | None = None,
+        overwrite: bool = False, advance: Callable[[int], object] = lambda cases: None,
     ) -> None:  # fmt: skip
         check_jobs(jobs)
         limit = TIME_LIMIT if time_limit is None else time_limit
@@ -150,9 +136,7 @@ class Runner:
         self._logs = tempfile.mkdtemp(prefix="flexaxis-")
         weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
-        self._workers: Sequence[Any] = [Worker() for _ in range(jobs)]
-        if executor is not None:
-            self._workers = [executor] * 2 * jobs
+        self._workers = [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
         self._advance, self.done, self.simulated = advance, 0, 0
         self.remarks: list[tuple[str, str]] = []
         self._folder, self._overwrite = folder, overwrite
@@ -164,11 +148,6 @@ class Runner:
         store.check()
         return store
 
-    def _done(self, *, traced: bool) -> set[str]:
-        """Return the cases that are stored, without making a folder."""
-        kept = self._folder is None or ((self._folder / ROWS).exists() and not self._overwrite)
-        return self.store.done(traced=traced) if kept or "store" in vars(self) else set()
-
     def __enter__(self) -> Self:
         return self
 
@@ -179,7 +158,7 @@ class Runner:
 
     def run(
         self, study: Study, *, shard: tuple[int, int] = (1, 1), traces: bool = False,
-        trajectories: bool = False, about: Mapping[str, Any] | None = None,
+        about: Mapping[str, Any] | None = None,
     ) -> Results:  # fmt: skip
         """Run what is missing of a study and return its results.
 
@@ -190,78 +169,71 @@ class Runner:
             Number of this shard, from 1, and of all shards.
         traces : bool
             Whether to keep what figures of single runs need; cases without it are run again.
-        trajectories : bool
-            Whether to write all estimates of each new case to ``trajectories``.
         about : mapping, optional
             More to keep of the study, which becomes the one that the folder was asked for last.
 
         Raises
         ------
-        StudyError, EstimatorCrash
+        StudyError, EstimatorError
             If the study is wrong, or an estimator cannot be made.
         NotRun
             If cases are missing because of the machine; those that were run are kept.
         KeyboardInterrupt
-            After Ctrl-C. The first starts nothing new and keeps what is done; a second one ends at
-            once.
+            After Ctrl-C: what is stored is kept, and the same call runs what is missing.
         """
-        plan = units(study)
-        every = plan[shard[0] - 1 :: shard[1]]
-        todo = list(missing(every, self._done(traced=traces)))
-        self._try_out(todo)
-        description = describe(study, plan)
+        plan, stored = units(study), self._folder and (self._folder / ROWS).exists()
+        is_open = "store" in vars(self) or (stored and not self._overwrite)
+        kept = self.store.done(traced=traces) if is_open else set[str]()
+        todo = list(missing(plan[shard[0] - 1 :: shard[1]], kept))
+        pairs = {
+            (unit.base, setting.text): (unit.scenario, setting.spec)
+            for unit in todo for setting in unit.settings
+            if setting.spec.options or setting.spec.is_users
+        }  # fmt: skip
+        for _, error in self._problems([*pairs.values()]):  # before anything is run
+            raise error
+        description = describe(study, plan) | dict(about or {})
         if about is not None:
-            self.store.set_study(description | dict(about))
-        folder = self.store.folder if trajectories else None
-        options = replace(self._options, traces=traces,
-                          trajectories=folder and folder / "trajectories")  # fmt: skip
-        asked, before, reasons = sum(len(unit.cases()) for unit in todo), self.done, list[str]()
-        for outcome in self._outcomes(todo, options):
+            self.store.set_study(description)
+        lost, reason = sum(len(unit.cases()) for unit in todo), "unknown reason"
+        for outcome in self._outcomes(todo, replace(self._options, traces=traces)):
             self.store.add(outcome.cases)
+            lost -= len(outcome.cases)
             self.done += len(outcome.cases)
             self.simulated += outcome.simulated
             self.remarks += outcome.remarks
-            reasons += outcome.missing
-            if self._advance:
-                self._advance(len(outcome.cases))
-        if lost := asked - (self.done - before):
+            reason = next(iter(outcome.missing), reason)
+            self._advance(len(outcome.cases))
+        if lost:
             raise NotRun(
-                f"{lost} of {asked} cases were not run: {(reasons or ['unknown reason'])[0]}. What "
-                "is done is kept, and the same command resumes"
+                f"{lost} cases were not run: {reason}. What is done is kept, and the same command "
+                "resumes"
             )
-        results = Results(self.store, description | dict(about or {}))
+        results = Results(self.store, description)
         if about is not None and self.store.folder:
             results.to_csv(self.store.folder / CSV)
         return results
 
     def rows(
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], *,
-        traces: bool = False, repeat: int = 0,
+        traces: bool = False,
     ) -> pd.DataFrame:  # fmt: skip
         """Return the rows (`Results.frame`) of some cases; those that are missing are run."""
         texts = tuple(dict.fromkeys(estimators))
-        study = Study("cases", tuple(scenarios), texts, tuple(seeds), repeat=repeat)
+        study = Study("cases", tuple(scenarios), texts, tuple(seeds))
         return self.run(study, traces=traces).frame
 
     def _outcomes(self, todo: Iterable[Unit], options: Options) -> Iterator[Outcome]:
         """Yield the outcomes of units as they come."""
-        queue, free, stopped = deque(todo), list(self._workers), False
+        queue, free = deque(todo), list(self._workers)
         running: dict[Future[Outcome], tuple[Any, Unit, str]] = {}
-        while running or (queue and not stopped):
-            while queue and free and not stopped:
+        while running or queue:
+            while queue and free:
                 worker, unit = free.pop(), queue.popleft()
-                log = f"{self._logs}/{id(worker)}"
-                log = log if isinstance(worker, Worker) else os.devnull
-                future = worker.submit(_work, unit, replace(options, log=log))
+                log = f"{self._logs}/{id(worker)}" if isinstance(worker, Worker) else os.devnull
+                future = worker.submit(run_unit, unit, replace(options, log=log))
                 running[future] = worker, unit, log
-            try:
-                done, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
-            except KeyboardInterrupt:
-                if stopped:
-                    raise
-                stopped = True
-                self._stop()
-                continue
+            done, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)  # hears Ctrl-C
             for future in done:
                 worker, unit, log = running.pop(future)
                 free.append(worker)
@@ -269,16 +241,6 @@ class Runner:
                     yield future.result()
                 else:
                     yield self._after_death(worker, unit, log, error, queue)
-        if stopped:
-            raise KeyboardInterrupt
-
-    def _stop(self) -> None:
-        remark(
-            "stopping after the cases under way; what is done is kept. Ctrl-C again ends at once"
-        )
-        for worker in self._workers:
-            if isinstance(worker, Worker):
-                worker.stop()
 
     def _after_death(
         self, worker: Any, unit: Unit, log: str, error: BaseException, queue: deque[Unit]
@@ -288,61 +250,38 @@ class Runner:
             raise StudyError(f"{unit}: {type(error).__name__}: {error}") from error
         if isinstance(worker, Worker):
             worker.end()
+        reason = why_it_ended(log, self._options.time_limit)
         if not unit.alone:
             queue.extendleft(unit.one_by_one()[::-1])
-            return Outcome()
-        reason = why_it_ended(log, self._options.time_limit)
-        if not unit.settings[0].spec.is_users:  # memory ran out, or it was killed
+        elif not unit.settings[0].spec.is_users:  # memory ran out, or it was killed
             return Outcome(missing=[f"{unit}: {reason}"])
-        text = f"EstimatorCrash: {unit.settings[0].text} crashed on {unit.scenario.name}, seed "
-        queue.appendleft(replace(unit, error=f"{text}{unit.seeds[0]}: {reason}"))
+        else:
+            text = f"EstimatorCrash: {unit.settings[0].text} crashed on {unit.scenario.name}, seed "
+            queue.appendleft(replace(unit, error=f"{text}{unit.seeds[0]}: {reason}"))
         return Outcome()
 
     def misfits(self, scenarios: Sequence[Scenario], texts: Sequence[str]) -> dict[str, str]:
         """Return the scenarios that some estimators cannot read, with the reason, by name."""
-        pairs = [(scenario, parse(text)) for scenario in scenarios for text in texts]
-        found: dict[str, str] = {}
-        for scenario, misfit, text in self._ask(pairs):
-            if misfit:
-                found.setdefault(scenario, text)
-        return found
+        problems = self._problems([(each, parse(text)) for each in scenarios for text in texts])
+        return {name: str(error) for name, error in problems if isinstance(error, Misfit)}
 
-    def _try_out(self, todo: Sequence[Unit]) -> None:
-        """Make the estimators that have options or are of users, before anything is run."""
-        pairs = {
-            (unit.base, setting.text): (unit.scenario, setting.spec)
-            for unit in todo for setting in unit.settings
-            if setting.spec.options or setting.spec.is_users
-        }  # fmt: skip
-        problems = [text for _, _, text in self._ask(list(pairs.values()))]
-        if problems:
-            crashed = any(" crashed " in text for text in problems)
-            lines = "\n".join(list(dict.fromkeys(problems))[:20])
-            raise EstimatorCrash(lines) if crashed else StudyError(lines)
-
-    def _ask(self, pairs: Sequence[tuple[Scenario, Any]]) -> list[tuple[str, bool, str]]:
-        if not pairs:
-            return []
-        worker = self._workers[0]
-        try:
-            found = worker.submit(_problems, pairs, self._options.time_limit).result()
-        except BrokenExecutor:  # the cases will show which one ends its process
-            worker.end()
-            return []
-        return list(found)
+    def _problems(self, pairs: Sequence[Pair]) -> Sequence[tuple[str, EstimatorError]]:
+        """Return the names of scenarios for which estimators cannot be made, and the errors."""
+        with suppress(BrokenExecutor):  # the cases will show which one ends its process
+            return pairs and self._workers[0].submit(_problems, pairs, self._options).result()
+        return ()
 
 
-def _problems(pairs: Sequence[tuple[Scenario, Any]], limit: float) -> list[tuple[str, bool, str]]:
-    """Return which estimators cannot be made for a scenario: its name, misfit or not, and why."""
-    found = []
+def _problems(pairs: Sequence[Pair], options: Options) -> list[tuple[str, EstimatorError]]:
+    problems = []
     for scenario, spec in pairs:
         try:
-            with ended_after(limit, os.devnull):
+            with ended_after(options.time_limit, options.log):
                 build(spec, scenario)
         except EstimatorError as error:
             if not is_of_the_machine(error):
-                found.append((scenario.name, isinstance(error, Misfit), str(error)))
-    return found
+                problems.append((scenario.name, error))
+    return problems
 
 
 def check_failures(frame: pd.DataFrame) -> None:
@@ -354,8 +293,7 @@ def check_failures(frame: pd.DataFrame) -> None:
     """
     for error in frame["error"].dropna().head(1):
         kind, _, text = error.partition(": ")
-        kinds = {"EstimatorCrash": EstimatorCrash, "EstimatorError": EstimatorError,
-                 "Misfit": EstimatorError}  # fmt: skip
+        kinds = {"EstimatorCrash": EstimatorCrash, "EstimatorError": EstimatorError}
         raise kinds.get(kind, StudyError)(text)
 
 
@@ -369,8 +307,7 @@ def parallel(work: Callable[[Any], Any], tasks: Sequence[Any], *, jobs: int = 1)
     tasks : sequence
     jobs : int
     """
-    how: dict[str, Any] = {"initializer": _start, "initargs": (None, os.getpid())}
-    pool = ProcessPoolExecutor(jobs, env=ENVIRONMENT, **how)
+    pool = _pool(jobs)
     try:
         yield from (done.result() for done in as_completed([pool.submit(work, t) for t in tasks]))
     finally:

@@ -9,7 +9,6 @@ single runs need, and `meta` the columns, the versions, and the study that was a
 from __future__ import annotations
 
 import json
-import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
@@ -34,6 +33,7 @@ from flexaxis.sim.simulate import versions
 
 ROWS, CSV = "scores.sqlite", "scores.csv"
 WAIT = 600.0  # s for another process that writes
+SHARED = ("scenario", "estimator", "setting", "hash", "seconds", "axes", "parameters")
 TRUTHS = ("changed", "diverged", "failed")  # that are defined in every row
 SCHEMA = """
 PRAGMA synchronous = NORMAL;
@@ -41,6 +41,7 @@ CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT);
 CREATE TABLE IF NOT EXISTS variants (id INTEGER PRIMARY KEY, about TEXT UNIQUE);
 CREATE TABLE IF NOT EXISTS cases (id TEXT PRIMARY KEY, variant INTEGER, seed INTEGER,
     isolation TEXT, error TEXT, host TEXT, numbers BLOB);
+CREATE INDEX IF NOT EXISTS in_order ON cases (variant, seed);
 CREATE TABLE IF NOT EXISTS traces (id TEXT PRIMARY KEY, content BLOB);
 """
 
@@ -79,9 +80,8 @@ class Store:
         with self._reported():
             self._db = sqlite3.connect(self._path, WAIT, check_same_thread=False)
             self._db.executescript(SCHEMA)
-            with self._db:
-                content = {"columns": json.dumps(NUMBERS), "made_with": json.dumps(made_with())}
-                self._db.executemany("INSERT OR IGNORE INTO meta VALUES (?, ?)", content.items())
+        if self._meta("columns") is None:
+            self._set(columns=NUMBERS, made_with=made_with())
 
     @classmethod
     def read(cls, folder: Path) -> Store:
@@ -92,20 +92,12 @@ class Store:
         StudyError
             If it has none.
         """
-        path = folder / ROWS
-        if not path.is_file():
+        if not (folder / ROWS).is_file():
             raise StudyError(
                 f"{folder} is not the folder of a run or a study ({ROWS} is missing). Make one "
                 "with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
             )
-        store = cls.__new__(cls)
-        store.folder, store._path = folder, str(path)
-        mode = "rw" if os.access(folder, os.W_OK) else "ro"  # rw also undoes what a kill left
-        with store._reported():
-            uri = f"{path.resolve().as_uri()}?mode={mode}"
-            store._db = sqlite3.connect(uri, WAIT, uri=True, check_same_thread=False)
-            store._meta("columns")
-        return store
+        return cls(folder)
 
     def close(self) -> None:
         """Close the file."""
@@ -119,8 +111,11 @@ class Store:
         StudyError
         """
         known = made_with()
-        differ = [f"{key} {value}, now {known.get(key)}" for key, value in self.made_with.items()
-                  if known.get(key) != value]  # fmt: skip
+        differ = [
+            f"{key} {value}, now {known.get(key)}"
+            for key, value in self._meta("made_with").items()
+            if known.get(key) != value
+        ]
         if differ:
             raise StudyError(
                 f"{self.folder} was made by other code ({'; '.join(differ)}), and its rows must "
@@ -129,27 +124,23 @@ class Store:
             )
 
     @property
-    def made_with(self) -> dict[str, str]:
-        """What made the rows that are there."""
-        with self._reported():
-            return dict(json.loads(self._meta("made_with")))
-
-    def _meta(self, key: str) -> str:
-        line = self._db.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
-        return str(line[0]) if line else "null"
-
-    @property
     def study(self) -> dict[str, Any] | None:
         """The study that was asked for last, as `set_study` took it."""
-        with self._reported():
-            found: dict[str, Any] | None = json.loads(self._meta("study"))
-        return found
+        return self._meta("study")  # type: ignore[no-any-return]
 
     def set_study(self, content: Mapping[str, Any]) -> None:
         """Keep what was asked for."""
+        self._set(study=content)
+
+    def _meta(self, key: str) -> Any:
+        with self._reported():
+            query = "SELECT value FROM meta WHERE key = ?"
+            return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
+
+    def _set(self, **content: Any) -> None:
         with self._reported(), self._db:
-            text = json.dumps(content, allow_nan=False)
-            self._db.execute("INSERT OR REPLACE INTO meta VALUES ('study', ?)", (text,))
+            lines = [(key, json.dumps(value, allow_nan=False)) for key, value in content.items()]
+            self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", lines)
 
     def done(self, *, traced: bool = False) -> set[str]:
         """Return the ids of all cases, or of those that failed or have a trace."""
@@ -166,7 +157,7 @@ class Store:
                     "INSERT OR IGNORE INTO cases SELECT ?, id, ?, ?, ?, ?, ? FROM variants "
                     "WHERE about = ?",
                     (case.id, case.seed, case.isolation, case.error, case.host,
-                     case.numbers.tobytes(), case.about),
+                     case.numbers, case.about),
                 )  # fmt: skip
                 if case.trace is not None:
                     line = case.id, case.trace
@@ -182,27 +173,20 @@ class Store:
         """
         with closing(Store.read(folder)) as other:
             other.check()
-        with self._reported():
-            self._db.execute("ATTACH ? AS other", (str(folder / ROWS),))
-            with self._db:
-                self._db.execute("INSERT OR IGNORE INTO variants (about) "
-                                 "SELECT about FROM other.variants")  # fmt: skip
-                self._db.execute(
-                    "INSERT OR IGNORE INTO cases SELECT c.id, m.id, seed, isolation, error, host, "
-                    "numbers FROM other.cases c JOIN other.variants o ON o.id = c.variant "
-                    "JOIN main.variants m USING (about)"
-                )
-                self._db.execute("INSERT OR IGNORE INTO traces SELECT * FROM other.traces")
-                self._db.execute("INSERT OR IGNORE INTO meta SELECT * FROM other.meta")
-            (count,) = self._db.execute("SELECT count(*) FROM other.cases").fetchone()
-            self._db.execute("DETACH other")
-        return int(count)
+            lines = other._db.execute(
+                "SELECT c.id, about, seed, numbers, isolation, error, host, content FROM cases c "
+                "JOIN variants v ON v.id = variant LEFT JOIN traces t ON t.id = c.id"
+            ).fetchall()
+            self.add(Done(*line) for line in lines)
+            if self.study is None:
+                self.set_study(other.study or {})
+        return len(lines)
 
     def variants(self) -> dict[int, dict[str, Any]]:
         """Return what the cases of each estimator on each scenario share, by its number."""
         with self._reported():
-            return {key: json.loads(text) for key, text in
-                     self._db.execute("SELECT id, about FROM variants")}  # fmt: skip
+            lines = self._db.execute("SELECT id, about FROM variants")
+            return {key: json.loads(text) for key, text in lines}
 
     def frame(self, chosen: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
         """Return the rows of some variants, a line a case and parameter, seed by seed.
@@ -212,37 +196,22 @@ class Store:
         chosen : mapping
             Some of `variants`, in the order of the rows.
         """
+        names = self._meta("columns")
+        texts, cases, numbers = ("case", "seed", "isolation", "error", "cost.host"), [], bytearray()
+        query = ("SELECT id, seed, isolation, error, host, numbers FROM cases "
+                 "WHERE variant = ? ORDER BY seed")  # fmt: skip
         with self._reported():
-            rank = {key: place for place, key in enumerate(chosen)}
-            query = "SELECT rowid, variant, seed, id, isolation, error, host FROM cases"
-            cases = [line for line in self._db.execute(query) if line[1] in rank]
-            cases.sort(key=lambda line: (rank[line[1]], line[2]))
-            sizes = [len(chosen[line[1]]["parameters"]) for line in cases]
-            starts = dict(zip((line[0] for line in cases), np.cumsum([0, *sizes]), strict=False))
-            names = json.loads(self._meta("columns"))
-            numbers = np.empty((len(names), sum(sizes)))
-            for row, content in self._db.execute("SELECT rowid, numbers FROM cases"):
-                if row in starts:
-                    part = np.frombuffer(content).reshape(-1, len(names))
-                    numbers[:, starts[row] : starts[row] + len(part)] = part.T
-        place = np.repeat(np.arange(len(cases)), sizes)
-        parts = zip(*cases, strict=True) if cases else ((),) * 7
-        texts = dict(zip(("rowid", "variant", "seed", "case", "isolation", "error", "cost.host"),
-                         parts, strict=True))  # fmt: skip
-        columns = {key: np.array(texts[key], object)[place] for key in list(texts)[3:]}
-        variant = np.array([rank[key] for key in texts["variant"]], int)[place]
-        shared = ("scenario", "estimator", "setting", "hash", "seconds", "axes")
-        for key in shared:
-            values = np.empty(len(chosen), object)
-            values[:] = [about[key] for about in chosen.values()]
-            columns[key] = values[variant]
-        columns["seed"] = np.array(texts["seed"], np.int64)[place]
-        columns["parameter"] = np.array(
-            [name for line in cases for name in chosen[line[1]]["parameters"]], object
-        )
-        columns |= dict(zip(names, numbers, strict=True))
-        columns |= {name: columns[name] > 0 for name in TRUTHS}
-        return pd.DataFrame(columns, copy=False)
+            for key in chosen:
+                for *case, content in self._db.execute(query, (key,)):
+                    cases.append((key, *case))
+                    numbers += content
+        about = pd.DataFrame(chosen.values(), [*chosen], SHARED)
+        table = pd.DataFrame(cases, columns=["variant", *texts]).join(about, "variant")
+        table = table.explode("parameters", ignore_index=True)
+        matrix = np.frombuffer(numbers).reshape(-1, len(names))
+        table = pd.concat([table, pd.DataFrame(matrix, columns=names)], axis=1)
+        truths = {name: table[name] > 0 for name in TRUTHS}
+        return table.assign(**truths).rename(columns={"parameters": "parameter"})
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
         """Return what the figures of single runs need, by seed."""

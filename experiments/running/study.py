@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from itertools import product
@@ -25,8 +27,6 @@ ALL = "estimator"
 SIZE = re.compile(r"fault\[(\d+)\]\.factor")
 SEEDS_PER_UNIT = 16  # enough to share the cost of a batch, few enough to see progress
 UNITS = 16  # at least, if there are enough records, so that many processes have work
-MOST_CASES = 10**7
-SHOWN = 20  # problems in one message
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,11 @@ class Study:
         Values on the axes.
     streams : {"common", "own"}
         Whether the points of a scenario share its random numbers.
-    repeat : int
-        As in `simulate`: 0, or the number of another noise realisation on the same runs.
 
     Raises
     ------
     StudyError
-        If two scenarios have one name or one content, or the study has too many cases.
+        If two scenarios have one name or one content.
     """
 
     name: str
@@ -63,25 +61,16 @@ class Study:
     axes: tuple[str, ...] = ()
     points: tuple[Point, ...] = ({},)
     streams: str = "common"
-    repeat: int = 0
 
     def __post_init__(self) -> None:
-        by_hash: dict[str, str] = {}
-        for scenario in self.scenarios:
-            first = by_hash.setdefault(scenario.hash, scenario.name)
-            if first != scenario.name:
+        for key, what in (("name", "the same name"), ("hash", "the same content")):
+            count = Counter(getattr(scenario, key) for scenario in self.scenarios)
+            twice = [s.name for s in self.scenarios if count[getattr(s, key)] > 1]
+            if twice:
                 raise StudyError(
-                    f"{self.name}: the scenarios {first} and {scenario.name} differ only in their "
-                    "names and would have the same rows: leave one out"
+                    f"{self.name}: the scenarios {' and '.join(twice)} have {what}, so their "
+                    "results could not be told apart: rename one, or leave it out"
                 )
-        names = [scenario.name for scenario in self.scenarios]
-        if doubles := {name for name in names if names.count(name) > 1}:
-            raise StudyError(
-                f"{self.name}: two scenarios have the name {min(doubles)!r}, so their results "
-                "could not be told apart: give each its own `name`"
-            )
-        if self.cases > MOST_CASES:
-            raise StudyError(f"{self.name}: {self.cases:,} cases are too many: at most 10 million")
 
     @property
     def cases(self) -> int:
@@ -135,8 +124,6 @@ class Unit:
         Swept keys of the scenario.
     settings : tuple of Setting
     seeds : tuple of int
-    repeat : int
-        As in `Study`.
     done : frozenset of str
         Cases that are not to be run.
     alone : bool
@@ -150,7 +137,6 @@ class Unit:
     axes: Mapping[str, Any]
     settings: tuple[Setting, ...]
     seeds: tuple[int, ...]
-    repeat: int = 0
     done: frozenset[str] = frozenset()
     alone: bool = False
     error: str = ""
@@ -158,7 +144,7 @@ class Unit:
     def cases(self) -> list[PlannedCase]:
         """Return the cases that are to be run: id, estimator and seed."""
         every = (
-            (case_id(self.scenario.hash, setting, seed, self.repeat), setting, seed)
+            (case_id(self.scenario.hash, setting, seed), setting, seed)
             for setting, seed in product(self.settings, self.seeds)
         )
         return [case for case in every if case[0] not in self.done]
@@ -175,10 +161,10 @@ class Unit:
         return f"{names} on {self.scenario.name}, seed {', '.join(map(str, self.seeds))}"
 
 
-def case_id(scenario_hash: str, setting: Setting, seed: int, repeat: int = 0) -> str:
+def case_id(scenario_hash: str, setting: Setting, seed: int) -> str:
     """Return the identity of a case: 64 bits of a hash, in hexadecimal."""
-    parts = [scenario_hash, setting.text, setting.spec.digest or "", seed, repeat or ""]
-    return sha256(" ".join(map(str, parts)).encode()).hexdigest()[:16]
+    text = f"{scenario_hash} {setting.text} {setting.spec.digest or ''} {seed} "
+    return sha256(text.encode()).hexdigest()[:16]
 
 
 def applies(key: str, estimator: str) -> bool:
@@ -194,7 +180,7 @@ def applies(key: str, estimator: str) -> bool:
 
 def is_option(key: str, names: Sequence[str]) -> bool:
     """Return whether a key is an option of estimators, and not a key of the scenario."""
-    return key.rpartition(".")[0] == ALL or any(applies(key, name) for name in names)
+    return any(applies(key, name) for name in (ALL, *names))
 
 
 def units(study: Study) -> list[Unit]:
@@ -203,49 +189,45 @@ def units(study: Study) -> list[Unit]:
     Raises
     ------
     StudyError
-        With one line for each problem, naming the point of the sweep.
+        If a point of the sweep is wrong, which it names.
     """
-    problems: dict[str, str] = {}  # each with the first point that has it
-    found = []
-    for base, (key, settings) in product(study.scenarios, _settings(study, problems).items()):
+    result = []
+    for base, (key, settings) in product(study.scenarios, _settings(study).items()):
         axes = json.loads(key)
-        try:
+        with _named(study, axes):
             scenario = base.override(axes, inherit=study.streams == "common") if axes else base
             check_model(scenario)
-        except ScenarioError as error:
-            for problem in error.problems:
-                problems.setdefault(problem.removeprefix(f"{base.name}: "), key)
-            continue
         for first in range(0, len(study.seeds), study.block):
             seeds = study.seeds[first : first + study.block]
-            found.append(Unit(scenario, base.name, axes, settings, seeds, study.repeat))
-    if problems:
-        lines = []
-        for text, key in problems.items():
-            point = ", ".join(f"{k} = {json.dumps(v)}" for k, v in json.loads(key).items())
-            lines.append(f"{study.name}: sweep: {point}: {text}" if point else text)
-        more = [f"… and {len(lines) - SHOWN} more"] * (len(lines) > SHOWN)
-        raise StudyError("\n".join(lines[:SHOWN] + more))
-    return found
+            result.append(Unit(scenario, base.name, axes, settings, seeds))
+    return result
 
 
-def _settings(study: Study, problems: dict[str, str]) -> dict[str, tuple[Setting, ...]]:
+def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
     """Return the estimators at each point of the scenario's own axes (as JSON)."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
-    found: dict[str, dict[str, Setting]] = {}
+    result: dict[str, dict[str, Setting]] = {}
     for point in study.points:
         own = {key: value for key, value in point.items() if key not in options}
-        here = found.setdefault(json.dumps(own), {})
+        here = result.setdefault(json.dumps(own), {})
         for name in study.estimators:
             axes = {key: point[key] for key in options if applies(key, name)}
-            try:
-                text = estimators.with_options(
-                    name, {key.rpartition(".")[2]: value for key, value in axes.items()}
-                )
+            changes = {key.rpartition(".")[2]: value for key, value in axes.items()}
+            with _named(study, axes):
+                text = estimators.with_options(name, changes)
                 here.setdefault(text, Setting(name, text, axes, estimators.parse(text)))
-            except EstimatorError as error:
-                problems.setdefault(str(error), json.dumps(axes))
-    return {key: tuple(settings.values()) for key, settings in found.items()}
+    return {key: tuple(settings.values()) for key, settings in result.items()}
+
+
+@contextmanager
+def _named(study: Study, axes: Point) -> Iterator[None]:
+    """Say at which point of which study something is wrong."""
+    try:
+        yield
+    except (ScenarioError, EstimatorError) as error:
+        point = ", ".join(f"{key} = {json.dumps(value)}" for key, value in axes.items())
+        where = f"{study.name}: sweep: {point}: " if point else ""
+        raise StudyError(f"{where}{error}") from error
 
 
 def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
@@ -258,6 +240,18 @@ def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
             planned |= ids
 
 
+def labels(unit: Unit, setting: Setting) -> dict[str, Any]:
+    """Return what the cases of an estimator on a scenario have in common."""
+    return {
+        "hash": unit.scenario.hash,
+        "setting": setting.text,
+        "code": setting.spec.digest,
+        "scenario": unit.base,
+        "estimator": setting.estimator,
+        "axes": {**unit.axes, **setting.axes},
+    }
+
+
 def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
     """Return what a folder keeps of a study, as JSON: what was asked for, and how it is labelled.
 
@@ -267,14 +261,10 @@ def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
     every : sequence of Unit
         As from `units`.
     """
-    variants = {
-        (unit.scenario.hash, setting.text): {
-            "hash": unit.scenario.hash, "setting": setting.text, "code": setting.spec.digest,
-            "scenario": unit.base, "estimator": setting.estimator,
-            "axes": {**unit.axes, **setting.axes},
-        }
-        for unit in reversed(every) for setting in reversed(unit.settings)  # the first one stays
-    }  # fmt: skip
+    variants: dict[Any, dict[str, Any]] = {}
+    for unit in every:
+        for setting in unit.settings:
+            variants.setdefault((unit.scenario.hash, setting.text), labels(unit, setting))
     return {
         "name": study.name,
         "scenarios": [{"hash": s.hash, "definition": s.resolved()} for s in study.scenarios],
@@ -282,6 +272,5 @@ def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
         "seeds": list(study.seeds),
         "axes": list(study.axes),
         "streams": study.streams,
-        "points": len(study.points),
-        "variants": [*variants.values()][::-1],
+        "variants": list(variants.values()),
     }

@@ -68,10 +68,8 @@ def load_class(text: str) -> Callable[..., Any]:
     """
     module, _, name = text.rpartition(":")
     with reported(text, "when it was imported"):
-        if module.endswith(".py"):
-            home = _module_of(Path(module).resolve())
-        else:
-            home = importlib.import_module(module)
+        file = code_file(text)
+        home = _module_of(Path(file).resolve()) if file else importlib.import_module(module)
     if not hasattr(home, name):
         classes = [key for key, value in vars(home).items() if isinstance(value, type)]
         raise EstimatorError(f"{text}: {module} has no {name!r}.{did_you_mean(name, classes)}")
@@ -87,11 +85,7 @@ def _module_of(path: Path) -> Any:
     spec = spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None  # a .py file has both
     sys.modules[name] = module = module_from_spec(spec)  # dataclasses look it up there
-    try:
-        spec.loader.exec_module(module)
-    except BaseException:
-        del sys.modules[name]
-        raise
+    spec.loader.exec_module(module)
     return module
 
 
@@ -129,18 +123,16 @@ def reported(
     except BaseException as error:
         if refusing and isinstance(error, EstimatorError):
             raise
-        k = getattr(error, "at_sample", None)
-        time = f" ({period * (first + k):g} s)" if k is not None and period else ""
-        place = where if k is None else f"{where}, sample {first + k}{time}"
+        if (k := getattr(error, "at_sample", None)) is not None:
+            where += f", sample {first + k} ({period * (first + k):g} s)"
         if isinstance(error, StepError):
-            raise EstimatorError(f"{text}, {place}: {error}") from error
-        raise EstimatorCrash(f"{text} crashed {place}: {describe(error)}") from error
+            raise EstimatorError(f"{text}, {where}: {error}") from error
+        raise EstimatorCrash(f"{text} crashed {where}: {describe(error)}") from error
 
 
 def describe(error: BaseException) -> str:
     """Return kind, message and place of an exception in one line."""
-    words = " ".join(str(error).split())
-    place = user_line(error)
+    words, place = " ".join(str(error).split()), user_line(error)
     kind = type(error).__name__ + (f": {words}" if words else "")
     return f"{kind} ({place})" if place else kind
 
@@ -151,37 +143,35 @@ def user_line(error: BaseException) -> str:
     return next((f"{f.filename}:{f.lineno}" for f in frames[::-1] if _is_users(f.filename)), "")
 
 
-@cache
 def _is_users(filename: str) -> bool:
-    packages = [importlib.import_module(f"flexaxis.{name}") for name in OURS]
-    ours = [str(Path(folder).resolve()) for package in packages for folder in package.__path__]
+    ours = [str(Path(__file__).resolve().parents[2] / name) for name in OURS]
     path = filename if filename.startswith("<") else str(Path(filename).resolve())
     return not path.startswith(("<", sys.prefix, sys.base_prefix, *ours))
 
 
-FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.ENOMEM, errno.EMFILE, errno.ENFILE}
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.ENOMEM}
 
 
-def is_of_the_machine(error: BaseException) -> bool:
+def is_of_the_machine(error: BaseException | None) -> bool:
     """Return whether memory, a disk, or a package that is missing caused an error."""
-    cause: BaseException | None = error
-    while cause is not None:
-        if isinstance(cause, MemoryError | ModuleNotFoundError) or (
-            isinstance(cause, OSError) and cause.errno in FULL
-        ):
+    while error is not None:
+        if isinstance(error, MemoryError | ModuleNotFoundError):
             return True
-        cause = cause.__cause__
+        if isinstance(error, OSError) and error.errno in FULL:
+            return True
+        error = error.__cause__
     return False
 
 
 @contextmanager
-def ended_after(seconds: float, log: str) -> Iterator[None]:
+def ended_after(seconds: float | None, log: str) -> Iterator[None]:
     """End this process if the block takes longer; `log` gets the traceback of all threads.
 
     Python does it in C, so code that never returns to Python ends, too.
     """
     with open(log, "w") as file:
-        faulthandler.dump_traceback_later(seconds, exit=True, file=file)
+        if seconds is not None:
+            faulthandler.dump_traceback_later(seconds, exit=True, file=file)
         try:
             yield
         finally:
@@ -190,15 +180,15 @@ def ended_after(seconds: float, log: str) -> Iterator[None]:
 
 def why_it_ended(log: str, seconds: float) -> str:
     """Return why a worker died, from the file that `ended_after` wrote."""
-    with suppress(OSError):
-        if text := Path(log).read_text(errors="replace"):
-            lines = re.findall(r'File "(.+)", line (\d+)', text)
-            place = next((f" ({file}:{line})" for file, line in lines if _is_users(file)), "")
-            return (
-                f"TimeoutError: no end within {seconds:g} s{place}; if it needs longer, give "
-                "--time-limit (in Python time_limit=)"
-            )
-    return "its process died: the code ended it, memory ran out, or it was killed"
+    text = Path(log).read_text(errors="replace") if Path(log).exists() else ""
+    lines = re.findall(r'File "(.+)", line (\d+)', text)
+    if not lines:
+        return "its process died: the code ended it, memory ran out, or it was killed"
+    place = next((f" ({file}:{line})" for file, line in lines if _is_users(file)), "")
+    return (
+        f"TimeoutError: no end within {seconds:g} s{place}; if it needs longer, give "
+        "--time-limit (in Python time_limit=)"
+    )
 
 
 PATIENCE = 30.0  # s for an answer of a program
@@ -220,38 +210,30 @@ class PipeEstimator:
         What the scenario asks for; the program says what it estimates.
     output : str
         What y is.
-    patience : float
-        Longest time for an answer [s].
 
     Raises
     ------
+    OSError
+        If the program cannot be started.
     EstimatorError
-        If the program cannot be started, ends, or does not answer as the protocol says.
+        If it ends, or does not answer as the protocol says.
     """
 
     def __init__(
         self, command: str, nominal: Mapping[str, float], period: float, *,
-        identify: Sequence[str], output: str = "speed", patience: float = PATIENCE,
+        identify: Sequence[str], output: str = "speed",
     ) -> None:  # fmt: skip
-        self._patience, signals = patience, tuple(SIGNALS)
-        try:
-            self._process = subprocess.Popen(
-                shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE
-            )
-        except (OSError, ValueError, IndexError) as error:
-            raise EstimatorError(f"the program cannot be started: {error}") from error
+        signals, words = tuple(SIGNALS), shlex.split(command)
+        self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         weakref.finalize(self, _end, self._process)
-        values = [(name.encode(), x) for name, x in nominal.items() if isinstance(x, int | float)]
-        sizes = signals.index(output), len(values), len(identify)
-        parts = [struct.pack("<32sd", *value) for value in values]
-        parts += [struct.pack("32s", name.encode()) for name in identify]
+        sizes = signals.index(output), len(nominal), len(identify)
+        values = np.array([*nominal.items()], [("name", "S32"), ("value", "<f8")])
         head = HEAD + struct.pack("<dIII", period, *sizes)
-        answer = self._ask(head + b"".join(parts), 24)
-        p, place = struct.unpack("<II", answer[16:])
-        if answer[:16] != HEAD or not 0 < p < 64 or place >= len(signals):
-            raise EstimatorError(f"the program answered {answer!r}: docs/pipes.md has the header")
-        names = struct.iter_unpack("32s", self._ask(b"", 32 * p))
-        self.names = tuple(name.rstrip(b"\0").decode() for (name,) in names)
+        head += values.tobytes() + np.array(identify, "S32").tobytes()
+        start, p, place = struct.unpack("<16sII", self._ask(head, 24))
+        if start != HEAD:
+            raise EstimatorError(f"the program answered {start!r}: docs/pipes.md has the header")
+        self.names = tuple(np.frombuffer(self._ask(b"", 32 * p), "S32").astype(str).tolist())
         self.output = signals[place]
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
@@ -260,32 +242,27 @@ class PipeEstimator:
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: Any = True) -> NDArray[np.float64]:
         """Return θ (N, p) of u and y (N,)."""
-        samples = np.column_stack([u, np.where(valid, y, np.nan)]).astype("<f8")
-        parts = []
+        samples, answer = np.column_stack([u, np.where(valid, y, np.nan)]), b""
         for first in range(0, len(samples), BLOCK):
             part = samples[first : first + BLOCK]
             size = len(part) * len(self.names) * 8
-            parts.append(self._ask(struct.pack("<Q", len(part)) + part.tobytes(), size))
-        return np.frombuffer(b"".join(parts), "<f8").reshape(len(samples), -1).astype(float)
+            answer += self._ask(struct.pack("<Q", len(part)) + part.tobytes(), size)
+        return np.frombuffer(answer, "<f8").reshape(len(samples), -1)
 
     def _ask(self, content: bytes, size: int) -> bytes:
         """Send bytes and return the answer; a program that is silent too long is killed."""
-        to, back = self._process.stdin, self._process.stdout
-        timer = Timer(self._patience, self._process.kill)
-        assert to is not None and back is not None
-        answer = b""
+        process, answer = self._process, b""
+        timer = Timer(PATIENCE, process.kill)
         timer.start()
         with suppress(OSError):  # the program has ended
-            to.write(content)
-            to.flush()
-            answer = back.read(size)
+            process.stdin.write(content)  # type: ignore[union-attr]
+            process.stdin.flush()  # type: ignore[union-attr]
+            answer = process.stdout.read(size)  # type: ignore[union-attr]
         timer.cancel()
         if len(answer) < size:
-            with suppress(subprocess.TimeoutExpired):
-                self._process.wait(1)
             raise EstimatorError(
-                f"the program wrote {len(answer)} of {size} bytes (exit status "
-                f"{self._process.poll()}; it has {self._patience:g} s for an answer; docs/pipes.md)"
+                f"the program wrote {len(answer)} of {size} bytes, and ended, or was silent for "
+                f"{PATIENCE:g} s (docs/pipes.md)"
             )
         return answer
 

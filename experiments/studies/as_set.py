@@ -32,7 +32,7 @@ def as_set(results: Results, pooled: Sequence[Mapping[str, Any]]) -> list[dict[s
         all the seeds of the fault; None where the estimator has none.
     """
     found = []
-    parts = results.groups("scenario", "estimator", "parameter", "changed")
+    parts = [*results.groups("scenario", "estimator", "parameter", "changed")]
     seeds: dict[tuple[str, str], NDArray[np.float64]] = {}
     for key, part in parts:  # the seeds on which any estimator ran
         known = seeds.get(_fault(key), np.empty(0))

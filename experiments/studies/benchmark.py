@@ -139,13 +139,11 @@ def _with_trajectories(results: Results, rows: Sequence[Mapping[str, Any]]) -> l
             errors = [t.relative[row["parameter"]] for t in known if row["parameter"] in t.relative]
             errors += [lost[row["parameter"]]] * row["failed"] if row["parameter"] in lost else []
             identity = {"scenario": name, "hash": scenario.hash, "estimator": estimator}
-            scores = {key: value for key, value in row.items() if key not in OF_A_STUDY}
             further = of_trajectories(errors, row["bound"], period=scenario.period)
-            found.append(identity | scores | further)
+            found.append(row | identity | further)
     return found
 
 
-OF_A_STUDY = ("hours", "false_alarms_per_hour", "false_alarms_per_hour_interval")
 FAILURE = ("scenario", "estimator", "seed", "error")
 
 

@@ -19,8 +19,6 @@ from flexaxis.sim.tables.sensors import White, reading
 from flexaxis.sim.timing import TICK
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
-_REPORT_EVERY = 200  # samples between two calls of progress
 
 
 @dataclass(frozen=True)
@@ -41,8 +39,6 @@ def closed_loop(
     reference: Array,
     white: White,
     *,
-    threads: int = 1,
-    progress: Progress | None = None,
     followers: Sequence[Follower | None] = (),
 ) -> Truth:
     """Simulate the loop.
@@ -55,10 +51,6 @@ def closed_loop(
         Wanted motor angle [rad].
     white : callable
         The noise on the torque, and of the sensors if the controller sees what they read.
-    threads : int
-        Threads that share the runs.
-    progress : callable, optional
-        Called now and then with the fraction done.
     followers : sequence of Follower or None
         What learns in each run, where the controller feeds forward; by default nothing does.
 
@@ -69,7 +61,7 @@ def closed_loop(
     """
     samples, runs = reference.shape
     scenario, changes = scenarios[0], Changes(scenarios)
-    drive = _Drive(scenario, runs, threads)
+    drive = _Drive(scenario, runs)
     sensors = scenario.sensors.values() if scenario.feedback == "measured" else ()
     read = reading(sensors, "angle", white, period=scenario.period)
     disturbance = scenario.noise.on_torque(white)
@@ -93,8 +85,6 @@ def closed_loop(
             of_angle, of_speed = measured
             (angle,), (fast,) = of_angle(angles[k : k + 1, :, 0]), of_speed(speed[k : k + 1])
             feed.learn(k, torque[k], angle, fast)
-        if progress and ((k + 1) % _REPORT_EVERY == 0 or k + 1 == samples):
-            progress((k + 1) / samples)
     return Truth(torque, speed, angles, feed.limited if feed else np.zeros(runs, int))
 
 
@@ -136,7 +126,7 @@ class _Drive:
         Returns the command (R,) of what the controller asks for (R,) in this sample [N m].
     """
 
-    def __init__(self, scenario: Scenario, runs: int, threads: int) -> None:
+    def __init__(self, scenario: Scenario, runs: int) -> None:
         config, delay = scenario.controller, scenario.delay.torque_ticks
         self._ticks = round(scenario.period / TICK) if config.rate or delay else 1
         self._every = 1 if config.rate else self._ticks  # ticks from one command to the next
@@ -152,7 +142,6 @@ class _Drive:
             [scenario.nominal] * runs,
             period=period,
             substeps=substeps(nonlinear, period, least=scenario.substeps or 1),
-            threads=threads,
             nonlinear=nonlinear,
             model=scenario.model,
         )

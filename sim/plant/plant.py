@@ -13,7 +13,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import DEFAULT, model_files
-from flexaxis.sim.errors import ParameterError, SimulationError, unknown
+from flexaxis.sim.errors import ParameterError, SimulationError
 from flexaxis.sim.parameters import AxisParameters, parameter_names, parameter_problem
 from flexaxis.sim.plant import friction
 from flexaxis.sim.tables.friction import COMPILED_LAWS, FrictionConfig
@@ -47,8 +47,7 @@ def quiet() -> Iterator[None]:
 class Plant:
     """A batch of simulated axes, held torque in, angles and speeds out.
 
-    All runs start at rest at angle zero. Each run gives the same bits whatever the number of
-    runs or threads.
+    All runs start at rest at angle zero. Each run gives the same bits whatever the number of runs.
 
     Parameters
     ----------
@@ -60,8 +59,6 @@ class Plant:
         Time between two calls of `step` [s].
     substeps : int
         Steps of the fourth-order Runge-Kutta method in one period.
-    threads : int
-        Threads that share the runs.
     nonlinear : sequence of Nonlinearity
         What the axis has beyond the linear model; see `flexaxis.sim.tables.nonlinear`.
 
@@ -84,7 +81,6 @@ class Plant:
         *,
         period: float,
         substeps: int,
-        threads: int = 1,
         nonlinear: Sequence[Nonlinearity] = (),
         model: str = DEFAULT,
     ) -> None:
@@ -95,7 +91,7 @@ class Plant:
         if not len(parameters):
             raise ParameterError("a plant needs the parameters of at least one run.")
         made = _compile(model, period / substeps, nonlinear)
-        self._batch = Batch(made, len(parameters), threads)
+        self._batch = Batch(made, len(parameters), 1)
         self._substeps = substeps
         self._places = [*_parameter_places(self._batch, self._names)]
         self._cubic = made.tendon_stiffnesspoly / made.tendon_stiffness[:, None]
@@ -108,10 +104,6 @@ class Plant:
         self._torque: Array = self._batch.bind("ctrl")[:, 0]
         self._time: Array = self._batch.bind("time")
         self.set_parameters(parameters)
-
-    def model(self, run: int) -> mujoco.MjModel:
-        """Return a copy of the engine's model of one run, to look into."""
-        return self._batch.get_model(run)
 
     def set_parameters(self, parameters: Sequence[AxisParameters] | Array) -> None:
         """Change the parameters of the runs from now on; angles and speeds stay.
@@ -158,18 +150,8 @@ class Plant:
             Parameter of one of the `Law`s that the plant was made with; of the first that has it.
         values : float or ndarray (R,)
             New value, for all runs or for each.
-
-        Raises
-        ------
-        ParameterError
-            If no law has such a parameter, or a value is negative or not finite.
         """
-        if not (np.isfinite(values).all() and np.min(values) >= 0):
-            raise ParameterError(f"{name} must be zero or positive, not {values!r}.")
-        owners = {known: law for law in reversed(self._laws) for known in law.values}
-        if name not in owners:
-            raise ParameterError(unknown("parameter", name, owners))
-        owners[name].set(name, values)
+        next(law for law in self._laws if name in law.values).set(name, values)
 
     def step(self, torque: Array) -> None:
         """Hold a torque command for one period.

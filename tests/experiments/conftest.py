@@ -6,7 +6,6 @@ import sys
 from concurrent.futures import Future
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -44,10 +43,8 @@ class InProcess:
             future.set_exception(error)
         return future
 
-    def stop(self):
+    def end(self):
         """Do nothing: what it is given is done at once."""
-
-    end = stop
 
 
 @pytest.fixture(autouse=True)
@@ -74,7 +71,7 @@ def short_toml(short, tmp_path):
 @pytest.fixture
 def stored():
     """A function that writes rows to a folder as a run or a study does, and gives `Results`."""
-    from flexaxis.experiments.running.case import NUMBERS, Done, _number
+    from flexaxis.experiments.running.case import Done, numbers_of
     from flexaxis.experiments.running.results import Results
     from flexaxis.experiments.running.store import Store
     from flexaxis.experiments.scoring.score_table import undefined
@@ -99,7 +96,7 @@ def stored():
                 "setting": first["estimator"], "hash": first["hash"], "axes": first["axes"],
                 "seconds": first["seconds"], "parameters": [line["parameter"] for line in lines],
             }  # fmt: skip
-            numbers = np.array([[_number(line, name) for name in NUMBERS] for line in lines])
+            numbers = numbers_of(lines)
             named = first["isolation"] and json.dumps(first["isolation"])
             store.add([Done(case, json.dumps(about), first["seed"], numbers, named,
                             first["error"], "here")])  # fmt: skip

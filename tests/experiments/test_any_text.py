@@ -9,19 +9,12 @@ from hypothesis import strategies as st
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.scenario import parse_scenario, scenario_from
+from flexaxis.sim.scenario import parse_scenario
 
 SCENARIO = find_scenario("coulomb_fm_step-v1")
 ROWS = "\n".join(f"{k / 200},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(300))
 LOG = f"time [s],torque [Nm],speed [rad/s]\n{ROWS}\n"
 
-VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
-    lambda inner: (
-        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3)
-    ),
-    max_leaves=4,
-)
 PIECES = st.text(max_size=8) | st.sampled_from(
     [",", ";", "\n", "\t", "#", '"', "nan", "1e999", "-", "[", "]", "=", "2026-01-01T00:00:00"]
 )
@@ -43,32 +36,11 @@ def edited(draw, text):
     return text
 
 
-@st.composite
-def changed_tables(draw):
-    """Return the tables of a scenario of which one or two values, at any depth, are others."""
-    content = SCENARIO.resolved()
-    for _ in range(draw(st.integers(1, 2))):
-        table = content
-        while isinstance(inner := table[draw(st.sampled_from(sorted(table)))], dict) and inner:
-            table = inner
-        table[draw(st.sampled_from(sorted(table)) | st.text(max_size=8))] = draw(VALUES)
-    return content
-
-
 @FEW
 @given(text=edited(SCENARIO.to_toml()) | st.text())
 def test_text_of_a_scenario(text):
     with suppress(FlexaxisError):
         assert parse_scenario(text).duration > 0
-
-
-@FEW
-@given(content=changed_tables())
-@example(content={"name": "x", "preset": 3})
-@example(content={"identify": [1]})
-def test_tables_of_a_scenario(content):
-    with suppress(FlexaxisError):
-        assert scenario_from(content, source="it").duration > 0
 
 
 @FEW

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from engine_cases import short, small_study, user_file
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.running.case import NUMBERS, Options, pack, run_case, run_unit, unpack
 from flexaxis.experiments.running.estimators import parse
@@ -74,13 +75,6 @@ def test_a_missing_package_leaves_no_row(tmp_path, cache):
     assert "no_such_package_at_all" in found.missing[0]
 
 
-def test_what_is_done_is_skipped(cache):
-    (unit,) = units(Study("one", (short(),), ("frozen",), (0,)))
-    ((case, _, _),) = unit.cases()
-    object.__setattr__(unit, "done", frozenset([case]))
-    assert not run_unit(unit, Options(cache)).cases
-
-
 def test_records_are_simulated_once_and_shared(cache):
     first = units(small_study("frozen", "rpem-forgetting", seeds=2))[0]
     assert run_unit(first, Options(cache)).simulated == len(first.seeds)
@@ -109,12 +103,12 @@ def test_a_kept_record_is_the_simulated_one(cache):
 
 def test_the_least_recently_used_records_go_first(tmp_path):
     small, record = RecordCache(tmp_path), simulate(short(), [0])[0]
-    for repeat in range(3):
-        small.put(short(), record, repeat=repeat)
-    small.get(short(), 0, repeat=0)
+    for seed in range(3):
+        small.put(short(), replace(record, seed=seed))
+    small.get(short(), 0)
     assert small.evict(small.size() - 1) == 1
-    assert small.get(short(), 0, repeat=1) is None
-    assert small.clear() == 2
+    assert small.get(short(), 1) is None
+    assert small.evict(0) == 2
 
 
 def test_a_damaged_record_is_simulated_again(tmp_path):
@@ -129,13 +123,3 @@ def test_an_estimator_of_the_registry_is_reset_between_runs(cache):
     spec, record = parse("rpem-forgetting"), simulate(short(), [0])[0]
     first, second = (run_case(short(), record, spec, Options()) for _ in range(2))
     np.testing.assert_array_equal(first.theta, second.theta)
-
-
-def test_a_scenario_that_gives_another_output_is_refused(tmp_path):
-    path = tmp_path / "other.py"
-    path.write_text(
-        "class Mine:\n    names, output = ('k_T',), 'increment'\n"
-        "    def __init__(self, nominal, period): pass\n    def step(self, u, y): return [1.0]\n"
-    )
-    with pytest.raises(EstimatorError, match=r"reads 'increment'.*gives 'speed'"):
-        run_case(short(), simulate(short(), [0])[0], parse(f"{path}:Mine"), Options())

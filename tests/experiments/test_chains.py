@@ -3,16 +3,10 @@
 import mujoco
 import numpy as np
 import pytest
-from engine_cases import BenchHere
 
 from flexaxis.estimators.models.axes import MODELS
-from flexaxis.experiments.catalogue.card import reference_card
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.demo.view import model_of, poses, scene
-from flexaxis.experiments.files import StudyError
-from flexaxis.experiments.running.cache import SIGNALS, RecordCache, records
-from flexaxis.experiments.running.study import Study, units
 from flexaxis.experiments.scoring.bounds import limits
 from flexaxis.models_mjcf import MODEL_NAMES
 from flexaxis.sim.parameters import preset
@@ -62,24 +56,6 @@ def test_the_estimators_model_is_the_plant(name):
         assert np.array_equal(C.ravel(), np.eye(len(A))[len(A) // 2])  # the motor's speed
 
 
-def test_estimators_follow_a_fault_of_a_chain():
-    """The lag of rpem is that of its memory of 1 s, and nobody is faster than the bound."""
-    scenario = chain()
-    with BenchHere() as bench:
-        runs = bench.runs([scenario], ["rpem-forgetting", "ekf", "frozen"], [1000])
-    rows = {key[1]: {row["parameter"]: row for row in case} for key, (case,) in runs.items()}
-    for found in rows.values():
-        assert found.keys() == set(scenario.identify)
-        assert not any(row["diverged"] for row in found.values())
-    lag = {estimator: found["f_m"]["lag"] for estimator, found in rows.items()}
-    assert lag["frozen"] == pytest.approx(5.0)
-    assert 0.8 < lag["rpem-forgetting"] < 1.6 and lag["ekf"] < 3.0
-    assert rows["rpem-forgetting"]["f_m"]["std"] < 1.0  # % of nominal
-    for estimator in ("rpem-forgetting", "ekf"):
-        assert abs(rows[estimator]["f_m"]["bias"]) < 1.0
-        assert 0 < rows[estimator]["f_m"]["score"] < 100
-
-
 def test_the_bound_is_of_the_model_of_the_plant():
     """By finite differences of the exact linear model, from the true state at the fault on."""
     scenario = chain()
@@ -120,21 +96,6 @@ def test_the_bound_is_of_the_model_of_the_plant():
     assert found[2].lag_bound == pytest.approx(lag, rel=1e-3)
 
 
-def test_a_kept_record_is_the_record(tmp_path):
-    scenario = chain().override({"duration": 2.0, "fault[0].at": 1.0})
-    store = RecordCache(tmp_path / "records")
-    (made,), first = records(scenario, [0], store)
-    (kept,), again = records(scenario, [0], store)
-    assert (first, again) == (1, 0)
-    for signal in SIGNALS:
-        ours, theirs = getattr(made, signal), getattr(kept, signal)
-        assert (ours is None) == (theirs is None)
-        assert ours is None or ours.tobytes() == theirs.tobytes()
-    assert made.versions == kept.versions and made.scenario == kept.scenario
-    _, model, data = scene(model_of(kept))
-    assert poses(kept, exaggerate=1.0).shape == (len(kept.time), model.nv) == (400, len(data.qpos))
-
-
 @pytest.fixture(params=["no model of its name", "a model of other parameters"])
 def unknown(request, monkeypatch):
     """A plant that estimators have no model of."""
@@ -159,15 +120,3 @@ def test_without_a_model_nothing_is_run(unknown, estimator, tmp_path, capsys):
     assert main([*words, "-o", str(tmp_path / "run")]) == 2
     assert TOLD in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
-
-
-def test_without_a_model_nothing_is_estimated_and_no_bound_is_taken(unknown, tmp_path, capsys):
-    path = tmp_path / "run.nc"
-    (record,) = simulate(unknown.override({"duration": 2.0, "fault[0].at": 1.0}), [0])
-    record.save(path)
-    assert main(["estimate", str(path), "--estimator", "rpem-forgetting"]) == 2
-    assert "estimators have no model two_mass" in capsys.readouterr().err
-    assert limits(unknown, unknown.identify, record.torque)[2].lag_bound is None
-    assert reference_card(unknown)["bound"].startswith("none")
-    with pytest.raises(StudyError, match="estimators have no model two_mass"):
-        units(Study("s", (unknown,), ("frozen",), (0,)))

@@ -1,13 +1,11 @@
 """Estimates from file to file."""
 
 import h5netcdf
-import h5py
 import numpy as np
 import pytest
 
 import flexaxis as fx
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.files import OutputError
 from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record
@@ -38,19 +36,3 @@ def test_a_log_without_a_scenario_needs_one(short, record, tmp_path):
     with pytest.raises(RecordError, match="does not say its scenario"):
         fx.estimate(source, "frozen")
     assert not fx.estimate(source, "frozen", scenario=short).truth
-
-
-def test_a_file_that_cannot_be_written_is_named(record, tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="file"):
-        fx.estimate(record, "frozen").save(tmp_path / "file" / "est.nc")
-
-
-@pytest.mark.parametrize("length", [1599, 1601])
-def test_signals_of_different_length_are_refused(record, tmp_path, length):
-    source = record.save(tmp_path / "rec.nc")
-    with h5py.File(source, "a") as file:
-        del file["speed"]
-        file["speed"] = np.zeros(length)
-    with pytest.raises(RecordError, match=r"rec\.nc: (speed has shape|time is nan)"):
-        fx.estimate(source, "frozen")

@@ -57,18 +57,7 @@ def test_the_rules_in_a_table():
     assert "BROKEN" in repr(fx.check(Peeks)) and found["no look ahead"]["hint"]
 
 
-def test_progress_is_a_line_each_tenth_after_a_while(monkeypatch, capsys):
-    monkeypatch.setattr(progress, "PATIENCE", -1.0)
-    with progress.progress("4 cases", 4) as advance:
-        for _ in range(4):
-            advance(1)
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.partition(",")[0] for line in lines] == [
-        f"4 cases: {x} %" for x in (25, 50, 75, 100)
-    ]
-
-
-def test_what_is_quick_says_nothing(capsys):
+def test_progress_is_for_terminals(capsys):
     with progress.progress("4 cases", 4) as advance:
         advance(4)
     assert capsys.readouterr() == ("", "")

@@ -58,29 +58,3 @@ def test_the_file_holds_every_estimator_on_every_scenario():
         for estimator in REGISTRY
         for seed in contents.SEEDS
     }, ADVICE
-
-
-def changed(**changes):
-    return [OLD[0] | changes, *OLD[1:]]
-
-
-@pytest.mark.parametrize(
-    ("new", "said"),
-    [
-        (OLD[1:], "row gone: fm_step-v1 rpem-forgetting 0 k_T"),
-        ([*OLD, OLD[0] | {"estimator": "mine"}], "row fresh: fm_step-v1 mine 0 k_T"),
-        (changed(std=OLD[0]["std"] * (1 + 2e-6)), "std: 1 rows moved, most 2e-06 relative"),
-        (changed(std=None), "std: 1 rows moved, most not by a number"),
-        (changed(diverged=True), "diverged: 1 rows moved"),
-        (changed(diverged=0), "diverged: 1 rows moved"),  # 0 is not False in the file
-        (changed(fresh=1.0), "fresh: 1 rows moved, most not by a number: absent -> 1.0"),
-        ([{k: v for k, v in OLD[0].items() if k != "nees"}, *OLD[1:]], "nees: 1 rows moved"),
-    ],
-)
-def test_every_kind_of_move_is_seen(new, said):
-    (line,) = contents.moves(OLD, new)
-    assert line.startswith(said)
-
-
-def test_rounding_is_no_move():
-    assert not contents.moves(OLD, changed(std=OLD[0]["std"] * (1 + 1e-8)))

@@ -95,10 +95,6 @@ class Short(Told):
         return theta
 
 
-class Words(Silent):
-    innovations = "none of your business"
-
-
 def row_of(scenario, name):
     (((row,),),) = BenchHere().runs([scenario], [f"{Path(__file__)}:{name}"], [0]).values()
     return row

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from engine_cases import BenchHere
 
-import flexaxis as fx
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.catalogue.names import hashes
 from flexaxis.experiments.running import estimators
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.scoring.bounds import limits
 from flexaxis.experiments.scoring.curves import later, shifted
@@ -135,26 +133,6 @@ def test_windows_and_quiet_times_follow_the_onset(short):
     assert shifted(np.arange(5), 2).tolist() == [2, 3, 4, 4, 4]
 
 
-def test_figures_show_all_runs_about_the_onset_that_is_written(short):
-    spec = parse("oracle-reset")
-    for record in simulate(short, [1000, 1001]):
-        case = run_case(short, record, spec)
-        friction = case.curve[:, 2]
-        assert friction[79] < 1.2 and friction[95] > 1.3  # at 3.95 and 4.75 s
-        assert case.detail.near.shape == (221, 3) and case.detail.near[19, 2] < 1.2
-
-
-def test_the_onset_is_a_column(short):
-    found = fx.benchmark("rpem-forgetting", scenarios=short, seeds=3).to_dataframe()
-    wanted = {seed: short.drawn(seed).events()[0].index * 0.005 for seed in (1000, 1001, 1002)}
-    assert dict(zip(found["seed"], found["onset"], strict=True)) == wanted
-
-
-def test_an_axis_by_hand_is_that_of_its_seed(short):
-    axis = fx.make_axis(short, seed=3)
-    assert axis.scenario is short.drawn(3)
-
-
 def test_an_onset_stays_within_its_run():
     with pytest.raises(ScenarioError, match=r"onset_spread: must be 9\.995 s at most.*it is 11"):
         find_scenario("fm_step-v1").override({"onset_spread": 11.0})
@@ -162,16 +140,3 @@ def test_an_onset_stays_within_its_run():
         find_scenario("pause_fm_step-v1").override({"onset_spread": 10.0})
     with pytest.raises(ScenarioError, match="onset_spread"):
         find_scenario("fm_step-v1").override({"onset_spread": 0.0})
-
-
-def test_first_versions_are_as_they_were():
-    scenario = find_scenario("fm_step-v1")
-    assert scenario.drawn(5) is scenario and "onset_spread" not in scenario.resolved()
-
-
-def test_an_intermittent_fault_ends_as_much_later_as_it_begins(short):
-    loose = {"kind": "intermittent", "parameter": "f_m", "at": 3.0, "until": 4.5, "on": 0.2,
-             "off": 0.1, "factor": 1.5}  # fmt: skip
-    moved = [short.override({"fault": [loose]}).drawn(seed).fault[0] for seed in range(5)]
-    assert len({fault.at for fault in moved}) > 1
-    assert [fault.until - fault.at for fault in moved] == pytest.approx([1.5] * 5)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from engine_cases import BenchHere
 
-from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.sim.simulate import simulate
 
 
@@ -62,22 +61,3 @@ def test_every_seed_and_every_repeat_has_noise_of_its_own(short):
     assert abs(apart).max() < 5 / np.sqrt(noise.shape[1])
     # the deviation of 9600 samples is known to 0.7 %
     assert noise.std() == pytest.approx(0.1, rel=0.04)
-
-
-def test_seeds_move_differently_and_repeats_alike(short):
-    first, second = simulate(short, [0, 1])
-    (again,) = simulate(short, [0], repeat=1)
-    assert abs(np.corrcoef(first.true_speed, second.true_speed)[0, 1]) < 0.5
-    np.testing.assert_array_equal(first.true_speed, again.true_speed)
-
-
-def test_the_cache_keeps_repeats_and_noises_apart(short, tmp_path):
-    store = RecordCache(tmp_path / "records")
-    louder = short.override({"noise.speed": 0.3})
-    asked = [(short, 0), (short, 1), (louder, 0)]
-    first = [records(scenario, [0], store, repeat=n) for scenario, n in asked]
-    assert [simulated for _, simulated in first] == [1, 1, 1]
-    again = [records(scenario, [0], store, repeat=n) for scenario, n in asked]
-    assert [simulated for _, simulated in again] == [0, 0, 0]
-    for (scenario, n), ((kept,), _) in zip(asked, again, strict=True):
-        np.testing.assert_array_equal(kept.speed, simulate(scenario, [0], repeat=n)[0].speed)

@@ -1,13 +1,9 @@
 """Other sampling periods from the command line: run, study, record and estimate."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.sim.record import load_record
 from tests.experiments.command import flexaxis
 
@@ -63,20 +59,3 @@ def test_a_file_with_a_period_runs_and_its_record_has_it(short, tmp_path, capsys
     )  # fmt: skip
     assert status == 0, err
     assert flexaxis(capsys, "show", file)[1].count("every 2 ms") == 1
-
-
-def test_an_unstable_loop_is_a_wrong_use(short, tmp_path):
-    file = tmp_path / "wild.toml"
-    text = short.override({"name": "wild"}).to_toml().replace("Kv = 0.22", "Kv = 0.3")
-    file.write_text(text.replace("period = 0.005", "period = 0.01"), encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "flexaxis.experiments", "run", file, "--estimator", "frozen"],
-        capture_output=True, text=True, check=False, cwd=tmp_path,
-    )  # fmt: skip
-    assert done.returncode == 2
-    assert "controller.Kv: the loop is unstable on the nominal axis with Kv = 0.3" in done.stderr
-    assert "Kv up to 0.23" in done.stderr and "Traceback" not in done.stderr
-
-
-def test_the_recipe_runs_at_the_period_of_the_scenario(short):
-    assert len(nominal_torque(short.override({"period": 0.002}))) == 20_000

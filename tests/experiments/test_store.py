@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -62,10 +60,12 @@ def test_a_case_is_there_once_and_the_first_one_stays(tmp_path, outcomes):
 
 
 def test_a_unit_is_stored_whole_or_not_at_all(tmp_path, outcomes):
-    store = Store(tmp_path)
-    broken = Done("x", "about", 0, None, None, None, "")
-    with pytest.raises(AttributeError):
-        store.add([*outcomes[0].cases, broken])
+    def cases():
+        yield from outcomes[0].cases
+        raise KeyError
+
+    with pytest.raises(KeyError):
+        Store(tmp_path).add(cases())
     assert not Store(tmp_path).done()
 
 
@@ -117,15 +117,6 @@ def test_what_is_no_store_is_refused(tmp_path):
         Store(tmp_path / "file")
 
 
-def test_the_file_is_one_sqlite_file_that_anyone_reads(tmp_path, outcomes):
-    filled(tmp_path, outcomes).close()
-    with sqlite3.connect(tmp_path / ROWS) as db:
-        (count,) = db.execute("SELECT count(*) FROM cases WHERE error IS NULL").fetchone()
-    db.close()
-    assert count == 12
-    assert [path.name for path in tmp_path.iterdir()] == [ROWS]
-
-
 def test_scores_are_pooled_over_the_seeds_of_a_group(outcomes):
     results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
     table = results.scores("estimator", "fault[0].factor")
@@ -138,19 +129,10 @@ def test_scores_are_pooled_over_the_seeds_of_a_group(outcomes):
     assert pool_columns({"std": np.ones(3)}, []) == {}
 
 
-def test_bins_put_values_of_an_axis_together(outcomes):
+def test_wrong_columns_and_scores(outcomes):
     results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
-    (first, *_), *more = results.groups("fault[0].factor", bins={"fault[0].factor": [1.0, 2.0]})
-    assert first == {"fault[0].factor": 1.5}
-    assert not more
-
-
-def test_selections_and_wrong_columns(outcomes):
-    results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
-    some = results.select({"estimator": "frozen", "seed": [0, 1]})
-    assert some.cases == 4
     with pytest.raises(StudyError, match="Did you mean 'estimator'"):
-        results.select({"estimater": 1})
+        results.scores("estimater")
     with pytest.raises(StudyError, match="score"):
         results.scores(scores=["lagg"])
 

@@ -84,10 +84,10 @@ def test_what_is_wrong_is_said(changes, words):
 @pytest.mark.parametrize(
     ("sweep", "words"),
     [
-        ({"fault[0].factor": [1.5, -2.0]}, "fault[0].factor = -2.0: fault[0].factor: must be"),
+        ({"fault[0].factor": [1.5, -2.0]}, "[0].factor = -2.0: fm_step-v1: fault[0].factor: must"),
         ({"fault[0].fctor": [1.5]}, "Did you mean 'factor'"),
         ({"estimator.forgeting": [0.9]}, "forgeting = 0.9: rpem-forgetting has no option"),
-        ({"duration": [20.0, 8.0]}, "duration = 8.0: fault[0].at: the onset at 10 s is not before"),
+        ({"duration": [20.0, 8.0]}, "duration = 8.0: fm_step-v1: fault[0].at: the onset at 10 s"),
     ],
 )  # fmt: skip
 def test_a_point_that_cannot_be_run_names_key_and_value(sweep, words):
@@ -159,9 +159,9 @@ def test_a_study_from_the_command_line(study_toml, tmp_path, capsys):
     assert status == 0
     assert json.loads(out)["to_run"] == 12
     assert not (tmp_path / "a").exists()
-    assert flexaxis(capsys, *words, tmp_path / "a", "--jobs", 2, "--keep", "all")[0] == 0
+    assert flexaxis(capsys, *words, tmp_path / "a", "--jobs", 2)[0] == 0
     whole = Results.load(tmp_path / "a")
-    assert whole.cases == len(list((tmp_path / "a" / "trajectories").glob("*.nc"))) == 12
+    assert whole.cases == 12
     status, out, _ = flexaxis(capsys, *words, tmp_path / "a", "--json")
     assert json.loads(out)["run"] == 0
     for i in (1, 2):

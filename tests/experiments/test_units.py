@@ -54,15 +54,6 @@ def test_another_file_of_a_user_gives_other_cases(tmp_path):
     assert not set(ids(units(small_study(text)))) & set(before)
 
 
-def test_a_file_that_is_imported_from_beside_counts_too(tmp_path):
-    path = user_file(tmp_path)
-    (tmp_path / "helper.py").write_text("x = 1")
-    (tmp_path / "mine.py").write_text("import helper\n" + (tmp_path / "mine.py").read_text())
-    before = ids(units(small_study(f"{path}:Mine")))
-    (tmp_path / "helper.py").write_text("x = 2")
-    assert ids(units(small_study(f"{path}:Mine"))) != before
-
-
 def test_each_problem_names_its_point():
     points = ({"fault[0].factor": -1.0}, {"fault[0].factor": 1.5})
     study = Study("wrong", (short(),), ("frozen",), (0,), ("fault[0].factor",), points)

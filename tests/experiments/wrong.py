@@ -16,7 +16,29 @@ from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 Array = NDArray[np.float64]
 
 
-class Cheater:
+class Honest:
+    """The paper's method; the others are made from it."""
+
+    def __init__(
+        self,
+        nominal: Mapping[str, float],
+        period: float,
+        *,
+        identify: Sequence[str] = DEFAULT_IDENTIFY,
+        output: str = "speed",
+        torque: Array | None = None,
+    ) -> None:
+        self._inner = REGISTRY["rpem-forgetting"].factory(
+            nominal, period, identify=identify, output=output, torque=torque
+        )
+        self.names, self.output, self.bounds = identify, output, self._inner.bounds
+
+    def step(self, u: float, y: float | None) -> Array:
+        """Take one sample, honestly."""
+        return self._inner.step(u, y)
+
+
+class Cheater(Honest):
     """WRONG ON PURPOSE: sees one second into the future, and so has hardly any lag.
 
     A smoother on a stored log does the same, with good intentions. It is one only in `run`,
@@ -25,54 +47,18 @@ class Cheater:
 
     AHEAD = 200  # samples
 
-    def __init__(
-        self,
-        nominal: Mapping[str, float],
-        period: float,
-        *,
-        identify: Sequence[str] = DEFAULT_IDENTIFY,
-        output: str = "speed",
-        torque: Array | None = None,
-    ) -> None:
-        self._inner = REGISTRY["rpem-forgetting"].factory(
-            nominal, period, identify=identify, output=output, torque=torque
-        )
-        self.names, self.output, self.bounds = identify, output, self._inner.bounds
-
-    def step(self, u: float, y: float | None) -> Array:
-        """Take one sample, honestly."""
-        return self._inner.step(u, y)
-
     def run(self, u: Array, y: Array, *missing: Any) -> Array:
         """Take all samples, and give each estimate one second too early."""
         theta = self._inner.run(u, y, *missing)
         return np.concatenate([theta[self.AHEAD :], np.tile(theta[-1], (self.AHEAD, 1))])[: len(u)]
 
 
-class Hindsight:
+class Hindsight(Honest):
     """WRONG ON PURPOSE: clips y at twice its standard deviation, taken over the whole record.
 
     No order of the samples matters to that, and no single one of the future is used; still no
     robot knows today how much its axis will move tomorrow.
     """
-
-    def __init__(
-        self,
-        nominal: Mapping[str, float],
-        period: float,
-        *,
-        identify: Sequence[str] = DEFAULT_IDENTIFY,
-        output: str = "speed",
-        torque: Array | None = None,
-    ) -> None:
-        self._inner = REGISTRY["rpem-forgetting"].factory(
-            nominal, period, identify=identify, output=output, torque=torque
-        )
-        self.names, self.output, self.bounds = identify, output, self._inner.bounds
-
-    def step(self, u: float, y: float | None) -> Array:
-        """Take one sample, honestly."""
-        return self._inner.step(u, y)
 
     def run(self, u: Array, y: Array, *missing: Any) -> Array:
         """Take all samples, those of y clipped at what is unusual in all of them."""
@@ -80,28 +66,17 @@ class Hindsight:
         return self._inner.run(u, np.clip(y, -usual, usual), *missing)
 
 
-class Sloppy:
+class Sloppy(Honest):
     """WRONG ON PURPOSE: four mistakes that are easily made.
 
     The input is late by one sample, the array returned is the one it goes on writing to, y is
     replaced by 0 in a gap, and a reset forgets the filter.
     """
 
-    def __init__(
-        self,
-        nominal: Mapping[str, float],
-        period: float,
-        *,
-        identify: Sequence[str] = DEFAULT_IDENTIFY,
-        output: str = "speed",
-        torque: Array | None = None,
-    ) -> None:
-        self._inner = REGISTRY["rpem-forgetting"].factory(
-            nominal, period, identify=identify, output=output, torque=torque
-        )
-        self.names, self.output = identify, output
+    def __init__(self, nominal: Mapping[str, float], period: float, **known: Any) -> None:
+        super().__init__(nominal, period, **known)
         self._before = 0.0
-        self._theta = np.zeros(len(identify))
+        self._theta = np.zeros(len(self.names))
 
     def step(self, u: float, y: float | None) -> Array:
         """Take one sample, carelessly."""
@@ -123,16 +98,8 @@ class Unguarded:
 
     FORGETTING = 0.995
 
-    def __init__(
-        self,
-        nominal: Mapping[str, float],
-        period: float,
-        *,
-        identify: Sequence[str] = DEFAULT_IDENTIFY,
-        output: str = "speed",
-        torque: Array | None = None,
-    ) -> None:
-        self.names, self.output = ("f_m",), output
+    def __init__(self, nominal: Mapping[str, float], period: float) -> None:
+        self.names, self.output = ("f_m",), "speed"
         self._start = nominal["f_m"]
         self._theta, self._P, self._phi = self._start, 1.0, 0.0
 

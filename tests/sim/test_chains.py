@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from acceptance.axes import held
 
-from flexaxis.models_mjcf import MODEL_NAMES, SHIPPED, model_digest, model_files
-from flexaxis.sim import identity, parameters
-from flexaxis.sim.errors import ParameterError, ScenarioError
+from flexaxis.models_mjcf import MODEL_NAMES, SHIPPED, model_digest
+from flexaxis.sim import identity
+from flexaxis.sim.errors import ParameterError
 from flexaxis.sim.parameters import AxisParameters, nominal_numbers, parameter_names, preset
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.record import load_record
@@ -130,32 +130,6 @@ def test_parameters_are_those_of_one_model():
         preset("n1", "two_mass").replace(k_g=1.0)
 
 
-INNER = (
-    '<body name="load"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-    '<joint name="load" damping="1"/></body>'
-)
-NESTED = ("</body>\n  </worldbody>", f"{INNER}</body>\n  </worldbody>")
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        (NESTED, "must be a chain of bodies called motor, gear, arm, load, with a fixed tendon"),
-        (('name="arm" pos', 'name="wrist" pos'), "it has motor, gear, wrist"),
-        (('joint="gear" coef="1"', 'joint="motor" coef="1"'), r"\['motor', 'arm'\]"),
-        (('<fixed name="arm"', '<fixed name="grip"'), "the tendons gear, grip of"),
-        ((' stiffness="8.4e3"', ""), "arm in its MJCF has no stiffness"),
-        ((' diaginertia="7 7 7"', ""), "gear in its MJCF has no diaginertia"),
-    ],
-)
-def test_a_file_that_is_no_chain_is_refused(change, told, monkeypatch):
-    xml, assets = model_files("three_mass")
-    assert xml.count(change[0]) == 1
-    monkeypatch.setattr(parameters, "model_files", lambda _: (xml.replace(*change), assets))
-    with pytest.raises(ParameterError, match=rf"model three_mass: .*{told}"):
-        nominal_numbers.__wrapped__("three_mass")
-
-
 SHORT = 'name = "s"\nduration = 2.0\n'
 FAULT = '[[fault]]\nkind = "step"\nparameter = "{}"\nat = 1.0\nfactor = 2.0'
 
@@ -177,31 +151,3 @@ def test_a_changed_mjcf_is_another_scenario_and_the_published_one_is_not(monkeyp
     monkeypatch.setattr(identity, "model_digest", lambda _: "another MJCF")
     other = parse_scenario(text)
     assert not before & {other.hash, other.key, other.record_hash}
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ('model = "two_masses"', "model: unknown model 'two_masses'; known are three_mass, two"),
-        (
-            'model = "two_mass"',
-            "unknown parameter '1/J_a'; known are k_T, J_m, J_l, k, d, f_m, f_l",
-        ),
-        ('model = "two_mass"\npreset = "wg"', "preset: unknown preset 'wg'; known are n1"),
-        ('model = "two_mass"\nparameters.k_g = 1.0', "parameters.k_g: unknown parameter 'k_g'"),
-        ('model = "two_mass"\ntold.k_g = 1.0', "told.k_g: unknown parameter 'k_g'"),
-        ('model = "two_mass"\nbacklash.gear = 0.1', "backlash: is of the spring of a gear, which"),
-        (
-            'model = "two_mass"\n' + FAULT.format("k_g"),
-            "fault[0].parameter: unknown parameter 'k_g'; known are k_T, J_m, J_l, k, d, f_m, f_l,",
-        ),
-        (
-            FAULT.format("J_l"),
-            "fault[0].parameter: unknown parameter 'J_l'",
-        ),
-    ],
-)
-def test_what_a_model_has_not_is_told(text, told):
-    with pytest.raises(ScenarioError) as caught:
-        parse_scenario(SHORT + text)
-    assert told in str(caught.value), caught.value

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.loop import closed_loop
 from flexaxis.sim.scenario import parse_scenario
@@ -72,12 +71,6 @@ def test_commands_are_made_of_the_estimates_that_are_known_by_then():
     assert not truth.limited.any()
 
 
-@pytest.mark.parametrize("slip", [{"sign": -1.0}, {"gain": 0.0}, {"late": 1}], ids=str)
-def test_slips_would_be_seen(slip):
-    truth = loop(Follower(path()))
-    assert np.abs(truth.torque[:-1] - commands(truth, path(), **slip)).max() > 1e-3
-
-
 def test_a_follower_is_given_what_the_log_has():
     noise = 0.1 * np.random.default_rng(1).standard_normal((SCENARIO.samples, 1))
     for output in ("speed", "increment"):
@@ -89,19 +82,6 @@ def test_a_follower_is_given_what_the_log_has():
         assert np.array_equal(u, truth.torque[:, 0])
         wanted = truth.speed[:, 0] + noise[:, 0] if output == "speed" else increment
         np.testing.assert_allclose(y, wanted, rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 0.0, 1e9])
-def test_who_diverges_does_not_break_the_plant(value):
-    """Limits hold what is fed forward, and are counted in every sample in which they do."""
-    lost = np.full((SCENARIO.samples, 4), value)
-    truth = loop(Follower(lost))
-    most = np.array([1.5, 3, 3, 3])  # of the torque constant less, for it is a gain of the loop
-    inside = np.clip(lost, NOMINAL / most, NOMINAL * most)
-    held = inside if np.isfinite(value) else np.vstack([NOMINAL] * len(lost))
-    held[:, 1] = {0.0: 1, np.inf: 3, -1.0: 3}.get(value, held[0, 1] / NOMINAL[1]) * NOMINAL[1]
-    np.testing.assert_allclose(truth.torque[:-1], commands(truth, held), rtol=0, atol=1e-12)
-    assert truth.limited[0] == SCENARIO.samples and np.abs(truth.speed).max() < 100
 
 
 def test_without_a_follower_it_stays_nominal():
@@ -133,20 +113,3 @@ def test_parts_can_be_left_out():
     for key, left in {"friction": (1 + 3 * J) / 0.5, "inertia": 2.4, "torque": 1.2 + 3 * J}.items():
         without = config.model_copy(update={key: False})
         assert without.command(np.array([1.0]), motion, of) == pytest.approx(left), key
-
-
-def test_an_inner_loop_is_refused():
-    with pytest.raises(ScenarioError, match=r"controller.*adapt feeds forward once a sample"):
-        parse_scenario(TEXT + "controller.rate = 1000\n")
-
-
-def test_old_scenarios_know_nothing_of_it():
-    plain = parse_scenario('name = "x"\nduration = 1.0\n')
-    assert "adapt" not in plain.resolved()["controller"]
-
-
-@pytest.mark.parametrize("name", range(4))
-def test_a_sample_in_which_any_estimate_is_beyond_its_limits_is_counted(name):
-    estimates = np.tile(NOMINAL, (SCENARIO.samples, 1))
-    estimates[7, name] *= 100
-    assert loop(Follower(estimates)).limited.tolist() == [1]

@@ -1,29 +1,19 @@
 """Laws of friction that the engine lacks, against solutions found without it."""
 
-import subprocess
-import sys
-
-import mujoco
 import numpy as np
 import pytest
 
-from flexaxis.sim.errors import ParameterError, SimulationError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.simulate import simulate
 from flexaxis.sim.tables.friction import (
-    COMPILED_LAWS,
-    WIDTH,
-    FrictionConfig,
     GearFrictionConfig,
     LoadFrictionConfig,
-    LuGreConfig,
     StaticFrictionConfig,
 )
-from flexaxis.sim.tables.nonlinear import StiffeningConfig
 
-from .motion import LUGRE, N1, T, distance, rates, solved, stepped, torque
+from .motion import N1, T, distance, rates, solved, stepped, torque
 
 WG = preset("wg")
 CURVE = {"f_c": 0.74302635727901, "f_s": 3.98628540790595,
@@ -152,13 +142,6 @@ def test_energy_of_a_gear_with_friction_is_balanced():
     assert heat > 0.2 * done  # and friction is a large part of it
 
 
-def test_laws_add_up():
-    u = torque(N=100)
-    mild = {"f_c": 0.02, "f_s": 0.05, "alpha": 1.0, "beta": 5.0}
-    reference = rubbed(N1, u, lambda x: load_friction(x) + curve(x[3], **mild))
-    assert distance(stepped(N1, u, LOAD, StaticFrictionConfig(**mild)), reference) < 1e-5
-
-
 @pytest.mark.parametrize("name", CURVE)
 def test_each_parameter_of_the_curve_can_change_in_a_run(name):
     u, changed = torque(5.0), CURVE | {name: 1.5 * CURVE[name]}
@@ -167,117 +150,7 @@ def test_each_parameter_of_the_curve_can_change_in_a_run(name):
     assert distance(ours, stepped(WG, u, StaticFrictionConfig(**CURVE))) > 1e-4
 
 
-def test_of_several_laws_the_right_one_changes():
-    u, uneven = torque(5.0), LoadFrictionConfig(f_c=0.1, load=0.1)
-    curves = [StaticFrictionConfig(**CURVE | {"alpha": alpha}) for alpha in (CURVE["alpha"], 1.0)]
-    ours = stepped(WG, u, uneven, curves[0], law={0: {"alpha": 1.0}})
-    assert np.array_equal(ours, stepped(WG, u, uneven, curves[1]))
-    # both have an f_c: it is that of the first
-    ours = stepped(WG, u, uneven, curves[0], law={0: {"f_c": 0.2}})
-    assert np.array_equal(ours, stepped(WG, u, uneven.model_copy(update={"f_c": 0.2}), curves[0]))
-
-
 AS_KEYS = {"f_c": {"coulomb": 0.2, "static": 0.25}, "f_s": {"static": 0.3},
            "v_s": {"stribeck": 0.2}, "sigma_0": {"stiffness": 20.0},
            "sigma_1": {"damping": 0.6}}  # fmt: skip
 VALUES = {"f_c": 0.2, "f_s": 0.2, "v_s": 0.2, "sigma_0": 20.0, "sigma_1": 0.6}
-
-
-@pytest.mark.parametrize("name", AS_KEYS)
-def test_each_parameter_of_the_bristles_can_change_in_a_run(name):
-    u = torque()
-    ours = stepped(N1, u, LuGreConfig(**LUGRE), law={0: {name: VALUES[name]}})
-    other = stepped(N1, u, LuGreConfig(**LUGRE | AS_KEYS[name]))
-    assert distance(ours, other) < 1e-12  # F_s is F_c and the excess, but for rounding
-    assert distance(ours, stepped(N1, u, LuGreConfig(**LUGRE))) > 1e-4
-
-
-def test_runs_of_a_batch_have_laws_of_their_own():
-    features = [StaticFrictionConfig(**CURVE)]
-    plant = Plant([WG] * 3, period=T, substeps=20, nonlinear=features, threads=2)
-    plant.set_law("f_c", np.array([0.5, 0.74302635727901, 1.0]))
-    speeds = []
-    for value in torque(5.0, 60):
-        plant.step(np.full(3, value))
-        speeds.append(plant.speed_m.copy())
-    for run, level in enumerate([0.5, 0.74302635727901, 1.0]):
-        alone = stepped(WG, torque(5.0, 60), *features, law={0: {"f_c": level}})
-        assert np.array_equal(np.array(speeds)[:, run], alone)
-
-
-def test_other_models_of_the_process_are_left_alone():
-    u, law = torque(), StaticFrictionConfig(**CURVE)
-    falling = mujoco.MjModel.from_xml_string(
-        "<mujoco><worldbody><body><joint axis='0 1 0'/>"
-        "<geom size='.1' pos='.1 0 0'/></body></worldbody>"
-        f"<custom><numeric name='own' data='{' '.join(map(str, range(1, WIDTH + 2)))}'/></custom>"
-        "</mujoco>"
-    )
-    bare = mujoco.MjModel.from_xml_string(
-        "<mujoco><worldbody><body><joint axis='0 1 0'/><geom size='.1' pos='.1 0 0'/></body>"
-        "</worldbody></mujoco>"
-    )
-
-    def swings():
-        found = []
-        for model in (falling, bare):
-            data = mujoco.MjData(model)
-            mujoco.mj_step(model, data, nstep=200)
-            found.append(data.qpos.copy())
-        return np.array(found)
-
-    mujoco.set_mjcb_passive(None)
-    before = stepped(N1, u), stepped(N1, u, StiffeningConfig(gear=3e5)), swings()
-    mixed = Plant([WG], period=T, substeps=20, nonlinear=[law])
-    linear = Plant([N1], period=T, substeps=5)
-    assert mujoco.get_mjcb_passive() is not None
-    speeds = []
-    for value in u:
-        mixed.step(np.array([5 * value]))
-        linear.step(np.array([value]))
-        speeds.append((linear.speed_m[0], mixed.speed_m[0]))
-    after = stepped(N1, u), stepped(N1, u, StiffeningConfig(gear=3e5)), swings()
-    for one, other in zip(before, after, strict=True):
-        assert np.array_equal(one, other)
-    assert np.array_equal(np.array(speeds)[:, 0], before[0])
-    assert np.array_equal(np.array(speeds)[:, 1], stepped(WG, 5 * u, law))
-
-
-def test_what_the_engine_was_made_to_call_by_others_is_not_lost():
-    plant = Plant([WG], period=T, substeps=20, nonlinear=[StaticFrictionConfig(**CURVE)])
-    try:
-        mujoco.set_mjcb_passive(lambda model, data: None)
-        for use in (
-            lambda: Plant([WG], period=T, substeps=20, nonlinear=[StaticFrictionConfig(**CURVE)]),
-            lambda: plant.step(np.zeros(1)),
-        ):
-            with pytest.raises(SimulationError, match="passive callback of MuJoCo's already"):
-                use()
-    finally:
-        mujoco.set_mjcb_passive(None)
-    plant.step(np.ones(1))  # it is put back in
-    assert mujoco.get_mjcb_passive() is not None
-
-
-def test_linear_plants_need_neither_the_callback_nor_its_compiler():
-    code = (
-        "import sys, mujoco\nfrom flexaxis.sim.plant.plant import Plant\n"
-        "from flexaxis.sim.parameters import preset\n"
-        "Plant([preset('n1')], period=.005, substeps=5)\n"
-        "print('numba' in sys.modules, mujoco.get_mjcb_passive())"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "None"]
-
-
-def test_wrong_names_and_values():
-    plant = Plant([N1], period=T, substeps=20, nonlinear=[FrictionConfig(coulomb=0.1)])
-    with pytest.raises(ParameterError, match=r"unknown parameter 'f_d'; known are f_c\."):
-        plant.set_law("f_d", 0.1)
-    for value in (-0.1, np.nan):
-        with pytest.raises(ParameterError, match=r"f_c must be zero or positive"):
-            plant.set_law("f_c", value)
-
-
-def test_a_row_has_room_for_every_law():
-    assert all(2 + len(law.model_fields) <= WIDTH for law in COMPILED_LAWS)

@@ -77,19 +77,3 @@ def test_a_fault_of_the_level_of_friction_acts_from_its_sample_on():
         speed.append(plant.speed_m[0])
         plant.step(np.array([torque]))
     assert np.array_equal(record.true_speed, speed)
-
-
-def test_both_names_of_it_are_one_parameter():
-    two = made("friction.coulomb = 0.1", STEP.format("f_c", 2.0), STEP.format("coulomb", 1.5))
-    (event,) = two.events()
-    assert (event.parameter, event.before, event.after) == ("f_c", 0.1, pytest.approx(0.3))
-    assert two.true_parameters()[-1, -1] == pytest.approx(0.3)
-
-
-def test_the_data_sheet_makes_no_axis_nonlinear():
-    scenario = made("told = { poles = 24, torque_limit = 1.75, noise = 0.1, k_g = 1.1 }")
-    assert scenario.data_sheet == {"poles": 24, "torque_limit": 1.75, "noise": 0.1}
-    assert scenario.told_factors == {"k_g": 1.1} and not scenario.linear
-    told = made("told = { poles = 24, torque_limit = 1.75, noise = 0.1 }")
-    assert told.linear and told.record_hash == made().record_hash and told.hash != made().hash
-    assert parse_scenario(told.to_toml()).hash == told.hash

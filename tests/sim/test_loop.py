@@ -99,20 +99,3 @@ def test_noise_on_the_torque_acts_and_is_not_logged(late, make):
         return (record.torque[(k - ticks) // 5] if k >= ticks else 0.0) + noise[k // 5]
 
     assert close(record.true_speed, exact_ticks(scenario, command)[1][::5])
-
-
-def test_a_record_is_the_same_in_any_batch_with_all_of_it(make):
-    scenario = make(
-        "delay.torque = 0.001\ncontroller.rate = 1000\nfilter.speed = 0.001\n"
-        "friction.coulomb = 0.05\nlugre = { stiffness = 100.0, damping = 0.3, coulomb = 0.05, "
-        "static = 0.06, stribeck = 0.5 }\ncogging = { amplitude = 0.05, poles = 24 }\n"
-        "stiffening.gear = 3e4\nbacklash.gear = 1e-5\nsaturation.torque = 2.0\n"
-        '[[nuisance]]\nkind = "thermal"\nparameter = "coulomb"\nat = 0.1\ntime_constant = 0.5\n'
-        "factor = 0.5\n",
-        duration=0.5,
-    )
-    together = simulate(scenario, [4, 9])
-    (alone,) = simulate(scenario, [9])
-    assert np.array_equal(together[1].speed, alone.speed)
-    assert np.array_equal(together[1].torque, alone.torque)
-    assert np.abs(alone.true_speed).max() > 1

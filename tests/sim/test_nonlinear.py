@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.tables.friction import FrictionConfig, LuGreConfig
 from flexaxis.sim.tables.nonlinear import (
     BacklashConfig,
@@ -66,15 +64,6 @@ def test_lugre_sticks_and_breaks_away():
     assert distance(ours, reference) < 2e-3
     level = stepped(N1, u, LuGreConfig(**LUGRE | {"static": 0.1}))
     assert distance(level, reference) > 0.1
-
-
-def test_lugre_converges_with_the_step():
-    u = torque(N=100)
-    reference = solved(u, lugre, 7)
-    errors = [distance(stepped(N1, u, LuGreConfig(**LUGRE), substeps=n), reference)
-              for n in (10, 20, 40)]  # fmt: skip
-    ratios = np.array(errors[:-1]) / errors[1:]
-    assert np.all((ratios > 1.7) & (ratios < 2.3)), errors  # first order
 
 
 def located(u, mode, rate, events, switch):
@@ -170,37 +159,3 @@ def test_a_fault_of_the_gear_spring_scales_all_of_its_law():
     u, weak = torque(), N1.replace(k_g=0.7 * N1.k_g)
     reference = solved(u, partial(stiffening, q=weak))
     assert distance(stepped(N1, u, StiffeningConfig(gear=3e5), fault=weak), reference) < 1e-5
-
-
-def test_features_add_up():
-    u = torque(N=60)
-
-    def both(x, value):
-        return cogging(x, min(max(value, -1.0), 1.0))
-
-    ours = stepped(N1, u, CoggingConfig(amplitude=0.1, poles=24), SaturationConfig(torque=1.0))
-    assert distance(ours, solved(u, both)) < 1e-5
-
-
-def test_absent_tables_do_not_touch_the_identity():
-    text = 'name = "a"\nduration = 1.0\n'
-    plain = parse_scenario(text)
-    assert plain.nonlinear == {} and plain.linear
-    assert not {"friction", "lugre", "cogging", "filter", "told"} & set(plain.resolved())
-    rough = parse_scenario(text + "friction.coulomb = 0.1\n")
-    assert rough.hash != plain.hash and not rough.linear
-    assert parse_scenario(rough.to_toml()).hash == rough.hash
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("friction.colomb = 0.1", r"known are coulomb\. Did you mean 'coulomb'"),
-        ("cogging.amplitude = 0.1", r"cogging\.poles: is missing"),
-        (f"lugre = {{ {', '.join(f'{k} = {v}' for k, v in (LUGRE | {'static': 0.05}).items())} }}",
-         r"lugre: static = 0\.05 must be at least coulomb = 0\.1"),
-    ],
-)  # fmt: skip
-def test_mistakes(text, message):
-    with pytest.raises(ScenarioError, match=message):
-        parse_scenario(f'name = "a"\nduration = 1.0\n{text}\n')

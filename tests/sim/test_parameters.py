@@ -40,20 +40,6 @@ def test_a_gear_ratio_turned_upside_down_is_told():
         preset("n1").replace(r=118)
 
 
-def test_unknown_names_get_the_nearest_word():
-    with pytest.raises(ParameterError, match="Did you mean 'f_m'"):
-        preset("n1").replace(F_m=1.0)
-    with pytest.raises(ParameterError, match=r"known are n1, n2, wg, .*\. Did you mean 'n1'"):
-        preset("N1")
-
-
-def test_parameters_are_frozen():
-    with pytest.raises(AttributeError):
-        preset("n1").k_T = 2.0
-    with pytest.raises(TypeError):
-        preset("n1")["k_T"] = 2.0
-
-
 @pytest.mark.parametrize(("name", "modes"), [("n1", (100.2, 150.8)), ("n2", None)])
 def test_presets_have_the_modes_they_are_meant_to_have(name, modes):
     p = preset(name)

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from flexaxis.sim.errors import ParameterError, SimulationError
+from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, preset
-from flexaxis.sim.plant.plant import Plant, quiet
+from flexaxis.sim.plant.plant import Plant
 from flexaxis.sim.timing import PERIOD
 
 from .conftest import exact_speed, state_space
@@ -14,8 +14,8 @@ from .conftest import exact_speed, state_space
 N1 = preset("n1")
 
 
-def plant_of(parameters, *, threads=1):
-    return Plant(parameters, period=PERIOD, substeps=5, threads=threads)
+def plant_of(parameters):
+    return Plant(parameters, period=PERIOD, substeps=5)
 
 
 def linearised(model):
@@ -86,13 +86,13 @@ def test_changed_while_running_is_bit_exact_with_made_so(name):
         assert np.array_equal(getattr(now, field), getattr(made, field)), field
 
 
-def test_a_run_does_not_depend_on_the_others_nor_on_threads():
+def test_a_run_does_not_depend_on_the_others():
     values = random_parameters(6)
     values[:, -1] = N1.r
     torque = np.random.default_rng(2).normal(0, 1, (100, 6))
 
-    def final(rows, threads=1):
-        plant = plant_of(values[rows], threads=threads)
+    def final(rows):
+        plant = plant_of(values[rows])
         for k, u in enumerate(torque[:, rows]):
             if k == 50:
                 plant.set_parameters(values[rows] * np.where(np.arange(12) < 11, 1.1, 1))
@@ -100,7 +100,6 @@ def test_a_run_does_not_depend_on_the_others_nor_on_threads():
         return np.column_stack([plant.angles, plant.speed_m]).copy()
 
     together = final([0, 1, 2, 3, 4, 5])
-    assert np.array_equal(final([0, 1, 2, 3, 4, 5], threads=2), together)
     assert np.array_equal(final([4, 1]), together[[4, 1]])
     assert np.array_equal(final([3]), together[[3]])
 
@@ -130,53 +129,3 @@ def test_divergence_is_an_error_and_leaves_no_litter(torque, parameters, run):
         for _ in range(3):
             plant.step(np.array(torque))
     assert caught.value.run == run and "MuJoCo warning" in caught.value.reason
-
-
-def _logs():
-    setting = mujoco.MjLogConfig.get()
-    return setting.logto_console, setting.logto_file
-
-
-def test_a_step_is_quiet_and_leaves_the_log_setting_as_it_was():
-    before = _logs()
-    with quiet():
-        assert _logs() == (False, False)
-    plant_of([N1]).step(np.zeros(1))
-    assert _logs() == before
-
-
-def test_wrong_parameters_are_refused_and_change_nothing():
-    plant = plant_of([N1, N1])
-    bad = np.tile(np.array([*N1.values()]), (2, 1))
-    bad[1, PARAMETER_NAMES.index("J_g")] = -7
-    bad[0, PARAMETER_NAMES.index("f_m")] = 0.06
-    with pytest.raises(ParameterError, match=r"J_g of run 1 must be positive \[kg m\^2\], not -7"):
-        plant.set_parameters(bad)
-    assert plant._batch.get_model(0).dof_damping.tolist() == [0.05, 0.5, 0.1]
-    with pytest.raises(ParameterError, match=r"shape \(2, 12\)"):
-        plant.set_parameters([N1])
-    with pytest.raises(ParameterError, match="at least one run"):
-        plant_of([])
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["fm_step-v1", "backlash_fm_step-v1", "stiffening_fm_step-v1", "cogging_fm_step-v1",
-     "saturation_fm_step-v1", "lugre_fm_step-v1", "coulomb_fm_step-v1"],
-)  # fmt: skip
-def test_constraints_are_left_out_where_there_are_none(name):
-    """To the last bit; the engine's own friction is one."""
-    from flexaxis.experiments.catalogue.find import find_scenario
-
-    nonlinear = list(find_scenario(name).nonlinear.values())
-    plant = Plant([preset("n1")], period=PERIOD, substeps=20, nonlinear=nonlinear)
-    model, off = plant._batch.get_model(0), int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    assert bool(model.opt.disableflags & off) == (name != "coulomb_fm_step-v1")
-    ends = []
-    for flags in (model.opt.disableflags, model.opt.disableflags & ~off):
-        model.opt.disableflags, data = flags, mujoco.MjData(model)
-        for torque in (2.0, -1.0, 0.0):
-            data.ctrl[:] = torque
-            mujoco.mj_step(model, data, nstep=400)
-        ends.append((data.qpos.tobytes(), data.qvel.tobytes()))
-    assert ends[0] == ends[1]

@@ -1,14 +1,11 @@
 """Sensors: delay, noise, rounding and filter by their definitions, one sample or all at a time."""
 
 import math
-from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from flexaxis.sim.scenario import Scenario, parse_scenario
-from flexaxis.sim.simulate import simulate
-from flexaxis.sim.tables.config import Config
+from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.tables.sensors import (
     DelayConfig,
     EncoderConfig,
@@ -92,39 +89,3 @@ def test_a_sample_at_a_time_gives_the_same_bits(signal, size):
     one = reading(ALL, signal, white, period=0.005)
     pieces = [one(ANGLE[k : k + size]) for k in range(0, len(ANGLE), size)]
     assert np.concatenate(pieces).tobytes() == read(*ALL, signal=signal).tobytes()
-
-
-class Gain(Config):
-    """A sensor of a test: it reads everything by a factor too large."""
-
-    exact: ClassVar[bool] = False
-    factor: float
-
-    def stage(self, signal, white, period):
-        """Return the multiplication."""
-        del signal, white, period
-        return lambda values: self.factor * values
-
-    def in_words(self):
-        """Return the factor."""
-        return f"all read × {self.factor:g}"
-
-
-class Own(Scenario):
-    """A scenario with one more sensor."""
-
-    gain: Gain | None = None
-
-
-@pytest.mark.parametrize("feedback", ["clean", "measured"])
-def test_a_new_sensor_is_a_class_and_a_key(feedback):
-    """Log, loop, `linear` and hash know it."""
-    content = {"name": "x", "duration": 1.0, "noise": {"speed": 0.0}, "feedback": feedback}
-    plain, own = Own(**content), Own(**content, gain=Gain(factor=1.1))
-    assert plain.linear and not own.linear and own.hash != plain.hash
-    (record,) = simulate(own, [0])
-    assert np.array_equal(record.speed, 1.1 * record.true_speed)
-    assert np.array_equal(record.angle, 1.1 * record.true_angle_m)
-    shared = Own(**content, streams=own.key)
-    (without,) = simulate(shared, [0])
-    assert np.array_equal(record.torque, without.torque) == (feedback == "clean")

@@ -109,7 +109,7 @@ def test_a_record_is_the_same_in_any_batch(text, make):
     assert [record.seed for record in together] == [7, 3, 1000, 4]
     assert identical(simulate(scenario, [1000])[0], together[2])
     assert identical(simulate(scenario, [4, 3])[1], together[1])
-    assert identical(simulate(scenario, [7, 3, 1000, 4], threads=2)[0], together[0])
+    assert identical(simulate(scenario, [7, 3, 1000, 4])[0], together[0])
     assert not np.array_equal(together[0].torque, together[1].torque)
 
 
@@ -167,12 +167,6 @@ def test_a_record_knows_where_it_is_from(make):
     assert (record.seed, record.burn_in, record.period) == (12, 0.5, 0.005)
     assert set(record.versions) == {"python", "flexaxis", "mujoco", "numpy", "mjcf"}
     assert np.array_equal(record.true_parameters, scenario.true_parameters())
-
-
-def test_progress_goes_from_little_to_all(make):
-    told = []
-    simulate(make(duration=2.45), [0], progress=told.append)
-    assert told == sorted(told) and told[-1] == 1.0 and len(told) > 1
 
 
 def test_an_unstable_run_names_scenario_seed_and_time(make, tmp_path, monkeypatch):

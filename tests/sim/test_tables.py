@@ -2,7 +2,7 @@
 
 import importlib
 import pkgutil
-from typing import ClassVar, Literal, get_args
+from typing import get_args
 
 import pytest
 
@@ -74,77 +74,3 @@ def test_what_is_declared_is_used(table):
 def test_all_tables_are_found():
     names = {table.__name__ for table in declared()}
     assert {"Step", "Moves", "NoiseConfig", "LuGreConfig", "ControllerConfig"} <= names
-
-
-class _Words(Config):
-    exact: ClassVar[bool] = False
-
-    def in_words(self):
-        return "words"
-
-
-class Whole(_Words):
-    """A sensor as it should be."""
-
-    def stage(self, signal, white, period):
-        """Return nothing of use."""
-
-
-class NoStage(_Words):
-    """A sensor that forgot what it does."""
-
-
-class NoWords(Config):
-    """A sensor without words and without `exact`."""
-
-    def stage(self, signal, white, period):
-        """Return nothing of use."""
-
-
-class AKey(Config):
-    """A sensor of which users could say that it is exact."""
-
-    exact: bool = False
-
-    def stage(self, signal, white, period):
-        """Return nothing of use."""
-
-    def in_words(self):
-        """Return words."""
-        return "words"
-
-
-class Jerk(Config):
-    """A kind of fault in no union."""
-
-    kind: Literal["jerk"] = "jerk"
-
-    def in_words(self):
-        """Return words."""
-        return "words"
-
-
-class Own(Scenario):
-    """A scenario with all of them but one."""
-
-    whole: Whole | None = None
-    no_stage: NoStage | None = None
-    no_words: NoWords | None = None
-    a_key: AKey | None = None
-
-
-@pytest.mark.parametrize(
-    ("table", "scenario", "said"),
-    [
-        (Whole, Own, []),
-        (Whole, Scenario, ["give Scenario a key of this type"]),
-        (NoStage, Own, ["give it build() (of the plant) or stage()"]),
-        (NoWords, Own, ["give it in_words()", "give it `exact`"]),
-        (AKey, Own, ["annotate `exact` and `substeps` with ClassVar"]),
-        (Jerk, Own, ["name it in the union"]),
-    ],
-)
-def test_what_is_forgotten_is_said(table, scenario, said):
-    lines = list(wrong(table, scenario))
-    assert len(lines) == len(said)
-    assert all(text in line for text, line in zip(said, lines, strict=True))

@@ -19,7 +19,6 @@ from flexaxis.experiments.commands.answers import SEED, add_output, answer, at_m
 from flexaxis.experiments.files import check_not_input
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.options import add_style_options, style_of
-from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.seeds import check_seed
 
 if TYPE_CHECKING:
@@ -55,15 +54,7 @@ def main(args: argparse.Namespace) -> int:
         raise LogError(f"{style_given[0]} is for a log: add --as-log csv")
     check_not_input([args.scenario], path)
     spare_foreign(path)
-    with progress(f"simulating {scenario.name}", 1.0) as advance:
-        done = 0.0
-
-        def report(fraction: float) -> None:
-            nonlocal done
-            advance(fraction - done)
-            done = fraction
-
-        record = simulate(scenario, [args.seed], progress=report)[0]
+    record = simulate(scenario, [args.seed])[0]
     content: dict[str, object] = {"record": str(path)}
     if args.as_log:
         content = {"log": str(path), "import": _write_log(record, path, args)}

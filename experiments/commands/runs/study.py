@@ -49,12 +49,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_engine(parser)
     options.add_from(parser)
     parser.add_argument("--dry-run", action="store_true", help="print the plan, and stop")
-    parser.add_argument(
-        "--keep",
-        choices=("none", "all"),
-        default="none",
-        help="whose estimates to write to DIR/trajectories (default: none)",
-    )
     options.add_cache(parser, default=False)
 
 
@@ -76,9 +70,7 @@ def main(args: argparse.Namespace) -> int:
     shard, total = options.shard(args), study.cases
     with options.working(args, f"{total} cases", total, folder, cache=args.cache) as (runner, _):
         about = {"title": study.name, "command": options.line(args)}
-        results = runner.run(
-            study, shard=shard, traces=not study.axes, trajectories=args.keep == "all", about=about
-        )
+        results = runner.run(study, shard=shard, traces=not study.axes, about=about)
         path = report(folder, runner) if shard == (1, 1) else folder
     failures = results.failures.to_dict("records")
     options.tell_failures(failures)
