@@ -208,7 +208,8 @@ def compare_runs(
     sides, names, versions = [], [], []
     for folder, text in zip((base, candidate), estimators, strict=True):
         results = Results.load(folder)
-        frame = results.frame if seeds is None else results.select({"seed": [*seeds]}).frame
+        frame = results.frame
+        frame = frame[frame["seed"].isin(frame["seed"] if seeds is None else seeds)]
         texts = [*frame["estimator"].unique()]
         chosen = [text] if text else texts
         if results.axes or len(chosen) > 1 or chosen[0] not in texts:

@@ -209,7 +209,13 @@ def test_a_row_has_all_scores_and_a_pooled_one_those_that_pool(short):
 
 def test_missed_is_a_share_of_all_faults(short):
     def of(faults, missed):
-        part = {"alarms": 1, "false_alarms": 0, "false_alarms_per_1000_s": 0.0, "delay": None}
+        part = {
+            "alarms": 1,
+            "false_alarms": 0,
+            "false_alarms_per_1000_s": 0.0,
+            "delay": None,
+            "calm": 15.0,
+        }
         return part | {"faults": faults, "missed": missed, "isolated": None}
 
     runs = [case(short, s, detection=of(2, missed)) for s, missed in enumerate((0, 1, 2))]
