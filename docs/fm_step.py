@@ -9,9 +9,7 @@ from pathlib import Path
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.reporting.figures import curves
-from flexaxis.experiments.reporting.inputs import around
-from flexaxis.experiments.reporting.run import medians
+from flexaxis.experiments.reporting.figures import around, curves, medians
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
 

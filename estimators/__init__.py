@@ -6,7 +6,9 @@ In come u[k], y[k] and what is known beforehand (`problem`), out go θ[k] and fi
 looks at whole records; `methods` are the estimators, which `registry` has by name.
 """
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from flexaxis.estimators.errors import EstimatorError
@@ -44,3 +46,17 @@ def __getattr__(name: str) -> object:
     if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
+
+
+class _Listing(ModuleType):
+    """The package, which lists its registered estimators when it is called."""
+
+    def __call__(self, *, find: str = "") -> list[dict[str, str]]:
+        """Return name and card of the registered estimators, those that have some text."""
+        from flexaxis.estimators.registry import REGISTRY
+
+        lines = [{"name": entry.name, "card": entry.summary} for entry in REGISTRY.values()]
+        return [line for line in lines if find.lower() in " ".join(line.values()).lower()]
+
+
+sys.modules[__name__].__class__ = _Listing

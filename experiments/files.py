@@ -14,7 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.files import Refusal, atomic, json_value, read_text
 
 REPORT, SUMMARY = "report.html", "summary.json"
@@ -114,6 +114,13 @@ def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
                 f"{output} is an input of this command and would be overwritten: choose another "
                 "place with -o"
             )
+
+
+def check_file(path: Path) -> None:
+    """Raise an OutputError for a file or folder that does not exist, with the nearest name."""
+    if not path.exists():
+        near = did_you_mean(path.name, [file.name for file in path.parent.glob("*")])
+        raise OutputError(f"{path} cannot be read: no such file or folder.{near}")
 
 
 def is_same(one: Path, other: Path) -> bool:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.errors import ScenarioError, did_you_mean
 
 
 def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str) -> None:
@@ -34,7 +34,19 @@ def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str
                 place = place.setdefault(step, {}) if isinstance(step, str) else place[step]
             place[last] = value
         except (AttributeError, LookupError, TypeError, ValueError):
-            raise ScenarioError(f"{source}: {key}: no such key to override") from None
+            hint = did_you_mean(key, _keys(content))
+            raise ScenarioError(f"{source}: {key}: no such key to override.{hint}") from None
+
+
+def _keys(content: Any, key: str = "") -> list[str]:
+    """Return all dotted keys of nested content."""
+    if isinstance(content, dict):
+        inner = [_keys(value, f"{key}.{name}" if key else name) for name, value in content.items()]
+    elif isinstance(content, list):
+        inner = [_keys(value, f"{key}[{i}]") for i, value in enumerate(content)]
+    else:
+        return [key]
+    return [key, *(each for keys in inner for each in keys)]
 
 
 def suffix(changes: Mapping[str, Any]) -> str:

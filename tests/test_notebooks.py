@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import flexaxis as fx
-from flexaxis.experiments import cli
+from flexaxis.experiments.cli import parser
+from flexaxis.experiments.commands.options import COMMANDS
 
 FOLDER = Path(__file__).parents[1] / "docs" / "notebooks"
 NAMES = ["developer", "engineer", "researcher", "teacher"]
@@ -90,9 +91,9 @@ def test_what_it_imports_is_there(name):
 
 
 def test_its_commands_and_links_are_there(name):
-    text = code(name)
-    for words in re.findall(r"^# !flexaxis -q (\w+)", text, re.MULTILINE):
-        assert words in cli.commands()
+    text, _ = code(name), parser()
+    for words in re.findall(r"^# !flexaxis (\w+)", text, re.MULTILINE):
+        assert words in COMMANDS
     for link in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
         assert link.startswith("http") or (FOLDER / link).exists(), link
 

@@ -7,7 +7,7 @@ MINE = "my_estimator.py:Mine"
 
 def test_my_estimator_keeps_the_rules():
     """Fails if the class breaks a rule; the message has the table of rules."""
-    rules = fx.check(MINE).to_dataframe()
+    rules = fx.check(MINE)
     broken = rules[[holds is False for holds in rules["holds"]]]
     assert broken.empty, broken.to_string()
 

@@ -66,7 +66,7 @@ log.head(3)
 # a motion in which nothing reverses. It says in words what it doubts, and what to type against it.
 
 # %%
-# !flexaxis -q import days/2026-01-01.csv -o rec.nc
+# !flexaxis import days/2026-01-01.csv -o rec.nc -q
 
 # %%
 figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8, 3.6), layout="constrained")
@@ -124,13 +124,15 @@ table.style.set_uuid("axis").format(
 # torque of that log alone, the prediction also the motion up to the sample before.
 
 # %%
-import flexaxis as fx
 from flexaxis.experiments.logs.identification.validate import validate
-from flexaxis.experiments.logs.pages.identify_page import validation_chart
 
 another = import_any(Path("days/2026-01-05.csv"), {}).record
 tried = validate(another, found.axis)
-_ = fx.LogResult([], tried, [validation_chart(tried)]).plot()
+_, axis = plt.subplots(figsize=(8, 3))
+for name in ("measured", "simulated", "predicted"):
+    axis.plot(tried.time[1000:1400], getattr(tried, name)[1000:1400], lw=0.9, label=name)
+axis.set(xlabel="time [s]", ylabel="speed [rad/s]")
+_ = axis.legend()
 
 # %% [markdown]
 # ## The trend
@@ -139,7 +141,7 @@ _ = fx.LogResult([], tried, [validation_chart(tried)]).plot()
 # a covariate explains; here the temperature, a column of the logs.
 
 # %%
-# !flexaxis -q trend days --model axis.toml --covariate temp -o trend
+# !flexaxis trend days --model axis.toml --covariate temp -o trend -q
 
 # %% [markdown]
 # That is the answer: *the dry friction grows, and it is not the cold*. Here is what the sentence rests on. Left, $f_c$ as

@@ -4,9 +4,8 @@ import argparse
 from pathlib import Path
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue.card import in_a_line
-from flexaxis.experiments.catalogue.find import find_scenario, scenario_names, suite_names
-from flexaxis.experiments.catalogue.names import GROUPS, suite_card
+from flexaxis.experiments.catalogue.card import in_a_line, options
+from flexaxis.experiments.catalogue.find import GROUPS, find_scenario, scenario_names, suites
 from flexaxis.experiments.cli import parser
 from flexaxis.experiments.scoring.score_table import SCORES
 
@@ -54,7 +53,7 @@ def catalogue():
         yield f"## {group.capitalize()}: {words}\n\n" + table(
             ["scenario", "expected", "content"], rows
         )
-    rows = [[f"`{name}`", suite_card(name)] for name in suite_names()]
+    rows = [[f"`{line['name']}`", line["card"]] for line in suites()]
     yield "## Suites\n\n" + table(["suite", "what it is for"], rows)
 
 
@@ -62,9 +61,9 @@ def estimators():
     """Return every estimator with its options."""
     yield "# Options of the estimators"
     for entry in REGISTRY.values():
-        rows = [[f"`{name}`", f"`{value!r}`"] for name, value in entry.options.items()]
+        rows = [[f"`{name}`", f"`{value!r}`", x] for name, (value, x) in options(entry).items()]
         yield f"## {entry.name}\n\n{entry.summary}\n\n" + (
-            table(["option", "default"], rows) if rows else ""
+            table(["option", "default", "meaning"], rows) if rows else ""
         )
 
 

@@ -23,14 +23,15 @@ def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     u : (N,) array_like
         Torque; before the first sample it is zero if held, and the first value if smooth.
     samples : float
-        Delay in samples, any fraction of one; a smooth torque may also be early (negative).
+        Delay in samples, any fraction of one; negative for a torque that acts early, of which the
+        last value stays.
     smooth : bool
         Whether u comes from a smooth signal.
 
     Raises
     ------
     EstimatorError
-        If the delay is not finite, is longer than the record, or a held torque is early.
+        If the delay is not finite, or longer than the record.
 
     Examples
     --------
@@ -38,22 +39,22 @@ def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     array([0., 3., 4., 1.])
     """
     u = np.asarray(u, float)
-    if not abs(samples) < len(u) or (samples < 0 and not smooth):
+    if not abs(samples) < len(u):
         raise EstimatorError(
-            f"delay is {samples} samples; it must be at least 0 for a held torque, and shorter "
-            f"than the record of {len(u)} samples"
+            f"delay is {samples} samples; it must be shorter than the record of {len(u)} samples"
         )
     if smooth:
         times = np.arange(len(u))
         return CubicSpline(times, u)(np.clip(times - samples, 0, len(u) - 1)) if samples else u
     whole, part = divmod(samples, 1)
-    padded = np.concatenate([np.zeros(int(whole) + 1), u])
-    return (1 - part) * padded[1 : len(u) + 1] + part * padded[: len(u)]
+    places = np.arange(len(u)) - int(whole)
+    now, before = (np.where(k < 0, 0.0, u[np.minimum(k, len(u) - 1)]) for k in (places, places - 1))
+    return (1 - part) * now + part * before
 
 
 def delay_slope(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     """Return the derivative (N,) of `delayed` with respect to the delay, per sample."""
     step = 1e-4  # both cases are smooth over such a step, but for held torque at whole samples
-    below = max(samples - step, 0.0) if not smooth else samples - step
+    below = samples - step * (smooth or samples != 0)
     change = delayed(u, samples + step, smooth=smooth) - delayed(u, below, smooth=smooth)
     return change / (samples + step - below)

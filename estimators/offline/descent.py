@@ -92,7 +92,10 @@ class Problem:
         if not self.whiten:
             return plain
         high, ok = plain.high(plain.bridged(residual, self.ok)), plain.settled(self.ok)
-        return replace(plain, inverse=noise_model(high, HIGHEST_ORDER, ok))
+        highest = HIGHEST_ORDER  # of which no more than half of the samples see a gap
+        while highest and np.mean(Colour(np.ones(highest + 1)).settled(ok)[ok]) < 0.5:
+            highest //= 2
+        return replace(plain, inverse=noise_model(high, highest, ok))
 
     def seen(self, J: Array, slopes: Array, good: Flags) -> Array:
         """

@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
+import re
+from typing import Any
+
+from flexaxis.estimators.methods.rpem import Rpem
+from flexaxis.estimators.problem import Problem
+from flexaxis.estimators.registry import REGISTRY, Entry
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.sim.scenario import Scenario
 
@@ -100,3 +107,15 @@ def _data_sheet(scenario: Scenario) -> list[str]:
         "noise": "told noise of {:g}",
     }
     return [words[name].format(value) for name, value in scenario.data_sheet.items()]
+
+
+def options(entry: Entry) -> dict[str, tuple[Any, str]]:
+    """Return the default and the meaning of each option of a registered estimator."""
+    sources = [entry.make, REGISTRY["ekf"].make, Rpem, Problem]
+    text = "\n".join(inspect.getdoc(getattr(each, "func", each)) or "" for each in sources)
+    result: dict[str, str] = {}
+    for names, words in re.findall(r"^(\w[\w, ]*) : .*\n((?:    .*\n?|\n)+)", text, re.MULTILINE):
+        for name in names.split(", "):
+            if not words.strip().startswith("As for"):
+                result.setdefault(name, " ".join(words.split()))
+    return {name: (value, result.get(name, "")) for name, value in entry.options.items()}

@@ -1,42 +1,71 @@
-"""Find scenarios and suites: by their catalogue name, or as a path to a TOML file."""
+"""The catalogue: scenarios and suites by name or from a file, and a line on each for `list`.
+
+Nothing heavy is imported before a name is known to be right, so that a typo is answered at once.
+"""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue.names import (
-    DRAWN,
-    HASHES,
-    HOME,
-    SPREAD,
-    full_name,
-    hashes,
-    is_path,
-    scenario_names,
-    suite_names,
-    toml_of,
-    tomls,
-    unknown_scenario,
-)
-from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
-from flexaxis.sim.scenario import Scenario, load_scenario, parse_scenario
+from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean, unknown
 
-_hashes = cache(hashes)
-SCORED = 5.0  # s that each of them goes on at least after its last fault, wherever that is drawn
+if TYPE_CHECKING:
+    from flexaxis.sim.scenario import Scenario
+
+HOME = Path(str(files("flexaxis.experiments.catalogue")))
+HASHES = "hashes.toml"
+DRAWN = "-v2"
+"""Ends the name of a scenario that is its -v1 with an onset that is drawn for each seed."""
+SPREAD = 3.0  # s, `onset_spread` of every -v2
+SCORED = 5.0  # s that each of them lasts at least after its last fault, wherever that is drawn
+
+GROUPS = {
+    "nominal": "nothing happens",
+    "steps": "one parameter jumps",
+    "wear": "one parameter changes over seconds",
+    "intermittent": "one parameter jumps to and fro",
+    "several": "more than one change",
+    "excitation": "another motion than the full multisine",
+    "sensors": "sensors, and delays between the axis and its log",
+    "mismatch": "effects that the linear model does not describe",
+    "nuisance": "changes that are no faults",
+    "drives": "commercial drives, with friction and faults of their own",
+    "control": "estimates drive the controller",
+    "chains": "axes of other masses than the paper's",
+    "ground": "conditions under which good estimators have failed",
+}
+"""The groups of the catalogue, in the order in which it is read."""
+
+FAULTS = {
+    "worn or dry motor bearing, dragging brake": "f_m",
+    "worn gear, failing gear bearing": "f_g",
+    "seizing bearing of the arm": "f_a",
+    "tight seal, preload, dirt (dry friction)": "f_c",
+    "demagnetised motor, lost phase": "k_T",
+    "load picked up, tool changed": "J_a",
+    "loose coupling, cracked gear tooth": "k_g",
+    "loose or cracked joint of the arm": "k_a",
+    "aged damper in the gear coupling": "d_g",
+    "aged damper in the arm coupling": "d_a",
+    "part added to the motor shaft": "J_m",
+    "part added to the gear": "J_g",
+}
+"""The parameter that changes with each physical fault."""
+
+Line = dict[str, str]
 
 
 @dataclass(frozen=True)
 class Suite:
     """A named group: which scenarios, which estimators, how many seeds.
 
-    `swept_scenarios` and `swept_estimators` are those of which its report leads with the whole
-    curve of speed against variance.
+    `swept_scenarios` and `swept_estimators` are those that are compared at equal noise.
     """
 
     name: str
@@ -54,14 +83,14 @@ class Selection(NamedTuple):
     Attributes
     ----------
     scenarios : list of Scenario
-        Each once, in the order given.
+        Each once, in the order of the names.
     estimators : list of str
-        Those of the suites named; of `smoke` if none was.
+        Those of the named suites.
     seeds : int
-        The largest number that a suite named; of `smoke` if none was.
+        The largest number of seeds of a named suite.
     swept_scenarios : list of Scenario
     swept_estimators : list of str
-        What the suites named sweep over the knobs; none where none was named.
+        What the named suites compare at equal noise.
     """
 
     scenarios: list[Scenario]
@@ -71,51 +100,99 @@ class Selection(NamedTuple):
     swept_estimators: list[str]
 
 
+def names_in(folder: str) -> list[str]:
+    """Return the names of the TOML files in a folder of the catalogue."""
+    return sorted(path.stem for path in (HOME / folder).glob("*.toml"))
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios; those with a drawn onset are not listed."""
+    return names_in("scenarios")
+
+
+def suite_names() -> list[str]:
+    """Return the names of the suites."""
+    return names_in("suites")
+
+
+@cache
+def hashes() -> dict[str, str]:
+    """Return the hash of the content of each scenario."""
+    return _tables(HASHES)
+
+
+def _tables(place: str) -> dict[str, Any]:
+    return tomllib.loads((HOME / place).read_text(encoding="utf-8"))
+
+
+def full_name(name: str) -> str:
+    """Return the name of a scenario with its suffix; without one, -v1 is meant."""
+    return f"{name}-v1" if f"{name}-v1" in hashes() else name
+
+
+def check_names(names: Iterable[str]) -> None:
+    """Raise a ScenarioError with a line for each name that is no scenario, suite or file."""
+    known = {*hashes(), *suite_names()}
+    if wrong := [n for n in names if full_name(n) not in known and not Path(n).is_file()]:
+        raise ScenarioError(*map(_unknown, wrong))
+
+
+def _unknown(name: str) -> str:
+    if name in suite_names():
+        return f"{name} is a suite: name one of its scenarios; `flexaxis show {name}` lists them"
+    if name.endswith(".toml"):
+        near = did_you_mean(Path(name).name, [path.name for path in Path(name).parent.glob("*")])
+        return f"{name}: no such file.{near}"
+    short = [scenario.removesuffix("-v1") for scenario in scenario_names()]
+    hint = did_you_mean(name, [*suite_names(), *scenario_names(), *short])
+    return (
+        f"unknown scenario {name!r}.{hint} `flexaxis list` shows the catalogue; a path to a TOML "
+        "file works too"
+    )
+
+
 def find_scenario(name: str) -> Scenario:
     """Return a scenario by its catalogue name or from a TOML file.
 
-    Without a suffix, -v1 is meant. The twin -v2 of a scenario has an onset drawn by seed.
+    Without a suffix, -v1 is meant. The onset of a -v2 is drawn by seed.
 
     Raises
     ------
     ScenarioError
-        If there is neither such a name nor such a file, the file has errors, or a scenario of the
-        catalogue is not what its name is frozen with.
+        If there is neither such a name nor such a file, the file has errors, or the content of a
+        catalogue scenario does not match the hash of its name.
     """
+    from flexaxis.sim.scenario import load_scenario, scenario_from
+
     name = full_name(name)
-    if (file := toml_of("scenarios", name)) is not None:
-        return _frozen(parse_scenario(file.read_text(encoding="utf-8"), source=name), name)
-    if name.endswith(DRAWN) and name in _hashes():
-        return _frozen(_with_drawn_onset(find_scenario(name.removesuffix(DRAWN) + "-v1")), name)
-    if is_path(name):
+    if name in scenario_names():
+        return _frozen(scenario_from(_tables(f"scenarios/{name}.toml"), source=name), name)
+    if name.endswith(DRAWN) and name in hashes():
+        first = find_scenario(name.removesuffix(DRAWN) + "-v1")
+        end = max(fault.at for fault in first.fault) + SPREAD + SCORED
+        changes = {"onset_spread": SPREAD, "duration": max(first.duration, end)}
+        return _frozen(first.override(changes | {"name": name}), name)
+    if Path(name).is_file():
         return load_scenario(Path(name))
-    raise unknown_scenario(name)
-
-
-def _with_drawn_onset(first: Scenario) -> Scenario:
-    """Return the -v2 of a scenario: the same, but for an onset that is drawn for each seed."""
-    last = max(fault.at for fault in first.fault)
-    duration = max(first.duration, last + SPREAD + SCORED)
-    name = first.name.removesuffix("-v1") + DRAWN
-    return first.override({"name": name, "onset_spread": SPREAD, "duration": duration})
+    raise ScenarioError(_unknown(name))
 
 
 def _frozen(scenario: Scenario, name: str) -> Scenario:
-    """Return a scenario of the catalogue: two machines mean the same by its name, today and later.
+    """Return a scenario whose content has the hash of its name.
 
-    What differs would be pooled with stored results of that name, and nobody would know.
+    Other content would be pooled with stored results of that name without notice.
     """
-    wanted, found = _hashes().get(name), scenario.hash[:16]
+    wanted, result = hashes().get(name), scenario.hash[:16]
     if wanted is None:
         raise ScenarioError(
             f"{name}: not frozen yet; when it is as it should be, add the line "
-            f'"{name}" = "{found}" to {HOME / HASHES}; until then, run it from its path'
+            f'"{name}" = "{result}" to {HOME / HASHES}; until then, run it from its path'
         )
-    if wanted != found:
+    if wanted != result:
         raise ScenarioError(
-            f"{name}: the content has the hash {found}, but the name is frozen with {wanted}; give "
-            "a changed scenario a new name, such as -v2 (and a new key of Scenario the default "
-            "None, which is off and changes no hash)"
+            f"{name}: the content has the hash {result}, but the name is frozen with {wanted}; "
+            "give a changed scenario a new name (and a new key of Scenario the default None, which "
+            "changes no hash)"
         )
     return scenario
 
@@ -128,13 +205,13 @@ def find_suite(name: str) -> Suite:
     FlexaxisError
         If there is no such suite.
     """
-    known = tomls("suites")
-    if name not in known:
-        raise FlexaxisError(f"unknown suite {name!r}.{did_you_mean(name, known)}")
-    table = tomllib.loads(known[name].read_text(encoding="utf-8"))
+    from flexaxis.estimators.registry import REGISTRY
+
+    if name not in suite_names():
+        raise FlexaxisError(f"unknown suite {name!r}.{did_you_mean(name, suite_names())}")
+    table = _tables(f"suites/{name}.toml")
     swept = table.get("tradeoff", {"scenarios": [], "estimators": []})
-    everyone = [estimator for estimator in REGISTRY if estimator not in table.get("without", [])]
-    own, others = (tuple(everyone if t["estimators"] == "all" else t["estimators"])
+    own, others = (tuple(REGISTRY if t["estimators"] == "all" else t["estimators"])
                    for t in (table, swept))  # fmt: skip
     scenarios = tuple(_members(table))
     return Suite(
@@ -143,65 +220,107 @@ def find_suite(name: str) -> Suite:
 
 
 def _members(table: dict[str, Any]) -> list[str]:
-    """Return the scenarios of a suite: all, those of some groups, or those named."""
-    if "groups" in table:
-        return [name for name, group in _groups().items() if group in table["groups"]]
-    if table["scenarios"] != "all":
+    """Return the scenarios of a suite: those of some groups, all but some groups, or those named.
+
+    A scenario whose onset can be drawn takes part with a drawn one.
+    """
+    if "groups" not in table and table["scenarios"] != "all":
         return list(table["scenarios"])
-    return [name for name, group in _groups().items() if group not in table["apart"]]
+    wanted = table.get("groups") or GROUPS.keys() - table["apart"]
+    names = [line["name"] for line in scenarios() if line["group"] in wanted]
+    drawn = {name: name.removesuffix("-v1") + DRAWN for name in names}
+    return [drawn[name] if drawn[name] in hashes() else name for name in names]
 
 
-@cache
-def _groups() -> dict[str, str | None]:
-    """Return the groups of the scenarios, each in its last version."""
-    twins = (name for name in _hashes() if name.endswith(DRAWN))
-    last = {name.rpartition("-v")[0]: name for name in (*scenario_names(), *twins)}
-    return {name: find_scenario(name).group for name in last.values()}
-
-
-def select(names: Sequence[str]) -> Selection:
+def select(names: Any, *, default: str = "smoke") -> Selection:
     """Turn names of suites and scenarios into scenarios, with the suites' estimators and seeds.
 
     Parameters
     ----------
-    names : sequence of str
-        Suites, catalogue names and TOML paths, mixed.
+    names : str, Path, Scenario, or several of them
+        Suites, catalogue names, TOML paths and scenarios, mixed.
+    default : str
+        The suite whose estimators and number of seeds are meant without a suite.
 
     Raises
     ------
     ScenarioError
         With one line for each name or file that is wrong.
     """
-    suites = [find_suite(name) for name in names if name in suite_names()]
-    wanted = [s for n in names for s in (find_suite(n).scenarios if n in suite_names() else [n])]
-    scenarios: dict[str, Scenario] = {}
+    chosen, wanted = [], list[Any]()
+    for name in names if isinstance(names, list | tuple | set) else [names]:
+        suite = [find_suite(name)] if name in suite_names() else []
+        chosen += suite
+        wanted += suite[0].scenarios if suite else [name]
+    result: dict[str, Scenario] = {}
     problems: list[str] = []
-    for name in dict.fromkeys(map(full_name, wanted)):
+    for name in wanted:
         try:
-            scenarios[name] = find_scenario(name)
+            scenario = find_scenario(str(name)) if isinstance(name, str | Path) else name
         except ScenarioError as error:
             problems += error.problems
-    if problems:
-        raise ScenarioError(*problems)
-    _check_names_differ(scenarios)
-    sources = suites or [find_suite("smoke")]
-    swept = dict.fromkeys(name for suite in suites for name in suite.swept_scenarios)
+            continue
+        if result.setdefault(scenario.name, scenario).hash != scenario.hash:
+            problems.append(
+                f"{name}: the name {scenario.name!r} is also that of another scenario of this run; "
+                "give each scenario its own `name`"
+            )
+    if problems or not result:
+        raise ScenarioError(*(problems or ["name at least one scenario, such as fm_step"]))
+    sources = chosen or [find_suite(default)]
+    swept = dict.fromkeys(name for suite in chosen for name in suite.swept_scenarios)
     return Selection(
-        scenarios=list(scenarios.values()),
+        scenarios=list(result.values()),
         estimators=list(dict.fromkeys(e for suite in sources for e in suite.estimators)),
         seeds=max(suite.seeds for suite in sources),
         swept_scenarios=[find_scenario(name) for name in swept],
-        swept_estimators=list(dict.fromkeys(e for s in suites for e in s.swept_estimators)),
+        swept_estimators=list(dict.fromkeys(e for s in chosen for e in s.swept_estimators)),
     )
 
 
-def _check_names_differ(scenarios: dict[str, Scenario]) -> None:
-    """Two definitions under one name would be pooled into one row of the results."""
-    seen: dict[str, str] = {}
-    for source, scenario in scenarios.items():
-        if scenario.name in seen:
-            raise ScenarioError(
-                f"{source}: the name {scenario.name!r} is also that of {seen[scenario.name]}; "
-                "give each scenario of a run its own `name`"
-            )
-        seen[scenario.name] = source
+def scenarios(*, group: str = "", find: str = "") -> list[Line]:
+    """Return name, group, difficulty, faults (parameters) and card of scenarios.
+
+    Parameters
+    ----------
+    group : str
+        Only those of one group.
+    find : str
+        Only those with this text in one of these, in either case.
+
+    Raises
+    ------
+    FlexaxisError
+        If there is no such group.
+    """
+    if group and group not in GROUPS:
+        raise FlexaxisError(unknown("group", group, GROUPS))
+    lines = []
+    for name in scenario_names():
+        table = _tables(f"scenarios/{name}.toml")
+        changed = ", ".join(dict.fromkeys(fault["parameter"] for fault in table.get("fault", ())))
+        known = {key: table[key] for key in ("group", "difficulty", "card")}
+        lines.append({"name": name, "faults": changed, **known})
+    lines.sort(key=lambda line: [*GROUPS].index(line["group"]))
+    return [line for line in _with(find, lines) if group in ("", line["group"])]
+
+
+def _with(find: str, lines: list[Line]) -> list[Line]:
+    return [each for each in lines if find.lower() in " ".join(each.values()).lower()]
+
+
+def suites(find: str = "") -> list[Line]:
+    """Return name and card of suites, those that have some text."""
+    lines = [{"name": n, "card": _tables(f"suites/{n}.toml")["card"]} for n in suite_names()]
+    return _with(find, lines)
+
+
+def faults(find: str = "") -> list[Line]:
+    """Return fault, parameter and scenarios: which scenarios a physical fault is simulated by."""
+    lines = scenarios()
+    result = []
+    for fault, parameter in FAULTS.items():
+        names = [line["name"].removesuffix("-v1") for line in lines
+                 if line["faults"] == parameter and line["group"] != "control"]  # fmt: skip
+        result.append({"fault": fault, "parameter": parameter, "scenarios": ", ".join(names)})
+    return _with(find, result)

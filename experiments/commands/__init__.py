@@ -1,6 +1,4 @@
-"""The commands of flexaxis, one module each.
+"""The commands of `flexaxis`: each reads its options, calls `fx`, and prints the result.
 
-A module in a folder here is a command, found by `experiments.cli`: it adds its options, and runs.
-In come words that were typed (`words`, `options`), out come text or, with `--json`, one object on
-stdout (`answers`), and an exit status.
+`options` declares all options once; `run`, `judge`, `look` and `axis` hold the commands.
 """

@@ -1,245 +1,263 @@
-"""Options that commands which run cases have in common, and what they say on the way."""
+"""The register of commands, every option of theirs declared once, and how a command answers."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
-import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
-from flexaxis.experiments.commands.answers import CRASH, FINDING, say
-from flexaxis.experiments.files import NotRun, optional_package
-from flexaxis.sim.errors import FlexaxisError
+from flexaxis.experiments.logs.options import LOG_OPTIONS
 
-if TYPE_CHECKING:
-    from flexaxis.experiments.running.run import Runner
-
-RESUME, OVERWRITE = "--resume", "--overwrite"
+Args = argparse.Namespace
+Main = Callable[[Args], int]
 
 
-def add_jobs(parser: Any, *, what: str = "the scores do") -> None:
-    """Declare --jobs."""
-    parser.add_argument(
-        "--jobs",
-        type=int,
-        # As text: argparse takes what is the default itself, a small number, for not typed, and so
-        # would not see that it excludes another option.
-        default=str(os.cpu_count() or 1),
-        metavar="N",
-        help=f"processes (default: one a core); {what} not depend on it",
-    )
+class Command(NamedTuple):
+    """A command: what it is for, its options, and the function that runs it."""
+
+    group: str
+    options: tuple[str, ...]
+    main: Main
 
 
-def add_time_limit(parser: argparse.ArgumentParser) -> None:
-    """Declare --time-limit."""
-    parser.add_argument(
-        "--time-limit", type=float, metavar="S",
-        help="how long code of your own may take for one run [s] (default 600)",
-    )  # fmt: skip
+COMMANDS: dict[str, Command] = {}
 
 
-def add_resume(parser: argparse.ArgumentParser) -> None:
-    """Declare --overwrite, and --resume."""
-    removal = parser.add_mutually_exclusive_group()
-    removal.add_argument(
-        OVERWRITE,
-        action="store_true",
-        help="remove what DIR holds first (default: keep it, and run what is missing)",
-    )
-    removal.add_argument(RESUME, action="store_true", help="go on with what DIR holds: the default")
-
-
-def add_engine(parser: argparse.ArgumentParser) -> None:
-    """Declare where to work and what share of it: processes here, a cluster, a part of many."""
-    where = parser.add_mutually_exclusive_group()
-    add_jobs(where, what="the rows do")
-    where.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster that runs")
-    parser.add_argument(
-        "--shard", metavar="I/N", help="run only the I-th of N shards; --from puts them together"
-    )
-    add_resume(parser)
-    add_time_limit(parser)
-
-
-def add_from(parser: argparse.ArgumentParser) -> None:
-    """Declare --from."""
-    parser.add_argument(
-        "--from", dest="shards", nargs="+", type=Path, metavar="DIR",
-        help="put finished shards together in the folder of -o, each case once, and report",
-    )  # fmt: skip
-
-
-def merge_shards(args: argparse.Namespace) -> int:
-    """Put shards together and report; exit with 1 if runs are missing from all of them."""
-    from flexaxis.experiments.commands.answers import answer
-    from flexaxis.experiments.files import check_not_input
-    from flexaxis.experiments.running.results import Results
-    from flexaxis.experiments.running.run import Runner
-    from flexaxis.experiments.studies.benchmark import report
-
-    if args.output is None:
-        raise FlexaxisError("--from: name the folder of the whole with -o DIR")
-    check_not_input(args.shards, args.output)
-    with Runner(args.output, jobs=int(args.jobs), overwrite=args.overwrite) as runner:
-        total = sum(runner.store.take(folder) for folder in args.shards)
-        results = Results.load(args.output)
-        cases, study = results.cases, results.study
-        missing = len(study["variants"]) * len(study["seeds"]) - cases
-        path = report(args.output, runner)
-    if missing:
-        say(f"{missing} of {cases + missing} cases are in no shard")
-    content: dict[str, object] = {"cases": cases, "doubles": max(0, total - cases)}
-    content |= {"missing": missing, "folder": args.output, "report": path}
-    count = f"{cases} cases; {max(0, total - cases)} were in more than one shard"
-    return answer(args, content, FINDING if missing else 0, count, path)
-
-
-def line(args: argparse.Namespace, *more: str, whole: bool = False) -> str:
-    """Return the line that was typed, without what says what becomes of what is there.
-
-    A `whole` one is without what asks for a part of the work only.
-    """
-    words = [word for word in args.words if word not in {RESUME, OVERWRITE}]
-    if whole and "--shard" in words:
-        place = words.index("--shard")
-        del words[place : place + 2]
-    words = [word for word in words if not (whole and word.startswith("--shard="))]
-    return shlex.join(["flexaxis", *words, *more])
-
-
-def add_cache(parser: argparse.ArgumentParser, *, default: bool) -> None:
-    """Declare --cache and --no-cache."""
-    parser.add_argument(
-        "--cache",
-        action=argparse.BooleanOptionalAction,
-        default=default,
-        help="keep simulated records for the next run that needs them, or "
-        f"simulate all and keep none (default: --{'' if default else 'no-'}cache)",
-    )
-
-
-def check_jobs(args: argparse.Namespace) -> None:
-    """Refuse a number of processes that is none."""
-    from flexaxis.experiments.seeds import check_jobs
-
-    if args.jobs is not None:
-        check_jobs(args.jobs, what="--jobs")
-
-
-def shard(args: argparse.Namespace) -> tuple[int, int]:
-    """Return which share is to be run, of how many."""
-    if args.shard is None:
-        return 1, 1
-    mine, _, shares = args.shard.partition("/")
-    if not (mine.isdigit() and shares.isdigit() and 1 <= int(mine) <= int(shares)):
-        raise FlexaxisError(f"--shard {args.shard!r}: give I/N with I from 1 to N, such as 3/100")
-    return int(mine), int(shares)
-
-
-def check_dask(args: argparse.Namespace) -> None:
-    """Refuse a cluster where its client is not installed."""
-    from importlib.util import find_spec
-
-    if find_spec("distributed") is None:
-        raise FlexaxisError(
-            f"--dask {args.dask}: this needs distributed: python -m pip install distributed"
-        )
-
-
-def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
-    """Return where to work, None for processes of our own, and how many work there."""
-    if getattr(args, "dask", None) is None:
-        return None, args.jobs
-
-    distributed = optional_package("distributed")
-    try:
-        client = stack.enter_context(distributed.Client(args.dask, timeout=10))
-    except (OSError, ValueError) as error:
-        raise FlexaxisError(f"--dask {args.dask}: no scheduler answers there: {error}") from error
-    workers = sum(client.nthreads().values())
-    if not workers:
-        raise FlexaxisError(f"--dask {args.dask}: the cluster has no workers yet")
-    return client.get_executor(retries=2), workers
-
-
-@contextmanager
-def working(
-    args: argparse.Namespace, what: str, total: float, folder: Path | None = None, *,
-    cache: bool = True, by_case: bool = True,
-) -> Iterator[tuple[Runner, Callable[[float], object]]]:  # fmt: skip
-    """Give a runner with progress, and say how to resume if it is stopped.
+def command(group: str, *options: str) -> Callable[[Main], Main]:
+    """Register a function as the command of its name; its docstring is the help.
 
     Parameters
     ----------
-    args : argparse.Namespace
-        With `jobs`, and `words` as typed.
-    what : str
-        What is done, for the progress.
-    total : float
-        How much of it there is.
-    folder : Path, optional
-        Where the rows are kept.
-    cache : bool
-        Whether records are kept.
-    by_case : bool
-        Whether progress is that of the cases.
-
-    Yields
-    ------
-    Runner
-    callable
-        To be called with what is done besides cases.
+    group : str
+        Its place in `flexaxis --help`.
+    *options : str
+        As in `OPTIONS`.
     """
-    from flexaxis._results import remarks_in_words
-    from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.progress import progress
-    from flexaxis.experiments.running.run import Runner
 
-    with ExitStack() as stack:
-        place, jobs = executor(args, stack)
-        advance = stack.enter_context(progress(what, total))
-        runner = stack.enter_context(Runner(
-            folder, jobs=int(jobs or os.cpu_count() or 1), executor=place,
-            cache=default_cache() if cache else None, overwrite=args.overwrite,
-            time_limit=getattr(args, "time_limit", None), advance=advance if by_case else None,
-        ))  # fmt: skip
-        try:
-            yield runner, advance
-        except FlexaxisError as error:
-            if not runner.done:
-                raise
-            kind = NotRun if isinstance(error, NotRun) else FlexaxisError
-            raise kind(f"{error}\n{go_on(args, runner.done)}") from error
-        finally:
-            args.remarks += runner.remarks
-            for text in remarks_in_words(runner.remarks):
-                say(text)
+    def register(main: Main) -> Main:
+        COMMANDS[main.__name__.rstrip("_")] = Command(group, options, main)
+        return main
+
+    return register
 
 
-def go_on(args: argparse.Namespace, done: int) -> str:
-    """Return how many cases were just run, and the line that goes on from there."""
-    kept = f"{done} case{'s'[: done != 1]} done just now"
-    return f"{kept}; go on with: {line(args, RESUME)}"
+def part(text: str) -> tuple[int, int]:
+    """Return the number of a part and of all parts from "I/N"."""
+    number, every = map(int, text.split("/"))
+    if not 1 <= number <= every:
+        raise ValueError(text)
+    return number, every
 
 
-def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
-    """Say on stderr which estimators failed where, and why: each kind of failure once."""
-    from flexaxis.experiments.reporting.words import failures_in_words as in_words
+PATH, SEVERAL = {"type": Path}, {"action": "append", "default": []}
+NUMBER, WHOLE, ZERO = {"type": float}, {"type": int}, {"type": int, "default": 0}
+NAMES = "Names of suites and scenarios as in `flexaxis list`, or paths to TOML files"
+ESTIMATOR = (
+    "Estimator: a name of `flexaxis list estimators`, with options as in ekf[walk=0.1]; your own "
+    "as file.py:Class, module:Class or pipe:COMMAND"
+)
 
-    for text, count in in_words(failures):
-        say(f"{text} (and {count - 1} like it)" if count > 1 else text)
-    if failures:
-        cases = "1 case" if len(failures) == 1 else f"{len(failures)} cases"
-        say(f"{cases} could not be run: `error` in the rows says why")
+OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
+    "-q": "Print results and errors only (default: progress, too).",
+    "--traceback": "Print where a crash came from (default: one line).",
+    "--json": "Print one JSON object on stdout, and nothing else (default: tables and sentences).",
+    # what a command is about
+    "names SUITE|SCENARIO": (f"{NAMES} (required without --from).", {"nargs": "*"}),
+    "compare: names SUITE|SCENARIO|RUN": (
+        f"{NAMES} (default: the suite gate); or two folders of finished runs.", {"nargs": "*"},
+    ),
+    "scenario SCENARIO": "Scenario: a catalogue name or a TOML path.",
+    "name SCENARIO|SUITE|ESTIMATOR": "Scenario, suite or estimator: its name, or a TOML path.",
+    "kind KIND": (
+        "What to list: scenarios, suites, estimators, or faults, which shows the scenario for each "
+        "physical fault (default: the groups of scenarios, and the suites).",
+        {"nargs": "?", "choices": ("scenarios", "suites", "estimators", "faults")},
+    ),
+    "file STUDY.toml": (
+        "Definition of the study; docs/studies.md has every key (required without --from).",
+        {"nargs": "?", **PATH},
+    ),
+    "record RECORD.nc": ("Record, as simulate or import writes it.", PATH),
+    "folder DIR": ("Folder of a run or a study.", PATH),
+    "path FILE.py|c|m": ("File to write: Python (.py), C (.c) or GNU Octave (.m).", PATH),
+    "estimator ESTIMATOR": f"{ESTIMATOR}.",
+    "estimators ESTIMATOR": (
+        "Estimators with a tuning parameter (default: all registered ones).", {"nargs": "*"},
+    ),
+    "log LOG|REC.nc": ("Log (CSV, MAT, HDF5 or NetCDF), or record.", PATH),
+    "identify: log LOG|REC.nc|FOLDER": ("Log, record, or folder of logs.", PATH),
+    "lesson LESSON.toml": (
+        "Lesson to play or to record (default: none live; recorded, the one of --print-lesson).",
+        {"nargs": "?", **PATH},
+    ),
+    # which runs
+    "--estimator E": (f"{ESTIMATOR}; repeat it for several (default: those of the suite).",
+                      SEVERAL),
+    "estimate: --estimator E": (f"{ESTIMATOR} (default: %(default)s).",
+                                {"default": "rpem-forgetting"}),
+    "track: --estimator E": f"{ESTIMATOR} (default: ekf, or glr for an axis with dry friction).",
+    "demo: --estimator E": (f"{ESTIMATOR}; give two, which run on the same data (default: those of "
+                            "the lesson, else rpem-forgetting and glr).", SEVERAL),
+    "--base E": "Estimator to compare with, such as old.py:Mine.",
+    "--candidate E": "Estimator to judge, such as new.py:Mine.",
+    "--seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1; tune on 0 to 99, report on 1000 "
+    "to 4999 (default: the number of the suite, 8 for single scenarios).",
+    "compare: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: the number of "
+    "the suite, 32 for single scenarios; all common ones of finished runs).",
+    "tune: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: 0:16; with "
+    "--sweep 16).",
+    "--seed N": ("Random seed: the same number gives the same run (default: 0).", ZERO),
+    "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's, or 0).", WHOLE),
+    "--scenario SCENARIO": "Scenario of a record that does not contain its own: a name or a TOML "
+    "path (default: the record's).",
+    # how they are run
+    "--jobs N": ("Number of worker processes; results do not depend on it (default: one per core, "
+                 "here %(default)s).", {"type": int, "default": os.cpu_count() or 1}),
+    "--dask ADDRESS": "Address of the scheduler of a Dask cluster that runs the cases (default: "
+    "processes on this machine).",
+    "--shard I/N": ("Run only part I of N; --from puts the parts together (default: 1/1).",
+                    {"type": part, "default": (1, 1)}),
+    "--from DIR": ("Put finished shards together in the folder of -o, and report (default: run).",
+                   {"dest": "shards", "nargs": "+", **PATH}),
+    "--overwrite": "Remove what the folder holds first (default: keep it, and run what is "
+    "missing).",
+    "--time-limit S": ("Longest time of one run of your own code [s] (default: 600).", NUMBER),
+    "--no-cache": "Simulate every record and keep none (default: simulated records are kept for "
+    "the next run).",
+    "--dry-run": "Print the variants, the time on this machine and the disk space, and stop "
+    "(default: run).",
+    "--no-covariance": "Save estimates without covariance, which is several times faster on long "
+    "records (default: with it).",
+    # what to list
+    "--group GROUP": ("Only scenarios of a group, such as steps (default: all).", {"default": ""}),
+    "--find TEXT": ("Only lines with this text (default: all).", {"default": ""}),
+    "--all": "Print all lines (default: at most 60).",
+    # how to judge
+    "--max-seeds N": ("Add seeds up to N while the verdict is undecided (default: add none).",
+                      ZERO),
+    "--margin SCORE=%[,…]": (
+        "Relative change of a score that does not matter; scores are lag, std, t10, std_after, "
+        "cross_talk and excess (default: lag=2%%,std=2%%).", SEVERAL,
+    ),
+    "--match-std": "Tune both to the same noise first, and compare the lag alone (default: compare "
+    "them as they are).",
+    "--strict": "Exit with status 3 if the verdict is undecided (default: 0).",
+    "import: --strict": "Exit with status 1 if a check says that estimates are spoilt (default: "
+    "0).",
+    "--match NAME": ("Quantity to match: excess (the excess prediction error), or the parameter "
+                     "whose std is matched (default: excess).", {"default": "excess"}),
+    "--sweep SUITE|SCENARIO": (
+        "Compare the lag at equal noise on these scenarios, over many settings (default: tune on "
+        "the nominal axis).", {"nargs": "+"},
+    ),
+    "--save FILE.toml": ("Write the settings to this file, too (default: print them).", PATH),
+    # logs of a real axis
+    "--model MODEL": ("Model: one_mass, two_mass, three_mass, or a TOML file (default: "
+                      "%(default)s).", {"default": "two_mass"}),
+    "track: --model AXIS.toml": ("Axis, as identify wrote it.", {"required": True}),
+    "--free PARAMETER": ("Identify this parameter; repeat it for several (default: all that the "
+                         "log determines).", SEVERAL),
+    "--fix PARAMETER[=VALUE]": ("Hold this parameter at a value [SI]; repeat it for several "
+                                "(default: hold none; VALUE: where it starts).", SEVERAL),
+    "identify: --start PARAMETER=VALUE": ("Start the search here [SI]; repeat it for several "
+                                          "(default: found from the log).", SEVERAL),
+    "track: --start F": ("Initial estimate as a multiple of the identified value; tests "
+                         "convergence (default: 1).", {"type": float, "default": 1.0}),
+    "--delay S": ("Known delay of the torque [s] (default: identified).", NUMBER),
+    "--friction LAW": (
+        "Law of dry friction of the motor: none, coulomb or stribeck (default: auto, which chooses "
+        "by simulating held-out pieces).", {"default": "auto"},
+    ),
+    "--gravity LAW": ("Torque by sine and cosine of the angle: none or sine (default: auto, which "
+                      "takes it if the log shows it).", {"default": "auto"}),
+    "--highpass HZ": ("Ignore residuals below this frequency [Hz] (default: found from the log).",
+                      NUMBER),
+    "--validate OTHER": ("Simulate and predict another log with the result (default: none).", PATH),
+    "--identify PARAMETER": (
+        "Parameter to track, or its inverse such as 1/J_l; several as 1/J_l,k or by repeating it.",
+        {"required": True, **SEVERAL},
+    ),
+    "--covariate NAME": ("Column of many logs that may explain the estimates, by its mean; repeat "
+                         "it for several (default: none).", SEVERAL),
+    "--false-alarms P": ("Probability that many logs without a change show one (default: 0.01).",
+                         {"type": float, "default": 0.01}),
+    # the live axis
+    "--speed X": ("Multiple of real time, 0.05 to 50 (default: the lesson's, or 1).", NUMBER),
+    "--exaggerate X": ("Magnification of the joint twist in the picture (default: 100).",
+                       {"type": float, "default": 100.0}),
+    "--port N": ("Port of the page (default: 8080, or the next free one).", WHOLE),
+    "--no-browser": "Print the address only (default: open a browser).",
+    "--record FILE.gif": ("Draw the lesson into this file (default: show it live).", PATH),
+    "--print-lesson": "Print the shipped lesson, to start your own from (default: play).",
+    # where to
+    "-o PATH": ("File or folder to write (default: a name beside the input).", PATH),
+    "run: -o DIR": ("Folder for rows, summary and report (default: results/NAME).", PATH),
+    "study: -o DIR": ("Folder for rows and report (default: results/NAME).", PATH),
+    "compare: -o DIR": ("Folder for rows, verdict and report (default: results/compare).", PATH),
+    "tune: -o DIR": ("Folder for rows (default: results/tune).", PATH),
+    "report: -o FILE": ("File for the report (default: report.html in the folder).", PATH),
+    "simulate: -o FILE": ("File for the record or log (default: SCENARIO-SEED.nc or .csv).", PATH),
+    "estimate: -o FILE": ("File for the estimates (default: RECORD-estimates.nc).", PATH),
+    "import: -o REC.nc": ("File for the record (default: LOG.nc, or LOG-imported.nc).", PATH),
+    "identify: -o AXIS.toml": ("File for the axis (default: LOG-axis.toml; of a folder, "
+                               "FOLDER-estimates.csv).", PATH),
+    "track: -o EST.nc": ("File for the estimates (default: LOG-track.nc).", PATH),
+    "paper: -o DIR": ("Folder for figures and claims (default: results/paper).", PATH),
+    **LOG_OPTIONS,
+}  # fmt: skip
+"""Every option: its name and what it takes, then its help, and keywords of `add_argument`.
+
+An option that takes nothing is a flag. One that begins with "track: " is that of `track`, and goes
+before one of all commands. A help is a sentence with unit and default.
+"""
 
 
-def failed(failures: Sequence[Mapping[str, Any]], remarks: Sequence[tuple[str, str]] = ()) -> int:
-    """Return the exit status where some cases could not be run: 70 if code crashed, else 1.
+def add_options(parser: argparse.ArgumentParser, name: str) -> None:
+    """Declare the options of a command."""
+    declared = {}
+    for key, value in OPTIONS.items():
+        only, _, words = key.rpartition(": ")
+        option, _, metavar = words.partition(" ")
+        if only in ("", name):
+            declared[option] = metavar, value
+    for option in (*COMMANDS[name].options, "-q", "--traceback", "--json"):
+        metavar, value = declared[option]
+        text, more = (value, {}) if isinstance(value, str) else value
+        takes = {"metavar": metavar} if metavar else {"action": "store_true"}
+        long = {"-o": ("--output",), "-q": ("--quiet",)}.get(option, ())
+        parser.add_argument(option, *long, help=text, **{**takes, **more})  # type: ignore[arg-type]
 
-    It is 1 as well where a user's estimator returned what is not finite.
+
+def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: object) -> int:
+    """Print the result of a command, as lines or with ``--json`` as one object.
+
+    Parameters
+    ----------
+    args : Args
+    content : mapping
+        The result as JSON; what is not finite becomes null.
+    status : int
+        Exit status, which is returned.
+    *lines : object
+        The result in words.
     """
-    crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
-    return CRASH if crashed else FINDING if failures or remarks else 0
+    if args.json:
+        head = {"flexaxis": version("flexaxis"), "command": args.command, "status": status,
+                "line": args.line}  # fmt: skip
+        text = json.dumps({**head, **content}, default=_plain)
+        finite = json.loads(text, parse_constant=lambda name: None)
+        lines = (json.dumps(finite, ensure_ascii=False),)
+    try:
+        print(*lines, sep="\n", flush=True)
+    except BrokenPipeError:  # the reader has seen enough, as with `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    return status
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON has for an array, a number of NumPy or a path."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -15,12 +15,68 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.files import OutputError, new_file
 from flexaxis.models_mjcf import DEFAULT, model_files
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
+from flexaxis.sim.scenario import Scenario
 
 FRAMES = 50  # a second
+
+
+def view(
+    run: str | Path | Scenario | Record,
+    *,
+    seed: int = 0,
+    at: float = 0.0,
+    exaggerate: float = 100.0,
+    picture: str | Path | None = None,
+) -> Path | None:
+    """Show a run in 3-D: in a window, or as a picture.
+
+    The twist of the joints is about a milliradian. The angles of gear and arm are therefore
+    exaggerated; the motor turns as it does.
+
+    Parameters
+    ----------
+    run : str, Path, Scenario or Record
+        A scenario, which is simulated first, or a recording of `simulate` or `load`.
+    seed : int
+        Seed of the simulation.
+    at : float
+        Time of the run at which to begin [s].
+    exaggerate : float
+        Factor of the twist; 1 shows it as it is.
+    picture : str or Path, optional
+        PNG file to write instead of opening a window. It needs no display.
+
+    Returns
+    -------
+    Path or None
+        The picture.
+
+    Raises
+    ------
+    FlexaxisError
+        If a number or the name of the picture is wrong.
+    """
+    target = None if picture is None else Path(picture)
+    if not (0 <= exaggerate < np.inf and (target is None or target.suffix.lower() == ".png")):
+        raise FlexaxisError("give a factor of 0 or more, and a picture that ends in .png")
+    if target is not None:
+        draw_offscreen()
+    from flexaxis.sim.simulate import simulate  # imports the engine
+
+    if not isinstance(run, Record):
+        run = simulate(run if isinstance(run, Scenario) else find_scenario(str(run)), [seed])[0]
+    if not 0 <= at <= (end := run.time[-1]):
+        raise FlexaxisError(f"at={at:g}: give a time of the run, 0 to {end:g} s")
+    if target is None:
+        window(run, start=at, exaggerate=exaggerate)
+    else:
+        picture(run, target, at=at, exaggerate=exaggerate)
+    return target
 
 
 def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexaxis._given import seed_of, spec_of
-from flexaxis._records import changed
-from flexaxis.estimators.protocol import numbers_of
-from flexaxis.experiments.running.estimators import build
+from flexaxis._records import changed, seed_of
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.plant.loop import Changes
 from flexaxis.sim.plant.plant import Plant
@@ -21,8 +17,7 @@ from flexaxis.sim.tables.nonlinear import substeps
 from flexaxis.sim.tables.sensors import reading
 
 
-@dataclass(frozen=True)
-class Sample:
+class Sample(NamedTuple):
     """What is measured at a sample.
 
     Attributes
@@ -47,32 +42,21 @@ class Axis:
     scenario : Scenario
     seed : int
         Of the noise.
-    estimator : str or callable, optional
-        What learns on the way.
 
     Attributes
     ----------
     scenario : Scenario
     sample : Sample
         The latest; at first the axis is at rest.
-    estimates : dict of str to float
-        What the estimator says after the latest `step`; nothing before the first.
     """
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        *,
-        seed: int = 0,
-        estimator: str | Callable[..., Any] | None = None,
-    ) -> None:
+    def __init__(self, scenario: Scenario, *, seed: int = 0) -> None:
         if scenario.delay.torque_ticks:
             raise FlexaxisError(
                 f"{scenario.name} delays the torque, which an axis stepped by hand does not: hold "
                 "your own torque back, and leave `delay` out of the scenario"
             )
         self._seed = seed_of(seed)
-        self._spec = None if estimator is None else spec_of(estimator)
         self.scenario = scenario.drawn(self._seed)
         self.reset()
 
@@ -92,11 +76,8 @@ class Axis:
             name: reading(sensors, name, self._white, period=scenario.period)
             for name in ("angle", "speed")
         }
-        disturbance = scenario.noise.on_torque(self._white)
-        self._disturbance = None if disturbance is None else disturbance[:, 0]
+        self._disturbance = scenario.noise.on_torque(self._white)
         self._before: float | None = None
-        self.estimates: dict[str, float] = {}
-        self._estimator = None if self._spec is None else build(self._spec, scenario)
         return self._measure()
 
     def _white(self, purpose: str) -> Any:
@@ -117,8 +98,6 @@ class Axis:
     def step(self, torque: float) -> Sample:
         """Hold a torque [N m] for one period and return the sample at its end.
 
-        An estimator takes the torque with the sample at the beginning of the period.
-
         Raises
         ------
         FlexaxisError
@@ -126,62 +105,45 @@ class Axis:
         SimulationError
             If the axis becomes unstable.
         """
-        held = _number(torque)
+        value = np.asarray(torque)
+        if value.ndim or value.dtype.kind not in "iuf" or not np.isfinite(value):
+            raise FlexaxisError(f"the torque is {torque!r}; give one finite number [N m]")
         if self.done:
             raise FlexaxisError(
                 f"{self.scenario.name} is over after {self.scenario.duration:g} s: start again "
                 "with reset(), or make a longer axis with duration=…"
             )
-        if self._estimator is not None:
-            y = getattr(self.sample, self._estimator.output)
-            theta = numbers_of(self._estimator.step(held, y), self._estimator.step)
-            self.estimates = dict(zip(self._estimator.names, theta.tolist(), strict=True))
-        more = 0.0 if self._disturbance is None else self._disturbance[self._k]
-        self._plant.step(np.array([held + more]))
+        more = 0.0 if self._disturbance is None else self._disturbance[self._k, 0]
+        self._plant.step(np.array([float(value) + more]))
         self._k += 1
         return self._measure()
 
     def _measure(self) -> Sample:
         self._changes.make(self._plant, self._k)
-        values = {"angle": self._plant.angle_m, "speed": self._plant.speed_m}
-        read = {name: float(self._read[name](v[None, :].copy())[0, 0])
-                for name, v in values.items()}  # fmt: skip
+        true = {"angle": self._plant.angle_m, "speed": self._plant.speed_m}
+        angle, speed = (float(self._read[name](v[None, :].copy())[0, 0])
+                        for name, v in true.items())  # fmt: skip
         period = self.scenario.period
-        moved = 0.0 if self._before is None else read["angle"] - self._before
-        self._before = read["angle"]
-        self.sample = Sample(self._k * period, read["angle"], read["speed"], moved / period)
+        increment = 0.0 if self._before is None else (angle - self._before) / period
+        self._before = angle
+        self.sample = Sample(self._k * period, angle, speed, increment)
         return self.sample
 
     def __repr__(self) -> str:
         return f"Axis {self.scenario.name} at {self.sample.time:g} of {self.scenario.duration:g} s"
 
 
-def _number(torque: Any) -> float:
-    """Return a torque as a number; an array of one dimension is none, even of one element."""
-    given = np.asarray(torque)
-    if given.ndim or given.dtype.kind not in "iuf" or not np.isfinite(given):
-        raise FlexaxisError(f"the torque is {torque!r}; give one finite number [N m]")
-    return float(given)
-
-
 def make_axis(
-    scenario: str | Scenario = "fm_step-v1",
-    *,
-    seed: int = 0,
-    estimator: str | Callable[..., Any] | None = None,
-    **changes: Any,
+    scenario: str | Path | Scenario = "fm_step-v1", *, seed: int = 0, **changes: Any
 ) -> Axis:
     """Return an axis to be stepped: ``sample = axis.step(torque)``.
 
     Parameters
     ----------
-    scenario : str or Scenario
-        Its plant, faults and sensors; not its controller, for that is yours.
+    scenario : str, Path or Scenario
+        Its plant, faults and sensors; not its controller, which is yours.
     seed : int
         Of the noise.
-    estimator : str or callable, optional
-        As for `estimate`: it learns on the way, and ``axis.estimates`` is what your controller may
-        make use of.
     **changes
         As for `simulate`.
 
@@ -206,4 +168,4 @@ def make_axis(
     >>> round(sample.time, 3)
     1.995
     """
-    return Axis(changed(scenario, changes), seed=seed, estimator=estimator)
+    return Axis(changed(scenario, changes), seed=seed)

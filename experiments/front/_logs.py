@@ -1,118 +1,200 @@
-"""Your own logs: `import_log`, `identify`, `track` and `trend`, as tables with figures."""
+"""Logs of a real axis: `import_log`, `identify` and `track`, with tables, sentences and figures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from flexaxis._draw import panels, returned
-from flexaxis._table import ShownTable
+import pandas as pd
 
-if TYPE_CHECKING:
-    from flexaxis.experiments.logs.axis_file import Axis
-    from flexaxis.experiments.reporting.charts_old.charts import Chart
-    from flexaxis.sim.record import Record
+from flexaxis._records import panels
+from flexaxis.experiments.logs import pages
+from flexaxis.experiments.logs import track as tracking
+from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.findings import MARKS, say_problems, texts_of, waiting
+from flexaxis.experiments.logs.identify import identify as fitted
+from flexaxis.experiments.logs.importing import Imported, import_any
+from flexaxis.experiments.logs.many import find_logs, identify_many
+from flexaxis.experiments.logs.validate import validate as validated
+from flexaxis.experiments.running.estimators import parse
 
 Log = Any  # a path, a record, or what `import_log` returned
 
 
-class LogResult(ShownTable):
-    """What came of a log or of many: a line for each thing that was looked at or estimated.
+@dataclass(frozen=True, repr=False, eq=False)
+class LogResult:
+    """The result for a log: a table, sentences with a mark each, and figures.
 
     Attributes
     ----------
     found : object
-        All of it: an ``Imported``, ``Identification``, ``Tracked``, or the verdicts of a trend.
+        All of it: an ``Imported``, ``Identification``, ``Many`` or ``Tracked``.
+    page : LogPage
+        Sentences and charts, as they are on the page.
+    content : dict
+        What the command prints with ``--json``.
+    table : DataFrame
+        A line a check or a parameter.
+    status : int
+        Exit status of the command: 1 for a finding.
     record : Record or None
-        That was read.
+        The record of the log.
     axis : Axis or None
-        That was identified; its `save` writes the file that the commands take.
-    charts : list of Chart
-        What `plot` draws.
+        The axis; its `save` writes the file that the commands read.
     """
 
-    def __init__(
-        self,
-        lines: Sequence[Mapping[str, Any]],
-        found: Any,
-        charts: Sequence[Chart],
-        *,
-        record: Record | None = None,
-        axis: Axis | None = None,
-    ) -> None:
-        super().__init__(lines)
-        self.found, self.record, self.axis, self.charts = found, record, axis, list(charts)
+    found: Any
+    page: pages.LogPage
+    content: dict[str, Any]
+    table: pd.DataFrame
+    status: int = 0
+    record: Any = None
+    axis: Any = None
+    write: Callable[[Path], object] = field(default=lambda path: None)
 
-    def plot(self, chart: int | str = 0, *, ax: Any = None) -> Any:
-        """Draw a chart of the page that the command makes.
+    def save(self, path: str | Path) -> Path:
+        """Write the record, axis or estimates, and the page beside it; return the page."""
+        self.write(Path(path))
+        page = Path(path).with_suffix(".html")
+        self.page.write(page)
+        return page
+
+    def plot(self, chart: int = 0, *, ax: Any = None) -> Any:
+        """Draw a chart of the page.
 
         Parameters
         ----------
-        chart : int or str
-            Its place in `charts`, or its title.
+        chart : int
+            Its place on the page.
         ax : matplotlib axes, optional
             One for each of its panels; new ones by default.
-
-        Returns
-        -------
-        Axes
         """
-        from flexaxis.experiments.reporting.charts_old.figures import draw
-
-        titles = [each.title for each in self.charts]
-        shown = self.charts[titles.index(chart) if isinstance(chart, str) else chart]
+        shown = self.page.charts[chart]
         axes = panels(ax, len(shown.panels))
-        for place, each in enumerate(axes):
-            draw(shown, each, panel=place).label_outer()
-            each.legend(frameon=False, fontsize=8)
-        axes[0].set_title(shown.title)
-        return returned(axes)
+        shown.draw(axes=axes)
+        return axes
+
+    def __repr__(self) -> str:
+        lines = [f"{MARKS[one.kind]} {one.sentence}" for one in self.page.remarks]
+        return "\n".join([self.page.finding.text, self.table.to_string(), *lines])
 
 
-def import_log(path: str | Path, **options: Any) -> LogResult:
-    """Read a log, and say what is to be doubted of it; `flexaxis import` in Python.
+def _read(log: Log, options: Mapping[str, Any] | None) -> Imported:
+    """Return the record of a log and its checks; print what spoils estimates."""
+    if not isinstance(log, str | Path):
+        return Imported(getattr(log, "record", log), ())
+    columns, treated = _split(options)
+    with waiting(f"reading {log}"):
+        found = import_any(Path(log), columns, **treated)
+    say_problems(Path(log), found.checks)
+    return found
+
+
+def _split(options: Mapping[str, Any] | None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return which columns to read, and what is done to them."""
+    columns = dict(options or {})
+    return columns, {name: columns.pop(name, None) for name in ("resample", "burn_in")}
+
+
+def _axis(model: Any) -> Any:
+    return find_axis(str(model)) if isinstance(model, str | Path) else getattr(model, "axis", model)
+
+
+def import_log(path: str | Path, *, command: str = "", **columns: Any) -> LogResult:
+    """Read a log, and check it before any estimator does; `flexaxis import` in Python.
 
     Parameters
     ----------
     path : str or Path
-    **options
+    command : str
+        The line that does it again, for the page.
+    **columns
         Columns (``torque="current"``), ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``,
         ``torque_is``; ``resample`` [Hz] and ``burn_in`` [s].
     """
-    from flexaxis.experiments.logs.importing import import_log as read
-    from flexaxis.experiments.logs.pages.import_page import log_chart, spectrum_chart
+    found = _read(path, columns)
+    checks = [check.told() for check in found.checks]
+    table = pd.DataFrame(checks).set_index("name")[["verdict", "value", "unit"]]
+    page = pages.import_page(found, Path(path).name, command)
+    return LogResult(
+        found, page, {"checks": checks}, table, record=found.record, write=found.record.save
+    )
 
-    treated = {name: options.pop(name, None) for name in ("resample", "burn_in")}
-    found = read(Path(path), options, **treated)
-    charts = [log_chart(found.record), spectrum_chart(found.record)]
-    return LogResult([c.told() for c in found.checks], found, charts, record=found.record)
 
-
-def identify(log: Log, model: Any = "two_mass", **options: Any) -> LogResult:
-    """Identify an axis from its log; `flexaxis identify` in Python.
+def identify(
+    log: Log,
+    model: Any = "two_mass",
+    *,
+    start: Mapping[str, float] | None = None,
+    fix: Mapping[str, float | None] | None = None,
+    validate: Log | None = None,
+    covariates: Sequence[str] = (),
+    false_alarms: float = 0.01,
+    columns: Mapping[str, Any] | None = None,
+    command: str = "",
+    **options: Any,
+) -> LogResult:
+    """Identify an axis from its log, or from many; `flexaxis identify` in Python.
 
     Parameters
     ----------
-    log : path, record, or what `import_log` returned
+    log : path, record, or what `import_log` returned; or a folder of logs
+        Of a folder, in the order of names, the table has a row a log, and the findings tell what
+        a covariate explains and whether a parameter changed.
     model : str, path or Axis
         A shipped model, a TOML of your own, or an axis.
+    start : mapping of str to float, optional
+        Where the search starts.
+    fix : mapping of str to float or None, optional
+        Parameters to hold, at a value or (None) at their nominal one.
+    validate : path or record, optional
+        Another log, to simulate and predict with the result.
+    covariates : sequence of str
+        Columns of many logs that may explain the estimates, such as a temperature.
+    false_alarms : float
+        Probability that many logs without a change show one.
+    columns : mapping, optional
+        How to read a log, as the options of `import_log`.
+    command : str
+        The line that does it again, for the page.
     **options
-        As of `flexaxis.experiments.logs.identification.identify.identify`: ``friction``,
-        ``gravity``, ``free``, ``fix``, ``delay``, ``highpass``; and ``start={"k": 500.0}``.
+        ``free, friction, gravity, delay, highpass`` as of
+        `flexaxis.experiments.logs.identify.identify`.
     """
-    from flexaxis.experiments.logs.identification.identify import identify as fitted
-    from flexaxis.experiments.logs.pages.identify_page import identification_charts
+    axis, start, fix = _axis(model), start or {}, fix or {}
+    values = {name: value for name, value in {**start, **fix}.items() if value is not None}
+    laws = {name: values.pop(name) for name in {*values} - {*axis.model.parameters}}
+    axis = replace(axis.having(values), known=axis.known or bool(values.keys() & start.keys()))
+    if isinstance(log, str | Path) and Path(log).is_dir():
+        names, treated = _split(columns)
+        with waiting(f"identifying the logs of {log}"):
+            many = identify_many(
+                find_logs(Path(log)), axis, names, covariates=covariates,
+                free=options.get("free", ()), false_alarms=false_alarms, **treated,
+            )  # fmt: skip
+        title = f"{axis.model.name} in {len(many.table)} logs"
+        content = {"logs": many.table.to_dict("index"), "remarks": texts_of(many.findings, *MARKS)}
+        return LogResult(
+            many, pages.many_page(many, title, command), content, many.table, many.status,
+            write=many.table.to_csv,
+        )  # fmt: skip
+    record = _read(log, columns).record
+    with waiting(f"identifying {axis.model.name}"):
+        found = fitted(record, axis, fix=tuple(fix), given=laws, **options)
+    other = None if validate is None else validated(_read(validate, columns).record, found.axis)
+    title = f"{found.axis.model.name} from {_name(log)}"
+    page = pages.identification_page(found, record.period, other, title, command)
+    content = pages.content(found, other)
+    return LogResult(
+        found, page, content, pd.DataFrame(found.estimates, ["value", "sd"]).T,
+        int(bool(content["warnings"])), record, found.axis, found.axis.save,
+    )  # fmt: skip
 
-    record, axis = _record(log), _axis(model)
-    start = options.pop("start", {})
-    axis = replace(axis.having(start), known=True) if start else axis
-    found = fitted(record, axis, **options)
-    told = found.estimates.items()
-    lines = [{"parameter": name, "value": value, "sd": sd} for name, (value, sd) in told]
-    charts = identification_charts(found, record.period)
-    return LogResult(lines, found, charts, record=record, axis=found.axis)
+
+def _name(log: Log) -> str:
+    return Path(log).name if isinstance(log, str | Path) else "a record"
 
 
 def track(
@@ -122,6 +204,8 @@ def track(
     estimator: str | None = None,
     *,
     start: float = 1.0,
+    columns: Mapping[str, Any] | None = None,
+    command: str = "",
 ) -> LogResult:
     """Follow parameters along a log by a recursive estimator; `flexaxis track` in Python.
 
@@ -132,78 +216,31 @@ def track(
     parameters : sequence of str
         Such as ``["k_T", "1/J_l"]``.
     estimator : str, optional
-        The recommended one for such an axis by default.
+        By default ekf, or glr for an axis with dry friction.
     start : float
-        θ(0) over what was identified.
+        Initial estimate as a multiple of the identified value.
+    columns, command
+        As for `identify`.
     """
-    from flexaxis.experiments.logs.pages.track_page import estimates_chart, residual_chart
-    from flexaxis.experiments.logs.track import default_estimator
-    from flexaxis.experiments.logs.track import track as tracked
-    from flexaxis.experiments.running.estimators import parse
-
-    record, known = _record(log), _axis(axis)
-    text = estimator or default_estimator(known)
-    found = tracked(record, known, parse(text), identify=parameters, start=start)
-    values = zip(found.names, found.last.tolist(), found.nominal.tolist(), strict=True)
-    lines = [{"parameter": n, "last": v, "nominal": of, "ratio": v / of} for n, v, of in values]
-    charts = [estimates_chart(found, text), residual_chart(found, record.period)]
-    return LogResult(lines, found, charts, record=record, axis=known)
-
-
-def trend(
-    logs: str | Path | Sequence[str | Path],
-    axis: Any,
-    folder: str | Path = "trend",
-    *,
-    covariates: Sequence[str] = (),
-    free: Sequence[str] = (),
-    false_alarms: float = 0.01,
-    smallest: float = 0.01,
-    jobs: int = 1,
-    **options: Any,
-) -> LogResult:
-    """Follow parameters over many logs, and tell wear from warmth; `flexaxis trend` in Python.
-
-    Parameters
-    ----------
-    logs : path or sequence of path
-        Logs, or folders of them.
-    axis : path, Axis, or what `identify` returned
-    folder : path
-        Where estimates are kept, so that no log is computed twice.
-    covariates : sequence of str
-        Columns of the logs, or CSV files, that may explain the estimates.
-    free, false_alarms, smallest, jobs
-        As the options of the command; ``smallest`` as a part.
-    **options
-        How logs are read, as of `import_log`.
-    """
-    from flexaxis.experiments.logs.pages.trend_page import overview_chart
-    from flexaxis.experiments.logs.trend.estimates import Source
-    from flexaxis.experiments.logs.trend.trend import trend_of
-    from flexaxis.experiments.logs.trend.words import summary
-
-    treated = {name: options.pop(name, None) for name in ("resample", "burn_in")}
-    many = [logs] if isinstance(logs, str | Path) else logs
-    source, known = Source(options, treated), _axis(axis)
-    found = trend_of(
-        [Path(each) for each in many], known, source, Path(folder), free=free, jobs=jobs,
-        covariates=covariates, false_alarms=false_alarms, smallest=smallest,
+    known = _axis(axis)
+    spec = parse(estimator or tracking.default_estimator(known))
+    read = _read(log, columns)
+    with waiting(f"tracking {', '.join(parameters)}"):
+        found = tracking.track(read.record, known, spec, identify=parameters, start=start)
+    values = {"last": found.last, "nominal": found.nominal, "ratio": found.last / found.nominal}
+    table = pd.DataFrame(values, found.names)
+    page = pages.track_page(
+        found, spec.text, problems=texts_of(read.checks, "problem"), log=_name(log),
+        command=command,
     )  # fmt: skip
-    lines = [{"parameter": one.name} | summary(one, found) for one in found.verdicts]
-    charts = [overview_chart(found)]
-    return LogResult(lines, found, charts, axis=known)
-
-
-def _record(log: Log) -> Record:
-    from flexaxis.experiments.logs.importing import read_any
-
-    log = log.record if isinstance(log, LogResult) else log
-    return read_any(Path(log), {}) if isinstance(log, str | Path) else log
-
-
-def _axis(given: Any) -> Axis:
-    from flexaxis.experiments.logs.axis_file import find_axis
-
-    given = given.axis if isinstance(given, LogResult) else given
-    return find_axis(str(given)) if isinstance(given, str | Path) else given
+    content = table.to_dict() | {
+        "fit": found.fit,
+        "residual": {"correlation": found.correlation},
+        "alarms": found.alarms.tolist(),
+        "changes": [vars(change) for change in found.changes],
+        "doubts": texts_of(found.findings, "problem"),
+    }
+    return LogResult(
+        found, page, content, table, found.status, read.record, known,
+        lambda path: found.save(path, estimator=spec.text),
+    )  # fmt: skip

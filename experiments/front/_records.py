@@ -1,24 +1,26 @@
-"""A run of a scenario as a record that shows itself: `simulate`, `load`."""
+"""A run of a scenario as a record with figures: `simulate`, `load`; and the `cache` of records."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
-from flexaxis._given import scenarios_of, seed_of
-from flexaxis._table import html_table
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.reporting import figures
+from flexaxis.experiments.reporting.figures import Series
+from flexaxis.experiments.reporting.styles import SETTINGS
+from flexaxis.experiments.running.cache import default_cache
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import SIGNALS, Record, load_record
 from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.simulate import simulate as run
 
 if TYPE_CHECKING:
-    import pandas
-
     from flexaxis._results import Results
 
 
@@ -27,17 +29,17 @@ class Recording(Record):
 
     @classmethod
     def of(cls, record: Record) -> Recording:
-        """Return a record as one that shows itself."""
+        """Return a record as one that can be plotted."""
         return cls(**{field.name: getattr(record, field.name) for field in fields(record)})
 
     @property
     def definition(self) -> Scenario | None:
-        """The scenario, None if the record does not say it."""
+        """The scenario; None if the record does not contain it."""
         return scenario_from(self.scenario, source="the record") if self.scenario else None
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Names of the signals (N,) that it has, without time."""
+        """Names of its signals (N,), without time."""
         return tuple(n for n in SIGNALS if n != "time" and getattr(self, n) is not None)
 
     def plot(self, *signals: str, ax: Any = None) -> Any:
@@ -46,7 +48,7 @@ class Recording(Record):
         Parameters
         ----------
         *signals : str
-            Names as in `signals`; torque and what estimators read by default.
+            Names as in `signals`; by default the torque and what estimators read.
         ax : matplotlib axes, or several, optional
             Where to draw; new ones by default.
 
@@ -54,26 +56,20 @@ class Recording(Record):
         -------
         Axes, or ndarray of Axes
         """
-        from flexaxis._draw import over_time
-        from flexaxis.experiments.reporting.figures import Series
-
-        read = self.scenario.get("output", "speed")
-        usual = ("torque", read if read in self.signals else self.signals[-1])
-        for name in signals:
+        output = self.scenario.get("output", "")
+        usual = ("torque", output if output in self.signals else self.signals[-1])
+        curves = {}
+        for name in signals or usual:
             if name not in self.signals:
                 raise FlexaxisError(unknown("signal", name, self.signals))
-        label = repr(self).partition(": ")[0]
-        beside = any(each.lines for each in np.ravel(ax if ax is not None else []))
-        who = label if beside else "A"  # alone it is unbroken; beside others by its name
-        curves = {f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]":
-                  [Series(estimator=who, label=label, x=self.time, y=getattr(self, name))]
-                  for name in signals or usual}  # fmt: skip
-        return over_time(curves, ax, self.definition)
+            one = Series(role="data", label=str(self), x=self.time, y=getattr(self, name))
+            curves[f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]"] = [one]
+        return draw(curves, ax, self.definition)
 
-    def to_dataframe(self) -> pandas.DataFrame:
+    def to_dataframe(self) -> pd.DataFrame:
         """Return a pandas DataFrame: a line a sample, time [s] as index.
 
-        Columns are the signals, `valid` where samples are missing, and the true parameters as
+        Columns are the signals, `valid` if samples are missing, and the true parameters as
         ``true_f_m``.
         """
         columns = {name: getattr(self, name) for name in self.signals}
@@ -82,27 +78,39 @@ class Recording(Record):
         if self.true_parameters is not None:
             named = zip(self.parameter_names, self.true_parameters.T, strict=True)
             columns |= {f"true_{name}": values for name, values in named}
-        import pandas as pd
-
         return pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
 
-    def _repr_html_(self) -> str:
-        head = f"<b>{self.scenario.get('name', 'record')}</b>"
-        rows = [
-            [name, SIGNALS[name][0], f"{np.sqrt(np.mean(np.square(getattr(self, name)))):.4g}"]
-            for name in self.signals
-        ]
-        return f"{head} {repr(self).partition(': ')[2]}" + html_table(
-            ["signal", "unit", "rms"], rows, len(rows)
-        )
+
+def panels(axes: Any, count: int) -> list[Any]:
+    """Return axes to draw on, one below the other: those of the caller, or new ones."""
+    if axes is None:
+        from matplotlib import pyplot
+
+        with pyplot.rc_context(SETTINGS):
+            size = (8.0, 2.4 + 1.6 * count)
+            axes = pyplot.subplots(count, sharex=True, squeeze=False, figsize=size)[1]
+    return list(np.ravel(np.asarray(axes, object)))
 
 
-def simulate(scenario: str | Scenario, /, *, seed: int = 0, **changes: Any) -> Recording:
+def draw(curves: Mapping[str, Sequence[Series]], axes: Any, scenario: Scenario | None) -> Any:
+    """Draw curves over time, a panel each; on new axes with faults and burn-in of a scenario.
+
+    Axes of the caller have the truth already. One axes is returned as it is, several as an array.
+    """
+    marks = figures.around(scenario) if scenario and axes is None else {}
+    shown = {name: [s for s in each if axes is None or s.role != "truth"]
+             for name, each in curves.items()}  # fmt: skip
+    result = panels(axes, len(curves))
+    figures.curves(shown, x="time [s]", axes=result, **marks)
+    return result[0] if len(result) == 1 else np.array(result, object)
+
+
+def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: Any) -> Recording:
     """Return the record of one run of a scenario.
 
     Parameters
     ----------
-    scenario : str or Scenario
+    scenario : str, Path or Scenario
         A name of `flexaxis.scenarios()`, a path to a TOML file, or a scenario.
     seed : int
         Number of the run: the same number gives the same run, to the last bit.
@@ -128,17 +136,21 @@ def simulate(scenario: str | Scenario, /, *, seed: int = 0, **changes: Any) -> R
     >>> record.torque.shape, record.period
     ((400,), 0.005)
     """
-    from flexaxis.sim.simulate import simulate as run
-
     return Recording.of(run(changed(scenario, changes), [seed_of(seed)])[0])
 
 
-def changed(scenario: str | Scenario, changes: Mapping[str, Any]) -> Scenario:
+def changed(scenario: str | Path | Scenario, changes: Mapping[str, Any]) -> Scenario:
     """Return a scenario with some values replaced."""
-    found = scenarios_of(scenario)
-    if len(found) != 1:
-        raise FlexaxisError(f"{scenario} is a suite of {len(found)} scenarios: name one of them")
-    return found[0].override(changes) if changes else found[0]
+    result = scenario if isinstance(scenario, Scenario) else find_scenario(str(scenario))
+    return result.override(changes) if changes else result
+
+
+def seed_of(seed: Any) -> int:
+    """Return the number of a run; refuse what is no whole number from 0 to 2^63 − 1."""
+    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+    if not whole or not 0 <= seed < 2**63:
+        raise FlexaxisError(f"seed {seed!s:.40}: give a whole number from 0 to 2^63 - 1")
+    return int(seed)
 
 
 def load(path: str | Path) -> Recording | Results:
@@ -150,19 +162,43 @@ def load(path: str | Path) -> Recording | Results:
         A record, as `Recording.save` and ``flexaxis simulate`` write it; or the folder of
         ``flexaxis run`` or ``flexaxis study``, or of `benchmark`.
 
-    Returns
-    -------
-    Recording or Results
-
     Raises
     ------
     FlexaxisError
         If it is neither.
     """
-    if not isinstance(path, str | os.PathLike):
-        raise FlexaxisError(f"{path!r} is no path: give the file of a record, or a folder")
     if Path(path).is_dir():
         from flexaxis._results import Results
 
         return Results.load(path)
     return Recording.of(load_record(path))
+
+
+def cache(*, clear: bool = False) -> dict[str, Any]:
+    """Return the state of the cache of simulated records, or empty it.
+
+    A record is stored under the hash of its scenario, its seed, the engine and the simulation code,
+    so an entry is never out of date. The least recently used records go when the limit is reached.
+
+    Parameters
+    ----------
+    clear : bool
+        Whether to remove all records.
+
+    Returns
+    -------
+    dict
+        ``folder`` (set by the environment variable FLEXAXIS_CACHE), ``records`` (their number),
+        ``megabytes``, ``limit`` [MB] (set by FLEXAXIS_CACHE_LIMIT), and ``removed``.
+
+    Examples
+    --------
+    >>> import flexaxis as fx
+    >>> fx.cache()["removed"]
+    0
+    """
+    store = default_cache()
+    removed = store.clear() if clear else 0
+    size, limit = (round(bytes_ / 1024**2, 1) for bytes_ in (store.size(), store.limit))
+    return {"folder": store.folder, "records": len(store.entries()), "megabytes": size,
+            "limit": limit, "removed": removed}  # fmt: skip

@@ -1,68 +1,109 @@
-"""Many cases, scored and pooled: `benchmark`, `study`, and the results of both."""
+"""Many runs, scored, pooled and compared: `benchmark`, `study`, `compare`, `tune`, `check`."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from html import escape
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from flexaxis._given import (
-    Estimators,
-    Scenarios,
-    scenarios_of,
-    seeds_of,
-    texts_of,
-)
-from flexaxis.experiments.running import results as kept
+import pandas as pd
+
+from flexaxis._estimates import EstimatorLike
+from flexaxis._records import panels, seed_of
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.catalogue.find import select
+from flexaxis.experiments.check import check as rules
+from flexaxis.experiments.comparison import sweep
+from flexaxis.experiments.comparison.ranking import REFERENCE
+from flexaxis.experiments.comparison.tune import Trials, match_noise, save
+from flexaxis.experiments.files import REPORT, optional_package
+from flexaxis.experiments.gate import gate
+from flexaxis.experiments.gate.report import as_dict, write
+from flexaxis.experiments.reporting import figures
+from flexaxis.experiments.reporting.study import over_axis
+from flexaxis.experiments.reporting.tables import between
+from flexaxis.experiments.running import results as engine
 from flexaxis.experiments.running.cache import default_cache
-from flexaxis.experiments.running.progress import progress
+from flexaxis.experiments.running.estimators import parse, text_of
+from flexaxis.experiments.running.progress import progress, remark
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.studies import benchmark as studies
+from flexaxis.experiments.studies.definition import load_study, parse_seeds, study_from
 from flexaxis.sim.errors import FlexaxisError, unknown
+from flexaxis.sim.scenario import Scenario
+
+Estimators = EstimatorLike | Iterable[EstimatorLike]
+Scenarios = str | Path | Scenario | Iterable[str | Path | Scenario]
+Place = str | Path | None
+Seeds = int | str | Iterable[int] | None
+SHOWN = (
+    "scenario", "estimator", "parameter", "lag", "lag_interval", "t10", "std", "bias", "score",
+    "diverged", "failed", "runs",
+)  # fmt: skip
+"""The columns of a table of pooled scores, with the axes of a study."""
+
+
+def texts_of(estimators: Estimators) -> list[str]:
+    """Return some estimators as text."""
+    one = isinstance(estimators, str) or callable(estimators)
+    return list(map(text_of, [estimators] if one else estimators))  # type: ignore[arg-type]
+
+
+def seeds_of(seeds: Seeds, default: int) -> tuple[int, ...]:
+    """Return seeds: a number of them from 1000 on, a range as text, or those listed.
+
+    Examples
+    --------
+    >>> seeds_of(2, 8), seeds_of("5:7", 8), seeds_of(range(3), 8)
+    ((1000, 1001), (5, 6), (0, 1, 2))
+    """
+    if seeds is None or isinstance(seeds, str | int | float):
+        return parse_seeds(str(default if seeds is None else seeds))
+    return tuple(dict.fromkeys(map(seed_of, seeds)))
 
 
 @contextmanager
 def working(
-    what: str, total: float, folder: Path | None = None, **options: Any
-) -> Iterator[Runner]:
-    """Give a runner with progress and the cache of records.
-
-    Parameters
-    ----------
-    what : str
-        What is done, for the progress.
-    total : float
-        Cases, at most.
-    folder : Path, optional
-    **options
-        ``jobs, time_limit, overwrite`` of `Runner`.
-    """
-    with (
-        progress(what, total) as advance,
-        Runner(folder, cache=default_cache(), advance=advance, **options) as runner,
-    ):
+    cases: int, folder: Place = None, *, jobs: int = 1, dask: str | None = None,
+    cache: bool = True, overwrite: bool = False, time_limit: float | None = None,
+) -> Iterator[Runner]:  # fmt: skip
+    """Give a runner with progress; warn of estimates that are not finite."""
+    with ExitStack() as stack:
+        executor = None
+        if dask:
+            client = stack.enter_context(optional_package("distributed").Client(dask))
+            executor, jobs = client.get_executor(retries=2), sum(client.nthreads().values())
+        advance = stack.enter_context(progress(f"{cases} cases at most", cases))
+        runner = stack.enter_context(Runner(
+            Path(folder) if folder else None, jobs=jobs, executor=executor,
+            cache=default_cache() if cache else None, overwrite=overwrite, time_limit=time_limit,
+            advance=advance,
+        ))  # fmt: skip
         yield runner
-    for text in remarks_in_words(runner.remarks):  # at the line of the user: two calls up
-        warnings.warn(text, stacklevel=5)
+    for estimator, where in dict(reversed(runner.remarks)).items():
+        warnings.warn(
+            f"{estimator} returned an estimate that is not finite, first {where}: such a run "
+            "counts as diverged",
+            stacklevel=4,  # the line of the user
+        )
 
 
-def remarks_in_words(remarks: Sequence[tuple[str, str]]) -> list[str]:
-    """Return a sentence for each estimator that returned values that are not finite."""
-    places: dict[str, list[str]] = {}
-    for estimator, where in remarks:
-        places.setdefault(estimator, []).append(where)
-    return [
-        f"{estimator} returned an estimate that is not finite in {len(where)} "
-        f"run{'s'[: len(where) != 1]}, first {where[0]}: such a run counts as diverged"
-        for estimator, where in places.items()
-    ]
-
-
-class Results(kept.Results):
+class Results(engine.Results):
     """Results with their figure; rows, selections and tables are those of every folder."""
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Pooled scores of what changed: an interval is over seeds, std and bias in % of nominal.
+
+        If nothing changed, the scores of all parameters.
+        """
+        rows = self.scores("scenario", "estimator", *self.axes)
+        changed = rows[rows["changed"].astype(bool)]
+        return (rows if changed.empty else changed)[[*self.axes, *SHOWN]].reset_index(drop=True)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
         """Draw the lag after a fault: against the noise before it, or over an axis of a study.
@@ -70,8 +111,8 @@ class Results(kept.Results):
         Parameters
         ----------
         x : str, optional
-            A swept key; the first of the study by default. Where nothing is swept, the standard
-            deviation before the fault is the abscissa, and each estimator a point.
+            A swept key; the first of the study by default. If nothing is swept, the abscissa is
+            the standard deviation before the fault, and each estimator is a point.
         ax : matplotlib axes, optional
             Where to draw; new ones by default.
 
@@ -84,49 +125,42 @@ class Results(kept.Results):
         FlexaxisError
             If no such key is swept.
         """
-        from flexaxis._draw import panels
-        from flexaxis.experiments.reporting.figures import curves, lag_against_noise
-        from flexaxis.experiments.reporting.study import over_axis
-
         if x and x not in self.axes:
-            known = unknown("axis", x, self.axes) if self.axes else f"axis {x!r}: nothing was swept"
-            raise FlexaxisError(f"{known}; leave it out for lag against noise")
-        rows = self.scores("scenario", "estimator")
-        rows = rows[rows["changed"].astype(bool) & rows["lag"].notna()]
-        if rows.empty:
-            raise FlexaxisError("no lag to draw: nothing changes here that is estimated")
+            raise FlexaxisError(unknown("axis", x, self.axes) + " Leave it out for the first one")
         axes = panels(ax, 1)
         if key := x or next(iter(self.axes), ""):
             options = over_axis(self, key, "lag")
             first = dict(list(options["panels"].items())[:1])
-            curves(**options | {"panels": first, "axes": axes})
+            figures.curves(**options | {"panels": first, "axes": axes})
         else:
-            rows["setting"] = rows["estimator"] + " on " + rows["scenario"]
-            lag_against_noise(rows, list(rows["estimator"].unique()), axes=axes)
+            rows = self.scores("scenario", "estimator").query("changed")
+            figures.lag_against_noise(rows, axes=axes)
         return axes[0]
 
+    def report(self, path: Place = None) -> Path:
+        """Write the report, by default to report.html in the folder; return its path."""
+        target = Path(path or (self.folder or Path()) / REPORT)
+        studies.write_report(self, target)
+        return target
+
     def __repr__(self) -> str:
-        names = ", ".join(self.study.get("estimators", ()))
-        text = f"Results of {names}: {self.cases} case{'s'[: self.cases != 1]}"
-        failed = len(self.failures)
-        return text + (f", {failed} of them failed: see .failures" if failed else "")
+        text = f"{self.cases} cases, {len(self.failures)} of them failed"
+        table = self.table.assign(lag_interval=self.table["lag_interval"].map(between))
+        return f"{text}\n{table.to_string(index=False, float_format='{:.3g}'.format)}"
 
     def _repr_html_(self) -> str:
-        shown = ["scenario", "estimator", "parameter", "lag", "t10", "std", "bias", "diverged",
-                 "failed", "runs"]  # fmt: skip
-        table = self.scores()
-        return f"<p>{escape(repr(self))}</p>{table[[*shown]].to_html(index=False)}"
+        return self.table.to_html(index=False)
 
 
 def benchmark(
-    estimators: Estimators,
+    estimators: Estimators = (),
     *,
     scenarios: Scenarios = "smoke",
-    seeds: int | str | Iterable[int] = 8,
-    folder: str | Path | None = None,
-    jobs: int = 1,
-    overwrite: bool = False,
-    time_limit: float | None = None,
+    seeds: Seeds = None,
+    folder: Place = None,
+    shard: tuple[int, int] = (1, 1),
+    command: str = "",
+    **work: Any,
 ) -> Results:
     """Run estimators on scenarios over many seeds, and score them.
 
@@ -134,19 +168,24 @@ def benchmark(
     ----------
     estimators : str, class, or several of them
         Names of `flexaxis.estimators()`, any text as for ``--estimator``, or classes of your own,
-        which are run.
-    scenarios : str, Scenario, or several of them
+        which are run; those of the suite by default.
+    scenarios : str, Path, Scenario, or several of them
         Names of scenarios and suites, paths to TOML files, or scenarios.
     seeds : int, str or iterable of int
-        A number of them from 1000 on, a range ``"0:20"``, or those listed.
+        A number of them from 1000 on, a range ``"0:20"``, or those listed; by default the number
+        of the suite.
     folder : str or Path, optional
-        Where the rows are kept; else they go with the results.
-    jobs : int
-        Processes.
-    overwrite : bool
-        Whether to remove what `folder` holds first; else it is kept, and what is missing run.
-    time_limit : float, optional
-        How long code of your own may take for one run [s]; 600 by default.
+        Where to keep the rows, with summary.json and report.html; a suite's estimators are then
+        compared at equal noise, too. Without it the rows are in memory.
+    shard : (int, int)
+        Number of the part to run, and of all parts.
+    command : str
+        The line that runs it again, for the report.
+    **work
+        ``jobs`` (processes, 1 by default), ``dask`` (address of a scheduler), ``cache`` (whether
+        simulated records are kept, True by default), ``overwrite`` (whether to remove what
+        `folder` holds, False by default), ``time_limit`` (for a run of your own code, 600 s by
+        default).
 
     Returns
     -------
@@ -159,17 +198,30 @@ def benchmark(
         If a name is wrong, or an estimator cannot be made. One that fails on a record is a row
         with its error (`Results.failures`).
     """
-    study = Study("benchmark", scenarios_of(scenarios), texts_of(estimators), seeds_of(seeds))
-    return _run(study, folder, jobs=jobs, overwrite=overwrite, time_limit=time_limit)
+    suite, texts = select(scenarios), texts_of(estimators)
+    own, swept, numbers = suite.scenarios, suite.swept_scenarios, seeds_of(seeds, suite.seeds)
+    turned = [*dict.fromkeys([REFERENCE, *texts])] if texts else suite.swept_estimators
+    tried = sweep.texts(sweep.settings(turned)) if folder else []
+    cases = len(own) * len(texts or suite.estimators) + len(swept) * len(tried)
+    with working(cases * len(numbers), folder, **work) as runner:
+        left_out = runner.misfits([*own, *swept], texts) if texts else {}
+        if not all(s.name in left_out for s in own):  # else running them says why
+            for name, reason in left_out.items():
+                remark(f"{name} is left out: {reason}")
+            own, swept = ([s for s in each if s.name not in left_out] for each in (own, swept))
+        title = scenarios if isinstance(scenarios, str) else ", ".join(s.name for s in own)
+        wanted = Study(title, tuple(own), tuple(texts or suite.estimators), numbers)
+        results = studies.run(wanted, runner, swept=(swept, turned), shard=shard, command=command)
+    return Results(runner.store, results.study)
 
 
 def study(
     definition: str | Path | Mapping[str, Any],
     *,
-    folder: str | Path | None = None,
-    jobs: int = 1,
-    overwrite: bool = False,
-    time_limit: float | None = None,
+    folder: Place = None,
+    shard: tuple[int, int] = (1, 1),
+    command: str = "",
+    **work: Any,
 ) -> Results:
     """Run a study: estimators over values of any key of scenario, fault or estimator.
 
@@ -178,7 +230,7 @@ def study(
     definition : str, Path or mapping
         A TOML file, or its keys: ``{"scenario": "fm_step-v1", "estimators": ["glr"], "seeds":
         20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``; classes may stand among the estimators.
-    folder, jobs, overwrite, time_limit
+    folder, shard, command, **work
         As for `benchmark`.
 
     Returns
@@ -191,20 +243,205 @@ def study(
     StudyError
         With one line for each problem.
     """
-    from flexaxis.experiments.studies.definition import load_study, study_from
-
     if isinstance(definition, str | Path):
         wanted = load_study(definition)
     else:
-        content = {"name": "study"} | dict(definition)
-        if "estimators" in content:
-            content["estimators"] = list(texts_of(content["estimators"]))
-        wanted = study_from(content)
-    return _run(wanted, folder, jobs=jobs, overwrite=overwrite, time_limit=time_limit)
+        texts = texts_of(definition.get("estimators", ()))
+        wanted = study_from({"name": "study"} | dict(definition) | {"estimators": texts})
+    with working(wanted.cases, folder, **work) as runner:
+        results = studies.run(wanted, runner, shard=shard, command=command)
+    return Results(runner.store, results.study)
 
 
-def _run(wanted: Study, folder: str | Path | None, **options: Any) -> Results:
-    place, total = Path(folder) if folder else None, wanted.cases
-    with working(f"{total} case{'s'[: total != 1]}", total, place, **options) as runner:
-        found = runner.run(wanted, about={"title": wanted.name})
-    return Results(runner.store, found.study)
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison:
+    """The verdict on a candidate beside a base.
+
+    Attributes
+    ----------
+    content : dict
+        All that `flexaxis compare --json` prints: ``verdict, headline, advice, rows, legend`` …
+    status, strict_status : int
+        Exit status of the command: 0 no regression, 1 worse, 3 undecided; and with ``--strict``.
+    """
+
+    content: dict[str, Any]
+    status: int
+    strict_status: int
+
+    @property
+    def verdict(self) -> str:
+        """The one word: worse, undecided, better, slight or same."""
+        return str(self.content["verdict"])
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a pandas DataFrame, a line a score."""
+        return pd.DataFrame(self.content["rows"]).drop(columns="text")
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Draw the change of each score with its interval, and the margin that matters.
+
+        Parameters
+        ----------
+        ax : matplotlib axes, optional
+            Where to draw; new ones by default.
+        """
+        axes = panels(ax, 1)[0]
+        figures.verdict_intervals(self.content["rows"], axes=axes)
+        return axes
+
+    def __repr__(self) -> str:
+        c = self.content
+        table = pd.DataFrame([row["text"] for row in c["rows"]], columns=c["columns"])
+        lines = [c["headline"], *c["advice"], "", table.to_string(index=False), "", *c["legend"]]
+        return "\n".join(lines)
+
+
+def compare(
+    base: EstimatorLike | None = None,
+    candidate: EstimatorLike | None = None,
+    *,
+    scenarios: Scenarios = gate.SUITE,
+    seeds: Seeds = None,
+    runs: Sequence[str | Path] = (),
+    max_seeds: int = 0,
+    match_std: bool = False,
+    margins: Mapping[str, float] | None = None,
+    folder: Place = None,
+    **work: Any,
+) -> Comparison:
+    """Say whether a candidate is better or worse than a base, run on the same records.
+
+    Parameters
+    ----------
+    base, candidate : str or class
+        As for `benchmark`.
+    scenarios : str, Path, Scenario, or several of them
+        Those that one of the two cannot read are left out; the verdict says so.
+    seeds, **work
+        As for `benchmark`.
+    runs : two paths, optional
+        Folders of finished runs, which are compared as they are.
+    max_seeds : int
+        Seeds are added up to so many while it is undecided.
+    match_std : bool
+        Whether to tune both to one noise first, and judge the lag at equal noise: equal std of the
+        parameter that changes, or, where several do, equal excess prediction error.
+    margins : mapping of str to float, optional
+        Changes that do not matter, as shares: ``{"lag": 0.05}``; 2 % by default.
+    folder : str or Path, optional
+        Where to keep the rows, compare.json, verdict.md and report.html.
+
+    Returns
+    -------
+    Comparison
+        The verdict, and a line a scenario and score.
+
+    Raises
+    ------
+    FlexaxisError
+        If they have nothing in common; with `match_std` if one has no tuning parameter, or cannot
+        be as noisy as the reference.
+    """
+    checked = gate.check_margins(margins or {})
+    sides = [each and text_of(each) for each in (base, candidate)]
+    if runs:
+        numbers = None if seeds is None else seeds_of(seeds, 0)
+        old, new = map(Path, runs)
+        result = gate.compare_runs(old, new, margins=checked, estimators=sides, seeds=numbers)
+    else:
+        suite = select(scenarios, default=gate.SUITE)
+        own, numbers = suite.scenarios, seeds_of(seeds, suite.seeds)
+        with working(2 * len(own) * max(max_seeds, len(numbers)), folder, **work) as runner:
+            result = gate.compare(
+                *map(str, sides), own, numbers, runner, margins=checked,  # type: ignore[arg-type]
+                max_seeds=max_seeds, match_std=match_std,
+            )  # fmt: skip
+    content = as_dict(result)
+    if folder:
+        content["report"] = write(Path(folder), content)
+    return Comparison(content, result.status(), result.status(strict=True))
+
+
+def tune(
+    *estimators: str,
+    match: str = "excess",
+    scenarios: Scenarios | None = None,
+    seeds: Seeds = None,
+    folder: Place = None,
+    file: Place = None,
+    **work: Any,
+) -> pd.DataFrame:
+    """Find the settings at which estimators are as noisy as rpem-forgetting, or sweep them.
+
+    Without scenarios each is tuned on the nominal axis without a fault. With scenarios each runs at
+    many settings, and the lags after their faults are compared at equal noise.
+
+    Parameters
+    ----------
+    *estimators : str
+        All registered ones with a tuning parameter by default.
+    match : str
+        What is made equal: ``"excess"`` prediction error, or the std of a parameter.
+    scenarios : str, Path, Scenario, or several of them, optional
+        Where to sweep.
+    seeds
+        As for `benchmark`; 0 to 15 by default, for a sweep 1000 to 1015.
+    folder : str or Path, optional
+        Where rows are kept.
+    file : str or Path, optional
+        TOML file for the settings, in the format of estimators/tuned.toml.
+    **work
+        As for `benchmark`.
+
+    Returns
+    -------
+    DataFrame
+        A line an estimator: ``setting, knob, value, match, ratio`` (of its noise to the
+        reference), and ``problem`` if there is no such setting; of a sweep a line a fault and
+        estimator, with ``lag, lag_interval, over_bound, std_after``.
+    """
+    names, lines = list(estimators) or [n for n, entry in REGISTRY.items() if entry.knob], []
+    if scenarios is not None:
+        own, numbers = select(scenarios).scenarios, seeds_of(seeds, 16)
+        most = len(sweep.texts(sweep.settings(names, factors=sweep.TURNS)))
+        with working(most * len(own) * len(numbers), folder, **work) as runner:
+            swept = sweep.sweep(own, names, numbers, runner.rows)
+        return pd.DataFrame(swept.matched).drop(columns="values")
+    numbers = seeds_of("0:16" if seeds is None else seeds, 16)
+    span = f"{numbers[0]}:{numbers[-1] + 1}"
+    with working(12 * len(names) * len(numbers), folder, **work) as runner:
+        for name in names:
+            tuned, problem = None, ""
+            try:
+                tuned = match_noise(name, Trials(numbers, runner.rows, match))
+            except FlexaxisError as error:
+                if len(names) == 1:
+                    raise
+                problem = str(error)
+            lines.append({"estimator": name, "problem": problem} | (asdict(tuned) if tuned else {}))
+            if file:
+                save(Path(file), name, tuned, command=f"flexaxis tune {name} --seeds {span}")
+    return pd.DataFrame(lines)
+
+
+def check(estimator: EstimatorLike) -> pd.DataFrame:
+    """Check whether an estimator keeps the rules: no look-ahead, `step` equals `run`, and so on.
+
+    Parameters
+    ----------
+    estimator : str or class
+        As for `benchmark`.
+
+    Returns
+    -------
+    DataFrame
+        A line a rule: ``rule, holds`` (None if it does not apply), ``seen, reason, hint, raised``.
+
+    Raises
+    ------
+    EstimatorError, EstimatorCrash
+        If it cannot be made at all.
+    """
+    spec = parse(text_of(estimator))
+    return pd.DataFrame(map(asdict, rules.check(spec, store=default_cache())))

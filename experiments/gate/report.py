@@ -15,7 +15,7 @@ from flexaxis.experiments.files import REPORT, write_json, write_text
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import KIND, SIDES
 from flexaxis.experiments.gate.verdict import ALPHA, BETTER, SAME, SILENT, SLIGHT, UNDECIDED, WORSE
-from flexaxis.experiments.reporting.compare import render
+from flexaxis.experiments.reporting.page import comparison as page
 from flexaxis.experiments.reporting.tables import between, short
 from flexaxis.experiments.scoring.score_table import METRICS
 
@@ -160,6 +160,6 @@ def write(folder: Path, content: Mapping[str, Any]) -> Path:
     """Write compare.json, verdict.md and report.html to a folder; return the report."""
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "verdict.md", markdown(content))
-    write_text(folder / REPORT, render(content))
+    write_text(folder / REPORT, page(content))
     write_json(folder / "compare.json", dict(content))  # last: a folder without it is not complete
     return folder / REPORT

@@ -1,7 +1,7 @@
-"""A robot's own logs: read, import, judge, identify, track.
+"""Logs of a real axis: read, import, check, identify, track.
 
-`reading` opens a format, `mapping` finds the signals, `prepare` makes an even grid, `importing` a
-record of it, with `doubts` about it. `identification` gives an axis, `track` parameters along a
-log, `changes` and `trend` what became of them, `pages` the pages. In come files of whoever; out go
-records, axis files, estimates and findings in words.
+`read` opens a format, `mapping` picks the signals, `prepare` makes an even grid and `importing` a
+record, with the findings of `checks`. `search` and `fit` identify an axis, `verdict` says whether
+its numbers can be used; `track` follows parameters along a log, `many` over logs, and `changes`
+and `series` find when they changed. `pages` shows it.
 """

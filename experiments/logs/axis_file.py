@@ -58,8 +58,6 @@ class Axis:
         Corner [Hz] below which the axis does what the model does not know.
     rate : float or None
         Of the log that it was identified from [Hz], which whitening and noise belong to.
-    torque_is : {"held", "smooth"} or None
-        What the torque turned out to be, where nobody said it or it was said wrongly.
     deviation : mapping of str to float
         Standard deviations of nominal values, where known.
     beside : mapping of str to float
@@ -77,7 +75,6 @@ class Axis:
     offset: float = 0.0
     highpass: float | None = None
     rate: float | None = None
-    torque_is: str | None = None
     deviation: Mapping[str, float] = field(default_factory=dict)
     beside: Mapping[str, float] = field(default_factory=dict)
 
@@ -128,7 +125,7 @@ class Axis:
         content = dict(self.tables) | {"delay": self.delay}
         if self.noise is not None:
             content["whitening"] = list(self.whitening)
-        for key in ("noise", "offset", "error", "highpass", "rate", "torque_is"):
+        for key in ("noise", "offset", "error", "highpass", "rate"):
             if getattr(self, key) not in {None, 0.0}:
                 content[key] = getattr(self, key)
         tables = {"nominal": self.model.nominal, "deviation": self.deviation, "beside": self.beside}
@@ -183,7 +180,6 @@ class _Keys(BaseModel):
     error: float | None = None
     highpass: float | None = None
     rate: float | None = None
-    torque_is: Literal["held", "smooth"] | None = None
     whitening: Annotated[list[float], AfterValidator(_filter)] = [1.0]
     deviation: dict[str, float] = {}
     beside: dict[Literal["g_sin", "g_cos", "f_sided"], float] = {}

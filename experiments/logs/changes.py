@@ -1,4 +1,4 @@
-"""Find when parameters changed in a record, and name them, without any recursive estimator."""
+"""When parameters change within a record: steps and drifts, without any recursive estimator."""
 
 from __future__ import annotations
 
@@ -7,132 +7,142 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import median_abs_deviation
 
-from flexaxis.experiments.logs.trend.change_points import FEWEST, Series, explain
+from flexaxis.experiments.logs.series import FEWEST, explain
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Look = Callable[[Array], Sequence[Array]]
+Look = Callable[[Array], tuple[Array, Array]]
 
 WINDOWS = 40  # that a record is cut into
 FALSE_ALARMS = 0.002  # probability of a change in a record without one
 SMALLEST = 0.02  # relative change that is worth a word
-STEPS = 4  # of Gauss and Newton to the values on both sides of a change
-FARTHEST = 0.5  # relative change of a parameter in one of them
+STEPS, FARTHEST = 4, 0.5  # of Gauss and Newton, and how far one changes a parameter
+BLIND, FOREIGN = 5.0, 5.0  # times the usual deviation and residual, of windows that do not count
 
 
 @dataclass(frozen=True)
 class Change:
-    """A parameter that is another one from some time on.
+    """A parameter that has another value from some time on, or that drifts.
 
     Attributes
     ----------
     name : str
+    kind : {"step", "drift"}
     time : float
-        [s], to about one window.
+        Of the step, or where the drift begins [s], to about one window.
     relative : float
-        Change over the value before it.
+        Change over the value before it; of a drift, up to the end of the log.
     scatters : float
         Change in units of its standard deviation, from the scatter between windows.
     """
 
     name: str
+    kind: str
     time: float
     relative: float
     scatters: float
 
-
-def find_changes(
-    time: Array,
-    error: Array,
-    psi: Array,
-    theta: Array,
-    names: Sequence[str],
-    *,
-    windows: int = WINDOWS,
-) -> list[Change]:
-    """Find changes from the residual ε and its gradient ψ at fixed parameters.
-
-    ε ≈ ψᵀ Δθ for a small change of the parameters: the local approach of M. Basseville and
-    I. Nikiforov, *Detection of Abrupt Changes* (1993), chapter 8. Least squares in each of forty
-    windows gives forty nearly independent Δθ, whose changes are found as those of a trend are, see
-    `change_points`. As scatter is measured and not assumed, an error of the model that is always
-    there raises no alarm.
-
-    Parameters
-    ----------
-    time : ndarray (N,)
-        [s], of usable samples only.
-    error : ndarray (N,)
-        ε.
-    psi : ndarray (N, p)
-        ψ.
-    theta : ndarray (p,)
-        Where ε and ψ were taken.
-    names : sequence of str
-        Of the p parameters.
-    windows : int
-        That the samples are cut into.
-
-    Returns
-    -------
-    list of Change
-        In the order of time.
-    """
-    pieces = np.array_split(np.arange(len(time)), max(windows, 1))
-    pieces = [k for k in pieces if len(k) > 10 * len(names)]
-    if len(pieces) < FEWEST:
-        return []
-    local = np.array([np.linalg.lstsq(psi[k] * theta, error[k])[0] for k in pieces])
-    at, found = time[[k[0] for k in pieces]], []
-    for name, values in zip(names, local.T, strict=True):
-        claimed = np.full(len(values), _scatter(values))
-        series = Series(at, values, claimed, np.empty((len(values), 0)))
-        explained = explain(series, false_alarms=FALSE_ALARMS / len(names))
-        for change in explained.changes:
-            relative = change.size / (1 + explained.level)
-            if abs(relative) >= SMALLEST:
-                scatters = abs(change.size) / change.deviation
-                found.append(Change(name, float(at[change.place]), relative, scatters))
-    return sorted(found, key=lambda change: (change.time, -change.scatters))
+    @property
+    def text(self) -> str:
+        """The change in words."""
+        verb = "changed" if self.kind == "step" else "drifts"
+        when = f"at {self.time:.2f} s" if self.kind == "step" else f"from {self.time:.2f} s on"
+        size = f"{100 * self.relative:+.1f} %"
+        return f"{self.name} {verb} by {size} {when} ({self.scatters:.0f} times its scatter)"
 
 
 def changes_along(look: Look, time: Array, theta: Array, names: Sequence[str]) -> list[Change]:
-    """Find changes however large they are: the parameters are fitted anew on both sides of each.
+    """Find changes of parameters in a record, without any recursive estimator.
 
-    A residual is linear in small changes only, and where a motor sticks hardly at all: seen from
-    the values after a large change, what was before has the wrong size, and changes of others
-    beside it that never were. So both sides are looked at again from their own values.
+    ε ≈ ψᵀ Δθ for a small change of the parameters: the local approach of M. Basseville and
+    I. Nikiforov, *Detection of Abrupt Changes* (1993), chapter 8. Least squares in each of forty
+    windows gives forty nearly independent Δθ, in which `series.explain` finds a step or a drift.
+    Both sides of a step are fitted from their own values and searched again.
 
     Parameters
     ----------
     look : callable
-        Returns ε (N,) and ψ (N, p) of the usable samples at any θ.
-    time, theta, names
-        As for `find_changes`.
+        Returns ε (N,) and its gradient ψ (N, p) of the usable samples at any θ.
+    time : ndarray (N,)
+        [s], of usable samples only.
+    theta : ndarray (p,)
+        Where to begin.
+    names : sequence of str
 
     Returns
     -------
     list of Change
-        In the order of time.
+        In the order of time. Windows without information, or in which no value explains the
+        motion, do not count.
     """
 
     def along(inside: Flags, theta: Array) -> list[Change]:
+        theta = _fitted(look, inside, theta)
         error, psi = (signal[inside] for signal in look(theta))
-        windows = round(WINDOWS * np.mean(inside))
-        first = find_changes(time[inside], error, psi, theta, names, windows=windows)
-        if not first:
-            return []
-        at = max(first, key=lambda change: change.scatters).time
+        told = changes_in(time[inside], error, psi * theta, names, share=float(np.mean(inside)))
+        if not told or told[0].kind == "drift":
+            return [one for one in told if one.kind == "drift"]
+        at = told[0].time
         sides = inside & (time < at), inside & (time >= at)
         before, after = (_fitted(look, side, theta) for side in sides)
         sizes = dict(zip(names, (after / before - 1).tolist(), strict=True))
-        here = [replace(c, relative=sizes[c.name]) for c in first if c.time == at]
-        here = [change for change in here if abs(change.relative) >= SMALLEST]
+        here = [
+            replace(one, relative=sizes[one.name])
+            for one in told
+            if one.kind == "step" and one.time == at and abs(sizes[one.name]) >= SMALLEST
+        ]
         return [*along(sides[0], before), *here, *along(sides[1], after)] if here else []
 
     return along(np.ones(len(time), bool), theta)
+
+
+def changes_in(
+    time: Array, error: Array, J: Array, names: Sequence[str], *, share: float = 1.0
+) -> list[Change]:
+    """Return the step or drift of each parameter, the surest first.
+
+    Parameters
+    ----------
+    time, error : ndarray (N,)
+        [s], and ε, of usable samples only.
+    J : ndarray (N, q)
+        Its gradient by relative changes, of the named parameters first.
+    names : sequence of str
+    share : float
+        Of the record, that these samples are.
+    """
+    at, local, spread = _windows(time, error, J, len(names), share)
+    result = list[Change]()
+    if len(at) < FEWEST:
+        return result
+    for name, x, sd in zip(names, local.T, spread.T, strict=False):
+        one = explain(x, sd, false_alarms=FALSE_ALARMS / len(names))
+        relative = one.size / (1 + one.level)
+        if one.kind != "constant" and abs(relative) >= SMALLEST:
+            sureness = abs(one.size) / max(one.deviation, 1e-300)
+            result.append(Change(name, one.kind, float(at[one.place]), relative, sureness))
+    return sorted(result, key=lambda one: -one.scatters)
+
+
+def _windows(
+    time: Array, error: Array, J: Array, p: int, share: float
+) -> tuple[Array, Array, Array]:
+    """Return begin (m,), estimate and deviation (m, p) of windows that show the parameters."""
+    pieces = np.array_split(np.arange(len(time)), max(round(WINDOWS * share), 1))
+    rows = []
+    for k in (piece for piece in pieces if len(piece) > 10 * J.shape[1]):
+        x = np.linalg.lstsq(J[k], error[k], rcond=1e-12)[0]
+        left = float(np.std(error[k] - J[k] @ x))
+        known = np.abs(np.diag(np.linalg.pinv(J[k].T @ J[k], rcond=1e-14)))[:p]
+        sd = left * np.sqrt(np.where(known > 0, known, np.inf))
+        rows.append((time[k[0]], left, float(np.linalg.norm(J[k])), x[:p], sd))
+    if not rows:
+        return np.empty(0), *np.empty((2, 0, p))
+    at, left, strength, x, sd = (np.array(column) for column in zip(*rows, strict=True))
+    seen = (strength > np.median(strength) / BLIND) & (left < FOREIGN * np.median(left))
+    seen &= (sd < BLIND * np.median(sd, axis=0)).all(axis=1)
+    return at[seen], x[seen], sd[seen]
 
 
 def _fitted(look: Look, inside: Flags, theta: Array) -> Array:
@@ -144,12 +154,6 @@ def _fitted(look: Look, inside: Flags, theta: Array) -> Array:
         if not square < least:
             break
         best, least = at, square
-        step = np.linalg.lstsq(psi * at, error)[0]
+        step = np.linalg.lstsq(psi * at, error, rcond=1e-10)[0]
         at = at * (1 + np.clip(step, -FARTHEST, FARTHEST))
     return best
-
-
-def _scatter(values: Array) -> float:
-    """Return the standard deviation of a sequence about a mean that changes now and then."""
-    # a step has twice the variance
-    return float(median_abs_deviation(np.diff(values), scale="normal")) / np.sqrt(2) + 1e-12

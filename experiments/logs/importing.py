@@ -1,4 +1,4 @@
-"""From a log in any of the formats to a record, with a report on what it is."""
+"""From a log in any of the formats to a record, with the findings of its checks."""
 
 from __future__ import annotations
 
@@ -9,40 +9,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts import examine
-from flexaxis.experiments.logs.doubts.evidence import Evidence
-from flexaxis.experiments.logs.doubts.sampled import refuse_nonsense
-from flexaxis.experiments.logs.doubts.torque_kind import (
-    AGAINST,
-    GIVEN,
-    kind_seen,
-    torque_kind,
-)
+from flexaxis.experiments.logs.checks import Evidence, examine, refuse_nonsense, torque_kind
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import is_record
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
-from flexaxis.experiments.logs.prepare import (
-    FEWEST,
-    Prepared,
-    check_time,
-    prepare,
-    unwrapped,
-)
-from flexaxis.experiments.logs.reading.log import open_log
-from flexaxis.sim.errors import RecordError
+from flexaxis.experiments.logs.mapping import Raw, mapping_from, pick
+from flexaxis.experiments.logs.prepare import Prepared, on_clock, prepare, without_interpolation
+from flexaxis.experiments.logs.read import open_log
 from flexaxis.sim.record import Record, load_record
-
-Array = NDArray[np.float64]
 
 BURN_IN = 1.0  # s, where a log starts in the middle of a motion
 
 
 @dataclass(frozen=True)
 class Imported:
-    """A record and what was looked at on the way."""
+    """A record and the findings of the checks of its log."""
 
     record: Record
     checks: tuple[Finding, ...]
@@ -60,7 +42,7 @@ def import_log(
     Parameters
     ----------
     path : Path
-        CSV, MAT, HDF5, NetCDF or parquet, see `reading.log.open_log`.
+        CSV, MAT or HDF5, see `read.open_log`.
     tables : mapping
         As for `mapping_from`.
     resample : float, optional
@@ -75,69 +57,48 @@ def import_log(
         If the log cannot be used; the message begins with its name.
     """
     chosen = mapping_from(tables, source=str(path))
-    raw = pick(open_log(path), chosen)
     try:
-        check_time(raw.time)
+        raw, stamps = on_clock(pick(open_log(path, chosen.header), chosen))
         refuse_nonsense(raw)
-        smooth, because = _kind(raw, chosen)
-        found = prepare(raw, smooth=smooth, resample=resample)
-        told = {
-            "flexaxis": version("flexaxis"),
-            "log": path.name,
-            "torque": "smooth" if smooth else "held",
-            "torque_because": because,
-        }
-        record = _record(found, burn_in, told | _units(raw))
+        raw, lines = without_interpolation(raw)
+        kind, because = torque_kind(raw, chosen.torque_is, chosen.torque or "torque")
+        grid = prepare(raw, smooth=kind == "smooth", resample=resample)
+        told = {"torque": kind, "torque_because": because, **_units(raw)}
+        about = {"flexaxis": version("flexaxis"), "log": path.name, **told}
+        record = _record(grid, burn_in, about)
     except LogError as error:
-        raise LogError(f"{path}: {error}") from error
-    return Imported(record, examine(Evidence(record, raw, found)))
+        where = "" if str(error).startswith(str(path)) else f"{path}: "
+        raise LogError(f"{where}{error}") from error
+    remarks = "; ".join(filter(None, (stamps, lines)))
+    return Imported(record, examine(Evidence(raw, grid, record, remarks)))
 
 
 def _units(raw: Raw) -> dict[str, str]:
     """Return what a record keeps of units: that of the torque, and whether the axis is linear."""
-    unit = raw.unit.get("torque", "")
+    unit = "Nm" if raw.scaled else raw.unit.get("torque", "")
     told = {"torque_unit": {"mA": "A", "mV": "V", "%": "1"}.get(unit, unit)} if unit else {}
     return told | ({"motion": "linear"} if raw.linear else {})
 
 
-def _kind(raw: Raw, chosen: LogMap) -> tuple[bool, str]:
-    """Return whether the torque is smooth, and why."""
-    stated, there = chosen.torque_is, np.isfinite(raw.torque)
-    values = raw.speed if raw.angle is None else raw.angle
-    assert values is not None  # a mapping has one of the two
-    there &= np.isfinite(values)
-    if there.sum() < FEWEST:
-        return stated == "smooth", GIVEN if stated else "too few samples to tell"
-    # the speed but for a factor
-    speed = values[there] if raw.angle is None else np.diff(unwrapped(values[there])[0])
-    signals = raw.torque[there][-len(speed) :], float(np.median(np.diff(raw.time)))
-    if stated is None:
-        kind, because = torque_kind(*signals, speed=speed, name=chosen.torque or "torque")
-        return kind == "smooth", because
-    seen = kind_seen(*signals, speed=speed)
-    against = seen is not None and seen[0] != stated
-    return stated == "smooth", f"{AGAINST} {seen[1]}" if against and seen else GIVEN
-
-
-def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Record:
-    signals, valid, steps = found.signals, found.valid, None
+def _record(grid: Prepared, burn_in: float | None, told: dict[str, str]) -> Record:
+    signals, valid, increment = grid.signals, grid.valid, None
     if "angle" in signals:
-        steps = np.diff(signals["angle"], prepend=signals["angle"][0]) / found.period
+        increment = np.diff(signals["angle"], prepend=signals["angle"][0]) / grid.period
         valid = valid & np.r_[True, valid[:-1]]  # an increment needs both of its ends
-    moving = signals["speed"] if steps is None else steps
+    moving = signals["speed"] if increment is None else increment
     if not (valid.any() and np.ptp(signals["torque"][valid]) and np.ptp(moving[valid])):
-        raise LogError("torque or motion are constant where both are there: nothing can be learnt")
+        raise LogError("torque or motion are constant where both are known: nothing can be learnt")
+    seconds = len(moving) * grid.period
     if burn_in is None:
         resting = np.max(abs(moving[:5])) < 0.05 * np.std(moving)
-        burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * found.period)
-    _check_burn_in(burn_in, len(moving) * found.period)
+        burn_in = 0.0 if resting else min(BURN_IN, 0.1 * seconds)
+    _check_burn_in(burn_in, seconds)
     return Record(
-        time=found.time,
+        time=grid.time,
         torque=signals["torque"],
         angle=signals.get("angle"),
         speed=signals.get("speed"),
-        increment=steps,
-        true_angle_a=signals.get("load_angle"),
+        increment=increment,
         valid=None if valid.all() else valid,
         burn_in=burn_in,
         versions=told,
@@ -147,8 +108,8 @@ def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Rec
 def import_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Imported:
     """Return a record from a record file, or import a log with the options of `import_log`.
 
-    A record that flexaxis wrote takes a burn-in, and is no log of columns and units. What was
-    looked at when it was imported is on the page of that import: it has no checks here.
+    A record that flexaxis wrote takes a burn-in, and has no columns and units to choose. It has
+    no checks here: they are on the page of its import.
 
     Raises
     ------
@@ -157,36 +118,28 @@ def import_any(path: Path, tables: Mapping[str, Any], **options: float | None) -
     RecordError
         If the record cannot be read.
     """
-    asked: dict[str, Any] = {name: v for name, v in options.items() if v is not None}
-    if not is_record(path) and (path.suffix != ".nc" or tables or asked):
+    if not is_record(path):
         return import_log(path, tables, **options)
-    try:
-        record = load_record(path)
-    except RecordError as error:
-        if path.is_file():
-            raise RecordError(f"{error} To import it as a log, name its columns") from error
-        raise
-    known = {"burn_in": asked.get("burn_in"), "torque_is": record.versions.get("torque", "held")}
-    every = {**tables, **asked}.items()
-    if wrong := [name.replace("_", "-") for name, x in every if known.get(name) != x]:
-        log = record.versions.get("log", "one of `flexaxis simulate … --as-log csv`")
+    record, asked = load_record(path), {k: v for k, v in options.items() if v is not None}
+    burn_in = asked.pop("burn_in", record.burn_in)
+    if wrong := [name.replace("_", "-") for name in (*tables, *asked)]:
+        log = record.versions.get("log", "a log of it")
         raise LogError(
             f"{path}: is a record that flexaxis wrote, with signals in SI on an even grid; "
-            f"--{', --'.join(wrong)} (and --map) are for logs: import {log} with them"
+            f"--{', --'.join(wrong)} are for logs: import {log} with them"
         )
-    if "burn_in" in asked:
-        _check_burn_in(asked["burn_in"], len(record.time) * record.period, f"{path}: ")
-    return Imported(replace(record, burn_in=asked.get("burn_in", record.burn_in)), ())
+    _check_burn_in(burn_in, len(record.time) * record.period)
+    return Imported(replace(record, burn_in=burn_in), ())
 
 
 def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Record:
-    """Return a record as `import_any` does, without what was looked at."""
+    """Return a record as `import_any` does, without the findings."""
     return import_any(path, tables, **options).record
 
 
-def _check_burn_in(burn_in: float, seconds: float, where: str = "") -> None:
+def _check_burn_in(burn_in: float, seconds: float) -> None:
     if not 0 <= burn_in < 0.9 * seconds:
         raise LogError(
-            f"{where}--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the "
-            f"log, {seconds:.4g} s"
+            f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
+            f"{seconds:.4g} s"
         )

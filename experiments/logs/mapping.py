@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,34 +13,23 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.reading.log import Log, shown
-from flexaxis.experiments.logs.units import ENDINGS, LINEAR, UNITS, completed, spelt
+from flexaxis.experiments.logs.read import Log
+from flexaxis.experiments.logs.units import COUNTS, ENDINGS, UNITS, completed, is_linear, spelt
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.files import read_toml
 from flexaxis.sim.files import shown as limited
 
 Array = NDArray[np.float64]
 
-KINDS = {
-    "time": "time",
-    "torque": "torque",
-    "angle": "angle",
-    "speed": "speed",
-    "load_angle": "angle",
-}
-"""The signals that a mapping may name, and the kind of unit each has."""
-
-LARGEST = 1e12  # of a rate or a factor
-GREATEST = 1e100  # of a sample: a sum of squares is still finite
-SLOWEST = 0.01  # Hz, so that the time of a log is a number; what is too slow is said later
+KINDS = ("time", "torque", "angle", "speed")
+"""The signals that a mapping may name."""
 
 Signal = Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")]
-Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
 
 def _is_factor(value: float) -> float:
     if value == 0:
-        raise ValueError("a number other than 0")
+        raise ValueError("give a number other than 0")
     return value
 
 
@@ -48,7 +38,7 @@ class LogMap(BaseModel):
 
     Attributes
     ----------
-    time, torque, angle, speed, load_angle : str or None
+    time, torque, angle, speed : str or None
         Column of each signal; time may be left out where `rate` is given.
     rate : float or None
         Sampling rate [Hz] of a log without time.
@@ -56,11 +46,15 @@ class LogMap(BaseModel):
         Factor on a signal, after its unit; −1 turns a sign.
     unit : dict of str to str
         Unit of a signal, where the file does not say it or is wrong.
+    counts : float or None
+        Counts of the encoder in a turn, of an angle in the unit ``counts``.
     torque_is : {"held", "smooth"} or None
         Whether the torque is a measured, smooth signal such as a current, rather than a command
-        that is held until the next sample; None where nobody said.
+        that is held until the next sample; None where nobody stated it.
     rows : str
         Samples to take, from A to before B, as ``A:B``.
+    header : int or None
+        Line of the names in a CSV, from 1.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
@@ -69,12 +63,13 @@ class LogMap(BaseModel):
     torque: str | None = None
     angle: str | None = None
     speed: str | None = None
-    load_angle: str | None = None
-    rate: Annotated[float, Field(ge=SLOWEST, le=LARGEST)] | None = None
-    scale: dict[Signal, Annotated[Number, AfterValidator(_is_factor)]] = {}
+    rate: Annotated[float, Field(ge=0.01, le=1e12)] | None = None
+    scale: dict[Signal, Annotated[float, AfterValidator(_is_factor)]] = {}
     unit: dict[Signal, str] = {}
+    counts: Annotated[float, Field(gt=0, strict=False)] | None = None
     torque_is: Literal["held", "smooth"] | None = None
     rows: Annotated[str, Field(pattern=r"^\d*:\d*$")] = ":"
+    header: Annotated[int, Field(ge=1)] | None = None
 
     @property
     def columns(self) -> dict[str, str]:
@@ -88,28 +83,33 @@ class Raw:
 
     Attributes
     ----------
-    time, torque : ndarray (N,)
-        [s], [N m].
-    angle, speed, load_angle : ndarray (N,) or None
-        [rad], [rad/s], [rad].
+    time : ndarray (N,)
+        [s].
+    signals : dict of str to ndarray (N,)
+        Torque [N m], angle [rad], speed [rad/s], of those that the log has.
     stated : frozenset of str
-        Signals whose unit somebody stated.
+        Signals whose unit is stated.
     unit : dict of str to str
         Units as the log has them, where they are known.
+    scaled : bool
+        Whether a factor makes another quantity of the torque.
     """
 
     time: Array
-    torque: Array
-    angle: Array | None
-    speed: Array | None
-    load_angle: Array | None
+    signals: Mapping[str, Array]
     stated: frozenset[str]
     unit: Mapping[str, str] = field(default_factory=dict)
+    scaled: bool = False
+
+    @property
+    def motion(self) -> str:
+        """The signal that the estimators read: the angle where there is one."""
+        return "angle" if "angle" in self.signals else "speed"
 
     @property
     def linear(self) -> bool:
         """Whether the axis goes straight."""
-        return bool(LINEAR & {self.unit.get("angle"), self.unit.get("speed")})
+        return any(is_linear(self.unit.get(name)) for name in ("angle", "speed"))
 
 
 def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
@@ -129,17 +129,17 @@ def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
 
 def explained(error: ValidationError, known: Collection[str]) -> Iterator[str]:
     """Yield what is wrong with keys of a table, among names that are known."""
-    for each in error.errors():
-        *_, last = place = [str(part) for part in each["loc"] if part != "[key]"]
-        text = f"{'.'.join(place)} is {limited(each['input'])}: {each['msg']}"
-        if each["type"] == "extra_forbidden" or "[key]" in each["loc"]:
-            there = f"There are {', '.join(known)}"
-            text = f"{'.'.join(place)}: no such key.{did_you_mean(last, known)} {there}"
+    for row in error.errors():
+        *_, last = place = [str(part) for part in row["loc"] if part != "[key]"]
+        text = f"{'.'.join(place)} is {limited(row['input'])}: {row['msg']}"
+        if row["type"] == "extra_forbidden" or "[key]" in row["loc"]:
+            hint = f"{did_you_mean(last, known)} There are {', '.join(known)}"
+            text = f"{'.'.join(place)}: no such key.{hint}"
         yield text
 
 
 def load_mapping(path: Path) -> dict[str, Any]:
-    """Return the tables of a mapping file, whose keys are looked at here, for they are its own."""
+    """Return the tables of a mapping file, after a check of its keys."""
     tables = read_toml(path, LogError)
     mapping_from(tables, source=str(path))
     return tables
@@ -158,108 +158,67 @@ def pick(log: Log, mapping: LogMap) -> Raw:
     """
     own = {name: name for name in KINDS if name in log.names}
     given = completed(own | mapping.columns, log.names)
-    if mapping.rate is not None and "time" not in mapping.columns:
+    if mapping.rate is not None and mapping.time is None:
         given.pop("time", None)
     _check_columns(log, given, mapping)
     units = {name: _unit(log, name, column, mapping) for name, column in given.items()}
-    columns = log.load([*given.values()])
-    signals = {
-        name: columns[column]
-        * (_factor(log, name, column, units[name]) * mapping.scale.get(name, 1))
-        for name, column in given.items()
-    }
-    for name, values in signals.items():
-        _check_size(f"{log.source}: column {given[name]!r}", values)
-    if "time" not in signals:
-        assert mapping.rate is not None  # checked above
-        signals["time"] = np.arange(len(signals["torque"])) / mapping.rate
-    lengths = {name: len(values) for name, values in signals.items()}
-    if len(set(lengths.values())) > 1:
-        text = ", ".join(f"{name} ({given[name]}) {length}" for name, length in lengths.items())
+    rows = slice(*(int(part) if part else None for part in mapping.rows.split(":")))
+    columns = log.load([*given.values()], rows)
+    signals = {n: columns[c] * _factor(n, c, units[n], mapping) for n, c in given.items()}
+    lengths = {len(values) for values in signals.values()}
+    if len(lengths) > 1:
         raise LogError(
-            f"{log.source}: the columns differ in length: {text}. Columns of one log have a value "
-            "each for every sample: are they of different rates?"
+            f"the columns {', '.join(columns)} differ in length, {lengths}: columns of one log "
+            "have a value for every sample; are they of different rates?"
         )
-    first, last = (int(part) if part else None for part in mapping.rows.split(":"))
-    signals = {name: values[first:last] for name, values in signals.items()}
-    return Raw(
-        time=signals["time"],
-        torque=signals["torque"],
-        angle=signals.get("angle"),
-        speed=signals.get("speed"),
-        load_angle=signals.get("load_angle"),
-        stated=frozenset({n for n, u in units.items() if u} | ({"time"} - given.keys())),
-        unit={name: spelt(text) for name, text in units.items() if text},
-    )
-
-
-def _check_size(what: str, values: Array) -> None:
-    """Refuse what no sum of squares can be made of; infinity is a sample that is missing."""
-    sizes = abs(values[np.isfinite(values)])
-    if 0 < (most := sizes.max(initial=0.0)) < 1 / GREATEST:
-        raise LogError(
-            f"{what} is never more than {most:.3g}, less than anything measured can be: is its "
-            "scale or unit right, or is the file damaged?"
-        )
-    wrong = np.isfinite(values) & (abs(values) > GREATEST)
-    if wrong.any():
-        k = int(np.argmax(wrong))
-        raise LogError(
-            f"{what} is {values[k]:.3g} at sample {k}, which nothing measured can be: is the file "
-            "damaged, or of another format? Leave such samples empty"
-        )
+    time = signals.pop("time", np.arange(lengths.pop()) / (mapping.rate or 1.0))
+    stated = frozenset({n for n, u in units.items() if u} | ({"time"} - given.keys()))
+    named = {name: spelt(text, name) for name, text in units.items() if text}
+    return Raw(time, signals, stated, named, abs(mapping.scale.get("torque", 1.0)) != 1)
 
 
 def _check_columns(log: Log, given: Mapping[str, str], mapping: LogMap) -> None:
-    there = f"there are {shown(log.names)}"
-    if log.names[0] == "column1":
-        there = f"the file names no columns, so t{there[1:]}"
-    problems = [
-        f"{log.source}: there is no column {column!r} for {name}."
-        f"{did_you_mean(column, log.names)} T{there[1:]}"
-        for name, column in given.items()
-        if column not in log.names
-    ]
-    asked = {
-        "time? Give --time COLUMN, or --rate HZ": "time" in given or mapping.rate is not None,
-        "torque, or current? Give --torque COLUMN": "torque" in given,
-        "motor angle, or speed? Give --angle COLUMN or --speed COLUMN":
-            not {"angle", "speed"}.isdisjoint(given),
-    }  # fmt: skip
-    problems += [
-        f"{log.source}: which column is the {question}; {there}"
-        for question, answered in asked.items()
-        if not answered
-    ]
-    twice = [c for c in set(given.values()) if list(given.values()).count(c) > 1]
-    if twice:
-        names = ", ".join(name for name, column in given.items() if column == twice[0])
-        problems.append(f"{log.source}: column {twice[0]!r} is named for {names}; each has its own")
-    if problems:
-        raise LogError("\n".join(problems))
+    for name, column in given.items():
+        if column not in log.names:
+            raise LogError(log.lacks(column, f" for {name}"))
+        if list(given.values()).count(column) > 1:
+            raise LogError(f"column {column!r} is named for two signals; each has its own")
+    timed = mapping.rate is not None or "time" in given
+    for question, known in (
+        ("time? Give --time COLUMN, or --rate HZ", timed),
+        ("torque, or current? Give --torque COLUMN", "torque" in given),
+        ("motor angle, or speed? Give --angle COLUMN or --speed COLUMN",
+         {"angle", "speed"} & given.keys()),
+    ):  # fmt: skip
+        if not known:
+            raise LogError(
+                f"which column is the {question}; there are {log.listed}. If these are no names, "
+                "give the line of the names by --header LINE"
+            )
 
 
 def _unit(log: Log, name: str, column: str, mapping: LogMap) -> str:
     """Return the unit of a signal: as the mapping says, the file, or the end of the name."""
-    stated = mapping.unit.get(name) or log.units.get(column, "")
-    known, parts = ENDINGS[KINDS[name]], column.split("_")
+    if stated := mapping.unit.get(name) or log.units.get(column):
+        return stated
+    if name == "angle" and mapping.counts:
+        return COUNTS
     # torque_mA is a current, torque_ma may be a moving average
-    endings = [end for n in (2, 1) if len(parts) > n for end in ["_".join(parts[-n:])]]
-    found = (text for end in endings for text in (end, end.lower()) if text in known)
-    return stated or next(found, "")
+    endings = re.findall(r"(?=_(.+))", column)[-2:]
+    both = (unit for end in endings for unit in (end, end.lower()))
+    return next((unit for unit in both if unit in ENDINGS[name]), "")
 
 
-def _factor(log: Log, name: str, column: str, text: str) -> float:
-    """Return the factor of a unit to SI."""
-    factors = UNITS[KINDS[name]]
-    if not text:
-        return 1.0
-    unit = spelt(text)
-    if unit == "Nm" and KINDS[name] == "angle":
-        unit = "nm"
-    if unit not in factors:
+def _factor(name: str, column: str, text: str, mapping: LogMap) -> float:
+    """Return the factor of a signal to SI."""
+    known = UNITS[name] | {"": 1.0}
+    if mapping.counts is not None and name == "angle":
+        known[COUNTS] = 2 * np.pi / mapping.counts
+    unit = spelt(text, name)
+    if unit not in known:
         raise LogError(
-            f"{log.source}: the unit {text!r} of {column} is not one of {', '.join(factors)} "
-            f"for {name}; state it with --unit {name}=…"
+            f"the unit {text!r} of {column} is not one of {', '.join(filter(None, known))} for "
+            f"{name}; state it with --unit {name}=…, with --counts N if it is counts of an "
+            f"encoder, or give a factor with --scale {name}=FACTOR beside a known unit"
         )
-    return factors[unit]
+    return known[unit] * mapping.scale.get(name, 1.0)

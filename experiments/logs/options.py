@@ -3,61 +3,76 @@
 from __future__ import annotations
 
 import argparse
+import math
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from flexaxis.experiments.logs.errors import LogError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.as_log import LogStyle
 
-SIGNALS = ("time", "torque", "angle", "speed", "load_angle")
+SIGNALS = ("time", "torque", "angle", "speed")
+KEYS = (*SIGNALS, "rate", "torque_is", "rows", "header", "resample", "burn_in")
+SEVERAL: dict[str, Any] = {"action": "append", "default": []}
 
 
-def add_log_options(parser: argparse.ArgumentParser) -> None:
-    """Declare them."""
-    group = parser.add_argument_group("columns of the log")
-    group.add_argument("--map", type=Path, metavar="MAP.toml", help="the same as a file")
-    for name, meaning in (
-        ("time", "time"),
-        ("torque", "torque command, or motor current"),
-        ("angle", "motor angle"),
-        ("speed", "motor speed"),
-        ("load-angle", "angle of the load: kept for comparison, no estimator gets it"),
-    ):
-        group.add_argument(f"--{name}", metavar="COLUMN", help=meaning)
-    group.add_argument(
-        "--axis", metavar="N", help="of several in a file: what stands for {} in names of columns"
-    )
-    group.add_argument("--rows", metavar="A:B", help="samples from A to before B")
-    group.add_argument("--rate", type=float, metavar="HZ", help="of a log without time")
-    group.add_argument(
-        "--unit", action="append", default=[], metavar="SIGNAL=UNIT", help="such as angle=deg"
-    )
-    group.add_argument(
-        "--scale", action="append", default=[], metavar="SIGNAL=FACTOR", help="such as torque=0.6"
-    )
-    group.add_argument(
-        "--torque-is",
-        choices=("held", "smooth"),
-        help="held: a command, constant until the next sample; smooth: a measured current, which "
-        "changes between the samples as well (default: seen from the log)",
-    )
-    group.add_argument("--resample", type=float, metavar="HZ", help="to another rate")
-    group.add_argument(
-        "--burn-in", type=float, metavar="S", help="time from the start that is not fitted"
-    )
+LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
+    "--map MAP.toml": ("Read these options from a TOML file (default: none).", {"type": Path}),
+    "--time COLUMN": "Column of the time (default: found by its name).",
+    "--torque COLUMN": "Column of the torque command or motor current (default: found by its "
+    "name).",
+    "--angle COLUMN": "Column of the motor angle (default: found by its name).",
+    "--speed COLUMN": "Column of the motor speed (default: found by its name).",
+    "--axis N": "Axis number that replaces {} in column names, for files of several axes "
+    "(default: none).",
+    "--rows A:B": "Samples to read, from A to B-1 (default: all).",
+    "--rate HZ": ("Sampling rate [Hz], if the log has no time column (default: from the time).",
+                  {"type": float}),
+    "--header LINE": ("Line of the names of a CSV, from 1 (default: found by content).",
+                      {"type": int}),
+    "--unit SIGNAL=UNIT": ("Unit of a signal, such as angle=deg (default: from the column's name, "
+                           "else SI).", SEVERAL),
+    "--scale SIGNAL=FACTOR": (
+        "Multiply a signal by a factor, such as torque=0.6 (N m/A) or angle=2*pi/8192 (rad per "
+        "count; default: 1).", SEVERAL,
+    ),
+    "--torque-is KIND": (
+        "held: a command, constant until the next sample (zero-order hold); smooth: a measured "
+        "current, which changes between samples (default: seen from the log).",
+        {"choices": ("held", "smooth")},
+    ),
+    "--resample HZ": ("Resample the log to this rate [Hz] (default: as logged).", {"type": float}),
+    "--burn-in S": ("Time from the start that is not fitted [s] (default: 0 for a log that starts "
+                    "at rest, else 1).", {"type": float}),
+    "--as-log FORMAT": ("Write what a robot would log, as csv (default: a record).",
+                        {"choices": ("csv",)}),
+    "--units U,…": "Units of the written log, such as deg,A,rpm,ms (default: SI).",
+    "--jitter S": ("Standard deviation of the written time stamps [s] (default: 0).",
+                   {"type": float, "default": 0.0}),
+    "--gaps N": ("Number of times at which samples are missing (default: 0).",
+                 {"type": int, "default": 0}),
+    "--counts N": ("Counts of the encoder per turn of the motor: of an angle in counts, or to "
+                   "round the written angle (default: none).", {"type": int, "default": 0}),
+}  # fmt: skip
+"""Options of the commands that read or write logs, as in `experiments.commands.options`."""
 
-
-def treatment(args: argparse.Namespace) -> dict[str, float | None]:
-    """Return what the options say is to be done to a log, as for `importing.read_any`."""
-    return {name: getattr(args, name) for name in ("resample", "burn_in")}
+READING = (
+    "--map", "--time", "--torque", "--angle", "--speed", "--axis", "--rows", "--rate", "--header",
+    "--unit", "--counts", "--scale", "--torque-is", "--resample", "--burn-in",
+)  # fmt: skip
+"""Those that say how a log is read."""
+WRITING = ("--as-log", "--units", "--jitter", "--gaps", "--counts")
+"""Those that say how one is written."""
 
 
 def tables_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the mapping of a command line, its options over those of its file."""
+    """Return how a log is read, as for `fx.import_log`: options go before those of the file."""
     from flexaxis.experiments.logs.mapping import load_mapping
 
     tables = load_mapping(args.map) if args.map else {}
-    named = {name: getattr(args, name) for name in (*SIGNALS, "rate", "torque_is", "rows")}
+    named = {name: getattr(args, name) for name in KEYS} | {"counts": args.counts or None}
     tables |= {name: value for name, value in named.items() if value is not None}
     if args.axis is not None:
         tables |= {n: str(tables[n]).replace("{}", args.axis) for n in SIGNALS if n in tables}
@@ -73,40 +88,33 @@ def assignments(option: str, texts: list[str]) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
     for text in texts:
         name, equals, value = text.partition("=")
-        found[name.strip()] = _float(option, text, value) if equals else None
+        found[name.strip()] = number(option, text, value) if equals else None
     return found
 
 
 def _pair(key: str, text: str) -> tuple[str, Any]:
-    from flexaxis.experiments.logs.errors import LogError
-
     name, equals, value = text.partition("=")
     if not equals:
         raise LogError(f"--{key} {text}: write SIGNAL=VALUE, such as angle=deg or torque=0.6")
-    return name.strip(), _float(key, text, value) if key == "scale" else value.strip()
+    return name.strip(), number(key, text, value) if key == "scale" else value.strip()
 
 
-def _float(option: str, text: str, value: str) -> float:
-    from flexaxis.experiments.logs.errors import LogError
+def number(option: str, text: str, value: str) -> float:
+    """Return a number, or a product or quotient of numbers and pi.
 
+    Examples
+    --------
+    >>> number("scale", "angle=2*pi/8", "2*pi/8")
+    0.7853981633974483
+    """
+    result = 1.0
     try:
-        return float(value)
-    except ValueError:
+        for operator, factor in re.findall(r"(^|[*/])([^*/]*)", value):
+            size = math.pi if factor.strip() == "pi" else float(factor)
+            result = result / size if operator == "/" else result * size
+    except (ValueError, ZeroDivisionError):
         raise LogError(f"--{option} {text}: {value!r} is not a number") from None
-
-
-def add_style_options(parser: argparse.ArgumentParser) -> None:
-    """Declare them."""
-    group = parser.add_argument_group("how the log is written")
-    group.add_argument(
-        "--units", metavar="U,…", help="such as deg,A,rpm,ms: for the signals that can have them"
-    )
-    for option, kind, of, meaning in (
-        ("--jitter", float, "S", "of the time stamps [s], 1 σ"),
-        ("--gaps", int, "N", "times at which samples are missing"),
-        ("--counts", int, "N", "of the encoder in a turn of the motor"),
-    ):
-        group.add_argument(option, type=kind, default=0, metavar=of, help=meaning)
+    return result
 
 
 def style_of(args: argparse.Namespace) -> LogStyle:

@@ -1,8 +1,9 @@
-"""From raw samples to an even grid: gaps, jitter, unwrapping, resampling."""
+"""From raw samples to an even grid: time stamps, gaps, unwrapping, interpolation, resampling."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 FEWEST = 200  # samples
+CLOCKS = (2**32 * 1e-6, 86400.0, 2**32 * 1e-3, 2**16 * 1e-3)  # s, after which clocks begin again
 ROUNDING = 1e-3  # of a turn
 SMALL = 0.1  # of the range of a counter: what it moves in a sample, and misses of its range
 MOST_RATE = 10  # times that of the log, to which it may be resampled
@@ -23,6 +25,12 @@ MOST_GAPS = 10  # times the samples of a log that its grid may have
 LONGEST_STEP = 3.0  # periods between irregular stamps, beyond which nothing is known between them
 NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
 SLOWEST = 1.01  # s, of a sample; spectra are averaged over four seconds
+WITHIN = 2.05  # ticks of an even grid, of stamps that are rounded
+FARTHEST = 1.2  # times the usual move, that a row is away from the last one where none is missing
+LONGEST = 200_000  # samples that are looked at
+STRAIGHT, LINED = 1e-3, 0.45  # of the usual bend, and share of the samples, of lines
+MOST_KNOTS, BENDS = 21, 0.95  # samples between updates, and share of the changes at them
+MOVING = 3.0  # steps of its resolution by which a signal moves between its updates
 
 
 @dataclass(frozen=True)
@@ -52,8 +60,8 @@ class Prepared:
     time : ndarray (N,)
         [s].
     signals : dict of str to ndarray (N,)
-        Of torque (its mean over [t_k, t_{k+1})), angle, speed and load_angle those that there
-        are; finite everywhere.
+        Of torque (its mean over [t_k, t_{k+1})), angle and speed those that the log has; finite
+        everywhere.
     valid : ndarray (N,) of bool
         False where something is missing.
     period : float
@@ -65,11 +73,126 @@ class Prepared:
     """
 
     time: Array
-    signals: dict[str, Array]
+    signals: Mapping[str, Array]
     valid: Flags
     period: float
     jitter: float
     wrap: Wrap
+
+
+def on_clock(raw: Raw) -> tuple[Raw, str]:
+    """Return a log whose time advances, and what was done to its stamps.
+
+    A clock that begins again is continued; stamps coarser than the sampling become even.
+
+    Raises
+    ------
+    LogError
+        If there are too few samples, or time does not advance.
+    """
+    time = raw.time
+    if len(time) < FEWEST:
+        raise LogError(f"the log has {len(time)} samples; {FEWEST} or more are needed")
+    if not np.isfinite(time).all():
+        raise LogError(
+            f"time is missing at sample {int(np.argmin(np.isfinite(time)))}: cut the log there "
+            "with --rows A:B, or give --rate HZ in place of the time"
+        )
+    time, told = time - time[0], ""
+    for turn in CLOCKS:
+        if 0.99 * turn < -np.diff(time).min() < 1.01 * turn:
+            time, told = np.unwrap(time, period=turn), f"the clock begins again after {turn:.9g} s"
+    if tick := coarse_tick(time, raw.signals):
+        rate = (len(time) - 1) / (time[-1] - time[0])
+        time = np.arange(len(time)) / rate
+        told = f"stamps are rounded to {1e3 * tick:.3g} ms; taken as even"
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if len(back):
+        k = int(back[0]) + 1
+        text = f"time goes from {time[k - 1]:.9g} s to {time[k]:.9g} s after the start at row {k}"
+        if time[k] < 0.05 * time[k - 1]:
+            raise LogError(f"{text}: a new log begins there; take one with --rows 0:{k} or {k}:")
+        raise LogError(
+            f"{text}, and does not advance at {len(back)} rows: take out rows that are logged "
+            "twice or out of order, or, if the sampling was even, give --rate HZ in place of time"
+        )
+    return replace(raw, time=time + raw.time[0]), told
+
+
+def coarse_tick(time: Array, signals: Mapping[str, Array]) -> float:
+    """Return the tick to which stamps of an even sampling are rounded [s]; 0 if they are not.
+
+    Stamps within a tick of an even grid may also be those of a log with missing rows. There, the
+    signals move farther over a longer step.
+    """
+    steps = np.diff(time)
+    least, still = steps.min(), np.mean(steps == 0)
+    tick = float(np.median(steps[steps > 0])) if still > SMALL else float(np.ptp(steps))
+    grid = np.linspace(time[0], time[-1], len(time))
+    if least < 0 or (still <= SMALL and not NEAR * least < tick < (1 + SMALL) * least):
+        return 0.0
+    off = (steps - least) / tick  # jitter is between the multiples of a tick
+    if np.ptp(time - grid) > WITHIN * tick or np.mean(np.abs(off - np.rint(off)) > SMALL) > SMALL:
+        return 0.0
+    if abs(least - tick) < SMALL * tick:  # a row may be missing in each step of two ticks
+        long, moves = steps > 1.5 * tick, [np.abs(np.diff(values)) for values in signals.values()]
+        far = [np.nanmedian(m[long]) / max(np.nanmedian(m[~long]), 1e-300) for m in moves]
+        return tick if max(far) < FARTHEST else 0.0
+    return tick
+
+
+def rhythm(values: Array) -> tuple[int, int, bool]:
+    """Return after how many samples a signal is updated, the first such, and whether by lines.
+
+    Between updates a signal is held, or interpolated linearly. 1, 0 where it is updated at every
+    sample, or where steps of its resolution hide that.
+
+    Examples
+    --------
+    >>> k = np.arange(4000)
+    >>> rhythm(np.interp(k, k[2::4], np.sin(k[2::4] ** 1.5)))
+    (4, 2, True)
+    >>> rhythm(np.sin(k // 5))
+    (5, 0, False)
+    """
+    x = values[np.isfinite(values)][:LONGEST]
+    moves = np.abs(np.diff(x))
+    jumps, digit = moves[moves > 0], resolution(x)
+    for lines in (True, False):
+        change = np.abs(np.diff(x, 2)) if lines else moves
+        straight, most = np.percentile(change, [40, 99])  # at least half is rounding, along lines
+        bent = change > max(STRAIGHT * most, 4 * straight)
+        seen = (~bent & (moves[1:] > 0)).mean() > LINED if lines else len(jumps) > 20
+        if not seen or np.median(jumps) < MOVING * digit:
+            continue
+        for n in range(2, MOST_KNOTS):
+            share = [bent[r::n].sum() / max(bent.sum(), 1) for r in range(n)]
+            if max(share) > BENDS and bent.sum() > 0.5 * len(bent) / n:
+                return n, (int(np.argmax(share)) + 1) % n, lines
+    return 1, 0, False
+
+
+def resolution(values: Array) -> float:
+    """Return the step of which a signal is made; 0 if it is finer than its changes."""
+    steps = np.abs(np.diff(values[np.isfinite(values)][:LONGEST]))
+    moved = steps[steps > 1e-9 * max(float(np.ptp(values)), 1e-300)]
+    if not len(moved):
+        return 0.0
+    smallest = float(np.percentile(moved, 1))
+    multiples = moved / smallest
+    # steps without a quantum lie within .05 of a whole number in a tenth of the cases
+    return smallest if np.mean(np.abs(multiples - np.rint(multiples)) < 0.05) > 0.9 else 0.0
+
+
+def without_interpolation(raw: Raw) -> tuple[Raw, str]:
+    """Return the samples that a log was interpolated from, where it was, and a remark on that."""
+    n, first, lines = rhythm(raw.signals["torque"])
+    if not lines or rhythm(raw.signals[raw.motion]) != (n, first, lines):
+        return raw, ""
+    part = slice(first, None, n)
+    signals = {name: values[part] for name, values in raw.signals.items()}
+    told = f"torque and {raw.motion} are lines between every {n}th row: only these are samples"
+    return replace(raw, time=raw.time[part], signals=signals), told
 
 
 def prepare(raw: Raw, *, smooth: bool = False, resample: float | None = None) -> Prepared:
@@ -78,8 +201,9 @@ def prepare(raw: Raw, *, smooth: bool = False, resample: float | None = None) ->
     Parameters
     ----------
     raw : Raw
+        Whose time advances.
     smooth : bool
-        Whether the torque is smooth rather than held, see `LogMap.smooth`.
+        Whether the torque is smooth rather than held, see `LogMap`.
     resample : float, optional
         New rate [Hz]; below the log's own, all signals pass the same low-pass without phase.
         The torque is averaged over the new samples: a sample of it here and there would be
@@ -88,7 +212,7 @@ def prepare(raw: Raw, *, smooth: bool = False, resample: float | None = None) ->
     Raises
     ------
     LogError
-        If time does not advance, the log is too short, or a rate is impossible.
+        If the log is too short, or a rate is impossible.
     """
     period, index, uneven = _grid(raw.time)
     length = int(index[-1]) + 1
@@ -97,54 +221,35 @@ def prepare(raw: Raw, *, smooth: bool = False, resample: float | None = None) ->
     even = float(np.max(abs(off))) <= NEAR * period
     signals, valid, wrap = {}, np.zeros(length, bool), Wrap()
     valid[index] = True
-    if uneven:  # a sample is there where stamps on both sides of it are near
+    if uneven:  # a sample is known where stamps on both sides of it are near
         after = np.clip(np.searchsorted(raw.time, time), 1, len(raw.time) - 1)
         valid = np.diff(raw.time)[after - 1] <= LONGEST_STEP * period
-    for name in ("torque", "angle", "speed", "load_angle"):
-        values = getattr(raw, name)
-        if values is None:
-            continue
-        there = np.isfinite(values)
+    for name, logged in raw.signals.items():
+        there = np.isfinite(logged)
         if there.sum() < FEWEST:
             raise LogError(f"{name} has {there.sum()} samples; {FEWEST} or more are needed")
         if not uneven:
             valid[index[~there]] = False
-        values, at = values[there], raw.time[there]
-        if name.endswith("angle"):
-            values, turned = unwrapped(values)
-            wrap = turned if name == "angle" else wrap
+        values, at = logged[there], raw.time[there]
+        if name == "angle":
+            values, wrap = unwrapped(values)
         if even:
-            signals[name] = _placed(values, index[there], length)
+            signals[name] = np.interp(np.arange(length), index[there], values)
         elif name == "torque" and not smooth:
             signals[name] = interval_means(at, values, time, period, smooth=False)
         else:
             signals[name] = np.interp(time, at, values)
     if smooth and resample is None:
         signals["torque"] = interval_means(time, signals["torque"], time, period, smooth=True)
-    found = Prepared(time, signals, valid, period, float(np.std(off) / period), wrap)
+    result = Prepared(time, signals, valid, period, float(np.std(off) / period), wrap)
     if resample is not None:
-        found = _resampled(found, resample, smooth=smooth)
-    if found.period > SLOWEST:
+        result = _resampled(result, resample, smooth=smooth)
+    if result.period > SLOWEST:
         raise LogError(
-            f"a sample every {found.period:.3g} s: nothing of an axis is seen in less than one a "
-            "second; is the unit or the scale of the time right, or the rate?"
+            f"a sample every {result.period:.3g} s: that is too slow for an axis; is the unit or "
+            "the scale of the time right, or the rate?"
         )
-    return found
-
-
-def check_time(time: Array) -> None:
-    """Raise a LogError if there are too few samples, or time does not advance."""
-    if len(time) < FEWEST:
-        raise LogError(f"the log has {len(time)} samples; {FEWEST} or more are needed")
-    if not np.isfinite(time).all():
-        raise LogError(f"time is missing at sample {int(np.argmin(np.isfinite(time)))}")
-    steps = np.diff(time)
-    if (steps <= 0).any():
-        k = int(np.argmax(steps <= 0))
-        raise LogError(
-            f"time goes from {time[k]:.9g} s to {time[k + 1]:.9g} s at sample {k + 1}; it must "
-            "advance: sort the log, take doubled samples out, or give --rate HZ in its place"
-        )
+    return result
 
 
 def _grid(time: Array) -> tuple[float, NDArray[np.int64], bool]:
@@ -152,12 +257,11 @@ def _grid(time: Array) -> tuple[float, NDArray[np.int64], bool]:
 
     Irregular ones go to the grid of their median step, on which samples are interpolated.
     """
-    check_time(time)
     steps = np.diff(time)
     median = float(np.median(steps))
     places = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / median), 1))]).astype(int)
     # the median of jittered or rounded stamps is off by a little, which adds up: fit the grid
-    period = float(np.polyfit(places, time, 1)[0]) if places[-1] else median
+    period = float(np.polyfit(places, time, 1)[0])
     places = np.rint((time - time[0]) / period).astype(int)
     uneven = bool((np.diff(places) <= 0).any())
     if uneven:
@@ -196,12 +300,6 @@ def unwrapped(angle: Array) -> tuple[Array, Wrap]:
     return free, Wrap(turn, int(jumps.sum()), float(np.abs(np.diff(free)).max()) / turn)
 
 
-def _placed(values: Array, index: NDArray[np.int64], length: int) -> Array:
-    if len(values) == length:
-        return values.copy()
-    return np.interp(np.arange(length), index, values)
-
-
 def interval_means(at: Array, values: Array, time: Array, period: float, *, smooth: bool) -> Array:
     """Return the means over [t, t + T) of a signal that is held, or smooth, between samples."""
     edges = np.clip(np.append(time, time[-1] + period), at[0], at[-1])
@@ -211,38 +309,26 @@ def interval_means(at: Array, values: Array, time: Array, period: float, *, smoo
         area = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(at))])
         integral = np.interp(edges, at, area)
     width = np.diff(edges)
-    # after the last sample nothing is known: its value is kept
-    means = np.divide(
-        np.diff(integral), width, out=np.full(len(width), values[-1]), where=width > 0
-    )
-    return means
+    last = np.full(len(width), values[-1])  # after the last sample its value is kept
+    return np.divide(np.diff(integral), width, out=last, where=width > 0)
 
 
 def _resampled(old: Prepared, rate: float, *, smooth: bool) -> Prepared:
-    if not 0 < rate <= MOST_RATE / old.period:
-        raise LogError(
-            f"--resample {rate:g} Hz: give a rate above 0, and not above {MOST_RATE} times that of "
-            f"the log, {1 / old.period:.6g} Hz"
-        )
-    period = 1 / rate
     span = old.time[-1] - old.time[0]
-    if not period < span / FEWEST:
+    if not FEWEST / span < rate <= MOST_RATE / old.period:
         raise LogError(
-            f"--resample {rate:g} Hz leaves {int(span / period)} samples; {FEWEST} are needed"
+            f"--resample {rate:g} Hz: give a rate above {FEWEST / span:.3g} Hz, for {FEWEST} "
+            f"samples, and at most {MOST_RATE} times that of the log, {1 / old.period:.6g} Hz"
         )
-    signals, at = dict(old.signals), old.time
+    period, signals, at = 1 / rate, dict(old.signals), old.time
     if period > 1.001 * old.period:
         lowpass = butter(8, 0.8 * old.period / period, output="sos")
         signals = {name: sosfiltfilt(lowpass, values) for name, values in signals.items()}
         if not smooth:  # what has passed a low-pass is no longer held, but smooth between middles
             at, smooth = old.time + old.period / 2, True
     time = old.time[0] + period * np.arange(int(span / period * (1 + 1e-9)) + 1)
-    new = {}
-    for name, values in signals.items():
-        if name == "torque":
-            new[name] = interval_means(at, values, time, period, smooth=smooth)
-        else:
-            new[name] = CubicSpline(old.time, values)(time)
-    # a new sample is there if the old ones on both sides of it are
-    there = np.interp(time, old.time, old.valid.astype(float)) > 1 - 1e-9
-    return Prepared(time, new, there, period, old.jitter, old.wrap)
+    new = {name: CubicSpline(old.time, values)(time) for name, values in signals.items()}
+    new["torque"] = interval_means(at, signals["torque"], time, period, smooth=smooth)
+    # a new sample is known if the old ones on both sides of it are
+    valid = np.interp(time, old.time, old.valid.astype(float)) > 1 - 1e-9
+    return replace(old, time=time, signals=new, valid=valid, period=period)

@@ -1,4 +1,4 @@
-"""Averaged spectra of torque and motion, and the frequency response that they show; a fit to it."""
+"""Averaged spectra of torque and motion, and a fit to the frequency response that they show."""
 
 from __future__ import annotations
 
@@ -20,6 +20,12 @@ Array = NDArray[np.float64]
 
 SEGMENT = 4.0  # s, of which spectra are averaged
 EDGE = 0.01  # of the power of the torque that lies below its band, and above it
+PIECES = 6  # of a short log, of which spectra are averages
+COHERENT = 0.8  # share of the output that the torque explains, of a frequency that is used
+SUREST = 0.95  # coherence beyond which what a model leaves out, and not noise, is the error
+LATEST = 4.0  # samples, of a delay that is looked for
+STRONG = 0.01  # of the torque's power, of the band that excitation is in
+SPREAD = (0.0, *[0.6] * 7)  # of the logarithms of the starts about the guess
 
 
 @dataclass(frozen=True)
@@ -75,16 +81,8 @@ def spectra(
     length = length or min(len(u) // pieces, round(SEGMENT / period))
     detrend = "linear" if trend else "constant"
     first, second = np.stack([u, y, u]), np.stack([u, y, y])
-    frequency, each = csd(first, second, fs=1 / period, nperseg=length, detrend=detrend)
-    return Spectra(frequency, each[0].real, each[1].real, each[2])
-
-
-PIECES = 6  # of a short log, of which spectra are averages
-COHERENT = 0.8  # share of the output that the torque explains, of a frequency that is used
-SUREST = 0.95  # coherence beyond which what a model leaves out, and not noise, is the error
-LATEST = 4.0  # samples, of a delay that is looked for
-STRONG = 0.01  # of the torque's power, of the band that excitation is in
-SPREAD = (0.0, *[0.6] * 7)  # of the logarithms of the starts about the guess
+    frequency, power = csd(first, second, fs=1 / period, nperseg=length, detrend=detrend)
+    return Spectra(frequency, power[0].real, power[1].real, power[2])
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,7 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     period : float
         [s].
     floor : float
-        Least power of the torque, times that of its median over what it has: where there is less,
+        Least power of the torque, times that of its median over what it has: where it has less,
         drift and what else moves the axis may be coherent with it all the same.
 
     Raises
@@ -124,26 +122,16 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
         If the torque explains the output at fewer than ten frequencies.
     """
     s = spectra(u, y, period, pieces=PIECES, trend=True)
-    frequency, power, coherence = s.frequency, s.torque, s.coherence
-    order = np.argsort(power)[::-1]
-    middle = power[order][np.searchsorted(np.cumsum(power[order]), 0.5 * power.sum())]
-    seen = (frequency > 0) & (coherence > COHERENT) & (power >= floor * middle)
+    order = np.argsort(s.torque)[::-1]
+    power = s.torque[order]
+    middle = power[np.searchsorted(np.cumsum(power), 0.5 * power.sum())]
+    seen = (s.frequency > 0) & (s.coherence > COHERENT) & (s.torque >= floor * middle)
     if seen.sum() < 10:
         raise LogError(
             f"the torque explains the output at {int(seen.sum())} frequencies only: swapped or "
             "shifted columns, or an excitation too small for its noise"
         )
-    return Response(2 * np.pi * frequency[seen], (s.cross / power)[seen], coherence[seen])
-
-
-def corner_below(u: Array, *, period: float) -> float | None:
-    """Return the corner [Hz] of a high-pass well below the excitation; None if there is no room.
-
-    A filter of fourth order at .4 of a frequency changes it by less than .1 %.
-    """
-    low, _ = spectra(u, u, period, pieces=PIECES).band
-    corner = float(f"{0.4 * low:.0e}")
-    return corner if corner > 2 / (len(u) * period) else None
+    return Response(2 * np.pi * s.frequency[seen], (s.cross / s.torque)[seen], s.coherence[seen])
 
 
 def fit_response(
@@ -156,7 +144,7 @@ def fit_response(
     delay: float | None,
     earliest: float,
 ) -> tuple[Array, float]:
-    """Fit parameters, and the delay unless it is given, to a measured frequency response.
+    """Fit parameters, and the delay unless it is known, to a measured frequency response.
 
     The error is that of the logarithm, so that resonance and antiresonance count alike. Several
     starts about the nominal values, as it has local minima.
@@ -186,22 +174,21 @@ def fit_response(
     wanted = np.geomspace(response.omega[0], response.omega[-1], 100)
     lines = np.unique(np.searchsorted(response.omega, wanted * 0.9999))
     omega, gain = response.omega[lines], response.gain[lines]
-
-    # of the logarithm, in the worst case of those that are used one
+    # deviation of the logarithm, where the least coherence that is used has one
     share = np.minimum(response.coherence[lines], SUREST)
     weight = np.sqrt(share / (1 - share) * (1 - COHERENT) / COHERENT)
+    p, late = len(chosen.names), -1j * omega * period
 
     def misfit(x: Array) -> Array:
         model, _ = frequency_response(chosen, scale(x), omega, period=period)
-        ratio = model / gain * np.exp(-1j * omega * lag(x))
-        return np.concatenate([weight * np.log(abs(ratio) + 1e-300), weight * np.angle(ratio)])
+        error = np.log(model / gain * np.exp(-1j * omega * lag(x)) + 1e-300) * weight
+        return np.concatenate([error.real, error.imag])
 
     def slope(x: Array) -> Array:
         model, slopes = frequency_response(chosen, scale(x), omega, period=period)
-        relative = slopes * scale(x) / model[:, None]
-        late = np.zeros(len(omega)) if delay is not None else -omega * period
-        rows = np.block([[relative.real, 0 * late[:, None]], [relative.imag, late[:, None]]])
-        return rows * np.r_[weight, weight][:, None]
+        rows = np.column_stack([slopes * scale(x) / model[:, None], late * (delay is None)])
+        rows *= weight[:, None]
+        return np.concatenate([rows.real, rows.imag])
 
     def scale(x: Array) -> Array:
         return chosen.theta * np.exp(x[:-1])
@@ -209,17 +196,15 @@ def fit_response(
     def lag(x: Array) -> float:
         return float(x[-1] * period) if delay is None else delay
 
-    p = len(chosen.names)
     with np.errstate(all="ignore"):
         if not np.isfinite(misfit(np.zeros(p + 1))).all():
             raise LogError(
-                "from these values the model has no finite response: "
-                + ", ".join(f"{n} = {v:g}" for n, v in zip(chosen.names, chosen.theta, strict=True))
-                + "; give others with --start NAME=VALUE"
+                f"from these values the model has no finite response: {dict(chosen.nominal)}; "
+                "give others with --start NAME=VALUE"
             )
     box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), LATEST]
     random = np.random.default_rng(0)
-    found = [
+    fits = [
         least_squares(
             misfit,
             np.r_[np.clip(spread * random.standard_normal(p), -2, 2), 0.1],
@@ -231,7 +216,7 @@ def fit_response(
         )
         for spread in SPREAD
     ]
-    best = min(found, key=lambda fit: fit.cost).x
+    best = min(fits, key=lambda fit: float(fit.cost)).x
     return scale(best), max(lag(best), earliest)
 
 
@@ -243,12 +228,10 @@ def rough_guess(
     From the total inertia, |G| ≈ 1/(ω J) at low frequencies, and the highest peak of ω |G|
     if no resonance is given [rad/s].
     """
-    guess = MODELS[model.name].guess
+    guess = MODELS[model.name].guess if model.name in MODELS else None
     if guess is None:
         return {}
     omega, slope = response.omega, response.omega * abs(response.gain)
     inertia = 1 / float(np.median(slope[: max(len(slope) // 5, 1)]))
-    if resonance is None:
-        resonance = float(omega[np.argmax(slope)])
-    friction = 0.1 * inertia * float(omega[0])
-    return guess(Traits(inertia, friction, resonance))
+    peak = float(omega[np.argmax(slope)])
+    return guess(Traits(inertia, 0.1 * inertia * float(omega[0]), resonance or peak))

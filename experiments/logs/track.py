@@ -1,9 +1,8 @@
-"""Any estimator on a record of a real axis: estimates over time, residuals, alarms, load angle."""
+"""Any estimator on a record of a real axis: estimates over time, their changes, the residual."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,51 +12,27 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.offline.colour import Colour, colourless
+from flexaxis.estimators.offline.colour import colourless
 from flexaxis.estimators.offline.delay import delayed
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.estimators.registry import REGISTRY, Entry
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identification.gap_torque import filled
-from flexaxis.experiments.logs.identification.log import log_of
-from flexaxis.experiments.logs.identification.validate import (
-    Load,
-    at_limits,
-    correlation,
-    fit_of,
-    predicted_load,
-)
+from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.signals import log_of
+from flexaxis.experiments.logs.validate import correlation, fit_of
 from flexaxis.experiments.running.estimate import run_on, write_estimates
 from flexaxis.experiments.running.estimators import Spec, make_estimator
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 WHITE = 0.1  # correlation of a residual with its past, below which it is called white
-
-
-@dataclass(frozen=True)
-class _Look:
-    """What a record says of a model at fixed parameters."""
-
-    model: Parametrization
-    torque: Array
-    measured: Array
-    colour: Colour
-    ok: NDArray[np.bool_]
-    period: float
-
-    def at(self, theta: Array) -> tuple[Array, Array, Array]:
-        """Return y − ŷ (N,), and that and its gradient ψ (N, p) made white."""
-        simulated, psi = predict(self.model, theta, self.torque, period=self.period)
-        error, bridged = self.measured - simulated, self.colour.bridged
-        white = self.colour.white
-        return error, white(bridged(error, self.ok)), white(bridged(psi.T, self.ok)).T
+OFF = 0.1  # relative difference from what was identified that is worth a word
 
 
 @dataclass(frozen=True)
@@ -77,19 +52,13 @@ class Tracked:
     usable : ndarray (N,) of bool
     fit : float
         Of the output simulated at the last estimate, above the high-pass of the axis if it has one.
-    residual : ndarray (N,)
-        Whitened residual at the last estimate.
     correlation : float
         Largest correlation of the residual with its own past, 1 to 20 samples back.
-    white : bool
-        Whether that is below `WHITE`.
     alarms : ndarray (M,)
         Times [s] at which the estimator raised its own alarm, if it has one.
     changes : list of Change
-    doubts : list of str
-        What says that the log is not of this axis, or not in its units; sentences.
-    load : Load or None
-        Where the record has a load angle, which no estimator is given.
+    findings : list of Finding
+        What comes of it, the most important first.
     """
 
     names: tuple[str, ...]
@@ -97,47 +66,49 @@ class Tracked:
     theta: Array
     deviations: Array | None
     nominal: Array
-    usable: NDArray[np.bool_]
+    usable: Flags
     fit: float
-    residual: Array
     correlation: float
-    white: bool
     alarms: Array
     changes: list[Change]
-    doubts: list[str]
-    load: Load | None
+    findings: list[Finding]
 
     @property
     def last(self) -> Array:
-        """Median (p,) of the last fifth of the estimates: what they came to."""
-        return _last(self.theta)
+        """Median (p,) of the last fifth of the estimates."""
+        return last_of(self.theta)
+
+    @property
+    def status(self) -> int:
+        """1 if a parameter changed, or the log is not of this axis."""
+        return int(bool(self.changes) or any(one.kind == "problem" for one in self.findings))
+
+    def save(self, path: Path, *, estimator: str) -> None:
+        """Write the estimates as NetCDF-4, with the deviations if it claims any.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        about = {"estimator": estimator}
+        write_estimates(path, self.time, self.theta, self.names, about, deviation=self.deviations)
 
 
-def _last(theta: Array) -> Array:
+def last_of(theta: Array) -> Array:
+    """Return the median (p,) of the last fifth of estimates (N, p)."""
     return np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
-
-
-def save(found: Tracked, path: Path, *, estimator: str) -> None:
-    """Write the estimates as NetCDF-4, with the deviations if it claims any.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    """
-    sure = found.deviations
-    about = {"estimator": estimator}
-    write_estimates(path, found.time, found.theta, found.names, about, deviation=sure)
 
 
 def track(
     record: Record, axis: Axis, spec: Spec, *, identify: Sequence[str], start: float = 1.0
 ) -> Tracked:
-    """Run an estimator over a record.
+    """Run an estimator over a record, and find changes of parameters.
 
-    It is given the torque with the axis's delay, and both signals through the axis's whitening
-    filter: as that is linear, the model holds for them as it stands, and their residuals are as
-    white as the estimator assumes.
+    The estimator reads the torque with the axis's delay, and both signals through the axis's
+    whitening filter: as that is linear, the model holds for them as it stands, and their residuals
+    are as white as the estimator assumes. Of an axis with laws it reads the signals as they are,
+    as a law does not hold for filtered ones.
 
     Parameters
     ----------
@@ -155,63 +126,61 @@ def track(
     ------
     LogError, EstimatorError
         If a name is unknown, or the estimator cannot be built or run.
-
-    Notes
-    -----
-    Of an axis with laws the estimator is given the signals as they are, as a law does not hold for
-    filtered ones.
     """
     axis.check_known()
     axis.check_rate(record.period)
-    there = np.ones(len(record.time), bool) if record.valid is None else record.valid
-    log, lawful = filled(log_of(record, axis), axis, there), bool(axis.model.laws)
-    output, period, ok = log.output, log.period, log.ok
+    valid = np.ones(len(record.time), bool) if record.valid is None else record.valid
+    log, lawful = log_of(record, axis), bool(axis.model.laws)
     axis.model.parametrize(identify)  # refuses unknown names
-    lag = axis.delay if log.smooth else max(axis.delay, 0.0)
-    torque = delayed(log.u, lag / period, smooth=log.smooth) + axis.offset
-    colour = replace(colourless(axis.highpass, period), inverse=np.array(axis.whitening))
-    # a law holds for the signals as they are, so that only residuals can be made white
+    torque = delayed(log.u, axis.delay / log.period, smooth=log.smooth) + axis.offset
+    colour = replace(colourless(axis.highpass, log.period), inverse=np.array(axis.whitening))
     u, y = (torque, log.y) if lawful else (colour.white(torque), colour.white(log.y))
-    valid = there if lawful else colour.settled(there)
-    estimator = _build(spec, axis, identify, start, period=period, output=output, torque=u)
-    theta, claimed, alarms = run_on(estimator, u, y, valid)
-    names = tuple(estimator.names)
-    model = SIGNALS[output].predicted(axis.model, period)
-    last = _last(theta)
-    if not np.isfinite(last).all():
-        raise LogError("the estimates diverged: identify first, or choose another estimator")
-    look = _Look(model.parametrize(names), torque, log.y, colour, ok, period)
-    error, residual, psi = look.at(last)
-    good, nominal = colour.settled(ok), axis.model.parametrize(names).theta
-    if not (np.isfinite(residual[good]).all() and np.isfinite(psi[good]).all()):
+    estimator = _build(spec, axis, identify, start, log.period, log.output, u)
+    theta, claimed, alarms = run_on(estimator, u, y, valid if lawful else colour.settled(valid))
+    names, good = tuple(estimator.names), colour.settled(log.ok)
+    model = SIGNALS[log.output].predicted(axis.model, log.period).parametrize(names)
+    last, nominal = last_of(theta), axis.model.parametrize(names).theta
+
+    def look(theta: Array) -> tuple[Array, Array]:
+        simulated, psi = predict(model, theta, torque, period=log.period)
+        both = np.vstack([log.y - simulated, psi.T])
+        white = colour.white(colour.bridged(both, log.ok))[:, good]
+        return white[0], white[1:].T
+
+    residual, psi = look(last)
+    if not (np.isfinite(residual).all() and np.isfinite(psi).all()):
         raise LogError(
-            "a simulation with the last estimates runs away, so that nothing can be told of them: "
-            "correct the model, identify first, or choose another estimator"
+            "the estimates diverged, or a simulation with the last ones does: identify first, or "
+            "choose another estimator"
         )
-    changes = changes_along(
-        lambda theta: [s[good] for s in look.at(theta)[1:]], record.time[good], last, names
-    )
-    past, fit = correlation(residual[good]), fit_of(log.y, error, ok, colour)
-    doubts = at_limits(names, last, _limits(estimator, len(names)), nominal)
+    changes = changes_along(look, record.time[good], last, names)
+    error = log.y - predict(model, last, torque, period=log.period)[0]
+    fit, past = fit_of(log.y, error, log.ok, colour), correlation(residual)
+    spread = None if claimed is None else np.sqrt(np.abs(np.diagonal(claimed, axis1=1, axis2=2)))
+    doubts = _at_limits(estimator, names, last, nominal)
     # one value does not fit what was before a change and after it
     if not (doubts or changes or (abs(past) < WHITE and axis.usual is None)):
         doubts = [said for said in (fit.unlike(axis.usual),) if said]
+    findings = [Finding("problem", text) for text in doubts]
+    findings += [Finding("note", change.text) for change in changes]
+    if not findings:
+        findings.append(Finding("ok", "no parameter changed within this log"))
+        findings += [
+            Finding("note", f"{name} is {100 * by:+.1f} % off what was identified, all along")
+            for name, by in zip(names, last / nominal - 1, strict=True)
+            if abs(by) > OFF
+        ]
+    white = "white" if abs(past) < WHITE else "so the estimates do not explain everything"
+    findings += [
+        Finding("info", f"fit of a simulation from the torque alone: {fit.percent:.1f} %"),
+        Finding("info", f"the residual correlates with its past by {past:.3f}, {white}"),
+    ]
+    if alarms.any():
+        findings.append(Finding("info", f"alarms of the estimator: {int(alarms.sum())}"))
     return Tracked(
-        names=names,
-        time=record.time,
-        theta=theta,
-        deviations=None if claimed is None else _deviations(claimed),
-        nominal=nominal,
-        usable=good,
-        fit=fit.percent,
-        residual=residual,
-        correlation=past,
-        white=abs(past) < WHITE,
-        alarms=record.time[alarms],
-        changes=changes,
-        doubts=doubts,
-        load=predicted_load(record, axis, dict(zip(names, last.tolist(), strict=True))),
-    )
+        names, record.time, theta, spread, nominal, good, fit.percent, past, record.time[alarms],
+        changes, findings,
+    )  # fmt: skip
 
 
 def default_estimator(axis: Axis) -> str:
@@ -220,61 +189,45 @@ def default_estimator(axis: Axis) -> str:
 
 
 def _build(
-    spec: Spec,
-    axis: Axis,
-    identify: Sequence[str],
-    start: float,
-    *,
-    period: float,
-    output: str,
+    spec: Spec, axis: Axis, identify: Sequence[str], start: float, period: float, output: str,
     torque: Array,
-) -> Estimator:
+) -> Estimator:  # fmt: skip
     """Build an estimator for this axis; shipped ones take the model, a user's the values."""
     values = dict(axis.model.nominal)
     for name in identify:
-        parameter = name.removeprefix("1/")
-        values[parameter] *= start ** (-1.0 if name.startswith("1/") else 1.0)
+        values[name.removeprefix("1/")] *= start ** (-1.0 if name.startswith("1/") else 1.0)
     offered: dict[str, Any] = {"identify": tuple(identify), "output": output, "torque": torque}
-    entry = next((e for e in REGISTRY.values() if e.factory is spec.make), None)
-    shipped = entry is not None
-    if axis.model.laws:
-        _refuse_linear(spec, entry)
-        if axis.deviation:
-            offered["deviations"] = dict(axis.deviation)
-    elif axis.noise is not None:
+    entry = next((one for one in REGISTRY.values() if one.factory is spec.make), None)
+    if axis.model.laws and entry is not None and not entry.laws:
+        raise LogError(
+            f"the axis has laws, such as dry friction, and {spec.text} knows linear models only: "
+            f"use --estimator {RECOMMENDED}"
+        )
+    if axis.model.laws and axis.deviation:
+        offered["deviations"] = dict(axis.deviation)
+    if not axis.model.laws and axis.noise is not None:
         offered["noise"] = axis.noise
-    first = replace(axis.model, nominal=values) if shipped else values
+    first = values if entry is None else replace(axis.model, nominal=values)
     estimator = make_estimator(spec, first, period, **offered)
-    mine = tuple(estimator.names)
-    if axis.model.laws:  # who knows laws may track their parameters besides
-        mine = mine[: len(identify)]
-    if estimator.output != output or mine != tuple(identify):
+    own = tuple(estimator.names)
+    # an estimator that knows laws may track their parameters besides
+    if estimator.output != output or own[: len(identify)] != tuple(identify):
         raise EstimatorError(
-            f"{spec.text} estimates {', '.join(estimator.names)} from {estimator.output!r}; asked "
-            f"were {', '.join(identify)} from {output!r}"
+            f"{spec.text} estimates {', '.join(own)} from {estimator.output!r}; asked were "
+            f"{', '.join(identify)} from {output!r}"
         )
     return estimator
 
 
-def _refuse_linear(spec: Spec, entry: Entry | None) -> None:
-    if entry is not None and not entry.laws:
-        able = [name for name, e in REGISTRY.items() if e.laws]
-        raise LogError(
-            f"the axis has laws, such as dry friction, and {spec.text} knows linear models only: "
-            f"use --estimator {RECOMMENDED} (or {', '.join(n for n in able if n != RECOMMENDED)})"
-        )
-
-
-def _limits(estimator: Estimator, p: int) -> Array:
-    """Return the limits (2, p) of the estimates of an estimator; NaN where it tells none."""
-    limits = np.full((2, p), np.nan)
-    with suppress(TypeError, ValueError):  # what a user's estimator calls so may be anything
-        told = np.asarray(getattr(estimator, "bounds", None), float)
-        if told.ndim == 2 and len(told) == 2:  # a law's that are tracked besides may have none
-            limits[:, : told.shape[1]] = told[:, :p]
-    return limits
-
-
-def _deviations(claimed: Array) -> Array:
-    with np.errstate(invalid="ignore"):
-        return np.sqrt(np.diagonal(claimed, axis1=1, axis2=2))
+def _at_limits(
+    estimator: Estimator, names: Sequence[str], last: Array, nominal: Array
+) -> list[str]:
+    """Return in a sentence which estimates stand at a limit that their estimator has."""
+    bounds = np.atleast_2d(np.asarray(getattr(estimator, "bounds", np.empty((0, 0))), float))
+    stuck = [
+        f"{name} at {value / known:.3g} times what was identified"
+        for name, value, known, *ends in zip(names, last, nominal, *bounds, strict=False)
+        if value in ends
+    ]
+    ask = "is it a log of this axis, in the same units, and does its torque have the same sign?"
+    return [f"at a limit, which is no estimate: {', '.join(stuck)}; {ask}"] if stuck else []

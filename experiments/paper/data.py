@@ -16,7 +16,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.run import parallel
 from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.seeds import FIRST
+from flexaxis.experiments.studies.definition import FIRST
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.excitation import Multisine

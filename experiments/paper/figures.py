@@ -53,7 +53,6 @@ def fig3(e: Evidence) -> Figure:
         limits={y: (0.0, 1.15 * float(amplitude.max())), "frequency [rad/s]": (0.0, 220.0)},
         marks=[*((peak, "peak of the paper") for peak in PEAKS), (edge, "30 Hz")],
         spans=[(0.0, 70.0, f"{low_energy(e):.1f} % of the energy")],
-        height=300,
     )
 
 
@@ -131,17 +130,12 @@ def estimates(method: str, e: Evidence) -> Figure:
     t63, panels = times(e.data, runs, 0.37), {}
     for i, parameter in enumerate(e.data.names):
         low, high = np.percentile(runs.theta[:, ::STEP, i], [10, 90], axis=0)
-        one = runs.theta[0, ::STEP, i]
+        one, label = runs.theta[0, ::STEP, i], f"63 % after {t63[parameter]:.2g} s"
         panels[f"{parameter} / nominal"] = [
             Series(x=time[[0, -1]], y=[1, 1], role="truth"),
-            Series(x=time, y=one, low=low, high=high, estimator=parameter),
+            Series(x=time, y=one, low=low, high=high, estimator=parameter, label=label),
         ]
-    return curves(
-        panels,
-        x="time [s]",
-        limits=dict.fromkeys(panels, (0.88, 1.4)),
-        titles=[f"63 % after {t63[parameter]:.2g} s" for parameter in e.data.names],
-    )
+    return curves(panels, x="time [s]", limits=dict.fromkeys(panels, (0.88, 1.4)))
 
 
 def diagonal(method: str, theory: str, e: Evidence) -> Figure:
@@ -153,7 +147,7 @@ def diagonal(method: str, theory: str, e: Evidence) -> Figure:
         series.append(Series(x=time, y=runs.P[0, :, i], estimator=parameter))
         series.append(_level(time[[0, -1]], value, estimator=parameter, label=theory))
     y = "diagonal of P"
-    return curves({y: series}, x="time [s]", logs=[y], limits={y: (1.5e-6, 2e-3)}, height=300)
+    return curves({y: series}, x="time [s]", logs=[y], limits={y: (1.5e-6, 2e-3)})
 
 
 FIGURES: Mapping[str, Callable[..., Figure]] = {

@@ -1,7 +1,7 @@
 """What people look at: figures, pages, tables, words.
 
 `figures` draws with matplotlib in the look of `styles`, `tables` writes numbers, `words` makes
-sentences, `page` puts all of it into HTML that needs no network, `terminal` prints. In come the
-rows and traces that `inputs` obtains; out go the reports `run`, `study` and `compare`. The pages of
-logs and the demo still draw with `charts_old`.
+sentences, `terminal` makes tables for page and terminal, `page` puts all of it into HTML that needs
+no network. Out go the reports `run` and `study`, and the page of a comparison. The pages of logs
+and the demo still draw with `charts_old`.
 """

@@ -9,42 +9,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import cycle
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator
 
 from flexaxis.experiments.comparison.ranking import REFERENCE
-from flexaxis.experiments.reporting.styles import (
-    BACK,
-    MUTED,
-    SOFT,
-    TEXT,
-    Style,
-    look,
-    styled,
-    symbols,
-    tag,
-)
+from flexaxis.experiments.reporting import styles
+from flexaxis.experiments.reporting.styles import MUTED, TEXT, look, styled, symbols, tag
 from flexaxis.experiments.reporting.tables import between, number, short
+from flexaxis.experiments.scoring.curves import estimates, truth
+from flexaxis.sim.scenario import Scenario
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-Looks = Mapping[str, Style]
-USUAL: Looks = MappingProxyType({})
+Looks = Mapping[str, styles.Style]
+USUAL: Looks = {}
 MARKERS = "oD^sv<"  # of faults, where estimators have a row each
-OTHER: dict[str, Any] = {"color": MUTED, "marker": "o", "ms": 4}
 ROLES: dict[str, dict[str, Any]] = {
-    "truth": {"color": TEXT, "lw": 1.1, "ls": (0, (5, 3)), "zorder": 5},
-    "bound": {"color": TEXT, "lw": 1.1, "ls": (0, (1.5, 2))},
-    "single": {"color": MUTED, "lw": 1.1, "ls": (0, (6, 2, 1, 2))},
-    "data": {"color": MUTED, "lw": 1.0},
+    "truth": {"color": TEXT, "lw": 1.1, "ls": (0, (5, 3)), "marker": "", "zorder": 5},
+    "bound": {"color": TEXT, "ls": (0, (1.5, 2)), "marker": ""},
+    "data": {"color": MUTED, "ls": "-", "marker": ""},
 }
 
 
@@ -61,11 +48,9 @@ class Series:
         Decides the look.
     label : str
         For the legend, where the estimator's name will not do.
-    role : {"", "truth", "bound", "single", "data"}
-        What is of no estimator; `single` is the bound of a parameter that changes alone.
+    role : {"", "truth", "bound", "data"}
+        What is of no estimator.
     kind : {"line", "steps", "points", "both"}
-    tips : sequence of str
-        What is shown on hover, of each point or of the curve.
     """
 
     x: Any
@@ -76,15 +61,12 @@ class Series:
     label: str = ""
     role: str = ""
     kind: Literal["line", "steps", "points", "both"] = "line"
-    tips: Sequence[str] = ()
 
 
-PLAIN: Any = "none"  # no layout engine
-
-
-def new(height: float) -> Axes:
-    """Return axes in a figure of their own, of a height [px]."""
-    return Figure(figsize=(430 / 96, height / 96)).subplots()
+def new(height: float, count: int = 1) -> list[Axes]:
+    """Return axes one below the other in a figure of their own, of a height [px]."""
+    figure = Figure(figsize=(430 / 96, height / 96))
+    return list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
 
 
 @styled
@@ -93,11 +75,9 @@ def curves(
     *,
     x: str,
     logs: Sequence[str] = (),
-    limits: Mapping[str, Any] = MappingProxyType({}),
+    limits: Mapping[str, Any] = USUAL,
     marks: Sequence[tuple[float, str]] = (),
     spans: Sequence[tuple[float, float, str]] = (),
-    titles: Sequence[str] = (),
-    height: float = 190,
     axes: Any = None,
     looks: Looks = USUAL,
 ) -> Figure:
@@ -117,92 +97,81 @@ def curves(
         Where something happens, and what.
     spans : sequence of (float, float, str)
         What is shaded, such as burn-in.
-    titles : sequence of str
-        One for each panel, or none.
-    height : float
-        Of a panel [px].
     axes : sequence of Axes, optional
         Where to draw, one for each panel; a new figure by default.
     looks : mapping of str to Style
         Of the estimators of a page, which names them above all figures; else panels have legends.
     """
-    if axes is None:
-        high = 60 + height * len(panels)
-        # Margins are the same in all figures: a layout engine would take half of the time.
-        room = {"left": 0.15, "right": 0.97, "bottom": 44 / high, "top": 1 - 18 / high}
-        figure = Figure(figsize=(430 / 96, high / 96), layout=PLAIN)
-        axes = figure.subplots(len(panels), sharex=True, squeeze=False, gridspec_kw=room)[:, 0]
-    for ax, title, (label, series) in zip(
-        axes, titles or [""] * len(panels), panels.items(), strict=True
-    ):
+    axes = new(60 + 200 * len(panels), len(panels)) if axes is None else axes
+    for ax, (label, series) in zip(axes, panels.items(), strict=True):
         for begin, end, text in spans:
-            tag(ax.axvspan(begin, end, color=MUTED, alpha=0.12, lw=0), tip=text)
+            tag(ax.axvspan(begin, end, color=MUTED, alpha=0.1, lw=0), tip=text)
         for at, text in marks:
-            tag(ax.axvline(at, color=MUTED, lw=0.9), tip=text)
-        for place, one in enumerate(series):
-            _draw(ax, one, looks, place / len(series))
-        ax.set(ylabel=symbols(label), title=symbols(title))
+            tag(ax.axvline(at, color=MUTED), tip=text)
+        for one in series:
+            _draw(ax, one, looks)
         for axis, name in ((ax.xaxis, x), (ax.yaxis, label)):
-            if name in logs and any(np.size(one.x) for one in series):
+            if name in logs:
                 logarithmic(axis)
         ax.autoscale()  # the axes may have limits from an earlier call
-        ax.set(ylim=limits.get(label) or _limits(ax), xlim=limits.get(x))
+        usual = None if label in logs else _usual(ax)
+        ax.set(ylabel=symbols(label), ylim=limits.get(label, usual), xlim=limits.get(x))
         if not looks and ax.get_legend_handles_labels()[0]:
             ax.legend()
     axes[-1].set_xlabel(symbols(x))
-    return _of(axes[0])
+    return axes[0].figure
 
 
-def _of(ax: Axes) -> Figure:
-    figure = ax.get_figure(root=True)
-    assert figure is not None
-    return figure
+def _usual(ax: Axes) -> tuple[float, float] | None:
+    """Return limits around the usual values of many; a burst does not set the scale."""
+    values = np.concatenate([line.get_ydata() for line in ax.get_lines()] or [[]])
+    if len(values) < 100:
+        return None
+    low, high = np.nanpercentile(values, (2, 98))
+    room = 0.6 * (high - low) + 0.05 * abs(high)
+    return low - room, high + room
 
 
-def _draw(ax: Axes, one: Series, looks: Looks, phase: float) -> None:
-    """Draw a series; its first marker stands at a share of their distance."""
-    who, own, x = one.estimator, dict(ROLES.get(one.role, OTHER)), np.asarray(one.x, float)
-    if who:
-        usual = look(who, looks)
-        own = own | {"color": usual["color"]} if one.role else usual
-    label, tips = one.label or who or one.role or "_", one.tips
-    pointed = one.kind in ("points", "both")
+def _draw(ax: Axes, one: Series, looks: Looks) -> None:
+    """Draw a series, with a marker at every fifth of the way where it has no points."""
+    who, usual = one.estimator, look(one.estimator or "another", looks)
+    own = usual | ROLES.get(one.role, {}) | ({"color": usual["color"]} if who else {})
+    label, pointed = one.label or who or one.role, one.kind in ("points", "both")
     if one.low is not None:
-        draw, faint = (ax.vlines, 0.5) if pointed else (ax.fill_between, 0.14)
-        tag(draw(x, one.low, one.high, color=own["color"], alpha=faint, lw=0.9 * pointed), who)
-    if pointed:
-        ax.plot([], [], **own, label=label)
-        for u, v, tip in zip(x, one.y, tips or cycle([label]), strict=False):
-            tag(ax.plot(u, v, **own | {"ls": ""})[0], who, tip)
-        own["marker"] = label = ""
-        if one.kind == "points":
-            return
-    elif not one.role:
-        every = max(1, len(x) // 5)
-        own["markevery"] = (int(phase * every), every)
+        band, shade = (ax.vlines, 0.5) if pointed else (ax.fill_between, 0.2)
+        tag(band(one.x, one.low, one.high, color=own["color"], alpha=shade, lw=0.9 * pointed), who)
+    for u, v in zip(one.x, one.y, strict=True) if pointed else ():
+        tag(ax.plot(u, v, **own | {"ls": ""})[0], who, f"{label}: {short(v)} at {short(u)}")
+    own["ls"] = "" if one.kind == "points" else own["ls"]
     steps = "steps-post" if one.kind == "steps" else "default"
-    line = ax.plot(x, one.y, **own, label=label or "_", drawstyle=steps)
-    tag(line[0], who, (*tips, label)[0])
+    every: Any = [] if pointed else len(one.x) // 5 or 1
+    line = ax.plot(one.x, one.y, **own, label=label, drawstyle=steps, markevery=every)
+    tag(line[0], who, label)
 
 
 def logarithmic(axis: Any) -> None:
     """Make an axis logarithmic, with plain numbers at 1, 2 and 5, or at the decades of many."""
-    getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 2e3 * low else (1,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("")
 
 
-def _limits(ax: Axes) -> tuple[float, float]:
-    """Return limits that show all curves of some axes; a burst does not set the scale."""
-    lines = [np.asarray(line.get_ydata(), float) for line in ax.get_lines()]
-    usual = [np.nanpercentile(y, (2, 98)) for y in lines if np.isfinite(y).sum() > 20]
-    low, high = ax.get_ylim()
-    if not usual or ax.get_yscale() == "log":
-        return low, high
-    room = 0.6 * np.ptp(usual) + 1e-12
-    return max(low, np.min(usual) - room), min(high, np.max(usual) + room)
+def _interval(ax: Axes, place: float, parts: Any, who: str, tip: str, **own: Any) -> None:
+    """Draw a value and both ends of its interval in a row of some axes."""
+    value, *ends = parts
+    tag(ax.hlines(place, *ends, color=own["color"]), who, tip)
+    tag(ax.plot(value, place, ls="", mec=styles.BACK, ms=6, **own)[0], who, tip)
+
+
+def _rows(ax: Axes, names: Sequence[str], label: str, **options: Any) -> Figure:
+    """Name the rows of some axes, with a logarithmic abscissa, and return the figure."""
+    ax.axvline(1, color=TEXT)
+    logarithmic(ax.xaxis)
+    ax.set(xlabel=label, ylim=(len(names) - 0.5, -0.5))
+    ax.set_yticks(range(len(names)), names, **options)
+    return ax.figure
 
 
 @styled
@@ -221,114 +190,140 @@ def over_bound(
         What each fault is called.
     looks : mapping of str to Style
     """
-    ax, count = new(44 * len(order) + 95), len(faults)
-    small: dict[str, Any] = {"color": MUTED, "fontsize": 8.5, "ha": "right", "va": "center"}
-    for place, who in enumerate(order):
-        ax.axhspan(place - 0.5, place + 0.5, color=BACK if place % 2 else SOFT, lw=0)
-        own, colour = matched[matched["estimator"] == who], look(who, looks)["color"]
-        for i, (fault, text) in enumerate(faults.items()):
-            for row in own[own["fault"] == fault].dropna(subset="lag").to_dict("records"):
-                y, lag = place + 0.5 * (i + 0.5) / count - 0.25, row["lag_interval"] or [np.nan] * 2
-                tip = f"{who}, {text}: lag {short(row['lag'])} s ({between(lag)} s), "
-                tip += f"{short(row['over_bound'])} × bound"
-                ends = ax.hlines(y, *np.divide(lag, row["bound"]), color=colour, alpha=0.65)
-                dot = ax.plot(row["over_bound"], y, MARKERS[i % 6], color=colour, mec=BACK, ms=6)
-                tag(ends, who, tip), tag(dot[0], who, tip)
-        text = f"{between(own['over_bound'])} ×"
-        tag(ax.text(1, place, text, transform=ax.get_yaxis_transform(), **small), who)
-    ax.axvline(1, color=TEXT, lw=1.2)
-    logarithmic(ax.xaxis)
-    ax.set(xlabel="lag / Cramér–Rao bound (1)", ylim=(len(order) - 0.5, -0.5))
-    ax.set_xlim(min(0.72, ax.get_xlim()[0]), 3 * ax.get_xlim()[1])
-    ax.set_yticks(range(len(order)), order, parse_math=False)
-    ax.grid(axis="y", visible=False)
+    (ax,), known = new(44 * len(order) + 95), list(faults)
+    for row in matched[matched["lag"] > 0].to_dict("records"):
+        who, i, ends = row["estimator"], known.index(row["fault"]), row["lag_interval"]
+        place = order.index(who) + (i + 0.5) / len(known) / 2 - 0.25
+        tip = f"{who}, {faults[row['fault']]}: lag {short(row['lag'])} s ({between(ends)} s)"
+        parts = np.divide([row["lag"], *(ends or [np.nan] * 2)], row["bound"])
+        colour = look(who, looks)["color"]
+        _interval(ax, place, parts, who, tip, color=colour, marker=MARKERS[i % 6])
     for marker, text in zip(MARKERS, faults.values(), strict=False):
         ax.plot([], [], marker, color=MUTED, label=text)
-    _of(ax).legend(loc="outside upper left", ncols=2, handletextpad=0.1, columnspacing=1)
-    return _of(ax)
+    ax.figure.legend(loc="outside upper left", ncols=2)
+    return _rows(ax, order, "lag / Cramér–Rao bound (1)", parse_math=False)
 
 
-def speed_noise(
-    swept: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str], *, looks: Looks = USUAL
-) -> Figure:
-    """Draw lag against the noise before the fault, a line an estimator, and both bounds.
+def around(scenario: Scenario) -> dict[str, Any]:
+    """Return what a figure over the time of a scenario marks, as options of `curves`."""
+    edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
+    still = [(*pair, "no excitation") for pair in edges.reshape(-1, 2)]
+    return {
+        "marks": [(e.index * scenario.period, f"{e.parameter} changes") for e in scenario.events()],
+        "spans": [(0.0, scenario.burn_in, "burn-in"), *still],
+    }
+
+
+def medians(
+    traces: Mapping[str, Mapping[int, Any]], scenario: Scenario, name: str,
+    window: tuple[float, float], *, banded: Sequence[str],
+) -> list[Series]:  # fmt: skip
+    """Return the median estimates of some estimators in a window, and the truth.
+
+    Parameters
+    ----------
+    traces : mapping of str to mapping
+        Traces by estimator and seed.
+    scenario : Scenario
+    name : str
+        What is estimated.
+    window : (float, float)
+        [s]
+    banded : sequence of str
+        Estimators with a band of 10 to 90 % of the runs.
+    """
+    series = []
+    for who, own in traces.items():
+        runs = estimates(own, scenario, name).loc[slice(*window)]
+        runs = runs.iloc[:: max(1, len(runs) // 130)]  # one in 2 px
+        low, middle, high = runs.quantile([0.1, 0.5, 0.9], axis=1).to_numpy()
+        band = {"low": low, "high": high} if who in banded else {}
+        series.append(Series(x=runs.index, y=middle, estimator=who, **band))
+    true = truth(scenario, name).loc[slice(*window)]
+    return [*series, Series(x=true.index, y=true, role="truth", kind="steps")]
+
+
+def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks = USUAL) -> Figure:
+    """Draw lag against the noise before the fault, a line an estimator, and the bound.
 
     Parameters
     ----------
     swept : DataFrame
-        ``fault, estimator, setting, factor, lag, lag_interval, std, lag_bound,
-        lag_bound_single``, a row a setting.
-    order : sequence of str
+        ``fault, estimator, factor, lag, lag_interval, std, lag_bound``, a row a setting.
     faults : mapping of str to str
         What each fault is called; a panel each.
     looks : mapping of str to Style
     """
-    panels: dict[str, list[Series]] = {}
-    for fault in faults:
+    panels = {}
+    for fault, text in faults.items():
         own = swept[(swept["fault"] == fault) & (swept["lag"] > 0) & (swept["std"] > 0)]
         usual = own[(own["estimator"] == REFERENCE) & (own["factor"] == 1)]
-        own = own.assign(x=own["std"] / (usual if len(usual) else own)["std"].median())
-        own = own.sort_values("factor")
-        series = [points(own[own["estimator"] == who], "x", "lag", who) for who in order[::-1]]
-        for role, name in (("bound", "lag_bound"), ("single", "lag_bound_single")):
-            bound = own[name].astype(float).median()
-            series.append(Series(x=own["x"].agg(["min", "max"]), y=[bound] * 2, role=role))
-        panels[f"lag [s]{' ' * len(panels)}"] = series
+        own = own.assign(x=own["std"] / usual["std"].median())
+        panels[f"{text}\nlag [s]"] = lines(own, "x", "lag")
     x = f"noise before the fault / that of {REFERENCE}"
-    return curves(panels, x=x, logs=[x, *panels], titles=list(faults.values()), height=165,
-                  marks=[(1.0, "read off in the table")], looks=looks)  # fmt: skip
+    marks = [(1.0, "read off in the table")]
+    return curves(panels, x=x, logs=[x, *panels], marks=marks, looks=looks)
 
 
-def points(rows: pd.DataFrame, x: str, y: str, estimator: str, **options: Any) -> Series:
-    """Return columns of rows as points with the intervals of the second, on a line."""
-    rows = rows.dropna(subset=y)
-    names = rows.get("setting", rows["estimator"])
-    tips = [f"{name}: {y} {short(v)} at {short(u)}"
-            for name, u, v in zip(names, rows[x], rows[y], strict=True)]  # fmt: skip
-    ends = rows.get(f"{y}_interval", rows[y]).map(lambda each: np.nan if each is None else each)
-    low, high = (ends.map(lambda each, i=i: np.ravel(each)[i]).astype(float) for i in (0, -1))
-    return Series(x=rows[x], y=rows[y], low=low, high=high, estimator=estimator, tips=tips,
-                  **{"kind": "both"} | options)  # fmt: skip
+def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series]:
+    """Return a line an estimator through points with their intervals, and the bound of a lag.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        The two columns, ``estimator``, and, if any, the interval of `y` and ``lag_bound``.
+    x, y : str
+    kind : str
+        As of `Series`.
+    """
+    rows, series = rows.dropna(subset=y).sort_values(x), []
+    for who, own in rows.groupby("estimator", sort=False):
+        ends = pd.Series(own.get(f"{y}_interval"), own.index, dtype=object).str
+        low, high = ends[0].astype(float), ends[1].astype(float)
+        series.append(Series(x=own[x], y=own[y], low=low, high=high, estimator=str(who), kind=kind))
+    if y == "lag" and kind == "both":
+        bound = rows["lag_bound"].astype(float).groupby(rows[x]).median()
+        series.append(Series(x=bound.index, y=bound, role="bound"))
+    return series
 
 
-def lag_against_noise(rows: pd.DataFrame, order: Sequence[str], **options: Any) -> Figure:
+def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
     """Draw lag against noise, a point a row: single runs, or faults at default settings.
 
     Parameters
     ----------
     rows : DataFrame
-        ``estimator, setting, lag, std``; `setting` is what is shown on hover.
-    order : sequence of str
+        ``estimator, lag, std``.
     **options
         As of `curves`.
     """
     able, x = rows[(rows["lag"] > 0) & (rows["std"] > 1e-9)], "std before the fault [% of nominal]"
-    series = [points(able[able["estimator"] == w], "std", "lag", w, kind="points") for w in order]
-    return curves({"lag [s]": series}, x=x, logs=[x, "lag [s]"], height=280, **options)
+    panels = {"lag [s]": lines(able, "std", "lag", kind="points")}
+    return curves(panels, x=x, logs=[x, "lag [s]"], **options)
 
 
-def shares(ratios: Mapping[str, Any], problems: int, **options: Any) -> Figure:
+def shares(runs: pd.DataFrame, **options: Any) -> Figure:
     """Draw the share of runs with a lag of at most so many times the bound.
+
+    A run that was lost, or whose estimator does not estimate what changes, reaches nothing: it
+    counts all the same.
 
     Parameters
     ----------
-    ratios : mapping of str to ndarray
-        lag / bound of the runs that reached anything, increasing, by estimator.
-    problems : int
-        Number of runs, those that reached nothing among them.
+    runs : DataFrame
+        ``scenario, parameter, seed, estimator, lag, lag_bound, over_bound, diverged``, a row a run;
+        those without a bound are left out.
     **options
         As of `curves`.
     """
-    end, series = 1.1 * max([2.0, *map(max, filter(len, ratios.values()))]), []
-    for who, each in ratios.items():
-        x, y = np.r_[each, end], np.r_[1 : len(each) + 1, len(each)] / problems
-        part = slice(None, None, max(1, len(x) // 240))
-        near = 100 * np.sum(each <= 2) / problems
-        tip = f"{who}: {near:.0f} % of the runs within twice the bound"
-        series.append(Series(x=x[part], y=y[part], estimator=who, kind="steps", tips=[tip]))
-    x, y = "lag / Cramér–Rao bound", "share of runs"
-    return curves({y: series}, x=x, logs=[x], limits={y: (0.0, 1.02)}, marks=[(1.0, "bound")],
-                  height=280, **options)  # fmt: skip
+    x, y, series = "lag / Cramér–Rao bound", "share of runs", []
+    runs = runs[runs["lag_bound"] > 0].sort_values("over_bound")
+    count = len(runs.drop_duplicates(["scenario", "parameter", "seed"]))
+    reached = runs[~runs["diverged"].astype(bool) & runs["lag"].notna()]
+    for who, own in reached.groupby("estimator")["over_bound"]:
+        up = np.arange(1, len(own) + 1) / count
+        series.append(Series(x=own, y=up, estimator=str(who), kind="steps"))
+    return curves({y: series}, x=x, logs=[x], marks=[(1.0, "bound")], **options)
 
 
 @styled
@@ -345,18 +340,15 @@ def score_map(
     limits : (float, float)
         Of the colours, the same in maps that are compared.
     """
-    ax, values = new(90 + 32 * len(cells)), cells.to_numpy(float)
-    norm = LogNorm(limits[0], 1.001 * limits[1])
-    ax.pcolormesh(np.ma.masked_invalid(values), norm=norm, cmap="cividis")
-    for (row, column), value in np.ndenumerate(values):
-        letters = "#000000" if norm(value) > 0.47 else "#fffffe"  # from there black reads easier
-        ax.text(column + 0.5, row + 0.5, short(value), color=letters, ha="center", va="center")
+    (ax,), (low, high) = new(90 + 60 * len(cells)), limits
+    ax.pcolormesh(cells, norm=LogNorm(low, 10 * high), cmap="Blues")  # light, below black letters
+    for (row, column), value in np.ndenumerate(cells):
+        ax.text(column + 0.5, row + 0.5, short(value), color="#000000", ha="center", va="center")
     ax.set_xticks(np.arange(cells.shape[1]) + 0.5, map(number, cells.columns))
     ax.set_yticks(np.arange(cells.shape[0]) + 0.5, map(number, cells.index))
     ax.set(xlabel=symbols(x), ylabel=symbols(y))
     ax.set_title(title, parse_math=False)
-    ax.grid(visible=False)
-    return _of(ax)
+    return ax.figure
 
 
 VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
@@ -364,7 +356,7 @@ VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
 
 @styled
 def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = None) -> Figure:
-    """Draw changes with their intervals and margins, a line a score, the first thirty.
+    """Draw changes with their intervals and margins, a line a score.
 
     Parameters
     ----------
@@ -373,22 +365,16 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
     axes : Axes, optional
         Where to draw; a new figure by default.
     """
-    shown = [row for row in rows if None not in (row["change"], *row["interval"])][:30]
-    ax, names = axes or new(60 + 24 * len(shown)), []
+    shown = [row for row in rows if None not in (row["change"], *row["interval"])]
+    ax, names = axes or new(60 + 24 * len(shown))[0], []
     for place, row in enumerate(shown):
         parts = np.array([row["change"], *row["interval"], row["margin"] or 0])
         # A difference may be less than all of the base: it ends at the edge of the scale.
-        change, *ends, margin = np.maximum(1 + parts / (row["scale"] or 1), 0.01)
+        *parts, margin = np.maximum(1 + parts / (row["scale"] or 1), 0.01)
         name = f"{row['metric']} of {row['parameter']}, {row['scenario']}: {row['verdict']}"
+        tip = f"{name}, × {short(parts[0])} ({between(parts[1:])})"
         names.append(symbols(name))
+        ax.hlines(place, 1 / margin, margin, color=MUTED, lw=7, alpha=0.2)
         colour = VERDICTS.get(row["verdict"], MUTED)
-        ax.hlines(place, 1 / margin, margin, color=MUTED, lw=7, alpha=0.25)
-        ax.hlines(place, *ends, color=colour, lw=2)
-        tip = f"{name}, × {short(change)} ({between(ends)})"
-        tag(ax.plot(change, place, "o", color=colour)[0], tip=tip)
-    ax.axvline(1.0, color=TEXT, lw=0.9)
-    ax.set(ylim=(len(shown) - 0.4, -0.6), xlabel="candidate / base: less is better")
-    ax.set_yticks(range(len(names)), names)
-    logarithmic(ax.xaxis)
-    ax.grid(axis="y", visible=False)
-    return _of(ax)
+        _interval(ax, place, parts, "", tip, color=colour, marker="o")
+    return _rows(ax, names, "candidate / base: less is better")

@@ -10,25 +10,21 @@ import html
 import io
 import json
 import re
-from collections.abc import Callable, Iterable
-from functools import cache
-from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import matplotlib as mpl
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
-from flexaxis.experiments.reporting import tables
-from flexaxis.experiments.reporting.figures import PLAIN, Looks
-from flexaxis.experiments.reporting.styles import NINE, SETTINGS, VARIABLES, assigned, look, styled
+from flexaxis.experiments.reporting import figures, tables
+from flexaxis.experiments.reporting.figures import Looks
+from flexaxis.experiments.reporting.styles import NINE, SETTINGS, VARIABLES
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-_TAG = re.compile(r"""<g id=(?:"([^"]*)"|'([^']*)')>""")
-_UNNAMED = re.compile(r' id="(?:[a-z]+_|[A-Z][A-Za-z]+_|xtick|ytick|legend|matplotlib)[\w.]*"')
+SIDES = ("base", "candidate")
 
 
 def render(template: str, *, looks: Looks, **content: Any) -> str:
@@ -40,20 +36,26 @@ def render(template: str, *, looks: Looks, **content: Any) -> str:
         Path in `flexaxis.experiments`, such as ``"reporting/templates/run.html"``. It extends
         ``reporting/templates/page.html``, which needs a `title`.
     looks : mapping of str to Style
-        Of the estimators that the page can hide, from `looks_of`.
+        Of the estimators that the page can hide, as from `styles.assigned`.
     **content
         What the template names. Text is escaped; a name that is missing is an error.
     """
-    swatches = {name: _swatch(name, looks) for name in looks}
-    page = environment().get_template(template)
-    return page.render(styles=NINE, looks=looks, swatches=swatches, **content)
+    return TEMPLATES.get_template(template).render(styles=NINE, looks=looks, **content)
 
 
-def looks_of(names: Iterable[str]) -> Looks:
-    """Return the looks of the estimators of a page, in the order of their names."""
-    unique = dict.fromkeys(names)
-    looks = assigned(unique)
-    return {name: looks[name] for name in unique}
+def comparison(verdict: Mapping[str, Any]) -> str:
+    """Return the page of a comparison: the verdict, changes with intervals, all scores.
+
+    Parameters
+    ----------
+    verdict : mapping
+        As `flexaxis compare --json` prints it.
+    """
+    drawings = [drawn(figures.verdict_intervals, "change of each score", verdict["rows"])]
+    lines = [("", list(map(tables.Cell, row["text"]))) for row in verdict["rows"]]
+    table = tables.Table("all scores", verdict["columns"], lines, verdict["legend"])
+    return render("reporting/templates/compare.html", title=verdict["headline"], verdict=verdict,
+                  looks={}, figures=drawings, table=table)  # fmt: skip
 
 
 def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -> Markup:
@@ -68,63 +70,32 @@ def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -
     *args, **options
         For `draw`.
     """
-    return svg(draw(*args, **options), slug(label), f'role="img" aria-label="{escape(label)}"')
-
-
-def svg(figure: Figure, name: str, attributes: str) -> Markup:
-    """Return a figure as SVG; its ids begin with a name that no other figure has."""
-    buffer = io.StringIO()
-    with mpl.rc_context(SETTINGS):
+    buffer, name = io.StringIO(), slug(label)
+    with mpl.rc_context(dict(SETTINGS) | {"svg.hashsalt": name}):  # no other figure has its ids
+        figure = draw(*args, **options)
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->|<g id=[^>]*/>", "", text, flags=re.DOTALL)
-    text = _UNNAMED.sub("", _TAG.sub(_opened, text))
-    text = re.sub(r"<[^>]+>", _shorter, text)
+    text = re.sub(r"""<g id=(?:"([^"]*)"|'([^']*)')>""", _opened, text)
+    text = re.sub(r"<[^>]+>", lambda part: re.sub(r"(\.\d)\d+", r"\1", part[0]), text)
     text = re.sub("|".join(VARIABLES), lambda match: f"var(--{VARIABLES[match[0]]})", text)
-    text = re.sub(r'( id="|url\(#|href="#)', rf"\g<1>{name}-", text)
-    text = (
-        re.sub(r"\s*\n\s*", "\n", text).replace("'DejaVu Sans'", "system-ui").replace("xlink:", "")
-    )
-    return Markup(re.sub(r"^.*?<svg .*?(?=viewBox=)", f"<svg {attributes} ", text, flags=re.DOTALL))
+    text = re.sub(r"\s*\n(?:L |\s*)", " ", text).replace("'DejaVu Sans'", "system-ui")
+    head = f'<svg role="img" aria-label="{escape(label)}" '
+    return Markup(head + re.sub(r"^.*?<svg .*?(?=viewBox=)", "", text, flags=re.DOTALL))
 
 
-def _shorter(element: re.Match[str]) -> str:
-    """Return an element with hundredths of a point; a path has tenths, and lines without an L."""
-    text = re.sub(r"(\.\d\d)\d+", r"\1", element[0])
-    path = text.startswith("<path")
-    return re.sub(r"\nL(?= )", "", re.sub(r"(\.\d)\d", r"\1", text)) if path else text
-
-
-def _opened(match: re.Match[str]) -> str:
-    """Return the opening of a group with its class and title, of an artist that has a tag."""
-    text = html.unescape(match[1] or match[2])
-    if not text.startswith("["):
-        return match[0]
-    estimator, tip = json.loads(text)
+def _opened(group: re.Match[str]) -> str:
+    """Return the opening of a group without id; of a tagged artist with its class and title."""
+    text = html.unescape(group[1] or group[2])
+    estimator, tip = json.loads(text) if text.startswith("[") else ("", "")
     title = f"<title>{escape(tip)}</title>" if tip else ""
-    return f'<g class="{css_class(estimator)}">{title}' if estimator else f"<g>{title}"
-
-
-@styled
-def _swatch(estimator: str, looks: Looks) -> Markup:
-    """Return a piece of the line of an estimator with its marker."""
-    figure = Figure(figsize=(32 / 96, 13 / 96), layout=PLAIN)
-    ax = figure.add_axes((0, 0, 1, 1), xlim=(0, 1), ylim=(0, 1))
-    ax.set_axis_off()
-    ax.plot([0.02, 0.5, 0.98], [0.5] * 3, **look(estimator, looks) | {"markevery": [1]})
-    name = f"swatch-{slug(estimator)}"
-    return svg(figure, name, f'class="swatch" id="{name}" aria-hidden="true"')
+    return f'<g class="est-{slug(estimator)}">{title}' if estimator else f"<g>{title}"
 
 
 def slug(text: str) -> str:
     """Return a text as it may stand in an id; two texts have different ones."""
     plain = re.sub(r"\W+", "-", text).strip("-")
     return plain if plain == text else f"{plain}-{crc32(text.encode()):x}"
-
-
-def css_class(estimator: str) -> str:
-    """Return the class of an estimator in a page."""
-    return f"est-{slug(estimator)}"
 
 
 def symbols(text: str) -> Markup:
@@ -139,19 +110,8 @@ def symbols(text: str) -> Markup:
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", typeset))
 
 
-@cache
-def environment() -> Environment:
-    """Return the environment of all templates."""
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
-
-    folder = files("flexaxis.experiments")
-    loader = FunctionLoader(lambda name: (folder / name).read_text(encoding="utf-8"))
-    environment = Environment(
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-        loader=loader,
-    )
-    environment.filters |= {"symbols": symbols, "slug": slug, "css_class": css_class}
-    return environment
+TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).parents[1]),
+    autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined,
+)  # fmt: skip
+TEMPLATES.filters |= {"symbols": symbols, "slug": slug}

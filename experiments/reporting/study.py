@@ -2,39 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
 
+from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.reporting import page, tables, words
-from flexaxis.experiments.reporting.figures import Series, curves, points, score_map
-from flexaxis.experiments.reporting.inputs import numeric_axes, pooled
+from flexaxis.experiments.reporting.figures import curves, lines, score_map
+from flexaxis.experiments.reporting.styles import assigned
+from flexaxis.experiments.reporting.words import axis_words
 from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.running.study import is_option
 
-MAPS, LINES = 3, 300  # pairs of axes with maps; lines of the table
+LINES = 300  # of the table
 SHOWN = ("lag", "over_bound", "t10", "std", "bias", "score", "diverged")
-LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]"}
+LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]",
+          "detection.false_alarms_per_1000_s": "false alarms / 1000 s"}  # fmt: skip
 
 
 def render(results: Results) -> str:
-    """Return the report of a study as HTML."""
-    axes, study, failures = numeric_axes(results), results.study, results.failures
+    """Return the report of a study as HTML.
+
+    Raises
+    ------
+    StudyError
+        If no run could be simulated.
+    """
+    if not results.frame["parameter"].any():
+        raise StudyError("no run could be simulated: `error` in the rows says why")
+    axes, study = numeric_axes(results), results.study
     table = _table(results)
-    looks = page.looks_of(name for name, _ in table.rows)
-    shown = [over_axis(results, axis, "score") for axis in axes[:1]]
+    looks = assigned(name for name, _ in table.rows)
+    shown = [
+        over_axis(results, axis, "score", "detection.false_alarms_per_1000_s") for axis in axes[:1]
+    ]
     shown += [over_axis(results, axis, "lag", "std") for axis in axes]
     return page.render(
         "reporting/templates/study.html",
         title=title(results),
         study=study,
         looks=looks,
-        axes=[words.axis_words(axis, study) for axis in results.axes],
+        axes=list(map(axis_words, results.axes)),
         cases=results.cases,
-        failures=words.failures_in_words(failures.head(10).to_dict("records")),
-        failed=len(failures),
+        failures=words.failures_in_words(results.failures.to_dict("records")),
         figures=[page.drawn(curves, f"{', '.join(o['panels'])} over {o['x']}", looks=looks, **o)
                  for o in shown if o["panels"]],
         maps=list(_maps(results)),
@@ -42,32 +55,36 @@ def render(results: Results) -> str:
     )  # fmt: skip
 
 
+def numeric_axes(results: Results) -> list[str]:
+    """Return the axes of a study with several numbers, those of a fault first."""
+    axes = results.frame[list(results.axes)].select_dtypes("number")
+    return sorted(axes.columns[axes.nunique() > 1], key=lambda axis: not axis.startswith("fault"))
+
+
+def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
+    """Return pooled rows over some axes; swept options that are not among them name estimators."""
+    option = any(is_option(axis, results.study["estimators"]) for axis in axes)
+    rows = tables.flat(results.pooled(*by, "estimator" if option else "setting", *axes))
+    return rows.rename(columns={"setting": "estimator"}).dropna(subset=list(axes))
+
+
 def title(results: Results) -> str:
-    """Return the answer of a study in a sentence: who leads over its first axis."""
+    """Return the answer of a study in a sentence: who has the highest score over its first axis."""
     axes = numeric_axes(results)[:1]
-    rows = _changed(pooled(results, axes))
+    rows = _changed(results, axes).dropna(subset="score")
     if rows.empty:
         return f"{results.study['name']}: nothing that is estimated changes"
-    measure = _measure(rows, "score")
-    points = rows[axes[0]] if axes else pd.Series("", rows.index)
-    means = rows.pivot_table(measure, points.rename("point"), "estimator")
-    ranks = means.rank(axis=1, ascending=measure == "lag", method="first")
-    order = ranks.mean().sort_values().index
-    led = int((ranks[order[0]] == 1).sum())
-    what = "highest score" if measure == "score" else "shortest lag [s]"
-    where = f" at {led} of {len(means)} values of " if axes else ""
-    where += "".join(words.axis_words(axis, results.study) for axis in axes)
-    values = [f"{name} {tables.between(means[name])}" for name in order[:2]]
-    return f"{order[0]} has the {what}{where}: {', next '.join(values)}"
+    scores = rows.groupby("estimator")["score"].agg(["mean", tables.between])
+    order = scores.sort_values("mean", ascending=False)["between"]
+    over = " over the ".join(["the highest score", *map(axis_words, axes)])
+    values = [f"{who} {score}" for who, score in order.head(2).items()]
+    return f"{order.index[0]} has {over}: {', next '.join(values)}"
 
 
-def _changed(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows[rows["changed"].astype(bool) & rows["lag"].notna()] if len(rows) else rows
-
-
-def _measure(rows: pd.DataFrame, name: str) -> str:
-    """Return the score; the lag where no score is defined."""
-    return "lag" if name == "score" and rows["score"].isna().all() else name
+def _changed(results: Results, axes: Sequence[str]) -> pd.DataFrame:
+    """Return the pooled rows of what changes, with a lag."""
+    rows = pooled(results, axes)
+    return rows[rows["changed"].astype(bool) & rows["lag"].notna()]
 
 
 def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
@@ -79,45 +96,31 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
     axis : str
         A swept key.
     *measures : str
-        Columns of pooled rows; the lag stands for a score that is not defined.
+        Columns of pooled rows.
     """
-    rows, panels = _changed(pooled(results, [axis])), {}
-    for name in measures if len(rows) else ():
-        measure = _measure(rows, name)
-        own = rows.drop_duplicates(["estimator", axis]) if "false" in measure else rows
-        for parameter, group in own[own[measure].notna()].groupby("parameter", sort=False):
-            series = [points(line.sort_values(axis), axis, measure, str(who))
-                      for who, line in group.groupby("estimator", sort=False)]  # fmt: skip
-            if measure == "lag" and group["lag_bound"].notna().any():
-                bound = group.groupby(axis)["lag_bound"].median()
-                series.append(Series(x=bound.index, y=bound, role="bound"))
-            panels[f"{LABELS[measure]} of {parameter}"] = series
-    across = rows[axis].astype(float) if len(rows) else pd.Series([1.0])
-    x = words.axis_words(axis, results.study)
-    wide = across.min() > 0 and across.max() > 30 * across.min()
-    return {"panels": panels, "x": x, "logs": [x] * bool(wide), "height": 230}
+    rows, panels, x = _changed(results, [axis]), {}, axis_words(axis)
+    for measure in rows.columns.intersection(measures):
+        for parameter, group in rows[rows[measure].notna()].groupby("parameter", sort=False):
+            panels[f"{LABELS[measure]} of {parameter}"] = lines(group, axis, measure)
+    wide = rows[axis].max() > 30 * rows[axis].min() > 0
+    return {"panels": panels, "x": x, "logs": [x] * bool(wide)}
 
 
 def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
     """Yield a heading and a map of the lag an estimator, over two axes each."""
-    for y, x in list(combinations(numeric_axes(results), 2))[:MAPS]:
-        labels = {k: words.axis_words(axis, results.study) for k, axis in (("x", x), ("y", y))}
-        heading = f"lag [s] over {' and '.join(labels.values())}"
-        rows = _changed(pooled(results, [x, y]))
-        if rows.empty:
-            continue
-        maps = rows.pivot_table("lag", ["estimator", y], x)
+    for y, x in combinations(numeric_axes(results), 2):
+        heading = f"lag [s] over {axis_words(x)} and {axis_words(y)}"
+        maps = _changed(results, [x, y]).pivot_table("lag", ["estimator", y], x)
         limits = maps.min(axis=None), maps.max(axis=None)
-        yield heading, [page.drawn(score_map, f"{who}: {heading}", own.droplevel(0)[::-1],
-                                   title=str(who), limits=limits, **labels)
+        yield heading, [page.drawn(score_map, f"{who}: {heading}", own.droplevel(0), title=str(who),
+                                   limits=limits, x=axis_words(x), y=axis_words(y))
                         for who, own in maps.groupby(level=0, sort=False)]  # fmt: skip
 
 
 def _table(results: Results) -> tables.Table:
     """Return pooled scores at each point, what changed first."""
-    rows = tables.flat(pooled(results, results.axes, "scenario").to_dict("records"))
+    rows = pooled(results, results.axes, "scenario")
     rows = rows.sort_values("changed", ascending=False, kind="stable").head(LINES)
     names = ("estimator", "scenario", *results.axes, "parameter", *SHOWN)
-    heads = {name: tables.COLUMNS.get(name) or words.axis_words(name, results.study)
-             for name in names}  # fmt: skip
+    heads = {name: tables.COLUMNS.get(name) or axis_words(name) for name in names}
     return tables.table("scores", rows, heads)

@@ -8,17 +8,15 @@ or more with what they are drawn on (WCAG 2.1, 1.4.11), in the light and in the 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 from zlib import crc32
 
 import matplotlib as mpl
 
 from flexaxis.estimators import RECOMMENDED
-from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.reporting.tables import SYMBOL
 
 
@@ -65,17 +63,17 @@ NINE = (
 )
 
 STYLES = [
-    replace(one, dash=other.dash, marker=other.marker, hollow=one is not other)
+    replace(one, dash=NINE[i - turn].dash, marker=NINE[i - turn].marker, hollow=turn > 0)
     for turn in range(len(NINE))
-    for one, other in zip(NINE, NINE[turn:] + NINE[:turn], strict=True)
+    for i, one in enumerate(NINE)
 ]
 """The nine; then their colours with the dash and marker of another, hollow."""
 
 # What most figures show; it looks the same on every page. The reference is blue and unbroken.
-LEADING = ("rpem-forgetting", "rpem-drift", "ekf", "imm", "cusum-reset", RECOMMENDED, "frozen")
-_PLACES = dict(zip(LEADING, (0, 1, 2, 3, 4, 5, 8), strict=True)) | {
-    "base": 0, "candidate": 1, "A": 0, "B": 1, "k_T": 0, "1/J_a": 1, "f_m": 2, "f_c": 3,
-    "another": 8,
+_PLACES = {
+    "rpem-forgetting": 0, "rpem-drift": 1, "ekf": 2, "imm": 3, "cusum-reset": 4, RECOMMENDED: 5,
+    "frozen": 8, "base": 0, "candidate": 1, "A": 0, "B": 1, "k_T": 0, "1/J_a": 1, "f_m": 2,
+    "f_c": 3, "another": 8,
 }  # fmt: skip
 
 VARIABLES = {TEXT: "text", MUTED: "muted", LINE: "line", SOFT: "soft", BACK: "back"}
@@ -87,18 +85,8 @@ SETTINGS = mpl.rc_params_from_file(
 )
 
 
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def styled(draw: F) -> F:
-    """Return a function that draws in the style of all figures."""
-
-    @wraps(draw)
-    def drawn(*args: Any, **options: Any) -> Any:
-        with mpl.rc_context(SETTINGS):
-            return draw(*args, **options)
-
-    return cast(F, drawn)
+styled = mpl.rc_context(SETTINGS)
+"""Decorator of a function that draws: it draws in the style of all figures."""
 
 
 def tag(artist: Any, estimator: str = "", tip: str = "") -> Any:
@@ -124,7 +112,6 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
         "marker": own.marker,
         "mfc": BACK if own.hollow else own.light,
         "ms": 8 if own.marker == "*" else 5,
-        "mew": 1.2 if own.hollow else 0.7,
     }
 
 
@@ -140,9 +127,9 @@ def symbols(text: str) -> str:
 
 
 def assigned(names: Iterable[str]) -> dict[str, Style]:
-    """Return the styles of the estimators of one page, in the order of the registry.
+    """Return the styles of the estimators of one page, in the order of their names.
 
-    The leading ones have theirs; the others have what is left, by rank. Options in brackets do not
+    The leading ones have theirs; the others have what is left, in order. Options in brackets do not
     change a style where the estimator is on the page only once.
 
     Parameters
@@ -153,25 +140,20 @@ def assigned(names: Iterable[str]) -> dict[str, Style]:
     Examples
     --------
     >>> [(name, style.light) for name, style in assigned(["mine.py:Mine", "ekf"]).items()]
-    [('ekf', '#237548'), ('mine.py:Mine', '#136CD1')]
+    [('mine.py:Mine', '#136CD1'), ('ekf', '#237548')]
     """
-    ordered = sorted(dict.fromkeys(names), key=_rank)
-    leading = {place: name for name in ordered[::-1] if (place := _place(name)) is not None}
-    taken = {name: STYLES[place] for place, name in leading.items()}
-    free = iter([style for style in STYLES if style not in taken.values()])
-    return {name: taken.get(name) or next(free) for name in ordered}
+    unique, free, taken = dict.fromkeys(names), dict(enumerate(STYLES)), {}
+    for name in sorted(unique, key=lambda name: (_base(name) not in _PLACES, "[" in name)):
+        place = _PLACES.get(_base(name))
+        taken[name] = free.pop(place if place in free else min(free))
+    return {name: taken[name] for name in unique}
 
 
 def style(estimator: str) -> Style:
     """Return the style of an estimator in a figure that is on no page: the same in all of them."""
-    place, others = _place(estimator), STYLES[len(NINE) :]
-    return others[crc32(estimator.encode()) % len(others)] if place is None else NINE[place]
+    others = range(len(NINE), len(STYLES))
+    return STYLES[_PLACES.get(_base(estimator), others[crc32(estimator.encode()) % len(others)])]
 
 
-def _place(name: str) -> int | None:
-    return _PLACES.get(name.partition("[")[0])
-
-
-def _rank(name: str) -> tuple[float, str]:
-    entry = REGISTRY.get(name.partition("[")[0])
-    return (entry.rank if entry else 90.0), name
+def _base(name: str) -> str:
+    return name.partition("[")[0]

@@ -62,7 +62,7 @@ def table(name: str, rows: pd.DataFrame, columns: Mapping[str, str]) -> Table:
 
 
 def _cell(row: Mapping[str, Any], column: str) -> Cell:
-    value, interval = row[column], row.get(f"{column}_interval")
+    value, interval = row.get(column), row.get(f"{column}_interval")
     if isinstance(value, str):
         return Cell(value)
     small = between(interval) if isinstance(interval, list | tuple) and value else ""
@@ -72,7 +72,6 @@ def _cell(row: Mapping[str, Any], column: str) -> Cell:
 def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Return pooled rows as a DataFrame: tables in them by dotted names, and `over_bound`."""
     flat = pd.json_normalize(list(rows))
-    flat = flat.reindex(columns=flat.columns.union([*COLUMNS, "lag_bound"], sort=False))
     return flat.assign(over_bound=pd.to_numeric(flat["lag"]) / pd.to_numeric(flat["lag_bound"]))
 
 
@@ -113,6 +112,6 @@ def between(values: Iterable[float | None] | None) -> str:
     >>> between([0.0382, 0.0731]), between([2.0, 2.01]), between(None)
     ('0.038–0.073', '2.0', '–')
     """
-    known = [v for v in (() if values is None else values) if v is not None and np.isfinite(v)]
-    low, high = (short(end(known, default=None)) for end in (min, max))
-    return low if low == high else f"{low} … {high}" if "-" in low else f"{low}–{high}"
+    known = pd.Series(values, dtype=float).dropna()
+    low, high = short(known.min()), short(known.max())
+    return low if low == high else f"{low}–{high}"

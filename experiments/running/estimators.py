@@ -136,11 +136,16 @@ def _files_of(name: str) -> list[Path]:
 _session: dict[str, Factory] = {}
 
 
-def text_of(make: Factory) -> str:
-    """Return the text for a class: its module's, or its name in this session, if it has one."""
+def text_of(make: str | Factory) -> str:
+    """Return the text for a class: its module's, or its name in this session; a text as it is."""
+    if isinstance(make, str):
+        return make
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier() or name in REGISTRY:
-        raise EstimatorError(f"{make!r}: give a class with a name that no registered one has")
+        raise EstimatorError(
+            f"{make!r}: give a name, such as 'glr', or a class with a name that no registered one "
+            "has, not an instance: each run needs an estimator of its own"
+        )
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]
         return f"{module}:{name}"

@@ -279,32 +279,3 @@ def _ordered(values: pd.Series) -> Any:
 
 def _columns(part: pd.DataFrame) -> Columns:
     return {name: part[name].to_numpy(float) for name in ("seed", "point", *NUMBERS)}
-
-
-def rerun(results: Results, number: int, runner: Any, *, seed: int = 0) -> pd.DataFrame:
-    """Run random cases again and return every number that differs.
-
-    Parameters
-    ----------
-    results : Results
-    number : int
-        Of cases, or all if there are fewer.
-    runner : Runner
-        Without a folder.
-    seed : int
-        Of the choice.
-
-    Returns
-    -------
-    DataFrame
-        Values ``before`` and ``now`` by case, parameter and column; empty if all are equal.
-    """
-    cases = results.frame.drop_duplicates("case")
-    chosen = cases.sample(min(number, len(cases)), random_state=seed)
-    parts = [runner.rows([results.scenario(row)], [row["setting"]], [int(row["seed"])])
-             for _, row in chosen.iterrows()]  # fmt: skip
-    columns = [name for name in (*NUMBERS, "error") if not name.startswith("cost.")]
-    every = (pd.concat(parts), results.frame)
-    now, before = (frame.set_index(["case", "parameter"])[columns] for frame in every)
-    differ = before.loc[now.index].compare(now, result_names=("before", "now"))
-    return differ.stack(level=0, future_stack=True).dropna(how="all")

@@ -37,7 +37,6 @@ from flexaxis.experiments.running.user_code import (
     is_of_the_machine,
     why_it_ended,
 )
-from flexaxis.experiments.seeds import check_jobs
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -129,7 +128,8 @@ class Runner:
         cache: RecordCache | None = None, time_limit: float | None = None,
         overwrite: bool = False, advance: Callable[[int], object] = lambda cases: None,
     ) -> None:  # fmt: skip
-        check_jobs(jobs)
+        if not (isinstance(jobs, int) and jobs > 0):
+            raise FlexaxisError(f"jobs {jobs!r}: give a number of processes, 1 or more")
         limit = TIME_LIMIT if time_limit is None else time_limit
         if not 0 < limit < float("inf"):
             raise FlexaxisError(f"a time limit of {limit!r} s: give a finite number above 0")

@@ -1,4 +1,4 @@
-"""What trajectories are drawn from: of one run in detail, and of all runs of an estimator pooled.
+"""What trajectories are drawn from: a run in detail, and the runs of an estimator as a table.
 
 A whole run is kept at every tenth sample. What a fault does to an estimate happens in less than
 that shows, so that the time about the first fault is kept sample by sample.
@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
+from flexaxis.experiments.scoring.parameter_names import nominal_theta, theta_over_time
 from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.windows import windows
 from flexaxis.sim.scenario import Scenario
@@ -123,3 +125,21 @@ def _told(finding: Any, period: float, late: int) -> dict[str, Any]:
         "ratio": [each if np.isfinite(each) else None for each in ratio],
         "reason": str(getattr(finding, "reason", "") or ""),
     }
+
+
+def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> pd.DataFrame:
+    """Return estimates over nominal: a line a time [s], a column a seed.
+
+    Around the first fault every sample is there, else one in `CURVE_STEP`.
+    """
+    times = np.r_[scenario.times[::CURVE_STEP], scenario.times[near_fault(scenario)]]
+    runs = {seed: np.r_[trace.curve, trace.detail.near][:, trace.names.index(parameter)]
+            for seed, trace in traces.items()}  # fmt: skip
+    table = pd.DataFrame(runs, index=times, dtype=float)
+    return table[~table.index.duplicated()].sort_index()
+
+
+def truth(scenario: Scenario, parameter: str) -> pd.Series:
+    """Return the true values of a parameter over nominal, over time [s]."""
+    values = theta_over_time(scenario, [parameter]) / nominal_theta(scenario, [parameter])
+    return pd.Series(values[:, 0], scenario.times)

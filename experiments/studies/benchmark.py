@@ -1,225 +1,171 @@
-"""A run, from names to a folder: a study without axes, with its summary, figures and report."""
+"""A study or a run, from what is asked for to a folder with its summary, figures and report."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from importlib.metadata import version
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.comparison import sweep
-from flexaxis.experiments.comparison.ranking import overall
+from flexaxis.experiments.comparison.ranking import faults_of, overall, widest
 from flexaxis.experiments.files import REPORT, SUMMARY, write_json, write_text
 from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
-from flexaxis.experiments.reporting.inputs import RunInputs
-from flexaxis.experiments.reporting.words import faults_of, widest
+from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
-from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.scoring.scores import failed_track, relative_error
-from flexaxis.experiments.scoring.summary import of_trajectories
-from flexaxis.experiments.studies.as_set import as_set
+from flexaxis.experiments.running.store import ROWS, Store
+from flexaxis.experiments.running.study import Study, missing, units
 from flexaxis.sim.scenario import Scenario, scenario_from
 
-
-@dataclass(frozen=True)
-class Benchmark:
-    """What a run runs.
-
-    Attributes
-    ----------
-    study : Study
-        Without axes.
-    title : str
-        Headline of the report.
-    command : str
-        The line that runs it again.
-    swept_scenarios : sequence of Scenario
-    swept_estimators : sequence of str
-        Those to sweep over their knobs on these, to compare them at equal noise.
-    """
-
-    study: Study
-    title: str
-    command: str
-    swept_scenarios: Sequence[Scenario] = ()
-    swept_estimators: Sequence[str] = ()
-
-    @property
-    def cases(self) -> int:
-        """Number of cases: one estimator, at one setting, on one record."""
-        plain = len(self.study.scenarios) * len(self.study.estimators)
-        swept = len(self.swept_scenarios) * len(sweep.texts(sweep.settings(self.swept_estimators)))
-        return (plain + swept) * len(self.study.seeds)
+FAILURE = ("scenario", "estimator", "seed", "error")
 
 
-def benchmark(
-    wanted: Benchmark, runner: Runner, *, shard: tuple[int, int] = (1, 1),
-    say: Callable[[str], object] | None = None,
-) -> Results:  # fmt: skip
-    """Run what is missing, and write summary.json and report.html to the folder of the runner.
+def run(
+    study: Study,
+    runner: Runner,
+    *,
+    swept: tuple[Sequence[Scenario], Sequence[str]] = ((), ()),
+    command: str = "",
+    shard: tuple[int, int] = (1, 1),
+) -> Results:
+    """Run what is missing of a study; a folder gets its summary and report.
 
     Parameters
     ----------
-    wanted : Benchmark
+    study : Study
+        One without axes is a run of a benchmark.
     runner : Runner
-        With a folder.
-    shard : (int, int)
-        As in `Runner.run`. A shard has no summary: `take` puts shards together first.
-    say : callable, optional
-        Called with what goes on after the last case.
+    swept : (sequence of Scenario, sequence of str)
+        Where to compare which estimators at equal noise, for the report of a run.
+    command : str
+        The line that runs it again, for the report.
+    shard
+        As in `Runner.run`. A shard has no report: `merge` puts shards together first.
 
     Raises
     ------
     OutputError, StudyError, EstimatorCrash, NotRun
         As from `Runner.run`.
     """
-    sweeping = {
-        "scenarios": [s.resolved() for s in wanted.swept_scenarios],
-        "estimators": list(wanted.swept_estimators),
-    }
-    about = {"title": wanted.title, "command": wanted.command, "tradeoff": sweeping}
-    results = runner.run(wanted.study, shard=shard, traces=True, about=about)
-    if shard == (1, 1):
-        finish(results, runner, say=say)
+    tradeoff = {"scenarios": [s.resolved() for s in swept[0]], "estimators": list(swept[1])}
+    about = {"title": study.name, "command": command, "tradeoff": tradeoff}
+    results = runner.run(study, shard=shard, traces=not study.axes, about=about)
+    if results.folder and shard == (1, 1):
+        finish(results, runner)
     return results
 
 
-def finish(results: Results, runner: Runner, *, say: Callable[[str], object] | None = None) -> None:
-    """Sweep what is to be swept, pool the rows of a run, and write its summary and report.
+def merge(shards: Sequence[Path], folder: Path, **options: Any) -> tuple[Results, int]:
+    """Put shards together in a folder and report; return results and the number of lost cases.
 
     Parameters
     ----------
-    results : Results
-        All cases of a run.
-    runner : Runner
-        Of the same folder.
-    say : callable, optional
-        As for `benchmark`.
+    shards : sequence of Path
+    folder : Path
+    **options
+        Of the `Runner`, which compares estimators at equal noise.
     """
+    with Runner(folder, **options) as runner:
+        for shard in shards:
+            runner.store.take(shard)
+        results = Results.load(folder)
+        finish(results, runner)
+    study = results.study
+    return results, len(study["variants"]) * len(study["seeds"]) - results.cases
+
+
+def finish(results: Results, runner: Runner) -> None:
+    """Write the report of finished cases; for a run, compare at equal noise and pool first."""
     assert results.folder is not None
-    swept = _sweep(results, runner)
-    if say:
-        say("pooling scores and drawing the report …")
-    rows = results.pooled("scenario", "estimator")
-    failures = results.failures.to_dict("records")
-    if swept:
-        failures += swept.pop("failures")
-    summary = _summary(results.study, _with_trajectories(results, rows)) | {
-        "failures": [{key: row[key] for key in FAILURE} for row in failures],
-        "as_set": as_set(results, rows),
-        "tradeoff": swept,
-    }
-    (results.folder / SUMMARY).unlink(missing_ok=True)  # of another question
-    write_text(results.folder / REPORT, run_report.render(RunInputs(results, summary)))
-    write_json(results.folder / SUMMARY, summary)  # last: a folder without one is not complete
+    if not results.axes:
+        swept = _sweep(results, runner)
+        study, failures = results.study, results.failures.to_dict("records")
+        failures += swept.pop("failures") if swept else []
+        summary = {
+            "title": study["title"],
+            "command": study["command"],
+            "versions": {name: version(name) for name in ("flexaxis", "mujoco", "numpy", "numba")},
+            "seeds": list(study["seeds"]),
+            "scenarios": {e["definition"]["name"]: e for e in study["scenarios"]},
+            "estimators": {text: _describe(text) for text in study["estimators"]},
+            "rows": results.pooled("scenario", "estimator"),
+            "failures": [{key: row[key] for key in FAILURE} for row in failures],
+            "tradeoff": swept,
+        }
+        write_json(results.folder / SUMMARY, summary)
+    write_report(results, results.folder / REPORT)
 
 
-def _with_trajectories(results: Results, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the pooled rows of a run with what takes trajectories.
-
-    Those of one estimator on one scenario are in memory at a time.
-    """
-    scenarios = {entry["definition"]["name"]: scenario_from(entry["definition"], source="run")
-                 for entry in results.study["scenarios"]}  # fmt: skip
-    found = []
-    for (name, estimator), own in groupby(rows, key=lambda r: (r["scenario"], r["estimator"])):
-        scenario = scenarios[name]
-        known = list(results.traces(scenario.hash, estimator).values())
-        nothing = failed_track(scenario, scenario.true_parameters())
-        lost = {name: each.astype(np.float32) for name, each in relative_error(nothing).items()}
-        for row in own:
-            errors = [t.relative[row["parameter"]] for t in known if row["parameter"] in t.relative]
-            errors += [lost[row["parameter"]]] * row["failed"] if row["parameter"] in lost else []
-            identity = {"scenario": name, "hash": scenario.hash, "estimator": estimator}
-            further = of_trajectories(errors, row["bound"], period=scenario.period)
-            found.append(row | identity | further)
-    return found
+def write_report(results: Results, path: Path) -> None:
+    """Write the report of a study, or of a run from its summary.json."""
+    html = (study_report.render(results) if results.axes
+            else run_report.render(results, results.summary))  # fmt: skip
+    write_text(path, html)
 
 
-FAILURE = ("scenario", "estimator", "seed", "error")
-
-
-def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
-    """Return the points of the trade-off figure, the lags at equal noise, and what failed."""
-    wanted, seeds = results.study.get("tradeoff") or {"scenarios": []}, results.study["seeds"]
-    if not wanted["scenarios"]:
-        return None
-    scenarios = [scenario_from(s, source="sweep") for s in wanted["scenarios"]]
-    able = sweep.able(scenarios, wanted["estimators"], seeds, runner.rows)
-    found = sweep.sweep(scenarios, able, seeds, runner.rows)
-    _keep_traces(scenarios, found, seeds, runner)
-    left_out = [name for name in wanted["estimators"] if name not in able]
-    failures: list[dict[str, Any]] = []
-    if left_out:
-        texts = sweep.texts(sweep.settings(left_out))
-        study = Study("sweep", tuple(scenarios), tuple(texts), tuple(seeds))
-        failures = runner.run(study).failures.to_dict("records")  # type: ignore[assignment]
-    return asdict(found) | {
-        "left_out": left_out,
-        "failures": failures,
-        "overall": overall(found.at_excess),
-        "faults": {s.name: happens(s) for s in scenarios},
-        "definitions": {s.name: s.resolved() for s in scenarios},
-    }
-
-
-def _keep_traces(
-    scenarios: Sequence[Scenario], found: sweep.Sweep, seeds: Sequence[int], runner: Runner
-) -> None:
-    """Run the settings nearest to equal noise once more, with what the report draws of them."""
-    matched = faults_of(found.matched)
-    if matched.empty:
-        return
-    own = matched[matched["fault"] == widest(matched)]
-    drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
-    runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
-
-
-def _summary(study: Mapping[str, Any], pooled: list[dict[str, Any]]) -> dict[str, Any]:
-    return {
-        "title": study.get("title", study["name"]),
-        "command": study.get("command", ""),
-        "versions": {name: version(name) for name in ("flexaxis", "mujoco", "numpy", "numba")},
-        "seeds": list(study["seeds"]),
-        "scenarios": {e["definition"]["name"]: e for e in study["scenarios"]},
-        "estimators": {text: describe(text) for text in study["estimators"]},
-        "rows": pooled,
-    }
-
-
-def describe(text: str) -> str:
-    """Return what an estimator is, in a line: of the registry, or the user's own."""
+def _describe(text: str) -> str:
     name = text.partition("[")[0].strip()
     return REGISTRY[name].summary if name in REGISTRY else "an estimator of your own"
 
 
-def report(folder: Path, runner: Runner) -> Path:
-    """Write report.html into a folder with rows, of a study or of a run, and return its path.
+def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
+    """Return the points of the trade-off figure, the lags at equal noise, and what failed."""
+    wanted, seeds = results.study["tradeoff"], results.study["seeds"]
+    if not wanted["scenarios"]:
+        return None
+    scenarios = [scenario_from(s, source="sweep") for s in wanted["scenarios"]]
+    able = sweep.able(scenarios, wanted["estimators"], seeds, runner.rows)
+    result = sweep.sweep(scenarios, able, seeds, runner.rows)
+    matched = faults_of(result.matched)
+    if not matched.empty:  # once more, with what the report draws of the nearest settings
+        own = matched[matched["fault"] == widest(matched)]
+        drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
+        runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
+    left_out = [name for name in wanted["estimators"] if name not in able]
+    texts = sweep.texts(sweep.settings(left_out)) if left_out else []
+    failed = runner.run(Study("sweep", tuple(scenarios), tuple(texts), tuple(seeds))).failures
+    return asdict(result) | {
+        "left_out": left_out,
+        "failures": failed.to_dict("records"),
+        "overall": overall(result.at_excess),
+        "definitions": {s.name: s.resolved() for s in scenarios},
+    }
 
-    A study without axes is a run, and gets the summary and the report of one.
 
-    Parameters
-    ----------
-    folder : Path
-    runner : Runner
-        Of this folder: a run is swept over its knobs, as far as that is not done.
+def plan(study: Study, folder: Path) -> dict[str, Any]:
+    """Return what a study would run, timed on one seed of its first variant.
 
-    Raises
-    ------
-    StudyError, OutputError
-        If the folder is of neither, or cannot be written.
+    Returns
+    -------
+    dict
+        ``variants`` (a dict of swept values each), ``cases``, ``to_run`` (those that the folder
+        lacks), ``seconds`` of one core, ``megabytes`` of their rows, and ``not_timed``, the
+        estimators of users, which are not run.
     """
-    results = Results.load(folder)
-    if results.axes:
-        write_text(folder / REPORT, study_report.render(results))
-        return folder / REPORT
-    finish(results, runner)
-    return folder / REPORT
+    every = units(study)
+    done = Store.read(folder).done() if (folder / ROWS).exists() else set[str]()
+    to_run = sum(len(unit.cases()) for unit in missing(every, done))
+    known = [setting for setting in every[0].settings if not setting.spec.is_users]
+    one = replace(every[0], settings=tuple(known), seeds=study.seeds[:1])
+    run_unit(one, Options())  # compiles
+    start = time.process_time()
+    run_unit(one, Options())
+    seconds = (time.process_time() - start) / max(1, len(known))
+    variants = {unit.scenario.hash: {"scenario": unit.base, **unit.axes} for unit in every}
+    numbers = len(NUMBERS) * len(one.scenario.identify)
+    return {
+        "variants": list(variants.values()),
+        "cases": sum(len(unit.cases()) for unit in every),
+        "to_run": to_run,
+        "seconds": seconds * to_run,
+        "megabytes": BYTES * numbers * to_run / 1e6,
+        "not_timed": [s.text for s in every[0].settings if s.spec.is_users],
+    }
+
+
+BYTES = 20  # of a number: in SQLite and as text in scores.csv

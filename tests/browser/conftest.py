@@ -42,8 +42,6 @@ if (window.name != "{DRAWN}" && location.protocol == "http:") {{
 }}
 """
 
-KEYS = {"Tab": 9, "Enter": 13, "Escape": 27, " ": 32, "ArrowLeft": 37, "ArrowUp": 38}
-KEYS |= {"ArrowRight": 39, "ArrowDown": 40, "End": 35}
 
 FIND = """
 (() => {{
@@ -143,8 +141,6 @@ class Browser:
 
     def fresh(self) -> None:
         """Leave nothing of what was there before."""
-        self.scripts(True)
-        self.media()
         self._call("Emulation.clearDeviceMetricsOverride")
         self._call("Network.clearBrowserCookies")
         self.open("about:blank")
@@ -214,58 +210,6 @@ class Browser:
         where = {"x": (at["left"] + at["right"]) / 2, "y": (at["top"] + at["bottom"]) / 2}
         for event in ("mouseMoved", "mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=event, button="left", clickCount=1, **where)
-
-    def key(self, key: str) -> None:
-        """Press a key with what it does in a page: moving the focus, pressing a button."""
-        code = KEYS.get(key, 0)
-        text = {"Enter": "\r", " ": " "}.get(key, key if len(key) == 1 else "")
-        for kind in ("keyDown", "keyUp"):
-            words = {"text": text} if text and kind == "keyDown" else {}
-            self._call(
-                "Input.dispatchKeyEvent",
-                type=kind,
-                key=key,
-                code=key,
-                windowsVirtualKeyCode=code,
-                **words,
-            )
-
-    def write(self, text: str) -> None:
-        """Write where the focus is."""
-        self._call("Input.insertText", text=text)
-
-    def mouse(self, *path: tuple[float, float], press: bool = False) -> None:
-        """Move the mouse along a path; with `press`, its button held from first to last."""
-        held = {"button": "left", "clickCount": 1} if press else {}
-        for i, (x, y) in enumerate(path):
-            pressed = {"button": "left", "buttons": 1} if press and i else {}
-            self._call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, **pressed)
-            if press and i == 0:
-                self._call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **held)
-        if press:
-            self._call("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y, **held)
-
-    def media(self, kind: str = "", **features: str) -> None:
-        """Show the page as for print, or in dark: ``prefers_color_scheme="dark"``."""
-        asked = [{"name": n.replace("_", "-"), "value": v} for n, v in features.items()]
-        self._call("Emulation.setEmulatedMedia", media=kind, features=asked)
-
-    def scripts(self, on: bool) -> None:
-        """Let pages run their scripts, or not, from the next one on."""
-        self._call("Emulation.setScriptExecutionDisabled", value=not on)
-
-    def downloads(self, folder: Path) -> None:
-        """Let what the page saves come into a folder."""
-        self._folder = folder
-        self._call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
-
-    def saved(self, pattern: str, *, seconds: float = 3) -> Path:
-        """Return the file that the page saves under such a name, as soon as it is there."""
-        end = time.monotonic() + seconds
-        while not (found := [p for p in self._folder.glob(pattern) if p.stat().st_size]):
-            assert time.monotonic() < end, f"no file {pattern} was saved"
-            time.sleep(0.05)
-        return found[0]
 
     def draw(self, address: str) -> None:
         """Open a page that draws the axis."""

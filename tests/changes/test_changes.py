@@ -110,8 +110,8 @@ def test_nonlinearity(flexaxis):
 
 def test_scenario(flexaxis):
     line = "f_m 3-fold at 10 s"
-    listed = flexaxis("list", "scenarios").splitlines()
-    assert any("fm_triple-v1" in text and line in text for text in listed)
+    listed = flexaxis("list", "--group", "steps").splitlines()
+    assert any("fm_triple-v1" in text and "three times as large" in text for text in listed)
     assert f"# happens: {line}\n" in flexaxis("show", "fm_triple-v1")
     assert "'fm_triple-v1'" in flexaxis("show", "faults")  # a suite of its group
     page, rows = ran(flexaxis, "fm_triple-v1")
@@ -221,11 +221,11 @@ def test_command(flexaxis):
     printed = flexaxis("hash", "fm_step-v1").strip()
     assert re.fullmatch("[0-9a-f]{64}", printed)
     assert f"# content hash: {printed}\n" in flexaxis("show", "fm_step-v1")
-    assert "\n  hash       print the hash of a scenario's content\n" in flexaxis("--help")
+    assert "\n  hash       Print the hash of a scenario's content" in flexaxis("--help")
 
 
 def test_option(flexaxis):
-    assert "--expected EXPECTED" in flexaxis("list", "--help")
+    assert "--expected LEVEL" in flexaxis("list", "--help")
     listed = flexaxis("list", "--expected", "hard", "--json")
     names = {row["name"] for row in json.loads(listed)["scenarios"]}
     assert "lugre_stribeck_fm_step-v1" in names and "fm_step-v1" not in names

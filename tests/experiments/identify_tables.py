@@ -18,14 +18,14 @@ from drives import RAIL, RAIL_COULOMB, arm, loop, rail
 from identify_axes import NAMES, VALUES
 
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.identification.identify import identify
+from flexaxis.experiments.logs.identify import identify
 from flexaxis.experiments.logs.importing import read_any
 
 PREAMBLE = "Prüfstand;Achse 1\nAbtastung;10 ms\nZeit [s];Moment [Nm];Winkel [°]\n"
 
 
 def rails(seeds, seconds):
-    """Drives that no law describes: all three fits, and how many intervals hold the truth."""
+    """Drives that no law describes: estimates, and how many intervals hold the truth."""
     truth = RAIL | {"f_c": RAIL_COULOMB}
     rows = [_candidates(f"rail {s}", rail(s, seconds), "one_mass", truth) for s in seeds]
     _covered(rows)
@@ -41,7 +41,7 @@ def loops(seeds, seconds):
                     record = loop(masses, bits, ratio, seed, seconds=seconds)
                     truth = VALUES[masses] | {"f_c": ratio * VALUES[masses]["f_m"]}
                     title = f"{masses} masses, {bits} bits, {ratio} rad/s, {seed}"
-                    rows.append(_candidates(title, record, NAMES[masses], truth, candidates=False))
+                    rows.append(_candidates(title, record, NAMES[masses], truth))
     _covered(rows)
 
 
@@ -65,8 +65,8 @@ def controllers(seeds, seconds):
     _covered(rows)
 
 
-def _candidates(title, record, model, truth, *, candidates=True):
-    """Print an identification and its fits; return status, and errors with deviations by name."""
+def _candidates(title, record, model, truth):
+    """Print an identification; return status, and errors with deviations by name."""
     begun = time.process_time()
     found = identify(record, find_axis(model))
     status, spent = int(bool(found.warnings)), time.process_time() - begun
@@ -77,12 +77,7 @@ def _candidates(title, record, model, truth, *, candidates=True):
     }
     cells = "; ".join(_cell(n, e, sd, truth[n]) for n, (e, sd) in errors.items() if truth[n])
     told = f"{1e3 * found.axis.delay:.3f} ms late, held-out fit {found.fit:.1f} %"
-    told += f", {found.best.name}"
     print(f"{title:28} {found.friction:8} {status} {spent:4.0f} s  {cells}; {told}", flush=True)
-    for candidate in found.candidates if candidates else ():
-        each = zip(found.names, candidate.fitted.z, candidate.deviations, strict=False)
-        off = "; ".join(_cell(n, z - truth[n], sd, truth[n]) for n, z, sd in each if truth.get(n))
-        print(f"{'':30}{candidate.name:26} error {candidate.error:.4g}  {off}", flush=True)
     for text in found.warnings:
         print(f"{'':30}! {text}", flush=True)
     return status, errors

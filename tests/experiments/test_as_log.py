@@ -3,7 +3,6 @@
 import json
 import shlex
 
-import h5py
 import numpy as np
 import pytest
 
@@ -83,26 +82,3 @@ def test_the_printed_line_imports_the_log(short, tmp_path, capsys):
     back, true = load_record(rec), simulate(load_scenario(short), [0])[0]
     for name in ("time", "torque", "angle", "speed"):
         np.testing.assert_allclose(getattr(back, name), getattr(true, name), rtol=1e-6, atol=1e-6)
-
-
-def test_logs_are_written_over_those_of_ours_only(short, tmp_path, capsys):
-    log = tmp_path / "raw.csv"
-    words = ["simulate", str(short), "--as-log", "csv", "-o", str(log)]
-    assert main(words) == 0
-    first = log.read_bytes()
-    assert main(words) == 0
-    assert log.read_bytes() == first
-    log.write_text("time,torque,angle\n0,1,2\n")
-    assert main(words) == 2
-    assert "not written by flexaxis" in capsys.readouterr().err
-    assert log.read_text() == "time,torque,angle\n0,1,2\n"
-
-
-def test_a_record_is_not_written_over_a_log(short, tmp_path, capsys):
-    log = tmp_path / "raw.nc"
-    with h5py.File(log, "w") as file:
-        file["torque"] = [1.0, 2.0]
-    before = log.read_bytes()
-    assert main(["simulate", str(short), "-o", str(log)]) == 2
-    assert "not written by flexaxis" in capsys.readouterr().err
-    assert log.read_bytes() == before

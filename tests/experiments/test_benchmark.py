@@ -8,16 +8,15 @@ from engine_cases import runner_here, user_file
 
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
+from flexaxis.experiments.studies.benchmark import run
 
 
-def plan(scenario, *, estimators=("rpem-forgetting", "frozen"), seeds=range(1000, 1003), **swept):
-    study = Study("t", (scenario,), tuple(estimators), tuple(seeds))
-    return Benchmark(study, title="t", command="flexaxis run short", **swept)
+def benchmark(scenario, runner, *, estimators=("rpem-forgetting", "frozen"), **swept):
+    return run(Study("t", (scenario,), tuple(estimators), (1000, 1001, 1002)), runner, **swept)
 
 
 def test_a_folder_holds_rows_summary_and_report(short, tmp_path):
-    results = benchmark(plan(short), runner_here(tmp_path))
+    results = benchmark(short, runner_here(tmp_path))
     names = {"scores.sqlite", "scores.csv", "summary.json", "report.html"}
     assert {path.name for path in tmp_path.iterdir()} == names
     rows = results.summary["rows"]
@@ -32,21 +31,19 @@ def test_a_folder_holds_rows_summary_and_report(short, tmp_path):
 
 
 def test_a_swept_knob_is_matched_at_equal_noise(short, tmp_path):
-    swept = plan(short, swept_scenarios=[short], swept_estimators=["rpem-drift"])
-    runner = runner_here(tmp_path)
-    results = benchmark(swept, runner)
-    assert swept.cases == 3 * (2 + 5 + 1)  # the reference is among the settings
-    assert runner.done >= swept.cases
+    runner, swept = runner_here(tmp_path), ([short], ["rpem-drift"])
+    results = benchmark(short, runner, swept=swept)
+    assert runner.done >= 3 * (2 + 5 + 1)  # the reference is among the settings
     assert [row["estimator"] for row in results.summary["tradeoff"]["matched"]] == ["rpem-drift"]
     assert set(Results.load(tmp_path).frame["estimator"]) == {"rpem-forgetting", "frozen"}
     again = runner_here(tmp_path)
-    benchmark(swept, again)
+    benchmark(short, again, swept=swept)
     assert not again.done
 
 
 def test_an_estimator_that_fails_is_lost_and_the_others_are_reported(short, tmp_path):
     text = f"{user_file(tmp_path)}:Raises"
-    results = benchmark(plan(short, estimators=["frozen", text]), runner_here(tmp_path / "out"))
+    results = benchmark(short, runner_here(tmp_path / "out"), estimators=["frozen", text])
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert {row["estimator"] for row in summary["failures"]} == {text}
     lost = [row for row in summary["rows"] if row["estimator"] == text]

@@ -6,17 +6,16 @@ from pathlib import Path
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue import find, names
+from flexaxis.experiments.catalogue import find
 from flexaxis.experiments.catalogue.card import in_a_line, reference_card
 from flexaxis.experiments.catalogue.find import (
+    GROUPS,
     find_scenario,
     find_suite,
     scenario_names,
     select,
     suite_names,
 )
-from flexaxis.experiments.catalogue.names import GROUPS
-from flexaxis.experiments.cli import main
 from flexaxis.experiments.running import estimators as specs
 from flexaxis.experiments.running.study import Study, units
 from flexaxis.sim.errors import ScenarioError
@@ -55,11 +54,11 @@ def catalogue(tmp_path, monkeypatch):
         (tmp_path / "scenarios" / "fm_step-v1.toml").write_text(content, encoding="utf-8")
         (tmp_path / "hashes.toml").write_text(frozen, encoding="utf-8")
 
-    for module in (find, names):
-        monkeypatch.setattr(module, "HOME", tmp_path)
-    find._hashes.cache_clear()
+        find.hashes.cache_clear()
+
+    monkeypatch.setattr(find, "HOME", tmp_path)
     yield write
-    find._hashes.cache_clear()
+    find.hashes.cache_clear()
 
 
 STEP = (HOME / "scenarios" / "fm_step-v1.toml").read_text(encoding="utf-8")
@@ -150,24 +149,6 @@ def test_a_scenario_in_a_line(name, line):
     assert in_a_line(find_scenario(name)) == line
 
 
-def test_the_list_has_each_scenario_once_in_its_group(capsys):
-    assert main(["list", "scenarios"]) == 0
-    words = [line.split()[0] for line in capsys.readouterr().out.splitlines() if line.strip()]
-    shown = [word for word in words if word in FROZEN or word in GROUPS]
-    listed = [s for s in CATALOGUE if not s.name.endswith("-v2")]
-    expected = [[group, *(s.name for s in listed if s.group == group)] for group in GROUPS]
-    assert shown == [word for group in expected for word in group]
-
-
-def test_a_card_with_line_breaks_stays_a_comment(capsys, tmp_path):
-    path = tmp_path / "mine.toml"
-    scenario = find_scenario("fm_step-v1").override({"name": "mine", "card": "two\nlines"})
-    path.write_text(scenario.to_toml(), encoding="utf-8")
-    assert main(["show", str(path)]) == 0
-    path.write_text(capsys.readouterr().out, encoding="utf-8")
-    assert find_scenario(str(path)).card == "two\nlines"
-
-
 def test_a_card_says_whether_there_is_a_bound():
     assert reference_card(find_scenario("together-v1"))["bound"] == "defined for k_T, f_m"
     assert reference_card(find_scenario("coulomb-v1"))["bound"].startswith("none")
@@ -235,13 +216,3 @@ def test_the_standard_suite_can_be_built():
     for unit in units(study):
         for setting in unit.settings:
             specs.build(setting.spec, unit.scenario)
-
-
-def test_who_has_no_home_has_a_catalogue_all_the_same(monkeypatch):
-    def homeless():
-        raise RuntimeError("Could not determine home directory.")
-
-    monkeypatch.setattr("flexaxis.estimators.models.compiler.user_cache", homeless)
-    names._kept.cache_clear()
-    assert {line["name"] for line in names.lines("suites")} == set(suite_names())
-    names._kept.cache_clear()

@@ -1,92 +1,131 @@
 """The command line: what it prints, where, with which status; and wrong use in one clear line."""
 
+import argparse
 import errno
 import json
 import os
+import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import h5netcdf
+import numpy as np
 import pytest
 
-from flexaxis.experiments.cli import commands, group_of, main, parser
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.catalogue.card import options
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.cli import GROUPS, parser
+from flexaxis.experiments.commands.options import COMMANDS, answer
+from flexaxis.experiments.files import OutputError, check_not_input, write_json, write_text
+from flexaxis.sim.simulate import simulate
 from tests.experiments.command import flexaxis
 
-
-@pytest.mark.parametrize("command", commands())
-def test_help_teaches_with_an_example(capsys, command):
-    with pytest.raises(SystemExit) as stop:
-        main([command, "--help"])
-    assert stop.value.code == 0
-    assert f"flexaxis {command}" in capsys.readouterr().out.split("example:")[1]
+TOP = parser()
+SUBS = next(a for a in TOP._actions if isinstance(a, argparse._SubParsersAction)).choices
+ONE = ("--jobs", "1", "--seeds", "2")
 
 
-@pytest.mark.parametrize("command", commands())
-def test_the_help_has_every_command_in_its_group(command):
-    """Whoever writes a module for a new one reads here what it must say of itself."""
-    module = commands()[command]
-    missing = [name for name in ("HELP", "configure") if not hasattr(module, name)]
-    assert not missing, f"{module.__file__}: give it {', '.join(missing)}; see experiments/cli.py"
-    block = parser().format_help().split(f"\n{group_of(module)}:\n")[1].split("\n\n")[0]
-    assert f"\n  {command} " in f"\n{block}"
+def typed(capsys, *words):
+    """Status and output of a command that argparse itself may refuse."""
+    try:
+        return flexaxis(capsys, *words)
+    except SystemExit as stop:
+        return (stop.code, *capsys.readouterr())
 
 
-def test_start_up_is_light():
-    """The heavy libraries are imported by the commands that need them."""
+# ---------------------------------------------------------------- help
+
+
+def test_every_option_has_a_sentence_and_every_command_an_example():
+    """With a default for what may be left out."""
+    wrong = []
+    for name, sub in {"": TOP, **SUBS}.items():
+        assert not name or f"flexaxis {name}" in sub.description.split("example:")[1]
+        for action in sub._actions:
+            text = action.help or ""
+            optional = not action.required and action.nargs != 0 and action.option_strings
+            sentence = re.fullmatch(r"\S.*[\w).%]\.", text) and text.count("(") == text.count(")")
+            if text == "show this help message and exit":
+                continue
+            if not sentence or (optional and "default" not in text and "such as" not in text):
+                wrong.append((name, action.dest, text))
+    assert not wrong
+
+
+@pytest.mark.parametrize("name", REGISTRY)
+def test_every_option_of_an_estimator_has_a_sentence(name):
+    assert not [key for key, (_, text) in options(REGISTRY[name]).items() if not text.endswith(".")]
+
+
+def test_the_help_has_every_command_in_its_group(capsys):
+    assert len(COMMANDS) == 17 and {each.group for each in COMMANDS.values()} == {*GROUPS}
+    assert typed(capsys)[:2] == (0, TOP.format_help())
+    for name, each in COMMANDS.items():
+        block = TOP.format_help().split(f"\n{each.group}:\n")[1].split("\n\n")[0]
+        assert f"\n  {name} " in f"\n{block}"
+
+
+# ---------------------------------------------------------------- quick answers
+
+
+def test_a_mistake_and_a_list_import_nothing_heavy():
+    heavy = {"mujoco", "numba", "matplotlib", "control", "scipy", "pandas"}
+    lines = [["list"], ["--help"], ["rnu"], ["run", "fm_stp"], ["run", "smoke", "--estimtor", "e"]]
     code = (
-        "import sys; from flexaxis.experiments.cli import parser; parser();"
-        "heavy = {'numpy', 'mujoco', 'numba', 'matplotlib', 'control', 'scipy'};"
-        "print(sorted(heavy & set(sys.modules)))"
+        "import sys\nfrom flexaxis.experiments.cli import main\n"
+        f"for words in {lines!r}:\n"
+        "    try: main(words)\n"
+        "    except SystemExit: pass\n"
+        f"print(sorted({heavy!r} & set(sys.modules)), file=sys.stderr)"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "[]"
 
 
-def test_list_and_show(capsys):
-    status, out, _ = flexaxis(capsys, "list", "--json")
-    names = {row["name"] for row in json.loads(out)["scenarios"]}
-    assert status == 0 and {"paper_nominal-v1", "pause_fm_step-v1"} <= names
-    status, out, _ = flexaxis(capsys, "show", "fm_step-v1")
-    assert status == 0 and "factor = 1.5" in out
-    status, out, _ = flexaxis(capsys, "show", "rpem-forgetting", "--json")
-    assert json.loads(out)["knob"] == "forgetting"
-    assert flexaxis(capsys, "show", "smoke")[0] == 0
+MISTAKES = [
+    (["rnu", "smoke"], "Did you mean 'run'?"),
+    (["run", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
+    (["run", "smoke", "--estimtor", "glr"], "Did you mean '--estimator'?"),
+    (["run", "smoke", "--seed", "3"], "Did you mean '--seeds'?"),
+    (["run", "fm_step", "--estimator", "rpem-drft"], "Did you mean 'rpem-drift'?"),
+    (["run", "fm_step", "--estimator", "ekf[nois=1]"], "Did you mean 'noise'?"),
+    (["run", "fm_step", "--estimator", "rpem-forgetting[forgetting=1.2]"], "(0, 1]"),
+    (["run", "fm_step", "--seeds", "5:5"], "give a number of seeds"),
+    (["run", "fm_step", "--jobs", "0"], "number of processes"),
+    (["run", "fm_step", "--shard", "3/2"], "--shard"),
+    (["estimate", "ther.nc"], "Did you mean 'there.nc'?"),
+    (["estimate", "there.nc", "--estimator", "mien.py:Mine"], "there.nc"),
+    (["compare"], "--base E --candidate E"),
+    (["compare", "rpem-forgetting", "glr"], "--base E --candidate E"),
+    (["compare", "--base", "frozn", "--candidate", "ekf"], "Did you mean 'frozen'?"),
+    (["compare", "--base", "ekf", "--candidate", "ekf", "--margin", "lagg=2%"], "mean 'lag'"),
+    (["list", "--group", "step"], "Did you mean 'steps'?"),
+    (["show", "smoek"], "Did you mean 'smoke'"),
+    (["study", "ther.toml"], "Did you mean 'there.toml'?"),
+    (["report", "missing"], "missing"),
+    (["import", "nothing.csv"], "nothing.csv"),
+    (["check", "frozn"], "Did you mean 'frozen'"),
+    (["tune", "frozen"], "no knob"),
+    (["new", "sub/x.py"], "sub/x.py has no such folder"),
+    (["new", "my-estimator.py"], "a file that Python can import"),
+    (["simulate", "fm_step", "--seed", "-1"], "seed -1: give a whole number"),
+    (["simulate", "missing.toml"], "missing.toml"),
+    (["simulate", "fm_step", "--gaps", "2"], "add --as-log"),
+    (["simulate", "fm_step", "--as-log", "csv", "--units", "deg,furlong"], "furlong"),
+]
 
 
-def test_what_show_prints_can_be_run(capsys, tmp_path):
-    from flexaxis.experiments.catalogue.find import find_scenario
-
-    _, out, _ = flexaxis(capsys, "show", "pause_fm_step-v1")
-    path = tmp_path / "mine.toml"
-    path.write_text(out, encoding="utf-8")
-    assert find_scenario(str(path)).hash == find_scenario("pause_fm_step-v1").hash
-
-
-def test_simulate_then_estimate(capsys, short_toml, tmp_path):
-    record, estimates = tmp_path / "rec.nc", tmp_path / "est.nc"
-    status, out, _ = flexaxis(capsys, "simulate", short_toml, "--seed", 3, "-o", record)
-    assert (status, out.strip()) == (0, str(record))
-    status, out, _ = flexaxis(capsys, "estimate", record, "-o", estimates, "--json")
-    told = json.loads(out)
-    assert status == 0 and told["truth"]["f_m"] == pytest.approx(0.075)
-    with h5netcdf.File(estimates, decode_vlen_strings=True) as file:
-        assert list(file["estimate"][:]) == ["k_T", "1/J_a", "f_m"]
-        assert file["theta"].shape == (1600, 3) and file["covariance"].shape == (1600, 3, 3)
-        assert file.attrs["estimator"] == "rpem-forgetting"
-        assert told["last"]["k_T"] == file["theta"][-1, 0]
-    status, out, _ = flexaxis(capsys, "estimate", record, "--estimator", "frozen")
-    assert status == 0 and out.splitlines()[-1] == str(tmp_path / "rec-estimates.nc")
-
-
-def test_run_and_report(capsys, short_toml, tmp_path):
-    folder = tmp_path / "out"
-    words = ("run", short_toml, "--estimator", "frozen", "--seeds", "2", "--jobs", "1")
-    status, out, _ = flexaxis(capsys, *words, "-o", folder)
-    assert status == 0 and out.splitlines()[-1] == f"report: {folder / 'report.html'}"
-    first = (folder / "report.html").read_bytes()
-    status, out, _ = flexaxis(capsys, "report", folder, "--json")
-    assert json.loads(out)["seeds"] == [1000, 1001]
-    assert (folder / "report.html").read_bytes() == first
+@pytest.mark.parametrize(("words", "hint"), MISTAKES, ids=lambda x: " ".join(x)[:50])
+def test_a_mistake_is_one_line_with_what_was_meant(capsys, tmp_path, monkeypatch, words, hint):
+    monkeypatch.chdir(tmp_path)
+    for name in ("mine.py", "there.nc", "there.toml"):
+        (tmp_path / name).touch()
+    status, out, err = typed(capsys, *words)
+    assert (status, out) == (2, "") and hint in err and "Traceback" not in err
+    assert len(err.splitlines()) == 1 and len(list(tmp_path.iterdir())) == 3
 
 
 BAD_TOML = """\
@@ -115,58 +154,224 @@ def test_all_errors_of_a_file_at_once(capsys, tmp_path):
         "durration", "duration", "k_T", "J_m", "noise.speed", "fault[0]", "nuisance[0].at",
     ):  # fmt: skip
         assert words in err, err
-    assert all(line.startswith(f"flexaxis: {path}: ") for line in err.splitlines())
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("words", "hint"),
-    [
-        (["run", "fm_stp-v1"], "Did you mean 'fm_step-v1'"),
-        (["run", "fm_step-v1", "--estimator", "rpem-forgeting"], "Did you mean 'rpem-forgetting'"),
-        (["run", "fm_step-v1", "--seeds", "x"], "give a number of seeds"),
-        (["run", "fm_step-v1", "--seeds", "5:5"], "give a number of seeds"),
-        (["run", "fm_step-v1", "--jobs", "0"], "number of processes"),
-        (["run", "fm_step-v1", "--estimator", "rpem-forgetting[forgetting=1.2]"], "(0, 1]"),
-        (["run", "fm_step-v1", "--estimator", "rpem-forgetting[P0=[1,-1,1]]"], "positive definite"),
-        (["show", "smoek"], "Did you mean 'smoke'"),
-        (["simulate", "missing.toml"], "missing.toml"),
-        (["estimate", "missing.nc"], "missing.nc"),
-        (["report", "missing"], "is not the folder of a run or a study"),
-    ],
-)
-def test_wrong_use_is_one_clear_line_and_status_2(capsys, tmp_path, monkeypatch, words, hint):
+def test_a_crash_is_one_line_and_status_70(capsys, tmp_path, short_toml, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    status, out, err = flexaxis(capsys, *words)
-    assert (status, out) == (2, "")
-    assert hint in err and "Traceback" not in err and len(err.splitlines()) == 1
-    assert not list(tmp_path.iterdir())
+    Path("own.py").write_text("class Mine:\n    def __init__(self, nominal, period): 1 / 0\n")
+    status, out, err = flexaxis(capsys, "check", "own.py:Mine", "--json")
+    told = json.loads(out)
+    assert status == told["status"] == 70 and "ZeroDivisionError" in told["error"]
 
-
-def test_a_damaged_record(capsys, short_toml, tmp_path):
-    record = tmp_path / "rec.nc"
-    flexaxis(capsys, "simulate", short_toml, "-o", record)
-    whole = record.read_bytes()
-    record.write_bytes(whole[: len(whole) // 2])
-    status, _, err = flexaxis(capsys, "estimate", record)
-    assert status == 2 and str(record) in err and len(err.splitlines()) == 1
-    with h5netcdf.File(record, "w") as file:
-        file.attrs["foreign"] = 1
-    assert flexaxis(capsys, "estimate", record)[0] == 2
-    record.write_bytes(whole)
-    with h5netcdf.File(record, "a") as file:
-        file["speed"][123] = float("nan")
-    status, _, err = flexaxis(capsys, "estimate", record)
-    assert status == 2 and "speed" in err and "123" in err
-
-
-@pytest.mark.parametrize(
-    ("number", "status"), [(errno.ENOSPC, 70), (errno.EFBIG, 70), (errno.EACCES, 2)]
-)
-def test_a_full_disk_is_no_wrong_use(short_toml, monkeypatch, capsys, number, status):
     def atomic(*_):
-        raise OSError(number, os.strerror(number))
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("flexaxis.sim.record.atomic", atomic)
-    assert main(["simulate", str(short_toml), "-o", str(short_toml.with_name("rec.nc"))]) == status
-    assert "rec.nc: cannot be written" in capsys.readouterr().err
+    status, _, err = flexaxis(capsys, "simulate", short_toml, "-o", "rec.nc")
+    assert status == 70 and "rec.nc: cannot be written" in err and len(err.splitlines()) == 1
+
+
+def test_ctrl_c_says_the_line_that_resumes(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    def pressed(*args, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("flexaxis.benchmark", pressed, raising=False)
+    status, _, err = flexaxis(capsys, "run", "fm_step", "--overwrite", "-q")
+    assert status == 130 and err.endswith("resume with flexaxis run fm_step\n")
+
+
+# ---------------------------------------------------------------- look
+
+
+def test_the_list_shows_groups_first_and_one_line_each(capsys):
+    assert "one parameter jumps" in flexaxis(capsys, "list")[1]
+    lines = flexaxis(capsys, "list", "--find", "friction")[1].splitlines()
+    assert len(lines) == 61 and "--all" in lines[-1]
+    names = [line.split()[0] for line in lines[:-1]]
+    assert len(set(names)) == len(names) and not any(name.endswith("-v2") for name in names)
+    assert "nothing has 'no such thing'" in flexaxis(capsys, "list", "--find", "no such thing")[1]
+    told = json.loads(flexaxis(capsys, "list", "--json")[1])
+    assert "fm_step-v1" in {row["name"] for row in told["scenarios"]}
+    assert "glr" in {row["name"] for row in told["estimators"]}
+
+
+def test_the_list_of_faults_names_parameter_and_scenario(capsys):
+    told = json.loads(flexaxis(capsys, "list", "faults", "--json")[1])["faults"]
+    found = {row["parameter"]: row for row in told}
+    assert "demagnetised" in found["k_T"]["fault"] and "kt_step" in found["k_T"]["scenarios"]
+    for row in told:
+        for name in row["scenarios"].split(", "):
+            assert {fault.parameter for fault in find_scenario(name).fault} == {row["parameter"]}
+
+
+def test_what_show_prints_can_be_run(capsys, tmp_path):
+    path = tmp_path / "mine.toml"
+    mine = find_scenario("fm_step-v1").override({"name": "mine", "card": "two\nlines"})
+    path.write_text(mine.to_toml(), encoding="utf-8")
+    path.write_text(flexaxis(capsys, "show", path)[1], encoding="utf-8")
+    assert find_scenario(str(path)).hash == mine.hash
+    text = flexaxis(capsys, "show", "glr")[1]
+    assert "rate = 0.001" in text and "[1/s]" in text
+    assert "fm_double-v1" in flexaxis(capsys, "show", "smoke")[1]
+
+
+# ---------------------------------------------------------------- runs
+
+
+def test_simulate_then_estimate(capsys, short_toml, tmp_path):
+    record, estimates = tmp_path / "rec.nc", tmp_path / "est.nc"
+    status, out, _ = flexaxis(capsys, "simulate", short_toml, "--seed", 3, "-o", record)
+    assert (status, out.strip()) == (0, str(record))
+    status, out, _ = flexaxis(capsys, "estimate", record, "-o", estimates, "--json")
+    told = json.loads(out)
+    assert status == 0 and told["truth"]["f_m"] == pytest.approx(0.075)
+    with h5netcdf.File(estimates, decode_vlen_strings=True) as file:
+        assert list(file["estimate"][:]) == ["k_T", "1/J_a", "f_m"]
+        assert file["theta"].shape == (1600, 3) and file["covariance"].shape == (1600, 3, 3)
+        assert told["last"]["k_T"] == file["theta"][-1, 0]
+    status, out, _ = flexaxis(capsys, "estimate", record, "--estimator", "frozen")
+    *_, sentence, path = out.splitlines()
+    assert "frozen is off by: " in sentence and "f_m -33.33 %" in sentence
+    assert path == str(tmp_path / "rec-estimates.nc")
+    record.write_bytes(record.read_bytes()[:5000])
+    status, _, err = flexaxis(capsys, "estimate", record)
+    assert status == 2 and str(record) in err and len(err.splitlines()) == 1
+
+
+def test_a_benchmark_from_the_command_line_to_its_artefacts(capsys, short_toml, tmp_path):
+    """Two estimators, in parts and whole: the same scores, a table, a summary and a page."""
+    both = ("--estimator", "frozen", "--estimator", "ekf", *ONE)
+    parts, whole = [tmp_path / "1", tmp_path / "2"], tmp_path / "whole"
+    for i, part in enumerate(parts, 1):
+        words = ("run", short_toml, *both, "--shard", f"{i}/2", "-o", part)
+        assert flexaxis(capsys, *words)[0] == 0
+    status, out, _ = flexaxis(capsys, "run", "--from", *parts, "-o", whole)
+    assert status == 0 and out.splitlines()[-1] == f"report: {whole}/report.html"
+    status, out, err = flexaxis(capsys, "run", short_toml, *both, "-o", tmp_path / "r", "-q")
+    assert status == 0 and not err and "(never moves)" in out
+    for name in ("scores.csv", "report.html", "summary.json"):
+        assert (whole / name).stat().st_size > 500
+    rows = [json.loads((folder / "summary.json").read_text())["rows"]
+            for folder in (whole, tmp_path / "r")]  # fmt: skip
+    for one, other in zip(*rows, strict=True):
+        assert one["lag"] == other["lag"] and one["std"] == other["std"]
+    page = (whole / "report.html").read_bytes()
+    told = json.loads(flexaxis(capsys, "report", whole, "--json")[1])
+    assert told["report"] == f"{whole}/report.html" == f"{whole / 'report.html'}"
+    assert (whole / "report.html").read_bytes() == page
+    status, out, _ = flexaxis(capsys, "run", "--from", parts[0], "-o", tmp_path / "half")
+    assert status == 1 and "2 cases are in no shard" in out
+
+
+STUDY = """\
+scenario = "short.toml"
+estimators = ["frozen", "ekf"]
+seeds = 2
+[sweep]
+"fault[0].factor" = [1.2, 2.0]
+friction.coulomb = [0, 0.05]
+"""
+
+
+def test_a_fault_study_from_the_command_line_to_its_artefacts(capsys, short_toml, monkeypatch):
+    """The plan first, then the table of results, a page, and nothing to do the second time."""
+    monkeypatch.chdir(short_toml.parent)
+    Path("sizes.toml").write_text(STUDY, encoding="utf-8")
+    status, out, _ = flexaxis(capsys, "study", "sizes.toml", "--dry-run")
+    assert status == 0 and "6 variants, 24 cases, 24 to run: about" in out
+    assert "fault[0].factor = 1.2, friction.coulomb = 0.05" in out and "MB in" in out
+    assert not Path("results").exists()
+    status, out, _ = flexaxis(capsys, "study", "sizes.toml", "--jobs", 1)
+    *table, path = out.splitlines()
+    assert status == 0 and path == "report: results/sizes/report.html"
+    assert sum("frozen" in line for line in table) == sum("ekf" in line for line in table) == 4
+    assert Path(path.removeprefix("report: ")).stat().st_size > 5000
+    status, out, _ = flexaxis(capsys, "study", "sizes.toml", "--dry-run", "--json")
+    told = json.loads(out)
+    assert (told["to_run"], told["cases"], told["seconds"]) == (0, 24, 0)
+
+
+def test_a_lesson_from_the_command_line_to_a_film(capsys, tmp_path):
+    lesson, film = tmp_path / "short.toml", tmp_path / "short.gif"
+    lesson.write_text(
+        'duration = 1.0\nspeed = 1.0\nframes = 2\nestimators = ["rpem-forgetting", "ekf"]\n'
+        '[[act]]\nat = 0.2\nparameter = "f_m"\nfactor = 2.0\n'
+    )
+    status, out, _ = flexaxis(capsys, "demo", lesson, "--record", film)
+    assert (status, out.strip()) == (0, str(film)) and film.read_bytes()[:4] == b"GIF8"
+
+
+# ---------------------------------------------------------------- json and files
+
+
+def test_json_has_null_for_what_is_not_finite(capsys):
+    args = argparse.Namespace(json=True, command="c", line="flexaxis c")
+    content = {"a": np.float64("nan"), "b": np.arange(2), "c": (float("inf"), Path("x/y")), 1: True}
+    assert answer(args, content, 1) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told.pop("flexaxis") and told == {
+        "command": "c", "status": 1, "line": "flexaxis c", "a": None, "b": [0, 1],
+        "c": [None, "x/y"], "1": True,
+    }  # fmt: skip
+
+
+def test_every_command_is_documented_with_its_json():
+    text = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
+    for name in SUBS.keys() - {"demo"}:
+        assert re.search(rf"^\| .*`{name}\b", text, re.MULTILINE), name
+
+
+@pytest.fixture
+def here(short, short_toml, tmp_path, monkeypatch):
+    """One of everything that a command reads."""
+    monkeypatch.chdir(tmp_path)
+    simulate(short, [0])[0].save("rec.nc")
+    Path("study.toml").write_text('scenario = "short.toml"\nestimators = ["frozen"]\nseeds = 2\n')
+    shutil.copy(Path(__file__).parent / "wrong.py", "own.py")
+    for name in ("map.toml", "axis.toml"):
+        Path(name).touch()
+    Path("linked.nc").symlink_to("rec.nc")
+    Path("part").mkdir()
+    return tmp_path
+
+
+REFUSED = [
+    ["simulate", "short.toml", "-o", "short.toml"],
+    ["estimate", "rec.nc", "-o", "nowhere/../rec.nc"],
+    ["estimate", "rec.nc", "-o", "linked.nc"],
+    ["estimate", "rec.nc", "--scenario", "short.toml", "-o", "short.toml"],
+    ["estimate", "rec.nc", "--estimator", "own.py:Own[a=1]", "-o", "own.py"],
+    ["import", "rec.nc", "-o", "rec.nc"],
+    ["import", "rec.nc", "--map", "map.toml", "-o", "map.toml"],
+    ["identify", "rec.nc", "--model", "axis.toml", "-o", "axis.toml"],
+    ["track", "rec.nc", "--identify", "k_T", "--model", "axis.toml", "-o", "axis.toml"],
+    ["study", "--from", "part", "-o", "part"],
+    ["study", "study.toml", "-o", "study.toml"],
+    ["demo", "axis.toml", "--record", "axis.toml"],
+    ["compare", "part", "part/../part", "-o", "part"],
+]
+
+
+@pytest.mark.parametrize("words", REFUSED, ids=" ".join)
+def test_an_input_is_refused_as_output(here, capsys, words):
+    before = {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
+    status, out, err = flexaxis(capsys, *words)
+    assert (status, out, len(err.splitlines())) == (2, "", 1), err
+    assert "is an input of this command" in err or ".nc" in words[-1] or "ends in" in err
+    assert before == {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
+
+
+def test_what_cannot_be_written_is_one_line_and_leaves_the_old_file(tmp_path):
+    check_not_input(["fm_step-v1", None, "", "x" * 5000], "fm_step-v1", None, "new.nc")
+    with pytest.raises(OutputError, match="cannot be written: No such file or directory"):
+        write_json(tmp_path / "missing" / "results.json", {})
+    target = tmp_path / "results.json"
+    write_json(target, {"k_T": 1.0})
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(target, {"k_T": float("nan")})
+    with pytest.raises(UnicodeEncodeError):
+        write_text(target, "half a text, then \ud800")
+    assert target.read_text() == '{\n "k_T": 1.0\n}\n'

@@ -1,7 +1,5 @@
 """What trajectories are drawn from: full rate about the fault, residual, findings, old folders."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -30,21 +28,11 @@ def test_every_estimate_about_the_fault_is_kept(short, record):
     np.testing.assert_allclose(case.detail.near, expected, rtol=1e-6)
 
 
-def test_at_another_rate_it_is_as_long(short):
-    fast = short.override({"period": 0.002})
-    np.testing.assert_allclose(fast.times[near_fault(fast)][[0, -1]], [5.9, 7.0], atol=1e-9)
-
-
 def test_without_a_fault_or_at_the_edge_there_is_what_there_is(short):
     quiet = find_scenario("paper_nominal-v1")
     assert quiet.times[near_fault(quiet)].size == 0
     late = short.override({"fault": [{"kind": "step", "parameter": "f_m", "at": 7.5, "factor": 2}]})
     np.testing.assert_allclose(late.times[near_fault(late)][[0, -1]], [7.4, 7.995])
-
-
-def test_after_a_pause_the_clock_starts_with_the_excitation():
-    pause = find_scenario("pause_fm_step-v1")  # the fault is at 20 s, in a pause until 30 s
-    assert pause.times[near_fault(pause)][0] == pytest.approx(29.9)
 
 
 def test_the_residual_is_the_rms_of_what_the_predictor_misses(short, record):
@@ -58,31 +46,6 @@ def test_the_residual_is_the_rms_of_what_the_predictor_misses(short, record):
     expected = [np.sqrt(np.mean(part**2)) for part in parts]
     np.testing.assert_allclose(residual(whole), expected, rtol=1e-6)
     assert np.isnan(residual(np.full(20, np.nan))).all()
-
-
-def test_findings_are_told_with_time_and_size(short, record):
-    case = case_on(short, record)
-    (found,) = [f for f in case.detail.findings if f["parameters"] == ["f_m"]]
-    assert 6.0 < found["time"] < 7.0 and found["onset"] <= found["time"]
-    assert found["ratio"][0] == pytest.approx(1.5, rel=0.1)
-    json.dumps(case.detail.findings, allow_nan=False)
-
-
-class Plain:
-    """A user's finding: what the contract asks for, and no more."""
-
-    alarm, parameters = 1300, ("f_m",)
-
-
-def test_a_finding_of_a_user_needs_no_more_than_the_contract(short, record):
-    from flexaxis.experiments.scoring.curves import detail_of
-    from flexaxis.experiments.scoring.scores import Track
-
-    theta = np.ones((short.samples, 1))
-    track = Track(short, ("f_m",), theta, record.true_parameters, findings=[Plain()])
-    assert detail_of(track).findings == (
-        {"time": 6.5, "onset": 6.5, "parameters": ["f_m"], "ratio": [], "reason": ""},
-    )
 
 
 def test_traces_come_back_as_they_were(short, record):

@@ -1,8 +1,5 @@
 """What theory allows on the live axis, and how a change is followed: against closed forms."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -107,22 +104,6 @@ def test_a_pursuit_has_the_lag_of_what_it_was_shown(tracking):
     assert len(tracking.error) == LENGTH
 
 
-def test_what_nobody_estimates_is_followed_by_what_it_is_taken_for():
-    theta = np.array([1.0, 1.25, 0.05, 0.0])
-    tracking = Tracking(theta, theta, 2)
-    taken = np.array([[0.9, 1.25, 0.05, np.nan]])
-    tracking.take([taken, theta[None]], np.zeros(1), np.ones(1, bool))
-    assert tracking.changed is None and tracking.lags == []
-    np.testing.assert_allclose(tracking.error, [[0.1, 0.0]])
-
-
-def test_who_has_no_dry_friction_stays_where_it_was():
-    tracking = Tracking(np.array([1.0, 1.25, 0.05, 0.0]), np.array([1.0, 1.25, 0.05, 0.2]), 2)
-    shown = [np.array([[1.0, 1.25, 0.05, value]]) for value in (np.nan, 0.15)]
-    tracking.take(shown, np.zeros(1), np.ones(1, bool))
-    np.testing.assert_allclose(tracking.error, [[1.0, 0.25]])
-
-
 @pytest.mark.parametrize("kind", KINDS[1:])
 def test_friction_comes_while_the_axis_runs(kind):
     """Angles and speeds stay; then the motor pays for viscous and dry friction, and little else."""
@@ -142,34 +123,3 @@ def test_friction_comes_while_the_axis_runs(kind):
     assert 1.0 < spent / (0.4 * np.mean(np.abs(found.speed))) < 1.2
     axis.set_friction(Friction())
     assert axis.theta(SHOWN)[3] == 0.0
-
-
-def test_an_axis_without_friction_is_as_it_was():
-    """Bit for bit, also when there was some that never acted."""
-    plain, other = LiveAxis(seed=8), LiveAxis(seed=8)
-    other.set_friction(Friction("none", f_c=0.3))
-    np.testing.assert_array_equal(plain.advance(300).speed, other.advance(300).speed)
-
-
-FIRST = """
-import gc
-from flexaxis.estimators.models.compiler import Compiled
-from flexaxis.experiments.demo.session import DemoSession
-
-def made():
-    kernels = [each for each in gc.get_objects() if isinstance(each, Compiled) and each._called]
-    return {(kernel.name, *kernel.dispatcher.signatures) for kernel in kernels}
-
-session = DemoSession(estimators=("frozen", "frozen"))
-session.prepare()
-session.advance(20)
-before = made()
-session.inject("f_m", 2.0)
-session.advance(20)
-assert session.history.last.tracking.allowed is not None
-assert before and made() == before, made() - before
-"""
-
-
-def test_nothing_is_compiled_while_somebody_waits_for_the_first_fault():
-    subprocess.run([sys.executable, "-c", FIRST], check=True, timeout=300)

@@ -1,21 +1,17 @@
 """What was done, as a table, as CSV, and as a lesson that does the same again, to the last bit."""
 
 import csv
-import importlib.util
 import io
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flexaxis.experiments.demo import history
 from flexaxis.experiments.demo.curves import estimates_table, history_table
 from flexaxis.experiments.demo.history import COLUMNS, History, HistoryLine
-from flexaxis.experiments.demo.lesson import LessonError, Player, parse_lesson
+from flexaxis.experiments.demo.lesson import Player, parse_lesson
 from flexaxis.experiments.demo.live_axis import Friction
-from flexaxis.experiments.demo.session import BUTTONS, DemoSession
+from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.sim.timing import PERIOD, rate
 
 RATE = rate(PERIOD)
@@ -60,22 +56,6 @@ def test_a_lesson_does_it_all_again(played):
     assert again.history.csv() == played.history.csv()
 
 
-def test_what_was_done_is_taken_down(played):
-    whats = [entry.what for entry in played.history.entries]
-    assert whats[0] == "f_m × 2" and whats[1].startswith("A: rpem-forgetting λ 0.99")
-    assert whats[3] == "friction: LuGre (f_c 0.2 N m, f_s 0.02 N m, v_s 0.5 rad/s)"
-    assert whats[2:3] + whats[4:] == [
-        "noise 0.05 rad/s", "B: ekf joins", "excitation stop-and-go", "repaired", "k_a × 0.9",
-    ]  # fmt: skip
-    first, dragged = played.history.entries[0], played.history.entries[3]
-    assert first.tracking.changed == "f_m" and not first.tracking.open
-    assert first.lags[0] > first.allowed[1] > first.allowed[0] > 0
-    assert dragged.tracking.before[3] == 0 and dragged.tracking.after[3] == 0.2, (
-        "one pull, one entry"
-    )
-    assert played.history.last.what == "k_a × 0.9"
-
-
 def test_the_csv_is_read_by_others(played):
     rows = list(csv.DictReader(io.StringIO(played.history.csv())))
     assert tuple(rows[0]) == COLUMNS and len(rows) == 2 * len(played.history.entries)
@@ -109,43 +89,3 @@ def test_text_is_shown_as_text():
     past = History()
     past.add(HistoryLine(0, "x", "<script>alert(1)</script>", ("a", "b")), {})
     assert "<script>" not in history_table(past)
-
-
-def test_it_does_not_grow_without_end(monkeypatch):
-    monkeypatch.setattr(history, "ACTS", 5)
-    past = History()
-    for k in range(1000):
-        past.add(HistoryLine(k * RATE, f"{k}", "a", ("a", "b")), {"noise": 0.1})
-    assert len(past.entries) == history.KEPT
-    assert "995 acts are forgotten" in past.lesson(estimators=QUICK, seed=0, now=0)
-
-
-@pytest.mark.parametrize(
-    ("act", "message"),
-    [
-        ('friction = "Colomb"', "Did you mean 'Coulomb'"),
-        ('estimator = "ekf"', "estimator needs racer"),
-        ('excitation = "of"', "Did you mean 'off'"),
-    ],
-)
-def test_an_act_that_cannot_be_done(act, message):
-    with pytest.raises(LessonError, match=message):
-        parse_lesson(f"[[act]]\nat = 1.0\n{act}\n", source="mine.toml")
-
-
-def test_the_table_of_the_page_is_of_what_its_command_makes(monkeypatch):
-    path = Path(__file__).parents[2] / "docs" / "demo.py"
-    monkeypatch.syspath_prepend(path.parent)
-    spec = importlib.util.spec_from_file_location("table_of_the_demo", path)
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    mark = importlib.import_module("making").MARK
-    ((_, table),) = mark.findall(made.PAGE.read_text(encoding="utf-8"))
-    head, _, *rows, _, last = table.splitlines()
-    assert head.endswith("told which – not told |")
-    labels = [label for label, (parameter, _) in BUTTONS.items() if parameter != "k_a"]
-    assert [row.split(" | ")[0].strip("| ") for row in rows] == labels
-    for row in rows:
-        allowed = row.strip("| ").split(" | ")[-1].split(" – ")
-        assert float(allowed[0]) < float(allowed[1])
-    assert re.search(r"`python docs/demo.py`, flexaxis [\w.]+, seeds 1000 to 1019", last)

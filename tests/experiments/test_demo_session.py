@@ -10,8 +10,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.demo.live_axis import SPELL, LiveAxis
 from flexaxis.experiments.demo.racer import NAMES, Racer
-from flexaxis.experiments.demo.session import MARK, SPAN, DemoSession
-from flexaxis.experiments.demo.tracking import Tracking
+from flexaxis.experiments.demo.session import MARK, DemoSession
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.timing import PERIOD, rate
@@ -37,17 +36,6 @@ def test_the_axis_moves_as_in_the_catalogue():
     period = axis.advance(2000)
     assert np.std(period.speed) == pytest.approx(5.0, rel=0.03)
     assert np.std(period.torque) == pytest.approx(0.85, rel=0.05)
-
-
-def test_excitation_can_stop_and_go():
-    axis = LiveAxis()
-    axis.excitation = "stop-and-go"
-    spell = round(SPELL * RATE)
-    excited = axis.advance(2 * spell + 1).excited
-    assert excited[:spell].all() and not excited[spell:-1].any() and excited[-1]
-    axis.excitation = "off"
-    axis.noise = 0.0
-    assert np.abs(axis.advance(2 * RATE).speed[-20:]).max() < 0.05, "it comes to rest"
 
 
 def test_stop_and_go_begins_when_it_is_chosen():
@@ -113,39 +101,6 @@ def test_a_fault_gives_a_dot_with_the_scores_in_words():
     assert drift.std > 3 * forgetting.std and drift.lag < 0.5 * forgetting.lag
 
 
-def test_scores_of_a_known_error():
-    """Errors made by hand: the lag has a closed form; a pause is not counted."""
-    before, after = np.array([1.0, 2.0, 3.0, 0.0]), np.array([1.0, 2.5, 3.0, 0.0])
-    followed = Tracking(before, after, racers=1)
-    followed.std = np.array([1.0])
-    moving, still = np.ones(1000, bool), np.zeros(1000, bool)
-    followed.take([np.full((1000, 4), 9.0)], np.zeros(1000), still)
-    # a time constant of 1 s
-    decay = after - np.exp(-np.arange(1000) * PERIOD)[:, None] * (after - before)
-    followed.take([decay], np.zeros(1000), moving)
-    assert not followed.open
-    (point,) = followed.close()
-    assert (point.parameter, point.std) == ("1/J_a", 1.0)
-    assert point.lag == pytest.approx(1 - np.exp(-5), rel=0.01)
-    assert followed.close() == []  # once
-
-
-def test_no_dot_where_it_was_not_quiet_or_nobody_estimates():
-    session = DemoSession()
-    session.advance(RATE)
-    session.inject("f_m", 2.0)
-    assert "no dot" in session.said
-    session.advance(6 * RATE)
-    assert not session.points
-    session.inject("k_a", 0.9)
-    assert "nobody estimates" in session.said
-    session.inject("k_a", 0.9)
-    assert "repair first" in session.said
-    session.advance(6 * RATE)
-    assert not session.points
-    assert session.racers[0].theta[1] < 0.95 * 1.25, "a softer arm is taken for a heavier one"
-
-
 @pytest.mark.parametrize("knob", [{"forgetting": 0.99}, {"regularization": 0.3}])
 def test_knobs_turn_while_it_runs(knob):
     """The estimate goes on where it was, the P as well, and the filter is settled."""
@@ -159,20 +114,6 @@ def test_knobs_turn_while_it_runs(knob):
     np.testing.assert_allclose(racer.theta, before, rtol=5e-3)
     session.advance(RATE)
     np.testing.assert_allclose(racer.theta, [1.0, 1.25, 0.05], rtol=0.03)
-
-
-@pytest.mark.parametrize("knob", [{"forgetting": 0.99}, {"regularization": 0.3}])
-def test_knobs_turn_however_far_the_estimate_is(knob):
-    """With dry friction f_m may be five times nominal; that is where a fresh filter begins."""
-    session = DemoSession(estimators=PAPER)
-    session.advance(8 * RATE)
-    racer = session.racers[0]
-    P, racer.theta = racer.P, racer.theta * [1.0, 1.0, 5.0]
-    far = racer.theta.copy()
-    session.tune(0, replace(racer.tuning, **knob))
-    assert f"{next(iter(knob.values())):g}" in session.said
-    np.testing.assert_allclose(racer.P, P, rtol=1e-15)
-    np.testing.assert_allclose(racer._estimator.theta, far, rtol=1e-12)
 
 
 def test_knobs_do_what_theory_says():
@@ -189,17 +130,6 @@ def test_knobs_do_what_theory_says():
     np.testing.assert_allclose(ratio[0], 2.0, rtol=0.3)
     assert ratio[1, 0] == pytest.approx(10, rel=0.4)
     assert ratio[1, 1] == pytest.approx(1, rel=0.3)
-
-
-def test_a_wrong_knob_is_refused_and_nothing_changes():
-    session = DemoSession()
-    session.advance(100)
-    racer = session.racers[0]
-    before = racer.tuning
-    with pytest.raises(EstimatorError, match="forgetting"):
-        session.tune(0, replace(before, forgetting=1.5))
-    assert racer.tuning == before
-    session.advance(100)
 
 
 def test_without_regularisation_a_pause_winds_up():
@@ -246,13 +176,3 @@ def test_an_estimator_of_ones_own_races(tmp_path):
         Racer(f"{path}:Other", preset("n1"))
     with pytest.raises(FlexaxisError, match="give two"):
         DemoSession(estimators=("ekf",))
-
-
-def test_curves_forget():
-    session = DemoSession()
-    assert len(session.curves().time) == 0
-    session.advance(round((SPAN + 5) * RATE))
-    curves = session.curves()
-    assert curves.time[0] == pytest.approx(5.0 + MARK * PERIOD)
-    assert curves.time[-1] - curves.time[0] == pytest.approx(SPAN - MARK * PERIOD)
-    assert curves.P.shape == (len(curves.time), 2, 3)

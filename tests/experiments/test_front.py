@@ -1,21 +1,21 @@
-"""The front door: quick, the same numbers as every other way, and it shows what it holds."""
+"""`import flexaxis as fx`: quick, the same numbers as every other way, and it shows its content."""
 
-import json
 import subprocess
 import sys
-from dataclasses import replace
+import time
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import pytest
+from identify_axes import VALUES, log
 
 import flexaxis as fx
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.case import run_case
-from flexaxis.experiments.running.estimators import parse
-from flexaxis.sim.errors import FlexaxisError
+from flexaxis.experiments.running.estimators import parse, text_of
+from flexaxis.experiments.running.user_code import EstimatorCrash
+from flexaxis.sim.errors import FlexaxisError, RecordError
 from flexaxis.sim.simulate import simulate
 
 ROOT = Path(__file__).parents[2]
@@ -43,200 +43,202 @@ class Still:
         return self.theta
 
 
+class Lost(Still):
+    def step(self, u, y):
+        return [float("nan")]
+
+
+class Endless(Still):
+    def step(self, u, y):
+        time.sleep(0.02)  # 1600 samples take half a minute
+        return self.theta
+
+
 def test_importing_it_imports_nothing_heavy():
     code = (
         "import sys, time; t = time.perf_counter(); import flexaxis; dir(flexaxis);"
         "print(time.perf_counter() - t, *sys.modules)"
     )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    seconds, *modules = told.stdout.split()
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    seconds, *modules = out.stdout.split()
     assert float(seconds) < 0.2
     assert not {"numpy", "scipy", "numba", "mujoco", "matplotlib"} & set(modules)
 
 
-def test_it_says_what_there_is():
+def test_every_name_is_there():
     assert set(dir(fx)) == set(fx.__all__)
-    for name in fx.__all__:
-        assert getattr(fx, name) is not None
-    assert fx.__version__[0].isdigit()
+    assert all(getattr(fx, name) is not None for name in fx.__all__)
     with pytest.raises(AttributeError, match="did you mean 'simulate'"):
         fx.simulat  # noqa: B018
-
-
-def test_what_type_checkers_see_is_what_there_is():
-    import ast
-
-    tree = ast.parse((ROOT / "experiments/front/__init__.py").read_text(encoding="utf-8"))
-    seen = {
-        (alias.name, node.module.removeprefix("flexaxis."))
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("flexaxis._")
-        for alias in node.names
-    }
-    home = next(
-        ast.literal_eval(node.value)
-        for node in tree.body
-        if isinstance(node, ast.Assign) and node.targets[0].id == "_HOME"
-    )
-    # `estimators` is the package, which lists itself, and is imported where it is called.
-    assert seen - {("estimators", "_check")} == set(home.items())
-    assert set(home) | {"__version__", "estimators"} == set(fx.__all__)
     modules = {f.name for f in (ROOT / "experiments/front").iterdir() if f.suffix == ".py"}
     links = {f.name for f in (ROOT / ".typing/flexaxis").iterdir() if f.suffix == ".py"}
     assert links == modules
 
 
-def test_the_package_of_estimators_lists_them_however_it_was_imported():
-    code = "; ".join(
-        [
-            "import flexaxis.estimators as package, flexaxis as fx",
-            "from flexaxis.estimators import RECOMMENDED",
-            "assert fx.estimators is package and RECOMMENDED in fx.estimators()",
-        ]
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-    assert "ekf" in fx.estimators(find="KALMAN") and "frozen" not in fx.estimators(find="kalman")
-
-
-def test_scenarios_are_found_by_group_and_text():
-    steps = fx.scenarios(group="steps")
+def test_scenarios_and_estimators_are_found_by_group_and_text():
+    steps = {line["name"] for line in fx.scenarios(group="steps")}
     assert "fm_step-v1" in steps and "paper_nominal-v1" not in steps
-    assert set(fx.scenarios(find="stribeck")) < set(fx.scenarios())
-    assert "fm_step-v1" in repr(steps) and "<td>fm_step-v1</td>" in steps._repr_html_()
+    assert 0 < len(fx.scenarios(find="stribeck")) < len(fx.scenarios())
     with pytest.raises(FlexaxisError, match="Did you mean 'steps'"):
         fx.scenarios(group="step")
+    assert "ekf" in {line["name"] for line in fx.estimators(find="KALMAN")}
 
 
 def test_a_run_is_that_of_the_simulation(short):
-    shown, plain = fx.simulate(short, seed=3), simulate(short, [3])[0]
+    shown, plain = fx.simulate(short, seed=np.int64(3)), simulate(short, [3])[0]
     np.testing.assert_array_equal(shown.speed, plain.speed)
-    other = fx.simulate("fm_step-v1", **{"fault[0].factor": 2, "duration": 12.0})
+    other = fx.simulate("fm_step", **{"fault[0].factor": 2, "duration": 12.0})
     assert other.true_parameters[-1, other.parameter_names.index("f_m")] == 0.1
-    with pytest.raises(FlexaxisError, match="Did you mean 'fm_step-v1'"):
-        fx.simulate("fm_stp-v1")
-    with pytest.raises(FlexaxisError, match="suite"):
-        fx.simulate("smoke")
+    for wrong, words in (("fm_stp-v1", "Did you mean 'fm_step-v1'"), ("smoke", "suite")):
+        with pytest.raises(FlexaxisError, match=words):
+            fx.simulate(wrong)
+    with pytest.raises(FlexaxisError, match=r"Did you mean 'fault\[0\].factor'"):
+        fx.simulate("fm_step", **{"fault.factor": 2})
+
+
+def test_coulomb_friction_of_zero_is_none():
+    zero = fx.simulate("fm_step", seed=1, **{"friction.coulomb": 0, "duration": 11.0})
+    none = fx.simulate("fm_step", seed=1, duration=11.0)
+    np.testing.assert_array_equal(zero.speed, none.speed)
+    assert "friction" not in zero.scenario
 
 
 @pytest.mark.parametrize("estimator", ["rpem-forgetting", "glr", Still])
 def test_scores_are_those_of_a_benchmark(short, estimator):
     record = fx.simulate(short, seed=1000)
     scores = fx.score(fx.estimate(record, estimator))
-    found = fx.benchmark(estimator, scenarios=short, seeds=1)
-    rows = found.frame.astype(object).where(found.frame.notna(), None).to_dict("records")
-    pooled = found.pooled()
-    assert len(scores) == len(rows) > 0
-    for one, row, line in zip(scores, rows, pooled, strict=True):
-        shared = {"lag", "bias", "cross_talk", "nees", "nis", "excess", "diverged"}
-        assert {key: one.get(key) for key in shared} == {key: row.get(key) for key in shared}
-        for name in ("std", "std_after"):  # about the mean, as of many runs
-            assert one[name] == line[name] and (row[name] is None or one[name] <= row[name])
+    results = fx.benchmark(estimator, scenarios=short, seeds=1)
+    pooled = results.pooled()
+    assert len(scores) == len(results.frame) > 0
+    shared = ["lag", "bias", "cross_talk", "diverged"]
+    np.testing.assert_array_equal(
+        scores[shared].to_numpy(float), results.frame[shared].to_numpy(float)
+    )
+    assert [*scores["std"]] == [line["std"] for line in pooled]  # about the mean, as of many runs
 
 
-def test_an_estimate_shows_itself(short):
+def test_an_estimate_is_that_of_a_case_and_can_be_drawn(short):
     record = fx.simulate(short)
-    found = fx.estimate(record, "rpem-forgetting", options={"forgetting": 0.99})
-    assert found.estimator == "rpem-forgetting[forgetting=0.99]"
-    case = run_case(short, simulate(short, [0])[0], parse(found.estimator))
-    np.testing.assert_array_equal(found.theta, case.theta)
-    assert found.covariance.shape == (*found.theta.shape, len(found.names))
-    assert found.last["f_m"] == found.theta[-1, 2]
-    assert len(repr(found)) < 500 and "f_m" in found._repr_html_()
-    axes = found.plot()
+    result = fx.estimate(record, "rpem-forgetting", options={"forgetting": np.float32(0.9375)})
+    assert result.estimator == "rpem-forgetting[forgetting=0.9375]"
+    case = run_case(short, simulate(short, [0])[0], parse(result.estimator))
+    np.testing.assert_array_equal(result.theta, case.theta)
+    assert result.covariance.shape == (*result.theta.shape, len(result.names))
+    assert result.last["f_m"] == result.theta[-1, 2] == result.to_dataframe()["f_m"].iloc[-1]
+    assert "f_m" in repr(result) and "f_m" in result._repr_html_()
+    axes = result.plot()
     again = fx.estimate(record, "frozen").plot(ax=axes)
     assert [ax is other for ax, other in zip(axes, again, strict=True)] == [True] * 3
     assert [line.get_label() for line in axes[2].lines].count("truth") == 1
-    with pytest.raises(FlexaxisError, match="give as many"):
-        found.plot(ax=axes[:2])
     with pytest.raises(EstimatorError, match="Did you mean 'f_m'"):
-        found.plot("f_n")
+        result.plot("f_n")
+    with pytest.raises(EstimatorError, match="option forgetting is"):
+        fx.estimate(record, "rpem-forgetting", options={"forgetting": None})
 
 
-def test_a_peak_does_not_hide_the_truth(short):
-    """The limits of the axis follow the truth and the bulk of the estimates."""
-    found = fx.estimate(fx.simulate(short), Still)
-    theta, truth = found.theta.copy(), found.truth["f_m"]
-    theta[100, 0] = 50.0 * truth.max()
-    low, high = replace(found, theta=theta).plot().get_ylim()
-    assert low <= truth.min() and truth.max() <= high < theta[100, 0]
-
-
-def test_an_own_class_and_an_instance_of_it_estimate(short):
+def test_an_own_class_and_an_instance_of_it_estimate(short, capsys):
     record = fx.simulate(short)
     assert fx.estimate(record, Still, options={"factor": 2.0}).last == {"f_m": 0.1}
     assert fx.estimate(record, Still(short.nominal.as_dict(), 0.005)).last == {"f_m": 0.05}
     with pytest.raises(EstimatorError, match="not an instance"):
         fx.benchmark([Still(short.nominal.as_dict(), 0.005)], scenarios=short)
+    results = fx.benchmark([Still, "frozen"], scenarios=[short], seeds=range(2))
+    assert set(results.to_dataframe()["estimator"]) == {text_of(Still), "frozen"}
 
-
-def test_a_class_of_the_session_takes_part_under_its_name(short):
-    class Local(Still):
-        pass
-
-    found = fx.benchmark([Local, "frozen"], scenarios=short, seeds=range(2))
-    assert set(found.to_dataframe()["estimator"]) == {"Local", "frozen"}
-
-
-def test_what_is_to_be_known_of_a_class_is_a_warning(short):
-    class Lost(Still):
+    class Ends(Still):
         def step(self, u, y):
-            return [float("nan")]
+            raise SystemExit(3)
 
+    with pytest.raises(EstimatorCrash, match=r"Ends crashed .*sample 0"):
+        fx.estimate(record, Ends(short.nominal.as_dict(), 0.005))
+
+
+def test_an_estimate_that_is_not_finite_is_a_warning(short):
+    with pytest.warns(UserWarning, match=r"Lost returned .* of 1600 samples, first at sample 0"):
+        fx.estimate(fx.simulate(short), Lost)
     with pytest.warns(UserWarning, match=r"Lost returned an estimate that is not finite"):
-        found = fx.benchmark(Lost, scenarios=short, seeds=1)
-    assert found.to_dataframe()["diverged"].all()
+        results = fx.benchmark(Lost, scenarios=short, seeds=1)
+    assert results.to_dataframe()["diverged"].all()
+
+
+def test_faults_of_a_score_are_those_of_the_record(short):
+    record = fx.simulate(short, seed=1000)
+    elsewhere = short.override({"fault[0].at": 2.0, "name": "early"})
+    plain, other = (fx.score(fx.estimate(record, "ekf", **more))
+                    for more in ({}, {"scenario": elsewhere}))  # fmt: skip
+    assert plain.equals(other)
+    with pytest.raises(EstimatorError, match="give a record and an estimator"):
+        fx.score(record)
+    with pytest.raises(RecordError, match="does not know the true parameters"):
+        from dataclasses import replace
+
+        fx.score(replace(record, true_parameters=None), "frozen")
 
 
 def test_a_record_shows_itself(short, tmp_path):
     record = fx.simulate(short)
-    assert repr(record) == "Record short, seed 0: 1600 samples of 5 ms"
-    frame, cube = record.to_dataframe(), record.to_xarray()
+    frame = record.to_dataframe()
     np.testing.assert_array_equal(frame["speed"], record.speed)
     assert frame["true_f_m"].iloc[-1] == pytest.approx(0.075)
-    np.testing.assert_array_equal(cube.true_parameters.sel(parameter="f_m"), frame["true_f_m"])
-    assert cube.torque.attrs["units"] == "N m"
     assert len(record.plot()) == 2 and record.plot("angle").get_ylabel() == "angle [rad]"
     loaded = fx.load(record.save(tmp_path / "r.nc"))
     assert repr(loaded) == repr(record) and fx.estimate(tmp_path / "r.nc", "frozen").names
 
 
-@pytest.mark.parametrize("given", [None, 3, b"r.nc"])
-def test_what_is_no_path_is_not_loaded(given):
-    with pytest.raises(FlexaxisError, match="is no path: give the file of a record"):
-        fx.load(given)
-
-
-def test_results_are_a_table_a_cube_and_a_figure(short, tmp_path):
-    found = fx.benchmark(["rpem-forgetting", "frozen"], scenarios=[short], seeds=2)
-    frame = found.to_dataframe()
+def test_results_are_a_table_and_a_figure(short, tmp_path):
+    results = fx.benchmark(["rpem-forgetting", "frozen"], scenarios=[short], seeds=2)
+    frame = results.to_dataframe()
     assert {"estimator", "scenario", "seed", "parameter", "lag"} <= set(frame.columns)
-    assert found.to_xarray().lag.sel(estimator="frozen", parameter="f_m").sizes["seed"] == 2
-    assert "lag_interval" in found.scores("estimator")
-    assert found.plot().get_xscale() == "log"
-    line = found.scores().query("estimator == 'frozen' and changed").iloc[0]
+    assert "lag_interval" in results.scores("estimator") and results.plot().get_xscale() == "log"
+    line = results.table.query("estimator == 'frozen'").iloc[0]
     lags = frame[(frame.estimator == "frozen") & (frame.parameter == "f_m")].lag
     assert line["lag"] == pytest.approx(lags.mean())
-    assert "4 cases" in repr(found) and "<table" in found._repr_html_()
+    text = repr(results)
+    assert "4 cases" in text and "lag" in text and "frozen" in text
     kept = fx.benchmark("frozen", scenarios=short, seeds=1, folder=tmp_path / "kept")
     assert fx.load(tmp_path / "kept").cases == kept.cases == 1
+    assert (tmp_path / "kept" / "report.html").exists()
+    with pytest.raises(FlexaxisError, match="axis 'nope'"):
+        results.plot("nope")
 
 
-def test_a_study_is_that_of_the_command(short_toml, tmp_path, capsys):
+def test_a_study_from_keys(short_toml):
     content = {"scenario": str(short_toml), "estimators": ["frozen"], "seeds": 2}
-    content["sweep"] = {"fault[0].factor": [1.2, 2.0]}
-    found = fx.study(content)
-    lines = [f"{key} = {json.dumps(value)}" for key, value in content.items() if key != "sweep"]
-    lines += ["[sweep]", '"fault[0].factor" = [1.2, 2.0]']
-    path = tmp_path / "s.toml"
-    path.write_text("\n".join(lines))
-    assert main(["study", str(path), "-o", str(tmp_path / "out"), "--jobs", "1"]) == 0
-    capsys.readouterr()
-    other = fx.load(tmp_path / "out").to_dataframe()
-    mine = found.to_dataframe()
-    assert mine["lag"].equals(other["lag"]) and len(mine) == 18  # a twin without the fault each
-    assert "motor friction" in found.plot().get_xlabel()  # the axis in words, not as a key
+    results = fx.study(content | {"sweep": {"fault[0].factor": [1.2, 2.0]}})
+    assert len(results.to_dataframe()) == 18  # a twin without the fault each
+    assert "after the fault" in results.plot().get_xlabel()  # the axis in words, not as a key
+    assert [*results.table["fault[0].factor"]] == [1.2, 2.0]
     with pytest.raises(FlexaxisError, match="fault"):
-        found.plot("fault[0].factr")
+        results.plot("fault[0].factr")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"scenarios": []}, "at least one scenario"),
+        ({"seeds": 2.0}, "seeds '2.0'"),
+        ({"seeds": [1.5]}, "seed 1.5"),
+        ({"seeds": 0}, "seeds '0': give a number"),
+        ({"time_limit": 0}, "above 0"),
+        ({"jobs": 0}, "number of processes"),
+    ],
+)
+def test_a_benchmark_of_nothing(short, wrong, words):
+    with pytest.raises(FlexaxisError, match=words):
+        fx.benchmark("frozen", **({"scenarios": short, "seeds": 1} | wrong))
+
+
+@pytest.mark.slow
+def test_a_run_that_takes_too_long_is_ended(short):
+    failures = fx.benchmark(Endless, scenarios=short, seeds=1, time_limit=0.2).failures
+    assert "no end within 0.2 s" in failures["error"][0]
+
+
+@pytest.mark.parametrize("seed", [1.5, True, None, "1", -1])
+def test_a_seed_that_is_no_number_of_a_run(short, seed):
+    for take in (fx.simulate, fx.make_axis):
+        with pytest.raises(FlexaxisError, match="whole number"):
+            take(short, seed=seed)
 
 
 def test_an_axis_stepped_by_hand_is_the_plant_of_the_record(short):
@@ -251,8 +253,25 @@ def test_an_axis_stepped_by_hand_is_the_plant_of_the_record(short):
     with pytest.raises(FlexaxisError, match="reset"):
         axis.step(0.0)
     assert axis.reset().speed == record.speed[0]
-    with pytest.raises(FlexaxisError, match="finite"):
-        axis.step(float("nan"))
+    for torque in ("a", None, np.array([0.1]), float("nan"), 1j, True):
+        with pytest.raises(FlexaxisError, match="one finite number"):
+            axis.step(torque)
+
+
+def test_a_log_is_imported_identified_and_tracked(tmp_path):
+    path, record = tmp_path / "log.csv", log(1, 0, "multisine", seed=0, seconds=8.0)
+    rows = np.column_stack([record.time, record.torque, np.degrees(record.angle)])
+    head = "time [s],torque [Nm],angle [deg]"
+    np.savetxt(path, rows, "%.12g", ",", header=head, comments="")
+    read = fx.import_log(path, torque_is="held")
+    assert set(read.table["verdict"]) <= {"ok", "note"}
+    found = fx.identify(read, "one_mass", friction="none")
+    assert found.table["value"]["J_m"] == pytest.approx(VALUES[1]["J_m"], rel=0.01)
+    for result in (read, found):
+        assert np.ravel(np.asarray(result.plot(), dtype=object))[0].lines
+    followed = fx.track(read, found, ["1/J_m"])
+    assert followed.table["ratio"]["1/J_m"] == pytest.approx(1, abs=0.02)
+    assert "no parameter changed" in repr(followed)
 
 
 @pytest.mark.slow
@@ -267,17 +286,3 @@ def test_the_examples_of_the_documentation_run():
                 exec(compile(code, name, "exec"), held)
     assert {"glr", "rpem-forgetting"} == set(held["frame"]["estimator"])
     assert held["sample"].time == pytest.approx(11.995)
-
-
-def test_an_axis_stepped_by_hand_learns_on_the_way():
-    """With the torque of a record it says what the estimator says of the record."""
-    short = {"duration": 2.0, "fault[0].at": 1.0}
-    record = fx.simulate("fm_step-v1", seed=2, **short)
-    theta = fx.estimate(record, "rpem-forgetting").theta
-    axis = fx.make_axis("fm_step-v1", seed=2, estimator="rpem-forgetting", **short)
-    assert axis.estimates == {}
-    for k, torque in enumerate(record.torque[:-1].tolist()):
-        axis.step(torque)
-        np.testing.assert_allclose(list(axis.estimates.values()), theta[k], rtol=1e-12)
-    axis.reset()
-    assert axis.estimates == {} and fx.make_axis(**short).estimates == {}

@@ -1,115 +1,30 @@
-"""Pages of logs: what they say first, and that no spike of a long log is lost on its chart."""
-
-from dataclasses import replace
+"""Pages of logs: the answer first, and no spike of a long log is lost on its figure."""
 
 import numpy as np
-import pytest
-from page_data import charts_of
 
-from flexaxis.experiments.logs.changes import Change
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.pages.import_page import _finding as of_import
-from flexaxis.experiments.logs.pages.import_page import log_chart
-from flexaxis.experiments.logs.pages.page import LogPage, capital, write_page
-from flexaxis.experiments.logs.pages.track_page import track_page
-from flexaxis.experiments.logs.track import Tracked
-from flexaxis.experiments.reporting.charts_old.shapes import COLUMNS, extremes
+from flexaxis.experiments.logs.importing import Imported
+from flexaxis.experiments.logs.pages import MOST, import_page, log_chart
 from flexaxis.sim.record import Record
 
 N = 200_000
 
 
-def spiked(n=N):
-    """Noise with a single spike, and a gap."""
-    y = np.random.default_rng(3).normal(size=n)
-    y[n // 3], y[n // 2 : n // 2 + n // 50] = 50.0, np.nan
-    return y
-
-
-def test_no_spike_and_no_gap_is_lost():
-    x, y = np.arange(1.0, N + 1), spiked()
-    kept = extremes(x, y)
-    assert len(kept) < 4 * COLUMNS and np.all(np.diff(kept) > 0)
-    assert np.nanmax(y[kept]) == 50 and np.nanmin(y[kept]) == np.nanmin(y)
-    gap = np.flatnonzero(np.isnan(y))
-    assert set(kept) & set(gap) and kept[0] == 0 and kept[-1] == N - 1
-    # In each column of the screen what is kept reaches as far as all samples there.
-    wide = (x[-1] - x[0]) / COLUMNS
-    column = np.minimum((x - x[0]) / wide, COLUMNS - 1).astype(int)
-    for one in np.unique(column)[::97]:
-        here = np.flatnonzero(column == one)
-        if np.isfinite(y[here]).any():
-            assert np.nanmax(y[here]) == np.nanmax(y[np.intersect1d(here, kept)])
-
-
-def test_a_page_of_a_long_log_is_small_and_has_its_spike(tmp_path):
-    speed = np.nan_to_num(spiked())
-    record = Record(time=1e-3 * np.arange(N), torque=np.sin(0.01 * np.arange(N)), speed=speed)
-    page = LogPage(
-        "a log", "flexaxis import a.csv", Finding("ok", "fine."), (), [log_chart(record)], ()
+def test_a_page_of_a_long_log_is_small_says_what_is_wrong_and_has_its_spike(tmp_path):
+    speed = np.random.default_rng(3).normal(size=N)
+    speed[N // 3] = 50.0
+    valid = np.arange(N) % 50_000 > 100
+    record = Record(time=1e-3 * np.arange(N), torque=np.sin(0.01 * np.arange(N)), speed=speed,
+                    valid=valid)  # fmt: skip
+    checks = (
+        Finding("ok", "none", "units"),
+        Finding("problem", "turned <", "signs", 3.0, "%", "-x"),
     )
-    write_page(page, tmp_path / "log.html")
-    assert (tmp_path / "log.html").stat().st_size < 200_000
+    page = import_page(Imported(record, checks), "a.csv", "flexaxis import a.csv")
+    assert page.finding.kind == "problem" and "signs" in page.finding.text
+    page.write(tmp_path / "log.html")
     html = (tmp_path / "log.html").read_text(encoding="utf-8")
-    ((_, motion),) = [view["panels"] for view in charts_of(html)["the-log"]]
-    (drawn,) = motion["lines"]
-    assert max(drawn["y"]) == pytest.approx(50, rel=5e-3)
-    assert motion["high"] > 50  # nor does the axis cut it off
-    assert len(drawn["x"]) < 4 * COLUMNS
-
-
-def doubt(name, verdict):
-    return Finding(verdict, "text", name, 1.0)
-
-
-def test_an_import_says_first_what_spoils_it():
-    bad, known, fine = doubt("units", "problem"), doubt("gaps", "note"), doubt("rate", "ok")
-    words = "As it is, this log spoils estimates: units."
-    assert of_import([bad, known, fine]) == Finding("problem", words)
-    said = of_import([known, fine])
-    assert said.kind == "note" and said.text.endswith("to be known: gaps.")
-    words = "Nothing speaks against this log, in 1 looks at it."
-    assert of_import([fine]) == Finding("ok", words)
-
-
-def tracked(changes=(), doubts=()):
-    time = 0.005 * np.arange(4000)
-    theta = np.where(time < 8, 1.0, 1.5)[:, None]
-    return Tracked(
-        names=("f_m",), time=time, theta=theta, deviations=0.1 * theta, nominal=np.ones(1),
-        usable=time > 1, fit=97.0, residual=np.random.default_rng(0).normal(size=4000),
-        correlation=0.01, white=True, alarms=np.array([8.2]), changes=list(changes),
-        doubts=list(doubts), load=None,
-    )  # fmt: skip
-
-
-def test_a_tracked_log_within_its_deviations_of_nominal_is_as_identified():
-    told = {"estimator": "ekf", "log": "a.csv", "command": "flexaxis track a.csv"}
-    wide = replace(tracked(), deviations=np.full((4000, 1), 0.26))  # f_m is .5 above nominal
-    for found, is_said in ((tracked(), True), (wide, False)):
-        text = track_page(found, 0.005, problems=[], **told).finding.text
-        assert ("above what was identified" in text) is is_said
-
-
-def test_a_tracked_log_says_first_what_changed():
-    changed = tracked([Change("f_m", 8.0, 0.5, 40.0)])
-    told = {"estimator": "ekf", "log": "a.csv", "command": "flexaxis track a.csv"}
-    page = track_page(changed, 0.005, problems=[], **told)
-    assert page.finding == Finding(
-        "note", "f_m changed by +50.0 % at 8.00 s (40 times its scatter)."
-    )
-    estimates = page.charts[0]
-    assert estimates.marks == [(8.0, "f_m +50.0 %"), (8.2, "alarm")]
-    line, nominal = estimates.panels[0].lines
-    assert line.who == "ekf" and nominal.role == "bound"
-    np.testing.assert_allclose(line.high - line.y, 0.2 * line.y)  # ±2σ
-    quiet = track_page(tracked(), 0.005, problems=["clipping: much"], **told)
-    kind, text = quiet.finding.kind, quiet.finding.text
-    assert kind == "problem" and text.startswith("No parameter changed; last over nominal: f_m 1.5")
-    assert "no change within this log, but f_m is 50 % above what was identified" in text
-    assert quiet.remarks[0] == Finding("problem", "the log: clipping: much")
-
-
-def test_a_sentence_keeps_its_symbol():
-    assert capital("f_c has grown") == "f_c has grown."
-    assert capital("no parameter changed.") == "No parameter changed."
+    assert len(html) < 400_000 and html.count("<svg") == 1
+    assert "✗" in html and "turned &lt;" in html and "flexaxis import a.csv" in html
+    (line,) = log_chart(record).panels["speed [rad/s]"]
+    assert line.y.max() == 50.0 and len(line.x) <= MOST

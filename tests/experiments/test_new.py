@@ -68,7 +68,7 @@ def test_the_template_keeps_the_rules_and_gets_a_verdict(mine, capsys, short_tom
 def test_nothing_is_overwritten(mine, capsys):
     mine.write_text("my work")
     assert main(["new", "my_estimator.py"]) == 2
-    assert "is there already" in capsys.readouterr().err and mine.read_text() == "my work"
+    assert "exists already" in capsys.readouterr().err and mine.read_text() == "my work"
 
 
 @pytest.mark.slow
@@ -88,7 +88,7 @@ def test_a_user_has_packages_of_our_names(tmp_path, short_toml):
     )
     words = ["run", str(short_toml), "--estimator", "own.py:Own", "--estimator", "frozen"]
     done = subprocess.run(
-        [sys.executable, "-m", "flexaxis.experiments", *words, "--seeds", "4", "--jobs", "2"],
+        [sys.executable, "-m", "flexaxis", *words, "--seeds", "4", "--jobs", "2"],
         cwd=tmp_path,
         capture_output=True,
         text=True,

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from engine_cases import BenchHere
 
-from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.catalogue.names import hashes
+from flexaxis.experiments.catalogue.find import find_scenario, hashes
 from flexaxis.experiments.running import estimators
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.estimators import parse

@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -11,13 +10,10 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.paper import reproduce
 from flexaxis.experiments.paper.claim import Claim, above, below, gather, half_of_P, within
-from flexaxis.experiments.paper.claims import CHECKS
 from flexaxis.experiments.paper.data import Size
 from flexaxis.experiments.paper.figures import FIGURES
-from flexaxis.experiments.paper.model_measures import worst
-from flexaxis.experiments.paper.reproduce import claims_table, in_words, render
+from flexaxis.experiments.paper.reproduce import render
 from flexaxis.experiments.reporting.page import symbols
-from flexaxis.experiments.reporting.terminal import lines, show
 
 # Seeds below 100: what is reported is on others. The least for which the claims that are
 # statistical can hold; 15 s.
@@ -34,16 +30,10 @@ def claims(evidence):
     return reproduce.decide(evidence)
 
 
-def test_there_are_44_claims_and_each_has_its_name(claims):
-    assert len(claims) == 44
-    assert len({claim.id for claim in claims}) == len(claims)
-    assert all(claim.claim and claim.source and claim.expected for claim in claims)
-
-
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.id)
-def test_every_claim_holds(evidence, check):
-    claim = check(evidence)
-    assert claim.holds, claim
+@pytest.mark.slow
+def test_there_are_44_claims_and_every_one_holds(claims):
+    assert len({claim.id for claim in claims}) == len(claims) == 44
+    assert [claim.id for claim in claims if not claim.holds] == []
 
 
 def test_limits_are_what_they_say():
@@ -57,19 +47,7 @@ def test_limits_are_what_they_say():
     assert not half_of_P(0.5)({"a": 2**0.5, "b": 2**0.5})
 
 
-def test_the_worst_ratio_is_that_farthest_from_one():
-    ratios = np.array([[0.1, 1.1, 5.0], [2.0, 0.95, 0.5]])
-    np.testing.assert_array_equal(worst(ratios), [0.1, 1.1, 5.0])
-
-
-def test_claims_are_strict_json(claims):
-    plain = [claim.as_json() for claim in claims]
-    assert json.loads(json.dumps(plain, allow_nan=False)) == plain
-    assert list(plain[0]) == ["id", "claim", "source", "measured", "expected", "holds"]
-    endless = Claim("a", "b", "c", {"x": np.inf, "y": 1.0}, "d", False)
-    assert endless.as_json()["measured"] == {"x": None, "y": 1.0}
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_draws(evidence, name):
     for ax in FIGURES[name](evidence).axes:
@@ -78,27 +56,7 @@ def test_every_figure_draws(evidence, name):
         assert ax.get_ylabel()
 
 
-def test_a_figure_is_written_twice_the_same(evidence, tmp_path):
-    files = []
-    for _ in range(2):
-        reproduce.draw("fig3", evidence, tmp_path)
-        files.append((tmp_path / "fig3.svg").read_text(encoding="utf-8"))
-    assert files[0] == files[1] and "<svg" in files[0]
-    assert (tmp_path / "fig3.png").read_bytes().startswith(b"\x89PNG")
-
-
-class Links(HTMLParser):
-    """Everything that a browser would load or follow."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.found = []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.found += [v for k, v in attrs if k in {"src", "href", "xlink:href", "data"}]
-
-
+@pytest.mark.slow
 def test_the_page_tells_every_claim_and_needs_no_network(evidence, claims):
     wrong = [replace(claims[0], holds=False), *claims[1:]]
     page = render(evidence, wrong, "flexaxis paper")
@@ -108,18 +66,8 @@ def test_the_page_tells_every_claim_and_needs_no_network(evidence, claims):
     held = sum(claim.holds for claim in wrong)
     assert f"{held} of {len(wrong)} claims hold" in text
     assert page.count('<svg role="img"') == len(FIGURES)
-    assert all(re.fullmatch(r"#.*|fig\w\.(png|svg)", link) for link in Links(page).found)
-
-
-def test_numbers_and_symbols_are_readable():
-    assert in_words({"k_T": 0.6123, "f_m": 1576.2}) == "k_T: 0.612, f_m: 1576"
-    assert str(symbols("1/J_a <")) == "1/<i>J</i><sub>a</sub> &lt;"
-
-
-def test_the_table_shows_brackets(capsys):
-    table = claims_table([Claim("a", "b", "c", 1.0, "t63 [s] of k_T", True)])
-    show(lines("1", table.heads, [[cell.text for cell in table.rows[0][1]]], ""))
-    assert "t63 [s] of k_T" in capsys.readouterr().out
+    links = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert all(re.fullmatch(r"#.*|fig\w\.(png|svg)", link) for link in links)
 
 
 @pytest.mark.parametrize("holds", [True, False])

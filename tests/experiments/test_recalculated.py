@@ -10,7 +10,7 @@ from scipy import stats
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
+from flexaxis.experiments.studies.benchmark import run
 
 RAISES = """
 class Raises:
@@ -93,7 +93,7 @@ def test_a_hundred_pooled_numbers_are_what_the_rows_say(short, tmp_path):
     names = ("rpem-forgetting", "frozen", f"{tmp_path}/own.py:Raises")
     study = Study("t", (short, late), names, tuple(range(1000, 1007)))
     with Runner(tmp_path / "out") as runner:
-        found = benchmark(Benchmark(study, title="t", command="flexaxis run"), runner)
+        found = run(study, runner)
     rows = nested(Results.load(tmp_path / "out").frame)
     compared = 0
     for pooled in found.summary["rows"]:

@@ -13,7 +13,7 @@ import pytest
 from engine_cases import short, small_study, user_file
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running.results import Results, rerun
+from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner, parallel
 from flexaxis.experiments.running.store import ROWS, Store
 from flexaxis.experiments.running.study import Study
@@ -119,17 +119,6 @@ def test_a_run_that_is_killed_or_stopped_resumes_with_every_row_once(tmp_path):
     frame = Results.load(tmp_path / "rows").frame
     assert len(frame) == 2 * 24 * 3
     assert not frame.duplicated(["case", "parameter"]).any()
-
-
-def test_random_cases_run_again_are_equal_or_say_what_differs(alone):
-    study = small_study("frozen", seeds=2)
-    with Runner() as runner:
-        results = runner.run(study)
-        assert rerun(results, 2, Runner()).empty
-        results.frame.loc[:, "std"] = 7.0
-        differ = rerun(results, 1, Runner())
-    assert set(differ.index.get_level_values(2)) == {"std"}
-    assert (differ["before"] == 7.0).all()
 
 
 def test_parallel_gives_every_result():

@@ -14,7 +14,6 @@ from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import at_equal_noise, tuned, tunings
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.comparison import tune as tuning
 from flexaxis.experiments.comparison.sweep import TURNS, with_knob
 from flexaxis.experiments.comparison.tune import (
     TOLERANCE,
@@ -33,7 +32,7 @@ OWN = PAPER | LAWS | {"oracle-reset"}  # these keep the value they are known for
 def test_tuning_finds_the_reference_itself_and_its_equal(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["tune", "rpem-forgetting", "--seeds", "0:2", "--jobs", "1"]) == 0
-    ratio = float(re.search(r"excess ([\d.]+) times the reference's", capsys.readouterr().out)[1])
+    ratio = float(re.search(r"([\d.]+) times its excess", capsys.readouterr().out)[1])
     assert abs(ratio - 1) < TOLERANCE
     assert main(["tune", "frozen", "--seeds", "0:2"]) == 2
     assert "no knob" in capsys.readouterr().err
@@ -65,14 +64,8 @@ def test_no_match_and_wrong_words_are_said(capsys):
 
     with pytest.raises(ValueError, match=r"no setting of its knob.*last one tried.* is ekf"):
         match_noise("ekf", Flat(range(1), BenchHere().frame))
-    for words, said in (
-        ([], "name one estimator, or give --all"),
-        (["--all", "--match", "f_m"], "leave --match"),
-        (["--save", "ekf"], "--save took ekf for its FILE"),
-        (["ekff"], "Did you mean 'ekf'"),
-    ):
-        assert main(["tune", *words]) == 2
-        assert said in capsys.readouterr().err
+    assert main(["tune", "ekff"]) == 2
+    assert "Did you mean 'ekf'" in capsys.readouterr().err
 
 
 LAM = """
@@ -124,12 +117,12 @@ def test_an_option_is_turned_as_its_class_says(own):
 
 def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, capsys):
     path = tmp_path / "tuned.toml"
-    monkeypatch.setattr(tuning, "Trials", Powers)
+    monkeypatch.setattr("flexaxis._results.Trials", Powers)
     monkeypatch.chdir(tmp_path)
     words = ["tune", "cusum-reset", "--seeds", "0:2", "--save", str(path)]
     for other in ("variable-forgetting", "cusum-reset", "cusum-reset"):
         assert main(["tune", other, *words[2:], "--json"]) == 0
-        found = json.loads(capsys.readouterr().out)
+        (found,) = json.loads(capsys.readouterr().out)["rows"]
     before, plain = tomllib.loads(path.read_text(encoding="utf-8"))["tuned"]
     assert plain["value"] == found["value"] and plain["setting"] == found["setting"]
     assert (before["estimator"], plain["estimator"]) == ("variable-forgetting", "cusum-reset")

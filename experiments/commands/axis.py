@@ -1,0 +1,112 @@
+"""Commands for logs of a real axis: import, identify, track."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import flexaxis as fx
+from flexaxis.experiments.commands.options import Args, answer, command
+from flexaxis.experiments.files import check_file, check_not_input
+from flexaxis.experiments.logs.options import READING, assignments, tables_of
+
+
+def _target(args: Args, default: str, *inputs: Any) -> Path:
+    """Return the path to write; refuse one that is an input or was not written by flexaxis."""
+    from flexaxis.experiments.logs.files import require_suffix, spare_foreign
+
+    if not args.log.is_dir():
+        check_file(args.log)
+    path = args.output or args.log.with_name(args.log.stem + default)
+    check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))
+    require_suffix(path, f".{default.rpartition('.')[2]}", "the result")
+    spare_foreign(path, path.with_suffix(".html"))
+    return path
+
+
+def _saved(args: Args, result: Any, path: Path, status: int) -> int:
+    """Save the result and its page, and print them."""
+    page = result.save(path)
+    content = result.content | {"path": path, "report": page}
+    return answer(args, content, status, result, path, f"report: {page}")
+
+
+@command("your own axis", "log", "-o", "--strict", *READING)
+def import_(args: Args) -> int:
+    """Make a record of your own log, and check whether it is plausible.
+
+    LOG is a table of text, MAT (all versions), HDF5 or NetCDF. The checks say what spoils
+    estimates before any estimator runs, and what to type against it: time stamps and gaps,
+    wrapping, clipping, clocks, interpolation, units, resolution, outliers, the kind of torque,
+    signs, a filtered speed.
+
+    example:
+      flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
+      flexaxis import bench.mat --map bench.toml -o rec.nc
+    """
+    from flexaxis.experiments.logs.files import record_beside
+
+    args.output = args.output or record_beside(args.log)
+    path = _target(args, ".nc")
+    result = fx.import_log(args.log, command=args.line, **tables_of(args))
+    spoilt = "problem" in [check["verdict"] for check in result.content["checks"]]
+    return _saved(args, result, path, int(args.strict and spoilt))
+
+
+@command("your own axis", "log", "--model", "--free", "--fix", "--start", "--delay", "--friction",
+         "--gravity", "--highpass", "--validate", "--covariate", "--false-alarms", "-o",
+         *READING)  # fmt: skip
+def identify(args: Args) -> int:
+    """Identify the nominal values of your axis from a log or a record, or from many.
+
+    The model is fitted in white and in whitened errors; dry friction, gravity, a filter of the
+    speed and the like are taken if held-out pieces of the log are simulated better with them. A log
+    of one axis shows ratios to k_T only, so k_T (and the gear ratio r) stay at their values unless
+    freed. Status 0: the numbers can be used as far as their deviations say; 1: they cannot.
+
+    For a folder of logs in the order of their names, one row of estimates a log goes to a CSV file,
+    with what a covariate explains and one change of each parameter, if there is one (status 1).
+
+    MODEL is one_mass, two_mass, three_mass, or a TOML of your own (docs/logs.md).
+
+    example:
+      flexaxis identify rec.nc --model two_mass -o axis.toml
+      flexaxis identify rec.nc --model two_mass --friction coulomb --validate tuesday.nc
+      flexaxis identify log.csv --torque current --angle phi --fix k_T=0.6 --fix f_l=0.01
+      flexaxis identify rec.nc --model my_axis.toml --free J_m --free k --json
+      flexaxis identify days/ --model axis.toml --covariate temp
+    """
+    ending = "-estimates.csv" if args.log.is_dir() else "-axis.toml"
+    path = _target(args, ending, args.model, args.validate)
+    options = {
+        name: getattr(args, name)
+        for name in ("free", "delay", "friction", "gravity", "highpass", "validate", "false_alarms")
+    }
+    result = fx.identify(
+        args.log, args.model, start=assignments("start", args.start),
+        fix=assignments("fix", args.fix), covariates=args.covariate, columns=tables_of(args),
+        command=args.line, **options,
+    )  # fmt: skip
+    return _saved(args, result, path, result.status)
+
+
+@command("your own axis", "log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
+def track(args: Args) -> int:
+    """Run an estimator over a log of your axis: estimates, residuals, changes, alarms.
+
+    AXIS.toml is what `flexaxis identify` wrote. The estimates go to a NetCDF file, and a report
+    says which parameter changed and when, or drifts. Status 1 if a change was found, or if the log
+    does not fit the axis: another unit or sign, or another axis.
+
+    example:
+      flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k
+      flexaxis track rec.nc --model axis.toml --identify k --estimator rpem-forgetting
+      flexaxis track rec.nc --model axis.toml --identify f_m --estimator glr
+      flexaxis track rec.nc --model axis.toml --identify k_T --start 1.2 --json
+    """
+    code = (args.estimator or "").partition(":")[0]
+    path = _target(args, "-track.nc", args.model, code)
+    names = list(dict.fromkeys(",".join(args.identify).split(",")))
+    result = fx.track(args.log, args.model, names, args.estimator, start=args.start,
+                      columns=tables_of(args), command=args.line)  # fmt: skip
+    return _saved(args, result, path, result.status)

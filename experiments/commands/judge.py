@@ -1,0 +1,175 @@
+"""Commands that judge estimators: compare, tune, check, new."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+import flexaxis as fx
+from flexaxis.experiments.catalogue.find import check_names
+from flexaxis.experiments.commands.options import Args, answer, command
+from flexaxis.experiments.commands.run import one_or_more, work
+from flexaxis.experiments.files import check_not_input, write_text
+from flexaxis.sim.errors import FlexaxisError
+
+
+@command("judge", "names", "--base", "--candidate", "--seeds", "--max-seeds", "--margin",
+         "--match-std", "--strict", "-o", "--jobs", "--overwrite", "--time-limit")  # fmt: skip
+def compare(args: Args) -> int:
+    r"""Say whether an estimator got better or worse, with an exit status.
+
+    Both run on the same records, and scores are compared seed by seed. Two folders of finished runs
+    are compared as they are, if their scenarios and versions agree, on the seeds that both have.
+    docs/gate.md explains the statistics.
+
+    With --match-std both are first tuned to the same noise, that of rpem-forgetting, and the lag
+    alone is judged. This needs an estimator that names its tuning parameter (docs/scores.md).
+
+    exit status: 0 no regression; 1 worse; 2 wrong use; 3 undecided, with --strict or if two or more
+    runs are newly lost, a run newly failed, or runs of the candidate are missing; 70 a crash
+
+    example:
+      flexaxis compare --base old.py:Mine --candidate new.py:Mine
+      flexaxis compare --base rpem-forgetting --candidate 'pipe:octave-cli -q my.m' fm_step \
+                       --max-seeds 128 --margin lag=5%,std=5%
+      flexaxis compare --base glr --match-std --candidate new.py:Mine fm_step
+      flexaxis compare results/old results/new
+    """
+    folder = args.output or Path("results/compare")
+    runs = args.names if args.names and all(Path(name).is_dir() for name in args.names) else []
+    check_not_input(args.names, folder)
+    if not runs:
+        if not (args.base and args.candidate):
+            raise FlexaxisError(
+                "name the estimators with --base E --candidate E, as in `flexaxis compare --base "
+                "rpem-forgetting --candidate glr fm_step`, or two folders of finished runs"
+            )
+        check_names(args.names)
+    margins = {}
+    for text in filter(None, ",".join(args.margin).split(",")):
+        score, _, share = text.strip().partition("=")
+        try:
+            margins[score] = float(share.removesuffix("%")) / (100 if "%" in share else 1)
+        except ValueError:
+            raise FlexaxisError(f"--margin {text}: give a share, as in lag=2%") from None
+    result = fx.compare(
+        args.base, args.candidate, scenarios=one_or_more(args.names) or "gate", runs=runs,
+        seeds=args.seeds, max_seeds=args.max_seeds, match_std=args.match_std, margins=margins,
+        folder=folder, **work(args),
+    )  # fmt: skip
+    status = result.strict_status if args.strict else result.status
+    worst = result.content["worst"]["command"]
+    look = [f"Look at the worst run: {worst}"] if status else []
+    path = result.content["report"]
+    return answer(args, result.content, status, result, *look, f"report: {path}")
+
+
+@command("judge", "estimators", "--match", "--sweep", "--seeds", "--save", "-o", "--jobs",
+         "--overwrite", "--time-limit")  # fmt: skip
+def tune(args: Args) -> int:
+    r"""Find the setting at which an estimator is as noisy as the reference, or sweep settings.
+
+    An estimator is tuned on the nominal axis without a fault, started at the truth; the reference
+    is rpem-forgetting at its default. What is matched is the excess prediction error, one number
+    for all parameters, or with --match the standard deviation of one of them. A match takes at most
+    12 settings, from 1/1024 to 1024 times the usual one.
+
+    With --sweep each estimator runs at many settings instead, and the lags after the faults of some
+    scenarios are compared at equal noise, beside the bound.
+
+    example:
+      flexaxis tune ekf
+      flexaxis tune ekf --match f_m
+      flexaxis tune --save estimators/tuned.toml
+      flexaxis tune rpem-forgetting glr --sweep fm_step kt_step
+    """
+    check_names(args.sweep or ())
+    table = fx.tune(
+        *args.estimators, match=args.match, scenarios=args.sweep, seeds=args.seeds,
+        folder=args.output or Path("results/tune"), file=args.save, **work(args),
+    )  # fmt: skip
+    lines = []
+    for row in table.to_dict("records"):
+        if args.sweep:
+            lag = f"{row['lag']:.3g} s" if row["lag"] else "no common noise"
+            lines.append(f"{row['scenario']}: {row['estimator']} has a lag of {lag}")
+        elif row["problem"]:
+            lines.append(f"{row['estimator']} is not matched: {row['problem']}")
+        else:
+            lines.append(
+                f"{row['setting']} is as noisy as rpem-forgetting: {row['ratio']:.3f} times its "
+                f"{row['match']}."
+            )
+    status = 0 if args.sweep else int(table["problem"].astype(bool).any())
+    return answer(args, {"rows": table.to_dict("records")}, status, *lines)
+
+
+@command("judge", "estimator")
+def check(args: Args) -> int:
+    """Check that an estimator keeps the rules that its scores rely on.
+
+    Shapes, finite numbers, step equals run, no look-ahead, gaps, and so on: each rule with its
+    reason, and with a hint if it is broken. The code that the estimator names is run.
+
+    exit status: 0 all rules hold, 1 a rule is broken, 2 it cannot be built, 70 its constructor
+    crashed
+
+    example:
+      flexaxis check my_estimator.py:Mine
+      flexaxis check 'pipe:octave-cli -q my.m'
+    """
+    rules, lines = fx.check(args.estimator).to_dict("records"), []
+    words = {True: "holds", False: "BROKEN", None: "not applicable"}
+    for each in rules:
+        lines.append(f"{each['rule']:<24} {words[each['holds']]:<15} {each['seen']}")
+    broken = [each for each in rules if each["holds"] is False]
+    lines += [f"\n{each['rule']}: {each['reason']}\n  hint: {each['hint']}"
+              for each in broken if not each["raised"]]  # fmt: skip
+    lines += [f"{len(broken)} of {len(rules)} rules are broken." if broken else "All rules hold."]
+    return answer(args, {"rules": rules}, int(bool(broken)), *lines)
+
+
+TEMPLATES = {
+    ".py": ("my_estimator.py",),
+    ".c": ("my_estimator.c", "flexaxis.h"),
+    ".m": ("my_estimator.m",),
+}
+"""The files to write by suffix; the first one gets the name that was given."""
+
+
+@command("judge", "path")
+def new(args: Args) -> int:
+    """Write a working template of an own estimator, to be changed.
+
+    In Python it is a class; in C or GNU Octave a program that answers over a pipe (docs/pipes.md
+    has the protocol, for any other language).
+
+    example:
+      flexaxis new my_estimator.py
+      flexaxis check my_estimator.py:Mine
+      cp my_estimator.py old.py   # before a change
+      flexaxis compare --base old.py:Mine --candidate my_estimator.py:Mine fm_step
+      flexaxis new my_estimator.c
+    """
+    path = args.path
+    if path.suffix not in TEMPLATES or not path.stem.isidentifier():
+        raise FlexaxisError(
+            f"{path}: give a file that Python can import, such as my_estimator.py, or one in C or "
+            "Octave, such as my_estimator.c or my_estimator.m"
+        )
+    if path.exists() or not path.parent.is_dir():
+        problem = "exists already; give another name" if path.exists() else "has no such folder"
+        raise FlexaxisError(f"{path} {problem}")
+    home = files("flexaxis.experiments.check") / "templates"
+    for name in TEMPLATES[path.suffix]:
+        text = (home / name).read_text(encoding="utf-8")
+        target = path if name.startswith("my_") else path.with_name(name)
+        write_text(target, text.replace("my_estimator", path.stem))
+    old, binary = path.with_name(f"old{path.suffix}"), path.with_suffix("")
+    text = {".py": "{}:Mine", ".m": "'pipe:octave-cli -q {}'", ".c": "pipe:./{}"}[path.suffix]
+    before, now = (text.format(p.with_suffix("") if p.suffix == ".c" else p) for p in (old, path))
+    lines = [f"cc -O2 -o {binary} {path} -lm"] * (path.suffix == ".c")
+    lines += [f"flexaxis check {now}", f"cp {path} {old}",
+              f"flexaxis compare --base {before} --candidate {now} fm_step"]  # fmt: skip
+    words = f"{path} estimates the motor friction f_m. Change it, then:"
+    return answer(args, {"path": path, "next": lines}, 0, words, *(f"  {each}" for each in lines))

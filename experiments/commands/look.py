@@ -1,0 +1,169 @@
+"""Commands to look and to teach: list, show, demo, paper."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import Counter
+from dataclasses import asdict
+from itertools import chain
+from pathlib import Path
+from shutil import get_terminal_size
+
+import flexaxis as fx
+from flexaxis.experiments.catalogue import find as catalogue
+from flexaxis.experiments.catalogue.find import GROUPS
+from flexaxis.experiments.commands.options import Args, answer, command
+from flexaxis.experiments.files import check_not_input
+from flexaxis.sim.errors import FlexaxisError
+
+MOST = 60  # lines that `list` prints
+
+
+@command("look", "kind", "--group", "--find", "--all")
+def list_(args: Args) -> int:
+    """List scenarios, suites, estimators, and the scenario for each physical fault.
+
+    example:
+      flexaxis list
+      flexaxis list faults
+      flexaxis list --group steps
+      flexaxis list --find friction --json
+    """
+    if not (args.kind or args.group or args.find or args.json or args.all):
+        groups = Counter(line["group"] for line in fx.scenarios())
+        lines = [f"  {name:<14}{groups[name]:>3}  {words}" for name, words in GROUPS.items()]
+        suites = f"suites: {', '.join(catalogue.suite_names())}"
+        more = "more: flexaxis list estimators | faults | --group steps | --find friction | --all"
+        return answer(args, {}, 0, suites, "groups of scenarios:", *lines, more)
+    content = {
+        "scenarios": fx.scenarios(group=args.group, find=args.find),
+        "suites": catalogue.suites(args.find),
+        "estimators": fx.estimators(find=args.find),
+        "faults": catalogue.faults(args.find),
+    }
+    if kind := args.kind or (args.group and "scenarios"):
+        content = {kind: content[kind]}
+    lines, width = [], get_terminal_size((160, 24)).columns
+    for row in chain(*content.values()):
+        name, *middle, text = (row[key] for key in row if key not in {"faults", "group"})
+        lines.append(f"{name:<44} {' '.join(middle):<6} {text}"[:width])
+    if not lines:
+        lines = [f"nothing has {args.find!r}"]
+    if len(lines) > MOST and not args.all:
+        lines[MOST:] = [f"… {len(lines) - MOST} more: add --all"]
+    return answer(args, content, 0, *lines)
+
+
+@command("look", "name")
+def show(args: Args) -> int:
+    """Show a scenario, a suite or an estimator with all its values.
+
+    A scenario is printed as its reference card and as TOML that can be edited and run from its
+    path; an estimator with the meaning and the default of each option.
+
+    example:
+      flexaxis show fm_step
+      flexaxis show fm_step > mine.toml       then: flexaxis run mine.toml
+      flexaxis show glr
+    """
+    from flexaxis.estimators.registry import REGISTRY
+    from flexaxis.experiments.catalogue import card
+
+    if args.name in REGISTRY:
+        entry, options = REGISTRY[args.name], card.options(REGISTRY[args.name])
+        knob = entry.turning and entry.turning.label
+        content = {"name": args.name, "summary": entry.summary, "options": options, "knob": knob}
+        lines = [f"{name} = {default}\n    {text}" for name, (default, text) in options.items()]
+        tuned = f", tuned for {entry.tuning.axis}" if entry.tuning else ""
+        lines += [f"tuning parameter: {knob or 'none'}{tuned}"]
+        return answer(args, content, 0, f"{args.name}: {entry.summary}", *lines)
+    if args.name in catalogue.suite_names():
+        content = asdict(catalogue.find_suite(args.name))
+        return answer(args, content, 0, *(f"{key}: {value}" for key, value in content.items()))
+    scenario = catalogue.find_scenario(args.name)
+    known = card.reference_card(scenario) | {"content hash": scenario.hash}
+    lines = [f"# {key}: {' '.join(value.split())}" for key, value in known.items()]
+    content = scenario.resolved() | {"hash": scenario.hash}
+    return answer(args, content, 0, *lines, "", scenario.to_toml().rstrip())
+
+
+@command("teach", "lesson", "--estimator", "--seed", "--speed", "--exaggerate", "--port",
+         "--no-browser", "--record", "--print-lesson")  # fmt: skip
+def demo(args: Args) -> int:
+    """Break a live axis in the browser, and watch which estimator detects it first.
+
+    The paper's method (A) runs beside the recommended one (B). Press "motor friction × 2": the
+    upper diagram shows how much of the fault each has still to find, and in grey the theoretical
+    limit. Stop the clock and step through it; change λ, Δ, μ, noise and dry friction; use another
+    estimator. "What was done" lists every fault as CSV, and as a lesson that repeats it all.
+
+    The page needs no network and is only served on this computer; docs/demo.md says how a class
+    sees it. The printed address is the key to it: it holds a secret, new each time.
+
+    example:
+      flexaxis demo
+      flexaxis demo --estimator rpem-drift --estimator ekf --speed 2
+      flexaxis demo flexaxis_lesson.toml
+      flexaxis demo flexaxis_lesson.toml --record lesson.gif
+    """
+    if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
+        os.environ.setdefault("MUJOCO_GL", "egl")  # before the engine is imported
+    from flexaxis.experiments.demo import lesson as lessons
+    from flexaxis.experiments.running.progress import progress
+
+    if args.print_lesson:
+        return answer(args, {"lesson": lessons.default_lesson()}, 0, lessons.default_lesson())
+    if args.speed is not None and not 0.05 <= args.speed <= 50:
+        raise FlexaxisError(f"--speed {args.speed:g}: give a factor from 0.05 to 50")
+    check_not_input([args.lesson], args.record)
+    if args.record:
+        from flexaxis.experiments.demo.movie import record
+
+        with progress(f"recording {args.record}", 1.0) as advance:
+            record(
+                lessons.load_lesson(args.lesson), args.record, estimators=args.estimator or None,
+                seed=args.seed, exaggerate=args.exaggerate, advance=advance,
+            )  # fmt: skip
+        return answer(args, {"path": args.record}, 0, args.record)
+    from flexaxis.experiments.demo.serve import serve
+    from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
+
+    lesson = lessons.load_lesson(args.lesson) if args.lesson else None
+    racers = args.estimator or (lesson.estimators if lesson else DEFAULT_RACERS)
+    seed = args.seed if args.seed is not None else lesson.seed if lesson else 0
+
+    def warned(line: str) -> None:
+        print(f"flexaxis: {line}", file=sys.stderr, flush=True)
+
+    serve(
+        DemoSession(estimators=racers, seed=seed), port=args.port, browser=not args.no_browser,
+        speed=args.speed or (lesson.speed if lesson else 1.0), exaggerate=args.exaggerate,
+        play=lesson and (lambda session: lessons.Player(session, lesson, warned).advance),
+        said=lambda line: print(line, flush=True), warned=warned,
+    )  # fmt: skip
+    return 0
+
+
+@command("teach", "-o", "--jobs")
+def paper(args: Args) -> int:
+    """Reproduce the paper's figures and check its claims.
+
+    The folder gets index.html, claims.json, and fig3 to fig9 as .svg and .png. Exit status 1 if a
+    claim does not hold.
+
+    example:
+      flexaxis paper -o results/paper
+    """
+    from flexaxis.experiments.paper.reproduce import PAGE, reproduce
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.progress import progress
+
+    folder, store = args.output or Path("results/paper"), default_cache()
+    with progress("paper", 1) as advance:
+        claims = reproduce(folder, command=args.line, jobs=args.jobs, store=store, advance=advance)
+    lines = [f"{'✓' if each.holds else '✗'} {each.claim}" for each in claims]
+    holds = sum(claim.holds for claim in claims)
+    content = {"claims": [claim.as_json() for claim in claims], "page": folder / PAGE}
+    words = f"{holds} of {len(claims)} claims hold"
+    return answer(args, content, int(holds < len(claims)), *lines, words, folder / PAGE)

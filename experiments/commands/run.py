@@ -1,0 +1,221 @@
+"""Commands that run cases or a single record: run, study, report, simulate, estimate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import flexaxis as fx
+from flexaxis.experiments.catalogue.find import check_names
+from flexaxis.experiments.commands.options import Args, answer, command
+from flexaxis.experiments.files import REPORT, check_file, check_not_input
+from flexaxis.sim.errors import FlexaxisError
+
+ENGINE = ("-o", "--jobs", "--dask", "--shard", "--from", "--overwrite", "--time-limit",
+          "--no-cache")  # fmt: skip
+
+
+def one_or_more(names: list[str]) -> Any:
+    """Return a name alone as it is."""
+    return names[0] if len(names) == 1 else names
+
+
+def work(args: Args) -> dict[str, Any]:
+    """Return how cases are run, as for `fx.benchmark`."""
+    names = ("jobs", "dask", "overwrite", "time_limit")
+    options = {name: getattr(args, name) for name in names if name in args}
+    return options | {"cache": not getattr(args, "no_cache", False)}
+
+
+@command("run", "names", "--estimator", "--seeds", *ENGINE)
+def run(args: Args) -> int:
+    r"""Run estimators on scenarios over many seeds, score them, and write a report.
+
+    SUITE and SCENARIO are names of `flexaxis list`, or paths to TOML files. Without --estimator the
+    estimators of the suite run (those of smoke if only scenarios are named). The folder gets
+    scores.sqlite and scores.csv (a row for each scenario, estimator, seed and parameter),
+    summary.json and report.html. Code that an estimator names is run.
+
+    Rows are added to the folder as they come. The folder keeps what it holds, and only missing
+    cases run: after Ctrl-C, a kill or a full disk the same line resumes. A case that cannot be run
+    is a row with its error, and the others go on; the exit status is then 1, or 70 after a crash.
+
+    example:
+      flexaxis run smoke
+      flexaxis run fm_step kt_step --estimator rpem-forgetting \
+               --estimator 'rpem-forgetting[forgetting=0.99]' --seeds 30 -o results/lambda
+      flexaxis run mine.toml --estimator my_estimator.py:Mine --seeds 0:20
+      flexaxis run --from shard1 shard2 -o results/whole
+    """
+    if args.shards:
+        return _merged(args)
+    if not args.names:
+        raise FlexaxisError("name a suite or a scenario, such as smoke; `flexaxis list` shows them")
+    check_names(args.names)
+    folder = args.output or Path("results", Path(args.names[0]).stem)
+    check_not_input(args.names, folder)
+    results = fx.benchmark(
+        args.estimator, scenarios=one_or_more(args.names), seeds=args.seeds, folder=folder,
+        shard=args.shard, command=args.line, **work(args),
+    )  # fmt: skip
+    return _results(args, results)
+
+
+@command("run", "file", "--dry-run", *ENGINE)
+def study(args: Args) -> int:
+    r"""Sweep keys of scenarios, faults and estimators over many seeds, resumable.
+
+    STUDY.toml names scenarios, estimators and seeds, and the values to sweep:
+
+      scenario = "fm_step"
+      estimators = ["rpem-forgetting", "glr"]
+      seeds = 60
+      [sweep]
+      "fault[0].factor" = [1.1, 1.5, 2.0, 3.0]      # a key of the scenario, of its faults too
+      "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option of one ("estimator.X": of all)
+
+    Rows are added to the folder as they come, and the same line runs only what is missing, also
+    after estimators, seeds or values were added to the file. A case that cannot be run is a row
+    with its error; the exit status is then 1, or 70 after a crash. Code that the file names is run,
+    but not by a dry run: run only files that you trust.
+
+    example:
+      flexaxis study docs/examples/friction_steps.toml --dry-run
+      flexaxis study docs/examples/friction_steps.toml -o results/friction --jobs 4
+      flexaxis study docs/examples/friction_steps.toml -o /net/friction3 --shard 3/100
+      flexaxis study --from /net/friction* -o results/friction
+    """
+    if args.shards:
+        return _merged(args)
+    if args.file is None:
+        raise FlexaxisError("name the study's TOML file; docs/studies.md has every key")
+    check_file(args.file)
+    folder = args.output or Path("results", args.file.stem)
+    check_not_input([args.file], folder)
+    if args.dry_run:
+        from flexaxis.experiments.studies.benchmark import plan
+        from flexaxis.experiments.studies.definition import load_study
+
+        known = plan(load_study(args.file), folder)
+        lines = [", ".join(f"{key} = {value}" for key, value in each.items())
+                 for each in known["variants"]]  # fmt: skip
+        words = (
+            f"{len(lines)} variants, {known['cases']} cases, {known['to_run']} to run: about "
+            f"{known['seconds'] / args.jobs / 60:.1f} min on {args.jobs} processes, "
+            f"{known['megabytes']:.1f} MB in {folder}"
+        )
+        words += "".join(f"; not timed: {text}" for text in known["not_timed"])
+        return answer(args, known, 0, *lines, words)
+    results = fx.study(
+        args.file, folder=folder, shard=args.shard, command=args.line, **work(args)
+    )  # fmt: skip
+    return _results(args, results)
+
+
+def _merged(args: Args) -> int:
+    """Put shards together, and report."""
+    if args.output is None:
+        raise FlexaxisError("--from: name the folder of the whole with -o DIR")
+    check_not_input(args.shards, args.output)
+    from flexaxis.experiments.studies.benchmark import merge
+
+    results, missing = merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
+    return _results(args, fx.load(results.folder), missing)
+
+
+def _results(args: Args, results: Any, missing: int = 0) -> int:
+    """Print scores, failures and the path of the report."""
+    from flexaxis.experiments.reporting.terminal import show_run
+    from flexaxis.experiments.reporting.words import failures_in_words
+
+    whole = args.shards or args.shard == (1, 1)
+    content = results.summary if whole and not results.axes else {"rows": results.pooled()}
+    failures = content.get("failures") or results.failures.to_dict("records")
+    lines = [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
+    lines += [f"{missing} cases are in no shard"] * bool(missing)
+    if whole and not results.axes and not args.json:
+        show_run(content)
+    elif whole:
+        lines.insert(0, repr(results))
+    crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
+    status = 70 if crashed else int(bool(failures or missing))
+    path = results.folder / REPORT if whole else results.folder
+    content = content | {"report": path, "cases": results.cases, "missing": missing}
+    return answer(args, content, status, *lines, f"report: {path}" if whole else path)
+
+
+@command("run", "folder", "-o")
+def report(args: Args) -> int:
+    """Write report.html again from the results in a folder.
+
+    example:
+      flexaxis report results/smoke
+    """
+    path = args.output or args.folder / REPORT
+    results = fx.load(args.folder)
+    check_not_input(args.folder.glob("s*"), path)
+    return answer(args, {"report": results.report(path)}, 0, f"report: {path}")
+
+
+@command("run", "scenario", "--seed", "-o", *("--as-log", "--units", "--jitter", "--gaps",
+         "--counts"))  # fmt: skip
+def simulate(args: Args) -> int:
+    """Simulate a scenario and save the record: what was measured, and the truth.
+
+    With --as-log, what a robot would have logged of it instead: no truth, its own units and clock,
+    as coarse and with as many gaps as you like; a log to practise `import` and `identify` on.
+
+    example:
+      flexaxis simulate fm_step --seed 0 -o rec.nc
+      flexaxis simulate coulomb_fm_step --as-log csv --units deg,A,ms --counts 65536 -o log.csv
+      flexaxis simulate moves_fm_step --as-log csv --jitter 2e-4 --gaps 3 -o log.csv
+    """
+    from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
+    from flexaxis.experiments.logs.files import spare_foreign
+    from flexaxis.experiments.logs.options import style_of
+    from flexaxis.sim.streams import stream
+
+    check_names([args.scenario])
+    style, ending = style_of(args), args.as_log or "nc"
+    name = Path(args.scenario).stem
+    path = args.output or Path(f"{name}-{args.seed}.{ending}")
+    if path.suffix != f".{ending}":
+        raise FlexaxisError(f"-o {path}: give a name that ends in .{ending}")
+    if style != LogStyle() and not args.as_log:
+        raise FlexaxisError("--units, --jitter, --gaps and --counts are for a log: add --as-log")
+    check_not_input([args.scenario], path)
+    spare_foreign(path)
+    record = fx.simulate(args.scenario, seed=args.seed)
+    content = {"path": path, "hash": record.hash, "seed": args.seed, "samples": len(record.time)}
+    if not args.as_log:
+        record.save(path)
+        return answer(args, content, 0, path)
+    write_log(path, logged(record, style, stream(record.hash, args.seed, "log")), style)
+    line = f"flexaxis import '{path}' --torque-is held"
+    return answer(args, content | {"import": line}, 0, f"import it by: {line}", path)
+
+
+@command("run", "record", "--estimator", "--scenario", "--no-covariance", "-o")
+def estimate(args: Args) -> int:
+    """Run an estimator on a record and save the estimates over time.
+
+    The estimator knows the nominal parameters and the period; which parameters it identifies and
+    what it reads is in the record's scenario.
+
+    example:
+      flexaxis estimate rec.nc --estimator rpem-forgetting -o est.nc
+      flexaxis estimate rec.nc --estimator 'rpem-forgetting[forgetting=0.99, regularization=1.0]'
+      flexaxis estimate rec.nc --estimator my_estimator.py:Mine        (runs the code in that file)
+    """
+    check_file(args.record)
+    path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")
+    code = args.estimator.partition(":")[0]
+    check_not_input((args.record, args.scenario, code), path)
+    result = fx.estimate(args.record, args.estimator, scenario=args.scenario)
+    result.save(path, covariance=not args.no_covariance)
+    errors = result.table["error [%]"].dropna()
+    words = ", ".join(f"{name} {error:+.2f} %" for name, error in errors.items())
+    truth = {name: float(values[-1]) for name, values in result.truth.items()}
+    content = {"path": path, "estimator": result.estimator, "last": result.last, "truth": truth}
+    end = f"At the end {result.estimator} is off by: {words or 'unknown, the record has no truth'}."
+    return answer(args, content, 0, result.table, end, path)

@@ -1,0 +1,370 @@
+"""What speaks against a log: how it was sampled, its units, and how torque and motion belong."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.mapping import Raw
+from flexaxis.experiments.logs.prepare import (
+    LONGEST,
+    Prepared,
+    resolution,
+    rhythm,
+    unwrapped,
+)
+from flexaxis.experiments.logs.spectra import spectra
+from flexaxis.sim.record import Record
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SI = {"time": "s", "angle": "rad", "speed": "rad/s"}
+FASTEST = 1e4  # rad/s: spindles for milling stay below
+ABSURD = 1e8  # times the usual; a converter of 24 bits has 1.7e7 steps
+JITTER, MISSING, CLIPPED = 5.0, 20.0, 1.0  # % of a period; of the samples, where it matters
+WRAPS = 0.35  # of a turn a sample: beyond half of one, the direction cannot be told
+RUN, LEVELS = 3, 3  # samples at a limit; values of a torque that switches, and is not clipped
+SECONDS = 0.02  # s: if smaller steps were of ms, the log would be one of more than 50 kHz
+WINDOW, USUAL = 7, 95.0  # samples, of which 3 may be outliers; percentile that they may not reach
+FAR, STEPS = 10.0, 5.0  # times the usual distance from the median, and move, of an outlier
+COARSE = 0.05  # of the rms move in a sample, that a step of an encoder is to be named
+LATE = 0.3  # samples, that a speed is later than the slope of its angle
+STILL = 0.02  # of the rms speed
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A log as it was sampled, on its even grid, and as a record."""
+
+    raw: Raw
+    grid: Prepared
+    record: Record
+    stamps: str = ""  # what was done to the time stamps
+
+    @cached_property
+    def valid(self) -> Flags:
+        """Where nothing is missing (N,)."""
+        valid = self.record.valid
+        return np.ones(len(self.record.time), bool) if valid is None else valid
+
+    @cached_property
+    def speed(self) -> Array:
+        """Motor speed (N,) [rad/s]."""
+        speed = self.record.speed if self.record.increment is None else self.record.increment
+        assert speed is not None
+        return speed
+
+
+def examine(e: Evidence) -> tuple[Finding, ...]:
+    """Return all checks; outliers hide how torque and motion belong together."""
+    looks = [time_stamps(e), wrapping(e), clipping(e), clocks(e), units(e), coarse(e)]
+    looks += [outliers_of(e), torque(e)]
+    looks += [sign(e), other_speed(e)] if looks[-2].kind == "ok" else []
+    return tuple(one for one in looks if one is not None)
+
+
+def time_stamps(e: Evidence) -> Finding:
+    """Return the rate, jitter of the stamps, and what is missing."""
+    missing, rate = 100 * float(np.mean(~e.valid)), 1 / e.record.period
+    text = f"{rate:.6g} Hz, {len(e.valid)} samples, {len(e.valid) / rate:.4g} s"
+    text += f"; {e.stamps}" if e.stamps else ""
+    edges = np.flatnonzero(np.diff(np.r_[1, e.valid, 1])).reshape(-1, 2)
+    if len(edges):
+        longest = float(np.diff(edges).max() / rate)
+        text += f"; gaps: {len(edges)}, the longest {longest:.3g} s; nothing is learnt in them"
+    for name, values in e.raw.signals.items():
+        if infinite := int(np.isinf(values).sum()):
+            text += f"; {name} is infinite in {infinite} samples, which are left out"
+    command, jitter = "", 100 * e.grid.jitter
+    if jitter >= JITTER:
+        text += f"; stamps scatter by {jitter:.0f} % of a period, and signals were interpolated"
+        text += ". If only the stamps are late, give the rate in place of the time"
+        command = f"--rate {rate:.6g}"
+    grave = missing >= MISSING and not command
+    noted = missing or command or e.stamps
+    kind: Literal["problem", "note", "ok"] = "problem" if grave else "note" if noted else "ok"
+    return Finding(kind, text, "time stamps", missing, "% missing", command)
+
+
+def wrapping(e: Evidence) -> Finding | None:
+    """Return where turns were added, and where it cannot be told how many."""
+    wrap, name = e.grid.wrap, "wrapping of the angle"
+    if not wrap.turn:
+        return None
+    text = f"unwrapped at {wrap.jumps} samples, by {wrap.turn:.6g} rad each"
+    if wrap.fastest < WRAPS:
+        return Finding("info", text, name, float(wrap.jumps), "jumps")
+    text += (
+        f"; it moves by up to {wrap.fastest:.2g} of a turn in a sample, and beyond half a turn "
+        "the direction is a guess: log the angle without wrapping or faster, or use the speed"
+    )
+    command = "--speed COLUMN in place of --angle"
+    return Finding("problem", text, name, float(wrap.jumps), "jumps", command)
+
+
+def clipping(e: Evidence) -> Finding:
+    """Return whether the torque stands at its extreme value."""
+    u = e.raw.signals["torque"]
+    u, name = u[np.isfinite(u)], "clipping of the torque"
+    runs = [
+        np.convolve(u == extreme, np.ones(RUN), "same") > RUN - 0.5
+        for extreme in (u.max(), u.min())
+    ]
+    share = 100 * float(np.mean(np.convolve(runs[0] | runs[1], np.ones(RUN), "same") > 0.5))
+    if share == 0 or len(np.unique(u[:10_000])) <= LEVELS:
+        return Finding("ok", "none", name)
+    text = (
+        f"the torque stands at its limit, {np.abs(u).max():.4g}: harmless if that is what acted; "
+        "if it is what was asked for, or the sensor's end, log what acted, or excite less"
+    )
+    return Finding("note" if share < CLIPPED else "problem", text, name, share, "%")
+
+
+def clocks(e: Evidence) -> Finding:
+    """Return which signals are updated less often than the log has samples, or interpolated."""
+    every = {name: rhythm(e.raw.signals[name]) for name in ("torque", e.raw.motion)}
+    # a torque that is held for longer than a sample is no harm
+    slow = {n: k for n, (k, _, lines) in every.items() if k > 1 and (lines or n != "torque")}
+    if not slow:
+        return Finding("ok", f"torque and {e.raw.motion} are updated at every sample", "clocks")
+    n = max(slow.values())
+    text = (
+        f"{' and '.join(slow)} changes course at every {n}th sample only, as what is repeated or "
+        "interpolated: log both by one clock, or bring the log to the slower rate"
+    )
+    command = f"--resample {1 / e.record.period / n:.6g}"
+    return Finding("problem", text, "clocks", float(n), "samples", command)
+
+
+def coarse(e: Evidence) -> Finding | None:
+    """Return the step of a coarse encoder, which is noise of the motion and no wrong model."""
+    name = e.raw.motion
+    step, moves = resolution(e.grid.signals[name]), np.diff(e.grid.signals[name])
+    if step < COARSE * float(np.sqrt(np.mean(moves**2))):
+        return None
+    turn = f", {2 * np.pi / step:.4g} a turn" if name == "angle" and not e.raw.linear else ""
+    text = f"the {name} has steps of {step:.4g} {SI[name]}{turn}: they are most of its noise"
+    return Finding("info", text, "resolution", step, SI[name])
+
+
+def units(e: Evidence) -> Finding:
+    """Return which units were stated, and which were taken for granted."""
+    assumed = [n for n in SI if (n == "time" or n in e.raw.signals) and n not in e.raw.stated]
+    if e.record.period < SECONDS and "time" in assumed:
+        assumed.remove("time")
+    if not assumed:
+        return Finding("ok", "stated, or beyond doubt", "units")
+    text = "not stated; taken " + ", ".join(f"{name} for {SI[name]}" for name in assumed)
+    text += ". No log shows whether that is so; estimates are wrong by the factor if it is not"
+    options = " ".join(f"--unit {name}={SI[name]}" for name in assumed)
+    return Finding("note", text, "units", command=options)
+
+
+def refuse_nonsense(raw: Raw) -> None:
+    """Raise a LogError for signals that cannot be used or must be in another unit.
+
+    A stated unit, in the file or by an option, is believed where it can be.
+    """
+    for name, values in raw.signals.items():
+        if not np.isfinite(values).any() or np.nanmax(values) == np.nanmin(values):
+            raise LogError(
+                f"{name} is constant or empty over all {len(values)} samples: the wrong column, "
+                "or an axis that stood still"
+            )
+    u = raw.signals["torque"]
+    size = np.where(np.isfinite(u), np.abs(u), 0.0)  # what is not is missing
+    at, usual = int(np.argmax(size)), float(np.percentile(size, 99))
+    if usual > 0 and size[at] > ABSURD * usual:  # it would throw every estimator
+        raise LogError(
+            f"torque is {u[at]:.3g} at {raw.time[at]:.6g} s (sample {at}), and up to {usual:.3g} "
+            "in 99 of 100 samples: that is no torque. Correct it, or cut the log there"
+        )
+    step = float(np.median(np.diff(raw.time)))
+    if step >= 1 and "time" not in raw.stated:
+        raise LogError(
+            f"time advances by {step:g} s a sample: is it in ms, us or ns? State it with "
+            "--unit time=us, or, if it is right, --unit time=s"
+        )
+    angle = raw.signals.get("angle")
+    if angle is not None and "angle" not in raw.stated:
+        jumps = np.abs(np.diff(angle[np.isfinite(angle)]))
+        if ((jumps > 350) & (jumps < 360.5)).any():
+            raise LogError(
+                "angle jumps by 360 between samples, as an angle in degrees does that wraps: "
+                "state it with --unit angle=deg (or rad, if that is what it is)"
+            )
+    if angle is not None and "speed" in raw.signals:
+        _refuse_other_speed(raw)
+    for name in ("angle", "speed"):
+        if usual_speed(raw, name) > FASTEST:
+            raise LogError(
+                f"the motor would turn at {usual_speed(raw, name):.3g} rad/s: {other_units(name)}"
+            )
+
+
+def _refuse_other_speed(raw: Raw) -> None:
+    """Compare the speed with the slope of the angle: their ratio shows a wrong unit."""
+    slope, speed = _slope(raw), raw.signals["speed"]
+    both = np.isfinite(slope) & np.isfinite(speed)
+    ratio = float(slope[both] @ speed[both] / max(slope[both] @ slope[both], 1e-300))
+    for name, unit, factor in (
+        ("speed", "rpm", 60 / (2 * np.pi)),
+        ("speed", "deg/s", 180 / np.pi),
+        ("speed", "rev/s", 0.159155),
+        ("angle", "deg", np.pi / 180),
+    ):
+        if abs(abs(ratio) / factor - 1) < 0.15:
+            raise LogError(
+                f"speed is {ratio:.3g} times the slope of the angle, as if the {name} were in "
+                f"{unit}: state it with --unit {name}={unit} (or is the other in another unit?)"
+            )
+
+
+def _slope(raw: Raw) -> Array:
+    """Return the slope of the angle (N,), NaN beside what is missing."""
+    angle = raw.signals["angle"].copy()
+    known = np.isfinite(angle)
+    angle[known] = unwrapped(angle[known])[0]
+    return np.asarray(np.gradient(angle, raw.time))
+
+
+def usual_speed(raw: Raw, name: str) -> float:
+    """Return the speed [rad/s] below which a motor is for 95 % of a log; 0 for a stated unit."""
+    values = raw.signals.get(name)
+    if values is None or name in raw.stated:
+        return 0.0
+    known = np.isfinite(values)
+    speed = values[known]
+    if name == "angle":
+        speed = np.diff(unwrapped(speed)[0]) / np.diff(raw.time[known])
+    return float(np.percentile(abs(speed), 95))
+
+
+def other_units(name: str) -> str:
+    """Return a question for the unit of an angle or a speed, and how to state it."""
+    units = "deg or counts" if name == "angle" else "rpm or deg/s"
+    return (
+        f"is {name} in {units}? State it with --unit {name}=… or --scale {name}=FACTOR, or time "
+        f"with --unit time=…; if all is right, with --unit {name}={SI[name]}"
+    )
+
+
+def outliers_of(e: Evidence) -> Finding:
+    """Return samples of the motion that are far from those before and after them."""
+    name, label = e.raw.motion, "outliers of the motion"
+    known = np.isfinite(e.raw.signals[name])
+    time, signal = e.raw.time[known], e.raw.signals[name][known]
+    far = outliers(unwrapped(signal)[0] if name == "angle" else signal)
+    if not far.any():
+        return Finding("ok", "none", label)
+    jump = np.abs(np.diff(signal)).max()
+    at = ", ".join(f"{t:.6g}" for t in time[far][:4]) + " …" * int(far.sum() > 4)
+    text = (
+        f"the {name} jumps by up to {jump:.5g} {SI[name]} and back within some samples, as no axis "
+        f"moves, at {at} s; that spoils all estimates. Empty such cells of the log: what is "
+        "missing is not used. If a counter wraps there, give its counts: --counts N"
+    )
+    return Finding("problem", text, label, float(far.sum()), "samples")
+
+
+def outliers(x: Array) -> Flags:
+    """Return which samples (N,) of a motion are none: far out, and back within three samples.
+
+    Hampel's filter: the distance from the median of seven samples, over what it usually is. It is
+    0 where the motion has one direction; where it turns, it is less than the axis moves in a
+    sample, which decides where the noise is low.
+
+    Examples
+    --------
+    >>> motion = np.sin(np.arange(1000) / 20)
+    >>> motion[500] = 1e6
+    >>> np.flatnonzero(outliers(motion)).tolist()
+    [500]
+    """
+    distance, moves = np.abs(x - median_filter(x, WINDOW, mode="nearest")), np.abs(np.diff(x))
+    if not distance.any():
+        return np.zeros(len(x), bool)
+    # of an axis that rests most of the time, the moves count
+    step = float(np.percentile(moves[moves > 0], USUAL))
+    return distance > max(FAR * float(np.percentile(distance, USUAL)), STEPS * step)
+
+
+def sign(e: Evidence) -> Finding:
+    """Return whether torque and motion have opposite signs.
+
+    At the lower end of the excitation an axis is inertia and friction: its acceleration leads the
+    torque by 0 to 90°, and friction takes power, and never gives it.
+    """
+    name = "signs of torque and motion"
+    s = spectra(e.record.torque[e.valid], e.speed[e.valid], e.record.period)
+    low, high = s.band
+    bottom = (s.frequency > 0) & (s.frequency >= low) & (s.frequency < low + 0.1 * (high - low))
+    faster = s.cross * (np.exp(2j * np.pi * s.frequency * e.record.period) - 1)
+    along = float((faster[bottom] * np.exp(-0.25j * np.pi)).sum().real)
+    # the torque k acts on the mean speed over [t_k, t_{k+1})
+    after = np.append(e.speed[1:], e.speed[-1])
+    moving = after if e.raw.motion == "angle" else (e.speed + after) / 2
+    if along < 0 and float(np.mean((e.record.torque * moving)[e.valid])) < 0:
+        text = "torque and motion have opposite signs: turn one of them"
+        return Finding("problem", text, name, command="--scale torque=-1")
+    return Finding("ok", "the torque drives the motion", name)
+
+
+def other_speed(e: Evidence) -> Finding | None:
+    """Return whether a logged speed is later than the slope of the angle beside it: a filter."""
+    if not {"angle", "speed"} <= e.raw.signals.keys():
+        return None
+    slope, speed = _slope(e.raw)[:LONGEST], e.raw.signals["speed"][:LONGEST]
+    known = np.isfinite(slope) & np.isfinite(speed)
+    s = spectra(slope[known], speed[known], e.record.period)
+    moving = s.torque > 0.01 * s.torque.max()
+    omega = 2 * np.pi * s.frequency[moving]
+    late = -float(np.median(np.angle(s.cross[moving])[omega > 0] / omega[omega > 0]))
+    if late < LATE * e.record.period:
+        return Finding("ok", "the speed is the slope of the angle", "speed beside angle")
+    text = (
+        f"the speed is {1e3 * late:.3g} ms later than the slope of the angle, as behind a "
+        "low-pass. The angle is used, which is not filtered"
+    )
+    return Finding("info", text, "speed beside angle", 1e3 * late, "ms")
+
+
+STANDS = 0.5  # of the samples that equal the one before
+_MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
+_COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
+
+
+def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
+    """Return whether a torque is held or smooth between its samples, and why.
+
+    A command jumps at each sample and stays; what is logged of it acts. A measured current goes on
+    changing between samples. To take one for the other is half a sample of delay.
+    """
+    u = raw.signals["torque"][np.isfinite(raw.signals["torque"])][:LONGEST]
+    steps = np.abs(np.diff(u))
+    if stated is not None:
+        return stated, "as stated"
+    if len(np.unique(u)) <= LEVELS or np.mean(steps == 0) > STANDS:
+        return "held", "it switches, or stays and jumps"
+    for kind, names in (("held", _COMMAND), ("smooth", _MEASURED)):
+        if names.search(column):
+            return kind, f"its column is called {column}; state another by --torque-is"
+    return "held", "taken for a command; a measured current is stated by --torque-is smooth"
+
+
+def torque(e: Evidence) -> Finding:
+    """Return how the torque was taken between its samples, and why."""
+    kind, because = e.record.versions["torque"], e.record.versions["torque_because"]
+    text = f"{kind}: {because}; half a sample of delay depends on it"
+    if e.raw.unit.get("torque") in ("V", "mV"):
+        text += ". It is a voltage: f_m then holds the friction by back-EMF as well"
+    return Finding("info", text, "torque between samples")

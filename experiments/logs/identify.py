@@ -1,0 +1,272 @@
+"""Nominal values of an axis from its log: what the log asks for, and one answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.inverse import Inverse
+from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.changes import changes_in
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import Finding, texts_of
+from flexaxis.experiments.logs.fit import Answer, answer, explain
+from flexaxis.experiments.logs.search import FRICTION, LINEAR, Search, Tried
+from flexaxis.experiments.logs.setup import Setup
+from flexaxis.experiments.logs.signals import log_of
+from flexaxis.experiments.logs.validate import Fit, correlation, fit_of
+from flexaxis.experiments.logs.verdict import judged
+from flexaxis.sim.record import Record
+
+Array = NDArray[np.float64]
+
+GIVEN = ("k_T", "r")  # scale of the torque and gear ratio: no log of one axis determines them
+LOWEST = 1e-6  # corner of a high-pass over the rate: that of a log of 1e6 samples
+KINDS = ("auto", "none", *FRICTION)
+GRAVITY = ("auto", "none", "sine")
+LAWFUL = tuple(dict.fromkeys(n for roles in FRICTION.values() for n in roles.values()))
+"""Parameters that may come by --friction."""
+MOST = 500_000  # samples that are fitted: the stretch with the greatest torque
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What was identified from a record, and how far it can be trusted.
+
+    Attributes
+    ----------
+    axis : Axis
+        With the new nominal values, laws, delay, offset, whitening filter and noise.
+    answer : Answer
+        The fit that is believed, with standard deviations of all unknowns: parameters, gains of
+        what acts beside the torque, the state, the offset and the delay.
+    fit : float
+        100 (1 − |y − ŷ|/|y − mean y|) of a simulation of pieces that it was not fitted to, from the
+        torque alone.
+    whole : Fit
+        Of a simulation of the whole log.
+    map : Inverse or None
+        The inverse dynamics of the log, as if it were rigid.
+    friction : str
+        The word for its laws, ``"none"`` if it has none.
+    tried : tuple of Tried
+        What else was tried, and how it simulates.
+    findings : tuple of Finding
+    torque_unit : str
+        As the log has it; empty where it is not stated.
+    linear : bool
+        Whether the axis goes straight, and its torque is a force.
+    """
+
+    axis: Axis
+    answer: Answer
+    fit: float
+    whole: Fit
+    map: Inverse | None
+    friction: str
+    tried: tuple[Tried, ...]
+    findings: tuple[Finding, ...]
+    torque_unit: str = ""
+    linear: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The identified parameters, then the gains of what acts beside the torque."""
+        return (*self.answer.setup.names, *self.answer.setup.beside)
+
+    @property
+    def theta(self) -> Array:
+        """Their estimates (p,)."""
+        return self.answer.fitted.z[: len(self.names)]
+
+    @property
+    def deviations(self) -> Array:
+        """Their standard deviations (p,)."""
+        return self.answer.deviations[: len(self.names)]
+
+    @property
+    def estimates(self) -> dict[str, tuple[float, float]]:
+        """Value and standard deviation by name, with ``delay`` [s] and ``offset``.
+
+        The offset is in the unit of the torque. The deviation of a delay is 0 if it was given, or
+        came to the least that is possible.
+        """
+        setup = self.answer.setup
+        z, sd = self.answer.fitted.z.tolist(), self.answer.deviations.tolist()
+        result = dict(zip(self.names, zip(z, sd, strict=True), strict=False))
+        known = setup.delay is not None or z[-1] <= setup.earliest
+        return result | {"delay": (z[-1], 0.0 if known else sd[-1]), "offset": (z[-2], sd[-2])}
+
+    @property
+    def warnings(self) -> list[str]:
+        """What makes its numbers useless, in words."""
+        return texts_of(self.findings, "problem")
+
+    @property
+    def residual(self) -> Array:
+        """Y − ŷ (N,) of the simulation."""
+        return self.answer.fitted.residual
+
+    @property
+    def correlation(self) -> float:
+        """Largest correlation of the white residual with its past."""
+        return correlation(self.answer.fitted.white[self.answer.fitted.good])
+
+    @property
+    def units(self) -> str:
+        """In which units the parameters are: a log tells ratios to k_T only."""
+        unit, k_T = self.torque_unit, self.axis.model.nominal.get("k_T")
+        if unit not in {"", "1", "A", "V"} and k_T in {None, 1.0}:  # it was read in N m, or N
+            return "SI"
+        one = f"1 {unit}" if unit not in {"", "1"} else "1"
+        text = (
+            f"SI, if a torque of {one}, as read, is {k_T or 1.0:g} {'N' if self.linear else 'N m'}"
+        )
+        return f"{text}; give what it is by --fix k_T=VALUE" if k_T == 1 else text
+
+
+def identify(
+    record: Record,
+    axis: Axis,
+    *,
+    free: Sequence[str] = (),
+    fix: Sequence[str] = (),
+    given: Mapping[str, float] = MappingProxyType({}),
+    delay: float | None = None,
+    friction: str = "auto",
+    gravity: str = "auto",
+    highpass: float | None = None,
+) -> Identification:
+    """Identify the nominal values of an axis.
+
+    Parameters
+    ----------
+    record : Record
+    axis : Axis
+        Its nominal values are where the search starts.
+    free : sequence of str
+        Parameters to identify; by default all but k_T and r, and those that a known axis has at 0.
+    fix : sequence of str
+        Parameters to leave at their nominal values.
+    given : mapping of str to float
+        Values of parameters of the law that `friction` brings: where they start, and stay if fixed.
+    delay : float, optional
+        Known delay of the torque [s]; it is identified too if not given.
+    friction : {"auto", "none", "coulomb", "stribeck"}
+        Law of dry friction of the motor; ``"auto"`` takes one where held-out pieces of the record
+        are simulated better with it. Laws that the axis has already are kept.
+    gravity : {"auto", "none", "sine"}
+        Whether a torque by sine and cosine of the measured angle acts besides.
+    highpass : float, optional
+        Corner [Hz] below which residuals do not count; that of the axis by default.
+
+    Raises
+    ------
+    LogError
+        If a name is unknown, or the record cannot determine such a model.
+    """
+    for option, value, known in (("friction", friction, KINDS), ("gravity", gravity, GRAVITY)):
+        if value not in known:
+            raise LogError(f"--{option} {value}: it is one of {', '.join(known)}")
+    wanted = FRICTION.get("coulomb" if friction == "auto" else friction, {})
+    if given and (axis.model.laws or not given.keys() <= {*wanted.values()}):
+        raise LogError(f"--friction {friction} has no {', '.join(given)}; it has {wanted}")
+    linear = record.versions.get("motion") == "linear"
+    corner, log = (
+        axis.highpass if highpass is None else highpass,
+        log_of(record, replace(axis, beside={})),
+    )
+    whole = log.cut(log.part(MOST))
+    if corner is not None and not LOWEST < corner * log.period < 0.5:
+        raise LogError(
+            f"--highpass {corner:g} Hz: give a corner below half the rate, {0.5 / log.period:g} "
+            f"Hz, and not below {LOWEST / log.period:g} Hz"
+        )
+    names = _free(axis, free, fix)
+    setup = Setup(whole, axis.model, names, delay=delay, highpass=corner)
+    if axis.known:
+        _check_rate(axis.model, log.period)
+    early, late = -4 * log.period, setup.latest
+    if delay is not None and not early <= delay <= late:
+        raise LogError(
+            f"--delay {delay:g}: the torque of this log acts {early:g} … {late:g} s after it is "
+            "logged; shift its column by whole samples if it is further off"
+        )
+    falls = "none" if linear and gravity == "auto" else gravity
+    search = Search(setup, axis.known, friction, falls, given, tuple(fix))
+    return _result(search, axis, record, len(log.u) > MOST)
+
+
+def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identification:
+    best = search.result()
+    taken = answer(best)
+    setup, fitted, log = taken.setup, taken.fitted, taken.setup.log
+    whole = fit_of(log.y, fitted.residual, setup.counted, fitted.colour)
+    fit, lag = 100 * (1 - best.error / whole.size), float(fitted.z[-1])
+    values = dict(zip((*setup.names, *setup.beside), fitted.z.tolist(), strict=False))
+    model = setup.having({n: values[n] for n in setup.names}).model
+    _check_rate(model, log.period)
+    tables = axis.tables
+    if "tau_y" in setup.names:
+        tables = {key: getattr(model, key) for key in ("name", "states", "A", "B", "C")}
+    offset = float(fitted.z[-2])
+    result = replace(
+        axis,
+        model=model,
+        tables=tables,
+        known=True,
+        delay=lag,
+        whitening=tuple(fitted.colour.inverse.tolist()),
+        noise=float(np.sqrt(fitted.square)),
+        error=best.error,
+        offset=offset if abs(offset) > 3 * taken.deviations[-2] else 0.0,
+        beside={n: values[n] for n in setup.beside},
+        highpass=setup.highpass,
+        rate=1 / log.period,
+        deviation=dict(zip(values, taken.deviations.tolist(), strict=False)),
+    )
+    J = fitted.slopes[[*range(len(values)), -2, -1]][:, fitted.good]
+    size = np.r_[list(values.values()), 1.0, log.period]
+    time = log.period * np.flatnonzero(fitted.good)
+    changes = changes_in(time, fitted.white[fitted.good], (J * size[:, None]).T, tuple(values))
+    found = judged(search, best, taken, fit, changes)
+    if cut:
+        text = f"identified from the {MOST} samples with the greatest torque, of {len(record.time)}"
+        found.append(Finding("info", text))
+    word = "as told" if axis.model.laws else "none"
+    if setup.model.laws and not axis.model.laws:
+        word = "coulomb" if "f_s" not in setup.model.parameters else "stribeck"
+    return Identification(
+        result, taken, fit, whole, explain(log, lag, LINEAR), word, tuple(search.tried),
+        tuple(found), record.versions.get("torque_unit", ""),
+        record.versions.get("motion") == "linear",
+    )  # fmt: skip
+
+
+def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
+    known = axis.model.parameters
+    wanted = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
+    axis.having(dict.fromkeys(wanted, 1.0))  # raises for unknown names
+    usual = [n for n in known if n not in GIVEN and (not axis.known or axis.model.nominal[n])]
+    chosen = [name for name in ([n for n in free if n in known] or usual) if name not in fix]
+    if not chosen:
+        raise LogError("all parameters are fixed; leave one free, with --free NAME")
+    return tuple(chosen)
+
+
+def _check_rate(model: Model, period: float) -> None:
+    """Refuse a rate that cannot show the fastest mode."""
+    linear = replace(model, laws=())
+    every = linear.parametrize(linear.parameters)
+    modes = np.linalg.eigvals(every.matrices(every.theta)[0])
+    fastest = float(np.max(abs(modes.imag))) / (2 * np.pi)
+    if 2 * fastest * period > 1:
+        raise LogError(
+            f"a mode at {fastest:.4g} Hz, of which a log at {1 / period:.4g} Hz shows nothing: log "
+            "faster, begin nearer with --start NAME=VALUE, or use a model with fewer masses"
+        )

@@ -1,0 +1,153 @@
+"""One axis in many logs: a row of estimates each, what a covariate explains, and one change."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.files import made_of
+from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.fit import deviations_of
+from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.importing import read_any
+from flexaxis.experiments.logs.read import open_log
+from flexaxis.experiments.logs.series import Explained, explain
+from flexaxis.experiments.logs.setup import Setup
+from flexaxis.experiments.logs.signals import log_of
+from flexaxis.sim.errors import FlexaxisError
+
+SUFFIXES = (".csv", ".tsv", ".txt", ".log", ".dat", ".mat", ".h5", ".hdf5", ".nc")
+SEEN = 0.1  # relative deviation of a parameter in the first log, up to which it is followed
+SURE = 3.0  # standard deviations of the effect of a covariate
+
+
+@dataclass(frozen=True)
+class Many:
+    """Estimates of many logs and what they show.
+
+    Attributes
+    ----------
+    table : DataFrame
+        A row a log, by its name: a column ``name`` and ``name_sd`` a parameter, and covariates.
+    explained : dict of str to Explained
+        By parameter, in units of the parameter.
+    findings : list of Finding
+        A sentence a parameter, and one for each log that could not be used.
+    """
+
+    table: pd.DataFrame
+    explained: dict[str, Explained]
+    findings: list[Finding]
+
+    @property
+    def status(self) -> int:
+        """1 if a parameter changed, or a log could not be used."""
+        return int(any(one.kind != "ok" for one in self.findings))
+
+
+def find_logs(folder: Path) -> list[Path]:
+    """Return the logs of a folder in the order of their names, 9 before 10.
+
+    What was made of a log in the same folder is no further log.
+
+    Raises
+    ------
+    LogError
+        If there is none.
+    """
+    inside = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES]
+    names = {path.name for path in inside}
+    logs = [path for path in inside if path.name[0] != "." and not made_of(path, names)]
+    if not logs:
+        raise LogError(f"{folder}: has no log, which would end in {', '.join(SUFFIXES)}")
+    return sorted(logs, key=lambda path: [t.zfill(20) for t in re.split(r"(\d+)", path.name)])
+
+
+def identify_many(
+    logs: Sequence[Path],
+    axis: Axis,
+    tables: Mapping[str, Any],
+    *,
+    covariates: Sequence[str] = (),
+    free: Sequence[str] = (),
+    false_alarms: float = 0.01,
+    **treated: float | None,
+) -> Many:
+    """Estimate the parameters of an axis in each of many logs, and look for a change.
+
+    Parameters
+    ----------
+    logs : sequence of Path
+        In the order of time.
+    axis : Axis
+        As identified, or a shipped model, which is then identified from the first log.
+    tables, **treated
+        How to read a log, as for `importing.import_log`.
+    covariates : sequence of str
+        Columns of the logs, of which the mean is taken.
+    free : sequence of str
+        Parameters; by default what the first log shows to 10 %.
+    false_alarms : float
+        Probability that logs without a change show one in any parameter.
+    """
+    rows: dict[str, dict[str, float]] = {}
+    findings: list[Finding] = []
+    for path in logs:
+        try:
+            record = read_any(path, tables, **treated)
+            if not axis.known:
+                axis = identify(record, axis).axis
+            names = tuple(free) or tuple(n for n in axis.deviation if n in axis.model.parameters)
+            setup = Setup(
+                log_of(record, axis), axis.model, names, delay=axis.delay, highpass=axis.highpass
+            )
+            fitted = setup.solve()
+            sd = deviations_of(setup, fitted)
+            if not free and not rows:
+                free = [
+                    n for n, z, s in zip(names, fitted.z, sd, strict=False) if s < SEEN * abs(z)
+                ]
+            values = dict(zip(names, zip(fitted.z, sd, strict=True), strict=False))
+            row = {n: values[n][0] for n in free} | {f"{n}_sd": values[n][1] for n in free}
+            columns = open_log(path, tables.get("header")).load(covariates) if covariates else {}
+            rows[path.name] = row | {n: float(np.nanmean(columns[n])) for n in covariates}
+        except FlexaxisError as error:
+            findings.append(Finding("problem", f"{path.name} is left out: {error}"))
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    if not len(table):
+        raise LogError("; ".join(one.text for one in findings))
+    beside = table[list(covariates)].to_numpy(float)
+    explained = {
+        name: explain(
+            table[name].to_numpy(), table[f"{name}_sd"].to_numpy(), beside,
+            false_alarms=false_alarms / len(free),
+        )
+        for name in free
+    }  # fmt: skip
+    told = [_told(name, one, table, covariates) for name, one in explained.items()]
+    return Many(table, explained, [*sorted(told, key=lambda f: f.kind == "ok"), *findings])
+
+
+def _told(name: str, one: Explained, table: pd.DataFrame, covariates: Sequence[str]) -> Finding:
+    """Return what became of a parameter, in a sentence."""
+    level, where = abs(one.level), table.index[one.place]
+    text = f"{name} = {one.level:.4g}, no change"
+    if one.kind != "constant":
+        verb = "changed" if one.kind == "step" else "drifted"
+        text = (
+            f"{name} {verb} by {100 * one.size / level:+.1f} ± {100 * one.deviation / level:.1g} % "
+            f"from {where} on (by chance once in {1 / one.chance:.0f})"
+        )
+    for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
+        if abs(slope) > SURE * sd:
+            size = f"{100 * slope / level:+.2g} ± {100 * sd / level:.1g} %"
+            text += f"; {size} for each unit of {column}"
+    return Finding("ok" if one.kind == "constant" else "note", text)

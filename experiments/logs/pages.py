@@ -1,0 +1,305 @@
+"""Pages of logs: of an import, an identification, an estimator on a record, and many logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from flexaxis.experiments.files import write_text
+from flexaxis.experiments.logs.axis_file import output_of, usable
+from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
+from flexaxis.experiments.logs.identify import Identification
+from flexaxis.experiments.logs.importing import Imported
+from flexaxis.experiments.logs.many import Many
+from flexaxis.experiments.logs.track import Tracked
+from flexaxis.experiments.logs.validate import Validation
+from flexaxis.experiments.reporting import page
+from flexaxis.experiments.reporting.figures import Series, curves
+from flexaxis.experiments.reporting.tables import Cell, Table
+from flexaxis.sim.record import Record
+
+Array = NDArray[np.float64]
+
+MOST = 4000  # points of a curve
+BINS, FEW = 60, 5  # of means, and samples that one holds at the least
+GAPS = 200  # that are shaded: more are a pattern, and seen as one
+PERIODS = 20  # of the motion, that is shown of a log: its liveliest piece
+TOLD = 3  # estimates in the sentence that the page begins with
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A figure with a title, words below it, and the series of each panel by its label."""
+
+    title: str
+    words: str
+    x: str
+    panels: Mapping[str, Sequence[Series]]
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def draw(self, **options: Any) -> Figure:
+        """Draw it, as `reporting.figures.curves` does."""
+        return curves(self.panels, x=self.x, **self.options, **options)
+
+
+@dataclass(frozen=True)
+class LogPage:
+    """What a page shows.
+
+    Attributes
+    ----------
+    title, command : str
+    finding : Finding
+        The answer, in one sentence.
+    remarks : sequence of Finding
+    charts : sequence of Chart
+    tables : sequence of Table
+    """
+
+    title: str
+    command: str
+    finding: Finding
+    remarks: Sequence[Finding]
+    charts: Sequence[Chart]
+    tables: Sequence[Table]
+
+    def write(self, path: Path) -> None:
+        """Write the page as one HTML file that needs no network."""
+        drawn = [(page.drawn(chart.draw, chart.title), chart.words) for chart in self.charts]
+        content = vars(self) | {"figures": drawn, "marks": MARKS, "version": version("flexaxis")}
+        write_text(path, page.render("logs/templates/log.html", looks={}, **content))
+
+
+def _table(name: str, heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> Table:
+    """Return a table of texts and numbers."""
+    cells = [[Cell(x if isinstance(x, str) else f"{x:.5g}", x) for x in row] for row in rows]
+    return Table(name, heads, [("", row) for row in cells])
+
+
+def _line(x: Array, y: Array, label: str, **more: Any) -> Series:
+    """Return a curve of at most `MOST` points, the extremes of each bin."""
+    if len(x) > 2 * MOST:
+        bins = np.array_split(np.arange(len(x)), MOST // 2)
+        ends = [(b[np.argmin(y[b])], b[np.argmax(y[b])]) for b in bins]
+        k = np.sort(np.ravel(ends))
+        x, y = x[k], y[k]
+    return Series(x=x, y=y, label=label, **more)
+
+
+def _gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
+    """Return what is to be shaded: where samples do not count."""
+    edges = np.flatnonzero(np.diff(np.r_[1, ok, 1])).reshape(-1, 2)[:GAPS]
+    return [(float(time[begin]), float(time[end - 1]), "not used") for begin, end in edges]
+
+
+def import_page(result: Imported, log: str, command: str) -> LogPage:
+    """Return the page of an import."""
+    checks, record = ordered(result.checks), result.record
+    bad = ", ".join(one.name for one in checks if one.kind == "problem")
+    finding = Finding("ok", "Nothing speaks against this log.")
+    if bad:
+        finding = Finding("problem", f"As it is, this log spoils estimates: {bad}.")
+    rows = [(one.name, one.measured, MARKS[one.kind], one.text, one.command) for one in checks]
+    table = _table("Checks", ["checked", "measured", "", "in words", "what to type"], rows)
+    told = [one for one in checks if one.kind in ("problem", "note")]
+    return LogPage(f"Import of {log}", command, finding, told, [log_chart(record)], [table])
+
+
+def log_chart(record: Record) -> Chart:
+    """Return torque and motion over time."""
+    motion = np.asarray(getattr(record, output_of(record)))
+    panels = {
+        "torque [as logged]": [_line(record.time, record.torque, "log", role="data")],
+        "speed [rad/s]": [_line(record.time, motion, "log", role="data")],
+    }
+    spans = {"spans": _gaps(record.time, usable(record))}
+    words = "The log. Shaded: missing, or before the end of the burn-in."
+    return Chart("The log", words, "time [s]", panels, spans)
+
+
+def identification_page(
+    result: Identification, period: float, other: Validation | None, title: str, command: str
+) -> LogPage:
+    """Return the page of an identification, with its simulation of another log if there is one."""
+    findings = ordered(findings_of(result, other))
+    every = zip(result.names, result.theta, result.deviations, strict=True)
+    sure = sorted((sd / abs(v), f"{name} = {v:.4g} ± {sd:.1g}") for name, v, sd in every if v)
+    text = (
+        f"The model simulates {result.fit:.1f} % of what it was not fitted to from the torque "
+        f"alone; surest: {', '.join(text for _, text in sure[:TOLD])}."
+    )
+    against = texts_of(findings, "problem")
+    text += f" These numbers cannot be used: {against[0]}." if against else ""
+    log = result.answer.setup.log
+    time = period * np.arange(float(len(log.y)))
+    charts = [_compared("Simulation from the torque", time, log.y, log.y - result.residual, log.ok)]
+    charts += [friction_chart(result)] if result.map is not None else []
+    if other is not None:
+        ok = np.ones(len(other.time), bool)
+        title_of = "Simulation of the other log"
+        charts.append(_compared(title_of, other.time, other.measured, other.simulated, ok))
+    finding = Finding("problem" if against else "ok", text)
+    tables = [estimates_table(result), _table("Trust", ["what", "value"], facts(result, other))]
+    return LogPage(title, command, finding, findings, charts, tables)
+
+
+def findings_of(result: Identification, other: Validation | None) -> list[Finding]:
+    """Return what was found on both logs, the gravest first."""
+    unlike = "" if other is None else other.unlike
+    more = [Finding("problem", f"on the other log, {unlike}")] if unlike else []
+    return ordered([*more, *result.findings])
+
+
+def estimates_table(result: Identification) -> Table:
+    """Return the estimates; of what stands at a bound, or was given, without a deviation."""
+    rows = [
+        (
+            name,
+            value,
+            f"{sd:.2g}" if sd else "–",
+            f"{100 * sd / abs(value):.2g}" if value and sd else "–",
+        )
+        for name, (value, sd) in result.estimates.items()
+    ]
+    return _table("Estimates", ["parameter", "estimate", "± sd", "[%]"], rows)
+
+
+def facts(result: Identification, other: Validation | None) -> list[tuple[str, str]]:
+    """Return how far to trust an identification: names and values."""
+    told = [
+        ("units", result.units),
+        ("law of friction", result.friction),
+        ("simulation of held-out pieces from the torque alone", f"{result.fit:.1f} %"),
+        ("simulation of the whole log", f"{result.whole.percent:.1f} %"),
+        ("correlation of white residuals", f"{result.correlation:.3f}"),
+    ]
+    if other is not None:
+        told.append(("simulation of the other log", f"{other.fit.percent:.1f} %"))
+    return told
+
+
+def content(result: Identification, other: Validation | None) -> dict[str, Any]:
+    """Return an identification as JSON has it."""
+    every = findings_of(result, other)
+    return {
+        "estimates": {n: {"value": value, "sd": sd} for n, (value, sd) in result.estimates.items()},
+        "units": result.units,
+        "fit": result.fit,
+        "friction": result.friction,
+        "compared": [vars(one) for one in result.tried],
+        "residual": {"std": result.axis.noise, "correlation": result.correlation},
+        "warnings": texts_of(every, "problem"),
+        "remarks": texts_of(every, "note", "info", "ok"),
+        "validation": None if other is None else {"simulation": other.fit.percent},
+    }
+
+
+def _compared(title: str, time: Array, y: Array, simulated: Array, ok: NDArray[np.bool_]) -> Chart:
+    """Return the liveliest piece of a log with its simulation, and the error."""
+    # a sine moves by its angular frequency times itself
+    rate = float(np.std(np.diff(simulated[ok])) / max(float(np.std(simulated[ok])), 1e-300))
+    length = int(np.clip(PERIODS * 2 * np.pi / max(rate, 1e-9), 20, len(time) // 2))
+    power = np.convolve(np.where(ok, y, 0.0) ** 2, np.ones(length), "valid")
+    piece = slice(int(np.argmax(power)), int(np.argmax(power)) + length)
+    t = time[piece]
+    panels = {
+        "speed [rad/s]": [
+            _line(t, y[piece], "log", role="data"),
+            _line(t, simulated[piece], "simulation", role="truth"),
+        ],
+        "error [rad/s]": [_line(t, (y - simulated)[piece], "error", role="data")],
+    }
+    return Chart(title, "The liveliest piece, simulated from the torque alone.", "time [s]", panels)
+
+
+def friction_chart(result: Identification) -> Chart:
+    """Return what of the torque is left without inertia, over the speed."""
+    assert result.map is not None
+    motion, value = result.map.motion, result.map.value
+    law = value["viscous"] * motion.columns["viscous"] + value["dry"] * motion.columns["dry"]
+    v, rest, law = (x[motion.used] for x in (motion.speed, result.map.rest, law))
+    bins = [k for k in np.array_split(np.argsort(v, kind="stable"), BINS) if len(k) > FEW]
+    across = np.array([v[k].mean() for k in bins])
+    mean = np.array([(rest + law)[k].mean() for k in bins])
+    low, high = np.array([np.percentile((rest + law)[k], (10, 90)) for k in bins]).reshape(-1, 2).T
+    panels = {
+        "friction [as the torque]": [
+            Series(x=across, y=mean, low=low, high=high, kind="points", label="log"),
+            _line(np.sort(v), law[np.argsort(v)], "f_c sgn v + f_m v", role="truth"),
+        ]
+    }
+    words = "The log as a rigid axis: means, and 10 … 90 % of them. A hump near 0 is Stribeck's."
+    return Chart("Friction over the speed", words, "speed [rad/s]", panels)
+
+
+def track_page(
+    result: Tracked, estimator: str, *, problems: Sequence[str], log: str, command: str
+) -> LogPage:
+    """Return the page of an estimator on a record.
+
+    Parameters
+    ----------
+    result : Tracked
+    estimator : str
+        As typed.
+    problems : sequence of str
+        What spoils estimates from this log.
+    log, command : str
+        Name of the log, and the line that makes this again.
+    """
+    first, *_ = result.findings
+    told = [*(Finding("problem", f"the log: {text}") for text in problems), *result.findings]
+    finding = Finding("problem" if problems else first.kind, first.text)
+    chart = estimates_chart(result, estimator)
+    return LogPage(f"{estimator} on {log}", command, finding, told, [chart], [last_table(result)])
+
+
+def last_table(result: Tracked) -> Table:
+    """Return name, last estimate, nominal value and their ratio, a row each."""
+    rows = [
+        *zip(result.names, result.last, result.nominal, result.last / result.nominal, strict=True)
+    ]
+    return _table("Last estimates", ["parameter", "last estimate", "nominal", "over nominal"], rows)
+
+
+def estimates_chart(result: Tracked, estimator: str) -> Chart:
+    """Return the estimates over time with a ±2σ band, over nominal."""
+    panels, step = {}, max(len(result.time) // MOST, 1)
+    t = result.time[::step]
+    for i, (name, nominal) in enumerate(zip(result.names, result.nominal, strict=True)):
+        y, sides = result.theta[::step, i] / nominal, dict[str, Array]()
+        if result.deviations is not None:
+            band = 2 * result.deviations[::step, i] / abs(nominal)
+            sides = {"low": y - band, "high": y + band}
+        one = Series(x=t[[0, -1]], y=np.ones(2), role="bound", label="as identified")
+        panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), one]
+    marks = [(change.time, change.text) for change in result.changes]
+    marks += [(float(at), "alarm") for at in result.alarms]
+    words = "Estimates over nominal, ±2σ as the estimator claims. Vertical: changes and alarms."
+    spans = _gaps(result.time, result.usable)
+    return Chart("Estimates", words, "time [s]", panels, {"marks": marks, "spans": spans})
+
+
+def many_page(result: Many, title: str, command: str) -> LogPage:
+    """Return the page of many logs: one figure, one table."""
+    table, k = result.table, np.arange(1.0, len(result.table) + 1)
+    panels = {}
+    for name, one in result.explained.items():
+        sd = table[f"{name}_sd"].to_numpy()
+        y = table[name].to_numpy()
+        points = Series(x=k, y=y, low=y - 2 * sd, high=y + 2 * sd, kind="points", label="log, ±2σ")
+        panels[name] = [points, Series(x=k, y=one.fitted, role="truth", label="explained")]
+    words = "Each log with ±2σ; the line is what covariates and a change explain."
+    chart = Chart("Estimates over the logs", words, "log", panels)
+    rows = [[name, *row] for name, row in zip(table.index, table.to_numpy(), strict=True)]
+    return LogPage(
+        title, command, result.findings[0], result.findings, [chart],
+        [_table("Estimates", ["log", *table.columns], rows)],
+    )  # fmt: skip

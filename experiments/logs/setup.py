@@ -1,0 +1,227 @@
+"""One model of a log: what is identified, within which bounds, and the fit of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.colour import colourless
+from flexaxis.estimators.offline.descent import Problem
+from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, finished, fit
+from flexaxis.estimators.offline.trajectory import Course, course
+from flexaxis.experiments.logs.signals import CLEAR, FIRST, Log, noise_of
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+REACH = 1e3  # times and parts of its start that a parameter of the linear model may come to
+LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are looked for
+SETTLING = 4  # steps to the state that a log begins in, where all else is known
+FAR = 100.0  # times what was measured, that a state may come to
+EARLIEST = -2.0  # samples, of a smooth torque
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A model for a log.
+
+    Attributes
+    ----------
+    log : Log
+    model : Model
+        Its nominal values are the start.
+    names : tuple of str
+        What is identified.
+    delay : float or None
+        Known delay of the torque [s].
+    whiten : bool
+    highpass : float or None
+        Corner [Hz] below which residuals do not count.
+    box : mapping of str to (float, float)
+        Bounds of parameters, where they are not `REACH` about the start.
+    beside : mapping of str to ndarray (N,)
+        What acts beside the torque in proportion to a gain of that name.
+    early : float
+        Samples that a held torque may act before it is logged.
+    """
+
+    log: Log
+    model: Model
+    names: tuple[str, ...]
+    delay: float | None = None
+    whiten: bool = True
+    highpass: float | None = None
+    box: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    beside: Mapping[str, Array] = field(default_factory=dict)
+    early: float = 0.0
+
+    @cached_property
+    def begins(self) -> list[int]:
+        """Where stretches begin, each with a state of its own: the log, and what follows gaps.
+
+        Behind a high-pass nothing is seen of the states that a line leads to; and of bristles, and
+        of an angle, nobody knows where they begin.
+        """
+        states, along = len(self.model.states), self._course([0, 1])
+        bends = len(along.free) > states and not along.dry
+        turns = any(name.startswith("angle") for name in self.model.states)
+        none = self.highpass is not None or bends or turns
+        return self.log.begins(0 if none else states, self._later)
+
+    @property
+    def _later(self) -> int:
+        """Samples behind a gap in which its torque may still act."""
+        latest = self.latest if self.delay is None else max(self.delay, 0.0)
+        return int(np.ceil(latest / self.log.period - 1e-9)) + self.log.smooth
+
+    @property
+    def ok(self) -> Flags:
+        """Usable samples (N,) but for those in which the torque of a gap may act."""
+        ok = self.log.ok.copy()
+        for begin in self.begins[1:]:
+            ok[begin - self._later : begin] = False
+        return ok
+
+    @property
+    def counted(self) -> Flags:
+        """Samples (N,) that count: where a stretch begins an increment has no past."""
+        ok = self.ok
+        ok[self.begins] = False
+        return ok
+
+    @property
+    def earliest(self) -> float:
+        """Least delay to look for [s]."""
+        return (EARLIEST if self.log.smooth else 0.0 - self.early) * self.log.period
+
+    @property
+    def latest(self) -> float:
+        """Greatest delay to look for [s]."""
+        return min(max(LATEST[0], LATEST[1] * self.log.period), 0.1 * len(self.log.u))
+
+    def problem(self, without: Flags | None = None) -> Problem:
+        """Return it as a problem, without some samples if these are held out."""
+        log, beside = self.log, np.array([*self.beside.values()]).reshape(-1, len(self.log.u))
+        along = self._course(self.begins, beside)
+        lower, upper = self._bounds(along)
+        held = np.zeros(along.q, bool)
+        held[-2:] = self.highpass is not None, self.delay is not None  # no offset passes a filter
+        for state in along.states:
+            # how bristles are bent at first is forgotten once they have given, and seen by nothing
+            held[state.start + len(self.model.states) : state.stop] = True
+        ok = self.counted
+        if without is not None:
+            ok &= ~without
+        return Problem(along, log.y, ok, lower, upper, held, self.whiten, self.highpass)
+
+    def _course(self, begins: Sequence[int], beside: Array | None = None) -> Course:
+        log = self.log
+        return course(
+            self.model, self.names, log.u, period=log.period, output=log.output,
+            smooth=log.smooth, resting=log.resting, begins=begins, beside=beside,
+        )  # fmt: skip
+
+    def _bounds(self, along: Course) -> tuple[Array, Array]:
+        theta = self.model.parametrize(self.names).theta
+        lower, upper = np.full(along.q, -np.inf), np.full(along.q, np.inf)
+        for i, name in enumerate(self.names):
+            usual = 0.0, np.inf
+            if name not in self.model.law_parameters:
+                usual = (
+                    min(theta[i] / REACH, theta[i] * REACH),
+                    max(theta[i] / REACH, theta[i] * REACH),
+                )
+            lower[i], upper[i] = self.box.get(name, usual)
+        lower[-1], upper[-1] = self.earliest, self.latest
+        log, states = self.log, self.model.states
+        # a start of a search may be an axis whose load is seen by nothing
+        sizes = float(abs(log.y[log.ok]).max()), float(np.ptp(log.angle))
+        most = [FAR * sizes[not name.startswith("speed")] for name in states]
+        for state, speeds in zip(along.states, self._speeds(along), strict=True):
+            if len(along.begins) > 1:
+                size = min(len(most), state.stop - state.start)
+                lower[state][:size], upper[state][:size] = np.negative(most[:size]), most[:size]
+            # on the wrong side of dry friction's sign a fit would stay there
+            lower[state][speeds > 0] = 0.0
+            upper[state][speeds < 0] = 0.0
+        return lower, upper
+
+    def _speeds(self, along: Course) -> list[Array]:
+        """Return the measured speed where it is of a state, of all stretches; 0 in noise."""
+        noise, result = noise_of(self.log.y[self.log.ok]), []
+        for begin, state in zip(along.begins, along.states, strict=True):
+            y = self.log.y[begin : begin + FIRST]
+            # of a straight line: an axis moves on from the first sample to the fifth
+            speed = float(np.polyfit(np.arange(len(y)), y, 1)[1]) if len(y) > 1 else 0.0
+            speeds = np.zeros(state.stop - state.start)
+            if len(speeds) and abs(speed) > CLEAR * noise:
+                speeds[: len(self.model.C)] = [speed * (entry == "1") for entry in self.model.C]
+            result.append(speeds)
+        return result
+
+    def solve(
+        self,
+        start: Array | None = None,
+        lag: float = 0.0,
+        *,
+        without: Flags | None = None,
+        rounds: int = ROUNDS,
+        fine: bool = True,
+        plain: bool = False,
+    ) -> Fitted:
+        """Fit it from parameters and a delay [s], or from where another fit came to; see `fit`.
+
+        By default it starts at the nominal values.
+        """
+        problem, p = self.problem(without), len(self.names)
+        begin = self.model.parametrize(self.names).theta if start is None else start
+        if len(begin) == problem.course.q:
+            z = np.clip(begin, problem.lower, problem.upper)
+        else:
+            lag = float(begin[-1]) if len(begin) > p else lag if self.delay is None else self.delay
+            z = problem.start(begin[:p], lag, np.concatenate(self._speeds(problem.course)))
+        return fit(problem, z, rounds=rounds, fine=fine, plain=plain)
+
+    def at(self, z: Array, without: Flags | None = None, *, fixed: int) -> Fitted:
+        """Return the fit at unknowns z (q,), of which the first stay and the others are sought."""
+        problem = self.problem(without)
+        colour = colourless(self.highpass, self.log.period)
+        held = problem.held.copy()
+        held[:fixed], held[-2:] = True, True
+        rest = replace(problem, held=held)
+        point, _ = rest.descend(rest.at(z, colour), colour, SETTLING)
+        if not np.isfinite(point.square):
+            return finished(problem, point, colour, False)
+        point = problem.at(point.z, colour)
+        white = problem.colour(point.residual)
+        return finished(problem, problem.weighed(point, white), white)
+
+    def begun(self, offset: float, delay: float) -> Fitted:
+        """Return the fit of how a log begins, and goes on behind gaps, where all else is known."""
+        problem = self.problem()
+        z = problem.start(
+            self.model.parametrize(self.names).theta, delay,
+            np.concatenate(self._speeds(problem.course)),
+        )  # fmt: skip
+        z[-2:] = offset, delay
+        return self.at(z, fixed=len(self.names))
+
+    def having(self, values: Mapping[str, float]) -> Setup:
+        """Return it from other nominal values."""
+        nominal = dict(self.model.nominal) | dict(values)
+        return replace(self, model=replace(self.model, nominal=nominal))
+
+    def values(self, fitted: Fitted) -> dict[str, float]:
+        """Return the parameters of a fit by name."""
+        return dict(zip(self.names, fitted.z[: len(self.names)].tolist(), strict=True))
+
+    def part(self, most: int) -> Setup:
+        """Return it for the stretch of that many samples with the greatest torque, or all."""
+        piece = self.log.part(most)
+        beside = {name: values[piece] for name, values in self.beside.items()}
+        return replace(self, log=self.log.cut(piece), beside=beside)
