@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from flexaxis.experiments.scoring.intervals import LEAST, difference, holm_levels, mean_interval
 
@@ -152,3 +153,16 @@ def too_few(rows: Iterable[Row]) -> str:
     seeds = max((int(np.sum(~np.isnan(lag))) for lag in lags), default=LEAST)
     are = "seed is" if seeds == 1 else "seeds are"
     return f"{seeds} {are} too few to rank: from {LEAST} on" if seeds < LEAST else ""
+
+
+def faults_of(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return rows of a sweep as a DataFrame, with the name of their `fault`."""
+    table = pd.DataFrame(rows, columns=None if rows else ["scenario", "parameter", "lag"])
+    return table.assign(fault=table["scenario"] + ": " + table["parameter"],
+                        lag=table["lag"].astype(float))  # fmt: skip
+
+
+def widest(matched: pd.DataFrame) -> str:
+    """Return the fault at which the lags of estimators at equal noise differ most."""
+    lags = matched.groupby("fault")["lag"].agg(["max", "min"])
+    return str((lags["max"] / lags["min"]).fillna(0).idxmax())

@@ -236,7 +236,7 @@ def _rounded(position: float, knob: Knob) -> float:
     return min(max(float(f"{position:.{DIGITS}g}"), knob.least), knob.most)
 
 
-def save_setting(path: Path, name: str, found: Tuned | None, *, command: str = "") -> None:
+def save(path: Path, name: str, found: Tuned | None, *, command: str = "") -> None:
     """Write a setting to a file like estimators/tuned.toml, in place of the one it had.
 
     Parameters
