@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexaxis.estimators.models.sampled import travel
+from flexaxis.estimators.models.simulation import along
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.scoring import bounds, true_model
 from flexaxis.experiments.scoring.bounds import cramer_rao, jump_bound, lag_bound
@@ -81,14 +81,16 @@ def test_every_step_along_a_path_with_dry_friction_is_solved_for(monkeypatch):
     """Of friction that is as good as a jump, where a search may go to and fro for ever."""
     left = []
 
-    def watched(prepared, X, moved, u):
-        travel(prepared, X, moved, u)
-        laws, mean, gain = prepared.laws, prepared.lanes[1], prepared.square[0]
-        torque = laws["local"][:, 0]
-        left.append(max(abs(mean[:, 0] - laws["offset"] - gain @ torque) / laws["reach"]))
+    def watched(simulated, u):
+        rows = []
+        for value in u:
+            rows.append(along(simulated, np.array([value])))
+            laws, mean, gain = (simulated[name] for name in ("laws", "lanes", "square"))
+            torque, mean = laws["local"][:, 0], mean[1, :, 0]
+            left.append(max(abs(mean - laws["offset"] - gain[0] @ torque) / laws["reach"]))
+        return np.concatenate(rows)
 
-    monkeypatch.setattr(true_model, "_travelled", true_model._travelled.function)
-    monkeypatch.setattr(true_model, "travel", watched)
+    monkeypatch.setattr(true_model, "along", watched)
     scenario, record = drawn("coulomb_fm_step-v1")
     state_at(scenario, scenario.true_parameters(), record.torque, ONSET)
     assert len(left) == ONSET and max(left) < 1e-9
