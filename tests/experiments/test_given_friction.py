@@ -9,7 +9,7 @@ from identify_axes import VALUES, log
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.identify import _free
+from flexaxis.experiments.logs.identify import free_names
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
 from flexaxis.sim.record import load_record
@@ -58,9 +58,9 @@ def test_what_no_law_has_is_refused_before_all_else(record, capsys, more, said):
 
 def test_what_a_known_axis_has_at_zero_stays_there_unless_freed():
     known = replace(find_axis("two_mass").having({"f_l": 0.0}), known=True)
-    assert "f_l" not in _free(known, (), ()) and "f_m" in _free(known, (), ())
-    assert _free(known, ("f_l", "k"), ()) == ("f_l", "k")
-    assert "f_l" in _free(replace(known, known=False), (), ())
+    assert "f_l" not in free_names(known, (), ()) and "f_m" in free_names(known, (), ())
+    assert free_names(known, ("f_l", "k"), ()) == ("f_l", "k")
+    assert "f_l" in free_names(replace(known, known=False), (), ())
 
 
 @pytest.mark.filterwarnings("error")
