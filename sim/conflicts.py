@@ -27,7 +27,7 @@ from flexaxis.sim.stability import loop_problem
 from flexaxis.sim.tables.config import kinds
 from flexaxis.sim.tables.excitation import Excitation
 from flexaxis.sim.tables.faults import A_SAMPLE, Fault, Profile, changeable
-from flexaxis.sim.timing import PERIOD, TICK, rate, sample_index
+from flexaxis.sim.timing import PERIOD, TICK, sample_index
 
 if TYPE_CHECKING:
     from flexaxis.sim.scenario import Scenario
@@ -71,7 +71,7 @@ def problems(error: ValidationError, content: Mapping[str, Any], top: type[Scena
             top.model_validate({"name": "x", "duration": 86400.0} | right)
     except ValidationError as more:
         for line in _conflict_lines(more):
-            key, number, rest = re.fullmatch(r"(\w+)(?:\[(\d+)\])?(.*)", line, re.DOTALL).groups()
+            key, number, rest = re.findall(r"^(\w+)(?:\[(\d+)\])?(.*)", line, re.DOTALL)[0]
             here = f"{key}[{kept[key][int(number)]}]{rest}" if key in kept else line
             lines += [here] * ((key,) not in wrong)
     return lines
@@ -143,8 +143,6 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
     for i, name in enumerate(scenario.identify):
         if text := _law_problem(name, scenario):
             yield f"identify[{i}]", text
-        elif name == "f_s" and scenario.laws[name] == 0:
-            yield f"identify[{i}]", "'f_s' cannot be estimated where it is 0: raise static"
     yield from _told_problems(scenario)
     if scenario.controller.rate and scenario.feedback == "measured":
         yield "controller.rate", 'an inner loop sees the clean angle: it needs feedback = "clean"'
@@ -158,8 +156,6 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
 def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
     """Yield what does not go with the sampling period."""
     period, controller, delay = scenario.period, scenario.controller, scenario.delay
-    if scenario.duration < 2 / rate(period):
-        yield "duration", f"must be two samples of {period:g} s at least, not {scenario.duration:g}"
     if abs(period / TICK - round(period / TICK)) >= 1e-6:
         words = f"goes by whole ms, of which a sample of {1000 * period:g} ms has none"
         for key, value in (("controller.rate", controller.rate), ("delay.torque", delay.torque)):
@@ -245,7 +241,7 @@ def _told_problems(scenario: Scenario) -> Iterator[Problem]:
     names = parameter_names(scenario.model)
     known = (*names, *LAW_NAMES, *DATA_SHEET)
     estimated = {name.removeprefix("1/") for name in scenario.identify}
-    for name, value in (scenario.told or {}).items():
+    for name in scenario.told or ():
         key = f"told.{name}"
         if name not in known:
             yield key, unknown("parameter", name, known)
@@ -253,8 +249,6 @@ def _told_problems(scenario: Scenario) -> Iterator[Problem]:
             yield key, f"{name} is estimated: where that starts is `start`"
         elif name not in scenario.laws and (text := _law_problem(name, scenario)):
             yield key, text
-        elif name == "poles" and value % 1:
-            yield key, f"must be a whole number of periods in a turn, not {value!r}"
 
 
 def _change_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
@@ -291,8 +285,6 @@ def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
         yield "parameter", text
     elif law in FIXED:
         yield "parameter", f"{law} of {FIXED[law]} cannot change in the course of a run"
-    elif parameter == "r":
-        yield "parameter", "the gear ratio r is a count of teeth and cannot change in a run"
     elif law not in known:
         yield "parameter", unknown("parameter", parameter, known)
     if change.factor > 0:

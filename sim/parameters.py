@@ -13,9 +13,6 @@ from flexaxis.models_mjcf import DEFAULT, MODEL_NAMES, model_files
 from flexaxis.sim.errors import ParameterError, unknown
 from flexaxis.sim.tables.config import Frozen
 
-MASSES = ("motor", "gear", "arm", "load")
-"""What the bodies of a plant may be called; records have an angle of each."""
-
 _UNITS = {
     "k_T": "1", "J": "kg m^2", "k": "N m/rad", "d": "N m s/rad", "f": "N m s/rad", "r": "1",
 }  # fmt: skip
@@ -30,8 +27,8 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
     without an initial where there is one alone; and the gear ratio ``r``, the coefficient of the
     motor in the first tendon, unless that is 1.
 
-    The MJCF is a chain of bodies called `MASSES`, with a tendon from each to the next, and its
-    tendons have other initials each.
+    The MJCF is a chain of bodies called motor, gear, arm or load, with a tendon from each to the
+    next; no two tendons have the same initial.
     """
     root = ElementTree.fromstring(model_files(model)[0])
     bodies, tendons = [*root.iter("body")], root.findall("tendon/fixed")

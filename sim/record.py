@@ -116,7 +116,8 @@ class Record:
 
     def __post_init__(self) -> None:
         for name in (*SIGNALS, "true_parameters", "valid"):
-            object.__setattr__(self, name, _numbers(name, getattr(self, name)))
+            if (values := getattr(self, name)) is not None:
+                object.__setattr__(self, name, np.asarray(values, dtype=float))
         _check(self)
         if self.valid is not None:
             object.__setattr__(self, "valid", self.valid.astype(bool))
@@ -175,8 +176,6 @@ class Record:
             If the folder does not exist or cannot be written.
         """
         path, data = Path(path), self.to_xarray()
-        if not path.parent.is_dir():
-            raise RecordError(f"{path}: there is no folder {path.parent}.")
         # Columns that hardly ever change. Into memory first: HDF5 ends the process on a full disk.
         packed = {"true_parameters": {"zlib": True, "complevel": 1}}
         encoding = packed if self.true_parameters is not None else {}
@@ -255,14 +254,6 @@ def _parameters(file: xarray.Dataset) -> dict[str, Any]:
         )
     values = file["true_parameters"].values[:, [names.index(name) for name in order]]
     return {"true_parameters": values, "parameter_names": tuple(order)}
-
-
-def _numbers(name: str, values: object) -> Array | None:
-    """Return a signal as an array of float; such an array is left as it is."""
-    try:
-        return None if values is None else np.asarray(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise RecordError(f"{name} is no array of numbers: {error}.") from None
 
 
 def _check(record: Record) -> None:

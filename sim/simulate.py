@@ -153,7 +153,7 @@ def _records(scenario: Scenario, seeds: list[int], truth: Truth, read: list[Arra
     ]
 
 
-def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Array]) -> Record:
+def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Any]) -> Record:
     """Return the record of a run from its signals."""
     run = scenario.drawn(seed)
     return Record(

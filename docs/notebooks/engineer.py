@@ -1,9 +1,9 @@
 # %% [markdown]
-# # An axis of your own: from a log to a trend
+# # An axis of your own: from a log to many
 #
 # You have a geared axis, a controller that logs torque (or current) and motor angle, and a question: *is it the
 # same axis as in spring?* This notebook goes the whole way in a minute: a log, the parameters of the axis with
-# their uncertainty, and a trend over weeks that tells wear from warmth.
+# their uncertainty, and a change over weeks that is no effect of the temperature.
 #
 # There is no robot beside this page, so the first cell simulates the logs. A published robot axis (Wernholt and Gunnarsson,
 # 2006) makes the same motion for 20 s every morning, in a hall that is colder on some days than on others. From day 10
@@ -51,9 +51,6 @@ axis.having(off | {"k_T": 1.0, "r": 1.0}).save(Path("days/axis.toml"))
 # that line does not ([logs.md](../logs.md)).
 
 # %%
-import json
-import sqlite3
-
 import matplotlib.pyplot as plt
 
 plt.rcParams["figure.dpi"] = 90
@@ -94,18 +91,14 @@ plt.show()
 # parameter here: left free, it would be answered with *the excitation cannot see f_g*. So both stay as the data sheet has them.
 
 # %%
-from flexaxis.experiments.logs.identification.identify import identify
-from flexaxis.experiments.logs.importing import import_any
+import flexaxis as fx
 
-record = import_any(first, {}).record
 data_sheet = find_axis("days/axis.toml")
-found = identify(record, data_sheet, fix=("f_g", "f_a"))
-found.axis.save(Path("axis.toml"))
-print(
-    f"law of friction: {found.friction}; the torque alone explains {found.fit:.1f} % of the motion"
-)
-for warning in found.warnings:
-    print("!", warning)
+another = "days/2026-01-05.csv"
+result = fx.identify(first, data_sheet, fix={"f_g": None, "f_a": None}, validate=another)
+result.save("axis.toml")
+found = result.found
+print(result.page.finding.text)
 
 # %%
 table = pd.DataFrame({"estimate": found.theta, "sd": found.deviations}, index=found.names)
@@ -120,73 +113,41 @@ table.style.set_uuid("axis").format(
 # the log. Inertias and stiffnesses are known to some hundredths of a per cent; the breakaway level $f_s$ to a per cent only, for it
 # acts in the instants of reversal alone.
 #
-# Does the model describe the axis, or only the log that it was fitted to? Another morning tells: the simulation is given the
-# torque of that log alone, the prediction also the motion up to the sample before.
+# Does the model describe the axis, or only the log that it was fitted to? Another morning tells: its motion is simulated from the
+# torque of that log alone.
 
 # %%
-from flexaxis.experiments.logs.identification.validate import validate
-
-another = import_any(Path("days/2026-01-05.csv"), {}).record
-tried = validate(another, found.axis)
-_, axis = plt.subplots(figsize=(8, 3))
-for name in ("measured", "simulated", "predicted"):
-    axis.plot(tried.time[1000:1400], getattr(tried, name)[1000:1400], lw=0.9, label=name)
-axis.set(xlabel="time [s]", ylabel="speed [rad/s]")
-_ = axis.legend()
+_ = result.plot(len(result.page.charts) - 1)
 
 # %% [markdown]
-# ## The trend
+# ## Many logs
 #
-# Every morning's log gives estimates with intervals, from `axis.toml` on. `trend` looks for steps and ramps in them, beside what
-# a covariate explains; here the temperature, a column of the logs.
+# Every morning's log gives estimates with intervals, from `axis.toml` on. `identify` of the whole folder looks for a change in
+# them, beside what a covariate explains; here the temperature, a column of the logs.
 
 # %%
-# !flexaxis trend days --model axis.toml --covariate temp -o trend -q
+many = fx.identify("days", "axis.toml", covariates=["temp"], free=["f_m", "f_c"])
+many
 
 # %% [markdown]
-# That is the answer: *the dry friction grows, and it is not the cold*. Here is what the sentence rests on. Left, $f_c$ as
-# estimated, with ± 2 standard deviations: warm days hide the wear. Right, the same less what the temperature explains.
+# That is the answer: *the dry friction grows, and it is not the cold*. The figure is what the sentences rest on: estimates with
+# ± 2 standard deviations, and the line that temperature and change explain.
 
 # %%
-told = json.loads(Path("trend/trend.json").read_text())
-rows = [
-    json.loads(line)
-    for (line,) in sqlite3.connect("trend/rows.sqlite").execute("SELECT line FROM lines")
-]
-rows.sort(key=lambda row: row["log"])
-f_c = np.array([row["estimates"]["f_c"]["value"] for row in rows])
-sd = np.array([row["estimates"]["f_c"]["sd"] for row in rows])
-temperature = np.array([row["columns"]["temp"] for row in rows])
-verdict = told["parameters"]["f_c"]
-warmth = verdict["covariates"]["temp"]["slope"] * (temperature - temperature.mean())
-start, day = np.median(f_c[:9]), np.arange(1, len(rows) + 1)
+_ = many.plot()
 
-figure, axes = plt.subplots(1, 2, sharey=True, figsize=(8, 3.4), layout="constrained")
-for ax, values, title in (
-    (axes[0], f_c, "as estimated"),
-    (axes[1], f_c / (1 + warmth), "less the warmth"),
-):
-    points = ax.scatter(day, 100 * (values / start - 1), c=temperature, cmap="coolwarm", zorder=3)
-    ax.errorbar(day, 100 * (values / start - 1), 200 * sd / start, fmt="none", ecolor="0.6", lw=1)
-    ax.set(xlabel="day", title=title)
-    ax.grid(alpha=0.25)
-for change in verdict["changes"]:
-    axes[1].axvline(change["time"] + 1, color="k", lw=0.8)
-axes[0].set_ylabel("$f_c$ [% of the first days]")
-figure.colorbar(points, label="temperature [°C]")
-plt.show()
 # %% [markdown]
 # ## Was it right?
 #
 # Only here is the simulation asked.
 
 # %%
+f_c = many.table["f_c"].to_numpy()
 error = f_c / f_c.mean() - np.array(true) / np.mean(true)
 print(f"estimates against the truth: {100 * error.std():.2f} % from day to day")
 
 # %% [markdown]
-# What comes next for an axis of yours: [logs.md](../logs.md) from `import` to `track`, [trend.md](../trend.md) on what the words
-# of a trend promise, and [friction.md](../friction.md#how-to-log-an-axis) on the motion to log.
+# What comes next for an axis of yours: [logs.md](../logs.md) from `import` to `track`, and [friction.md](../friction.md#how-to-log-an-axis) on the motion to log.
 #
 # - E. Wernholt and S. Gunnarsson, *Nonlinear identification of a physically parameterized robot model*, SYSID 2006.
 # - L. Ljung, *System Identification: Theory for the User*, 2nd ed., Prentice Hall, 1999.

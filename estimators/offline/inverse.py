@@ -135,13 +135,7 @@ def motion_of(
     )
 
 
-def inverse_dynamics(
-    motion: Motion,
-    names: Sequence[str],
-    *,
-    known: Mapping[str, float] | None = None,
-    without: Flags | None = None,
-) -> Inverse:
+def inverse_dynamics(motion: Motion, names: Sequence[str]) -> Inverse:
     """
     Fit the coefficients of some regressors to the torque.
 
@@ -150,29 +144,21 @@ def inverse_dynamics(
     motion : Motion
     names : sequence of str
         Of `REGRESSORS`.
-    known : mapping of str to float, optional
-        Coefficients that are given.
-    without : (N,) array of bool, optional
-        Samples that are held out.
 
     Raises
     ------
     EstimatorError
         If too little of the record moves.
     """
-    used = motion.used if without is None else motion.used & ~without
+    used = motion.used
     if used.sum() <= 20 * PIECES:
         raise EstimatorError(f"{used.sum()} samples move: too few for the inverse dynamics")
-    rest = motion.torque.copy()
-    for name, value in (known or {}).items():
-        rest -= value * motion.columns[name]
     J = np.stack([motion.columns[name] for name in names])
-    theta, deviation = jackknife(J, rest, used)
-    rest -= theta @ J
+    theta, deviation = jackknife(J, motion.torque, used)
     return Inverse(
         dict(zip(names, theta.tolist(), strict=True)),
         dict(zip(names, deviation.tolist(), strict=True)),
-        rest,
+        motion.torque - theta @ J,
         motion,
     )
 

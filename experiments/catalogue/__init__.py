@@ -1,6 +1,6 @@
 """Scenarios, suites and their cards: what there is to run.
 
 `scenarios` and `suites` hold the TOML files, `hashes.toml` what they are frozen at. In comes a
-name or a path (`names`, `find`), out go a Scenario or a Suite, checked against its hash, and its
+name or a path (`find`), out go a Scenario or a Suite, checked against its hash, and its
 `card`.
 """

@@ -1,4 +1,4 @@
-"""The commands of `flexaxis`: each reads its options, calls `fx`, and prints the result.
+"""The commands: each reads its options, calls the front, and prints the result.
 
 `options` declares all options once; `run`, `judge`, `look` and `axis` hold the commands.
 """

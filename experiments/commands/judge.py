@@ -55,7 +55,7 @@ def compare(args: Args) -> int:
     result = fx.compare(
         args.base, args.candidate, scenarios=one_or_more(args.names) or "gate", runs=runs,
         seeds=args.seeds, max_seeds=args.max_seeds, match_std=args.match_std, margins=margins,
-        folder=folder, **work(args),
+        folder=folder, command=args.line, **work(args),
     )  # fmt: skip
     status = result.strict_status if args.strict else result.status
     return answer(args, result.content, status, result, f"report: {result.content['report']}")

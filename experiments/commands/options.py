@@ -248,7 +248,7 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
     if args.json:
         head = {"flexaxis": version("flexaxis"), "command": args.command, "status": status,
                 "line": args.line}  # fmt: skip
-        text = json.dumps({**head, **content}, default=_plain)
+        text = json.dumps({**head, **content, **head}, default=_plain)
         finite = json.loads(text, parse_constant=lambda name: None)
         lines = (json.dumps(finite, ensure_ascii=False),)
     try:

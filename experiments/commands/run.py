@@ -179,10 +179,10 @@ def simulate(args: Args) -> int:
     style, ending = style_of(args), args.as_log or "nc"
     name = Path(args.scenario).stem
     path = args.output or Path(f"{name}-{args.seed}.{ending}")
-    if path.suffix != f".{ending}":
-        raise FlexaxisError(f"-o {path}: give a name that ends in .{ending}")
     if style != LogStyle() and not args.as_log:
         raise FlexaxisError("--units, --jitter, --gaps and --counts are for a log: add --as-log")
+    if path.suffix != f".{ending}":
+        raise FlexaxisError(f"-o {path}: give a name that ends in .{ending}")
     check_not_input([args.scenario], path)
     spare_foreign(path)
     record = fx.simulate(args.scenario, seed=args.seed)

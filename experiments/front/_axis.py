@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexaxis._records import changed, seed_of
+from flexaxis._records import changed
+from flexaxis.experiments.studies.definition import seed_of
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.plant.loop import Changes
 from flexaxis.sim.plant.plant import Plant

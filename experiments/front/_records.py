@@ -15,6 +15,7 @@ from flexaxis.experiments.reporting import figures
 from flexaxis.experiments.reporting.figures import Series
 from flexaxis.experiments.reporting.styles import SETTINGS
 from flexaxis.experiments.running.cache import default_cache
+from flexaxis.experiments.studies.definition import seed_of
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import SIGNALS, Record, load_record
 from flexaxis.sim.scenario import Scenario, scenario_from
@@ -145,14 +146,6 @@ def changed(scenario: str | Path | Scenario, changes: Mapping[str, Any]) -> Scen
     return result.override(changes) if changes else result
 
 
-def seed_of(seed: Any) -> int:
-    """Return the number of a run; refuse what is no whole number from 0 to 2^63 − 1."""
-    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-    if not whole or not 0 <= seed < 2**63:
-        raise FlexaxisError(f"seed {seed!s:.40}: give a whole number from 0 to 2^63 - 1")
-    return int(seed)
-
-
 def load(path: str | Path) -> Recording | Results:
     """Return what a path holds: the record of a file ``.nc``, the results of a folder.
 
@@ -198,7 +191,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     0
     """
     store = default_cache()
-    removed = store.clear() if clear else 0
+    removed = store.evict(-1) if clear else 0
     size, limit = (round(bytes_ / 1024**2, 1) for bytes_ in (store.size(), store.limit))
     return {"folder": store.folder, "records": len(store.entries()), "megabytes": size,
             "limit": limit, "removed": removed}  # fmt: skip

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,14 +10,14 @@ from typing import Any
 import pandas as pd
 
 from flexaxis._estimates import EstimatorLike
-from flexaxis._records import panels, seed_of
+from flexaxis._records import panels
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import select
 from flexaxis.experiments.check import check as rules
 from flexaxis.experiments.comparison import sweep
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.comparison.tune import Trials, match_noise, save
-from flexaxis.experiments.files import REPORT, optional_package
+from flexaxis.experiments.files import REPORT
 from flexaxis.experiments.gate import gate
 from flexaxis.experiments.gate.report import as_dict, write
 from flexaxis.experiments.reporting import figures
@@ -28,11 +26,10 @@ from flexaxis.experiments.reporting.tables import between
 from flexaxis.experiments.running import results as engine
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.estimators import parse, text_of
-from flexaxis.experiments.running.progress import progress, remark
-from flexaxis.experiments.running.run import Runner
+from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.studies import benchmark as studies
-from flexaxis.experiments.studies.definition import load_study, parse_seeds, study_from
+from flexaxis.experiments.studies.definition import load_study, seeds_of, study_from
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.scenario import Scenario
 
@@ -48,48 +45,9 @@ SHOWN = (
 
 
 def texts_of(estimators: Estimators) -> list[str]:
-    """Return some estimators as text."""
+    """Return one estimator, or several, as text."""
     one = isinstance(estimators, str) or callable(estimators)
     return list(map(text_of, [estimators] if one else estimators))  # type: ignore[arg-type]
-
-
-def seeds_of(seeds: Seeds, default: int) -> tuple[int, ...]:
-    """Return seeds: a number of them from 1000 on, a range as text, or those listed.
-
-    Examples
-    --------
-    >>> seeds_of(2, 8), seeds_of("5:7", 8), seeds_of(range(3), 8)
-    ((1000, 1001), (5, 6), (0, 1, 2))
-    """
-    if seeds is None or isinstance(seeds, str | int | float):
-        return parse_seeds(str(default if seeds is None else seeds))
-    return tuple(dict.fromkeys(map(seed_of, seeds)))
-
-
-@contextmanager
-def working(
-    cases: int, folder: Place = None, *, jobs: int = 1, dask: str | None = None,
-    cache: bool = True, overwrite: bool = False, time_limit: float | None = None,
-) -> Iterator[Runner]:  # fmt: skip
-    """Give a runner with progress; warn of estimates that are not finite."""
-    with ExitStack() as stack:
-        executor = None
-        if dask:
-            client = stack.enter_context(optional_package("distributed").Client(dask))
-            executor, jobs = client.get_executor(retries=2), sum(client.nthreads().values())
-        advance = stack.enter_context(progress(f"{cases} cases at most", cases))
-        runner = stack.enter_context(Runner(
-            Path(folder) if folder else None, jobs=jobs, executor=executor,
-            cache=default_cache() if cache else None, overwrite=overwrite, time_limit=time_limit,
-            advance=advance,
-        ))  # fmt: skip
-        yield runner
-    for estimator, where in dict(reversed(runner.remarks)).items():
-        warnings.warn(
-            f"{estimator} returned an estimate that is not finite, first {where}: such a run "
-            "counts as diverged",
-            stacklevel=4,  # the line of the user
-        )
 
 
 class Results(engine.Results):
@@ -106,24 +64,14 @@ class Results(engine.Results):
         return (rows if changed.empty else changed)[[*self.axes, *SHOWN]].reset_index(drop=True)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
-        """Draw the lag after a fault: against the noise before it, or over an axis of a study.
+        """Draw the lag after a fault: against the noise, or over an axis of a study.
 
         Parameters
         ----------
         x : str, optional
-            A swept key; the first of the study by default. If nothing is swept, the abscissa is
-            the standard deviation before the fault, and each estimator is a point.
+            A swept key; the first of the study by default.
         ax : matplotlib axes, optional
             Where to draw; new ones by default.
-
-        Returns
-        -------
-        Axes
-
-        Raises
-        ------
-        FlexaxisError
-            If no such key is swept.
         """
         if x and x not in self.axes:
             raise FlexaxisError(unknown("axis", x, self.axes) + " Leave it out for the first one")
@@ -203,7 +151,7 @@ def benchmark(
     turned = [*dict.fromkeys([REFERENCE, *texts])] if texts else suite.swept_estimators
     tried = sweep.texts(sweep.settings(turned)) if folder else []
     cases = len(own) * len(texts or suite.estimators) + len(swept) * len(tried)
-    with working(cases * len(numbers), folder, **work) as runner:
+    with studies.working(cases * len(numbers), folder, **work) as runner:
         left_out = runner.misfits([*own, *swept], texts) if texts else {}
         if not all(s.name in left_out for s in own):  # else running them says why
             for name, reason in left_out.items():
@@ -248,7 +196,7 @@ def study(
     else:
         texts = texts_of(definition.get("estimators", ()))
         wanted = study_from({"name": "study"} | dict(definition) | {"estimators": texts})
-    with working(wanted.cases, folder, **work) as runner:
+    with studies.working(wanted.cases, folder, **work) as runner:
         results = studies.run(wanted, runner, shard=shard, command=command)
     return Results(runner.store, results.study)
 
@@ -284,7 +232,6 @@ class Comparison:
         Parameters
         ----------
         ax : matplotlib axes, optional
-            Where to draw; new ones by default.
         """
         axes = panels(ax, 1)[0]
         figures.verdict_intervals(self.content["rows"], axes=axes)
@@ -308,6 +255,7 @@ def compare(
     match_std: bool = False,
     margins: Mapping[str, float] | None = None,
     folder: Place = None,
+    command: str = "",
     **work: Any,
 ) -> Comparison:
     """Say whether a candidate is better or worse than a base, run on the same records.
@@ -331,6 +279,8 @@ def compare(
         Changes that do not matter, as shares: ``{"lag": 0.05}``; 2 % by default.
     folder : str or Path, optional
         Where to keep the rows, compare.json, verdict.md and report.html.
+    command : str
+        The line that does it again, for the report.
 
     Returns
     -------
@@ -352,12 +302,12 @@ def compare(
     else:
         suite = select(scenarios, default=gate.SUITE)
         own, numbers = suite.scenarios, seeds_of(seeds, suite.seeds)
-        with working(2 * len(own) * max(max_seeds, len(numbers)), folder, **work) as runner:
+        with studies.working(2 * len(own) * max(max_seeds, len(numbers)), folder, **work) as runner:
             result = gate.compare(
                 *map(str, sides), own, numbers, runner, margins=checked,  # type: ignore[arg-type]
                 max_seeds=max_seeds, match_std=match_std,
             )  # fmt: skip
-    content = as_dict(result)
+    content = as_dict(result) | {"command": command}
     if folder:
         content["report"] = write(Path(folder), content)
     return Comparison(content, result.status(), result.status(strict=True))
@@ -405,12 +355,12 @@ def tune(
     if scenarios is not None:
         own, numbers = select(scenarios).scenarios, seeds_of(seeds, 16)
         most = len(sweep.texts(sweep.settings(names, factors=sweep.TURNS)))
-        with working(most * len(own) * len(numbers), folder, **work) as runner:
+        with studies.working(most * len(own) * len(numbers), folder, **work) as runner:
             swept = sweep.sweep(own, names, numbers, runner.rows)
         return pd.DataFrame(swept.matched).drop(columns="values")
     numbers = seeds_of("0:16" if seeds is None else seeds, 16)
     span = f"{numbers[0]}:{numbers[-1] + 1}"
-    with working(12 * len(names) * len(numbers), folder, **work) as runner:
+    with studies.working(12 * len(names) * len(numbers), folder, **work) as runner:
         for name in names:
             tuned, problem = None, ""
             try:

@@ -42,9 +42,8 @@ def _is_ours(path: Path) -> bool:
     mark = _MARKS.get(path.suffix)
     if mark is None:
         return bool(_attributes(path).keys() & _ATTRIBUTES)
-    return (
-        path.is_file() and mark in path.read_bytes()[: 4 * HEAD if path.suffix == ".html" else HEAD]
-    )
+    with path.open("rb") as file:
+        return mark in file.read(HEAD if path.suffix != ".html" else -1)
 
 
 def is_record(path: Path) -> bool:

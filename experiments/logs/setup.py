@@ -64,14 +64,13 @@ class Setup:
     def begins(self) -> list[int]:
         """Where stretches begin, each with a state of its own: the log, and what follows gaps.
 
-        Behind a high-pass nothing is seen of the states that a line leads to; and of bristles, and
-        of an angle, nobody knows where they begin.
+        Behind a high-pass nothing is seen of the states that a line leads to; and of bristles that
+        are not stiff, and of an angle, nobody knows where they begin.
         """
-        states, along = len(self.model.states), self._course([0, 1])
-        bends = len(along.free) > states and not along.dry
+        bends = any(isinstance(law.parameters.get("stiffness"), str) for law in self.model.laws)
         turns = any(name.startswith("angle") for name in self.model.states)
         none = self.highpass is not None or bends or turns
-        return self.log.begins(0 if none else states, self._later)
+        return self.log.begins(0 if none else len(self.model.states), self._later)
 
     @property
     def _later(self) -> int:
@@ -130,14 +129,10 @@ class Setup:
         theta = self.model.parametrize(self.names).theta
         lower, upper = np.full(along.q, -np.inf), np.full(along.q, np.inf)
         for i, name in enumerate(self.names):
-            usual = 0.0, np.inf
-            if name not in self.model.law_parameters:
-                usual = (
-                    min(theta[i] / REACH, theta[i] * REACH),
-                    max(theta[i] / REACH, theta[i] * REACH),
-                )
+            lawful = name in self.model.law_parameters
+            usual = (0.0, np.inf) if lawful else np.sort([theta[i] / REACH, theta[i] * REACH])
             lower[i], upper[i] = self.box.get(name, usual)
-        lower[-1], upper[-1] = self.earliest, self.latest
+        lower[-1], upper[-1] = min(self.earliest, self.delay or 0.0), self.latest
         log, states = self.log, self.model.states
         # a start of a search may be an axis whose load is seen by nothing
         sizes = float(abs(log.y[log.ok]).max()), float(np.ptp(log.angle))

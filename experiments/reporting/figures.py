@@ -63,7 +63,7 @@ class Series:
     kind: Literal["line", "steps", "points", "both"] = "line"
 
 
-def new(height: float, count: int = 1) -> list[Axes]:
+def new(height: float, count: int = 1) -> list[Any]:
     """Return axes one below the other in a figure of their own, of a height [px]."""
     figure = Figure(figsize=(430 / 96, height / 96))
     return list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
@@ -165,7 +165,7 @@ def _interval(ax: Axes, place: float, parts: Any, who: str, tip: str, **own: Any
     tag(ax.plot(value, place, ls="", mec=styles.BACK, ms=6, **own)[0], who, tip)
 
 
-def _rows(ax: Axes, names: Sequence[str], label: str, **options: Any) -> Figure:
+def _rows(ax: Any, names: Sequence[str], label: str, **options: Any) -> Figure:
     """Name the rows of some axes, with a logarithmic abscissa, and return the figure."""
     ax.axvline(1, color=TEXT)
     logarithmic(ax.xaxis)
@@ -370,11 +370,11 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
     for place, row in enumerate(shown):
         parts = np.array([row["change"], *row["interval"], row["margin"] or 0])
         # A difference may be less than all of the base: it ends at the edge of the scale.
-        *parts, margin = np.maximum(1 + parts / (row["scale"] or 1), 0.01)
+        *ratios, margin = np.maximum(1 + parts / (row["scale"] or 1), 0.01)
         name = f"{row['metric']} of {row['parameter']}, {row['scenario']}: {row['verdict']}"
-        tip = f"{name}, × {short(parts[0])} ({between(parts[1:])})"
+        tip = f"{name}, × {short(ratios[0])} ({between(ratios[1:])})"
         names.append(symbols(name))
         ax.hlines(place, 1 / margin, margin, color=MUTED, lw=7, alpha=0.2)
         colour = VERDICTS.get(row["verdict"], MUTED)
-        _interval(ax, place, parts, "", tip, color=colour, marker="o")
+        _interval(ax, place, ratios, "", tip, color=colour, marker="o")
     return _rows(ax, names, "candidate / base: less is better")

@@ -83,7 +83,7 @@ class Drawing:
         }
 
     def over_time(
-        self, scenario: Scenario, name: str, settings: Mapping[str, str], label: str = "default"
+        self, scenario: Scenario, name: str, settings: dict[str, str], label: str = "default"
     ) -> list[Markup]:
         """Return the whole course of estimates and, if it changes, the first second after that.
 

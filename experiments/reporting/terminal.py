@@ -35,8 +35,8 @@ def lines(table: Table) -> rich.table.Table:
     shown = rich.table.Table(box=None, padding=(0, 1, 0, 0), title=table.name, title_justify="left",
                              caption="\n".join(table.notes), caption_justify="left")  # fmt: skip
     for head in table.heads:
-        justify = "left" if head == table.heads[0] else "right"
-        shown.add_column(escape(head), justify=justify, overflow="fold")
+        shown.add_column(escape(head), justify="right", overflow="fold")
+    shown.columns[0].justify = "left"
     for _, cells in table.rows:
         shown.add_row(*(escape(f"{'★ ' * c.best}{c.text}\n{c.small}".strip()) for c in cells))
     return shown

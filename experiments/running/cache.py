@@ -69,12 +69,12 @@ class RecordCache:
 
     def evict(self, limit: int | None = None) -> int:
         """Remove the least recently used entries down to a size [bytes]; return how many."""
-        excess, removed = self.size() - (self.limit if limit is None else limit), 0
-        for path in self.entries():
-            if excess <= 0:
-                break
-            excess, removed = excess - path.stat().st_size, removed + 1
-            path.unlink(missing_ok=True)
+        total, removed = 0, 0
+        for path in self.entries()[::-1]:
+            total += path.stat().st_size
+            if total > (self.limit if limit is None else limit):
+                path.unlink(missing_ok=True)
+                removed += 1
         return removed
 
     def _path(self, scenario: Scenario, seed: int) -> Path:

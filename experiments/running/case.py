@@ -175,6 +175,7 @@ def _run(
             return
         error = f"{type(raised).__name__}: {raised}"
     if error:  # a run lost at its first sample
+        assert record.true_parameters is not None
         drawn = unit.scenario.drawn(seed)
         lines = rows(failed_track(drawn, record.true_parameters, record.torque))
     outcome.cases.append(_row(unit, case, lines, error, trace))
@@ -237,7 +238,7 @@ def follow(
     """
     where, samples = f"on {scenario.name}, seed {record.seed}", len(record.time)
     y, claimed = getattr(record, estimator.output), None
-    thetas, shown = [], []
+    thetas, shown = [], list[Any]()
     # In seconds, so that the estimator does not learn from a cut when the fault comes.
     size = sample_index(1.0, scenario.period) if hasattr(estimator, "covariance") else samples
     for first in range(0, samples, size):
@@ -283,16 +284,9 @@ def track_of(  # noqa: PLR0917
     place, p = [list(estimated).index(name) for name in names], len(estimated)
     if len(place) < p and np.shape(claimed) == (p, p):
         claimed = np.asarray(claimed)[np.ix_(place, place)]
-    return Track(
-        scenario=scenario,
-        names=names,
-        theta=theta[:, place],
-        true_parameters=record.true_parameters,
-        torque=record.torque,
-        claimed=claimed,
-        innovations=innovations,
-        findings=findings,
-    )
+    known = {"claimed": claimed, "innovations": innovations, "findings": findings}
+    truth = record.true_parameters
+    return Track(scenario, names, theta[:, place], truth, record.torque, **known)
 
 
 def _row(

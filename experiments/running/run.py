@@ -110,8 +110,8 @@ class Runner:
 
     Attributes
     ----------
-    done, simulated : int
-        Cases run and records simulated so far.
+    done : int
+        Cases run so far.
     remarks : list of (str, str)
         Estimators of users that returned values that are not finite, and where.
 
@@ -136,8 +136,10 @@ class Runner:
         self._logs = tempfile.mkdtemp(prefix="flexaxis-")
         weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
-        self._workers = [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
-        self._advance, self.done, self.simulated = advance, 0, 0
+        self._workers: Sequence[Any] = (
+            [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
+        )
+        self._advance, self.done = advance, 0
         self.remarks: list[tuple[str, str]] = []
         self._folder, self._overwrite = folder, overwrite
 
@@ -200,7 +202,6 @@ class Runner:
             self.store.add(outcome.cases)
             lost -= len(outcome.cases)
             self.done += len(outcome.cases)
-            self.simulated += outcome.simulated
             self.remarks += outcome.remarks
             reason = next(iter(outcome.missing), reason)
             self._advance(len(outcome.cases))
@@ -268,7 +269,9 @@ class Runner:
     def _problems(self, pairs: Sequence[Pair]) -> Sequence[tuple[str, EstimatorError]]:
         """Return the names of scenarios for which estimators cannot be made, and the errors."""
         with suppress(BrokenExecutor):  # the cases will show which one ends its process
-            return pairs and self._workers[0].submit(_problems, pairs, self._options).result()
+            if pairs:
+                work = self._workers[0].submit(_problems, pairs, self._options)
+                return work.result()  # type: ignore[no-any-return]
         return ()
 
 

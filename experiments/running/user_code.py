@@ -124,7 +124,7 @@ def reported(
         if refusing and isinstance(error, EstimatorError):
             raise
         if (k := getattr(error, "at_sample", None)) is not None:
-            where += f", sample {first + k} ({period * (first + k):g} s)"
+            where += f", sample {first + k}" + f" ({period * (first + k):g} s)" * bool(period)
         if isinstance(error, StepError):
             raise EstimatorError(f"{text}, {where}: {error}") from error
         raise EstimatorCrash(f"{text} crashed {where}: {describe(error)}") from error

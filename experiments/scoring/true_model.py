@@ -19,12 +19,11 @@ from flexaxis.estimators.models.axes import (
     STATIC,
     with_angle,
 )
-from flexaxis.estimators.models.compiler import compiled
 from flexaxis.estimators.models.discretisation import law_steps
 from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.sampled import copy, prepare, travel
+from flexaxis.estimators.models.simulation import along, simulation
 from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.scoring.parameter_names import axis_model, has_model, true_theta
 from flexaxis.sim.scenario import Scenario
@@ -189,23 +188,13 @@ def _travel(
     model: Parametrization, theta: ArrayLike, u: ArrayLike, x: ArrayLike, period: float
 ) -> tuple[Array, Array]:
     """Return the gradient (N, p) along a torque (N,) from a state (n,), and the state after it."""
-    X = np.zeros((1 + len(model.names), model.n + 1))  # no state depends on θ yet
-    X[0, : model.states] = x
-    prepared = prepare(model, theta, period, steps=FINER * law_steps(model, period))
-    gradient, X = _travelled(prepared, X, np.ascontiguousarray(u, float))
-    return gradient, X[0, : model.states]
-
-
-@compiled
-def _travelled(prepared, X, u):
-    """Return ψ (N, q), zero at first, and states and sensitivities after N samples; X is lost."""
-    gradient, moved = np.zeros((len(u), len(X) - 1)), np.zeros_like(X)
-    for k in range(len(u)):
-        for a in range(1, len(X) if k > 0 else 1):
-            gradient[k, a - 1] = X[a, X.shape[1] - 1]
-        travel(prepared, X, moved, u[k])
-        copy(moved, X)
-    return gradient, X
+    steps = FINER * law_steps(model, period)
+    simulated = simulation(model, theta, period, steps=steps)
+    X = simulated["X"]  # no state depends on θ yet
+    X[: model.states, 0] = x
+    gradient = np.zeros((len(u), len(model.names)))
+    gradient[1:] = along(simulated, np.ascontiguousarray(u, float))[:-1, 1 : 1 + len(model.names)]
+    return gradient, X[: model.states, 0]
 
 
 def state_at(scenario: Scenario, truth: Array, u: Array, index: int) -> Array:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -12,10 +14,18 @@ from typing import Any
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.comparison import sweep
 from flexaxis.experiments.comparison.ranking import faults_of, overall, widest
-from flexaxis.experiments.files import REPORT, SUMMARY, write_json, write_text
+from flexaxis.experiments.files import (
+    REPORT,
+    SUMMARY,
+    optional_package,
+    write_json,
+    write_text,
+)
 from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
+from flexaxis.experiments.running.cache import default_cache, keep_nominal_runs
 from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
+from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.store import ROWS, Store
@@ -23,6 +33,32 @@ from flexaxis.experiments.running.study import Study, missing, units
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 FAILURE = ("scenario", "estimator", "seed", "error")
+
+
+@contextmanager
+def working(
+    cases: int, folder: str | Path | None = None, *, jobs: int = 1, dask: str | None = None,
+    cache: bool = True, overwrite: bool = False, time_limit: float | None = None,
+) -> Iterator[Runner]:  # fmt: skip
+    """Give a runner with progress; warn of estimates that are not finite."""
+    with ExitStack() as stack:
+        executor, kept = None, default_cache() if cache else None
+        stack.enter_context(keep_nominal_runs(kept))
+        if dask:
+            client = stack.enter_context(optional_package("distributed").Client(dask))
+            executor, jobs = client.get_executor(retries=2), sum(client.nthreads().values())
+        advance = stack.enter_context(progress(f"{cases} cases at most", cases))
+        runner = stack.enter_context(Runner(
+            Path(folder) if folder else None, jobs=jobs, executor=executor,
+            cache=kept, overwrite=overwrite, time_limit=time_limit, advance=advance,
+        ))  # fmt: skip
+        yield runner
+    for estimator, where in dict(reversed(runner.remarks)).items():
+        warnings.warn(
+            f"{estimator} returned an estimate that is not finite, first {where}: such a run "
+            "counts as diverged",
+            stacklevel=4,  # the line of the user
+        )
 
 
 def run(

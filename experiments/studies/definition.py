@@ -8,6 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError
 
 from flexaxis.estimators.errors import EstimatorError
@@ -51,6 +52,27 @@ def parse_seeds(text: str) -> tuple[int, ...]:
             f"1000:1030 (the last is not included), at most {MOST}"
         )
     return tuple(seeds)
+
+
+def seed_of(seed: Any) -> int:
+    """Return the number of a run; refuse what is no whole number from 0 to 2^63 − 1."""
+    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+    if not whole or not 0 <= seed < 2**63:
+        raise FlexaxisError(f"seed {seed!s:.40}: give a whole number from 0 to 2^63 - 1")
+    return int(seed)
+
+
+def seeds_of(seeds: Any, default: int) -> tuple[int, ...]:
+    """Return seeds: a number of them from 1000 on, a range as text, or those listed.
+
+    Examples
+    --------
+    >>> seeds_of(2, 8), seeds_of("5:7", 8), seeds_of(range(3), 8)
+    ((1000, 1001), (5, 6), (0, 1, 2))
+    """
+    if seeds is None or isinstance(seeds, str | int | float):
+        return parse_seeds(str(default if seeds is None else seeds))
+    return tuple(dict.fromkeys(map(seed_of, seeds)))
 
 
 def _one_or_more(value: Any) -> Any:

@@ -88,8 +88,6 @@ class Plant:
         self._called = any(isinstance(each, COMPILED_LAWS) for each in nonlinear)
         if self._called:
             friction.install()
-        if not len(parameters):
-            raise ParameterError("a plant needs the parameters of at least one run.")
         made = _compile(model, period / substeps, nonlinear)
         self._batch = Batch(made, len(parameters), 1)
         self._substeps = substeps
@@ -123,10 +121,6 @@ class Plant:
         """
         rows = [[*p.values()] if isinstance(p, AxisParameters) else p for p in parameters]
         values = np.array(rows, dtype=float)
-        if values.shape != self._values.shape:
-            raise ParameterError(
-                f"expected parameters of shape {self._values.shape}, got {values.shape}."
-            )
         new = values != self._values
         for run, column in np.argwhere(new):
             if problem := parameter_problem(self._names[column], float(values[run, column])):

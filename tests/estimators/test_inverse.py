@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.inverse import inverse_dynamics, jackknife, motion_of
 
 T, N, FINE = 1e-3, 12_000, 20
@@ -20,8 +19,8 @@ def driven(top, *, hump=0.0, sided=0.0, gravity=0.0):
     return (x.reshape(N, FINE).mean(axis=1) for x in (torque, speed, wanted))
 
 
-def found(names, *signals, **more):
-    return inverse_dynamics(motion_of(*signals, np.ones(N, bool), T), names, **more)
+def found(names, *signals):
+    return inverse_dynamics(motion_of(*signals, np.ones(len(signals[0]), bool), T), names)
 
 
 LINEAR = ("inertia", "viscous", "dry", "constant")
@@ -41,20 +40,6 @@ def test_two_sides_and_gravity_are_told_apart():
     assert axis.value["sided"] == pytest.approx(0.03, rel=0.02)
     assert axis.value["sine"] == pytest.approx(0.4, rel=0.01)
     assert axis.sure("sine") > 10 and axis.gain(("sine", "cosine")) > 0.5
-
-
-def test_a_hump_of_slow_motion_is_left_out():
-    axis = found(LINEAR, *driven(5.0, hump=2.0))
-    assert axis.value["viscous"] == pytest.approx(F, rel=0.02)
-    assert axis.value["dry"] == pytest.approx(F_C, rel=0.02)
-
-
-def test_what_is_known_is_taken_off_and_too_little_motion_is_refused():
-    signals = [*driven(5.0)]
-    axis = found(("inertia", "dry", "constant"), *signals, known={"viscous": F})
-    assert axis.value["dry"] == pytest.approx(F_C, rel=0.01)
-    with pytest.raises(EstimatorError, match="too few"):
-        found(LINEAR, *signals, without=np.arange(N) > 150)
 
 
 def test_beside_white_noise_the_jackknife_says_what_a_covariance_says():

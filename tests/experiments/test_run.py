@@ -90,7 +90,7 @@ from engine_cases import small_study
 from flexaxis.experiments.running.run import Runner
 with Runner(Path("rows")) as runner:
     print("begun", flush=True)
-    runner.run(small_study("{file}:Slow", seeds=24), about={{}})
+    runner.run(small_study("{file}:Slow", seeds=8), about={{}})
 """
 
 
@@ -117,7 +117,7 @@ def test_a_run_that_is_killed_or_stopped_resumes_with_every_row_once(tmp_path):
         process.wait()
         process.stdout.close()
     frame = Results.load(tmp_path / "rows").frame
-    assert len(frame) == 2 * 24 * 3
+    assert len(frame) == 2 * 8 * 3
     assert not frame.duplicated(["case", "parameter"]).any()
 
 
