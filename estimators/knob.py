@@ -16,7 +16,7 @@ Declared = str | Points | Way
 FARTHEST = 1024.0  # times its usual position, to either side
 FORGETS = 0.9  # an option alone with a default from here to 1 is a forgetting factor
 
-_WORDS = re.compile(r"(1-|1/)?\s*(\w+)")
+_WORDS = r"(1-|1/)?\s*(\w+)"
 _OF: Mapping[str, Callable[[float], float]] = {
     "": lambda x: x,
     "1-": lambda x: 1 - x,
@@ -130,7 +130,7 @@ def options_of(declared: Declared) -> tuple[str, ...]:
 
 
 def _read(declared: str) -> tuple[str, str]:
-    found = _WORDS.fullmatch(declared.strip())
+    found = re.fullmatch(_WORDS, declared.strip())
     if found is None:
         raise EstimatorError(
             f'its `knob` {declared!r} cannot be read; write "gain", "1-lam" or "1/window", or a '

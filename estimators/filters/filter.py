@@ -180,7 +180,7 @@ class CompiledFilter(RecursiveEstimator):
     ) -> None:
         super().__init__(design.names, design.output, design.bounds)
         module, name = loop.split(":")
-        name += "" if design.model.laws is None else "_with_laws"
+        name += "_with_laws" if design.model.forces else ""
         self._loop = getattr(import_module(module), name)
         self._design, self._begin, self._read = design, start, read
         self.reset()

@@ -1,36 +1,36 @@
 """
 Interacting multiple models: how likely each mode is, and how modes are mixed.
 
-A mode is a joint filter with a block of memory of its own; the blocks are the rows of a matrix. The
-first mode is the quiet one, beside which lies what mixing needs.
+A mode is a joint filter; what differs between modes has a row for each, the first that of the quiet
+one.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.covariance import merge
-from flexaxis.estimators.filters.joint import JOINT_FIELDS
-from flexaxis.estimators.filters.numbers import NUMBERS, WORDS
-from flexaxis.estimators.models.compiler import embedded, inlined
-from flexaxis.estimators.models.memory import Memory, items, matrix, records
-from flexaxis.estimators.models.series import FIELDS
+from flexaxis.estimators.filters.joint import Joint
+from flexaxis.estimators.filters.state import NUMBERS, WORDS
+from flexaxis.estimators.models.compiler import embedded, fused, inlined
+from flexaxis.estimators.models.memory import Memory, cube, items, matrix, records
+from flexaxis.estimators.models.series import FIELDS, Axis, axis_in
 
 Array = NDArray[np.float64]
 
 LEAST = 1e-30  # probability of a mode: from zero none comes back
 
 
-class Mode(NamedTuple):
+class Modes(NamedTuple):
     """
-    What mixing needs of a mode.
+    All modes, each with a row of most arrays; the model is the same.
 
     Attributes
     ----------
-    now, theta, X, P
+    axis, now, theta, X, P, G, GP, gain, drift, ceiling, lower, upper
         As of `flexaxis.estimators.filters.joint.Joint`.
-    xi : (m,) array
+    xi : (modes, m) array
         ξ = [θ; x].
     apart, mean : (m,) arrays
         Difference of two modes, and the mixture of all.
@@ -38,10 +38,18 @@ class Mode(NamedTuple):
         Covariance of the mixture.
     """
 
+    axis: Axis
     now: NDArray[np.void]
     theta: Array
     X: Array
     P: Array
+    G: Array
+    GP: Array
+    gain: Array
+    drift: Array
+    ceiling: Array
+    lower: Array
+    upper: Array
     xi: Array
     apart: Array
     mean: Array
@@ -49,36 +57,66 @@ class Mode(NamedTuple):
 
 
 @embedded
-def mode_in(block, at):
-    """Return what mixing needs of the block of a mode."""
-    return Mode(
+def modes_in(block, at):
+    """Return the modes of a block, whose arrays come in the order of `modes_of`."""
+    i = 1 + FIELDS
+    return Modes(
+        axis_in(block, at[1:i]),
         records(block, at[0], WORDS)[0].view(NUMBERS),
-        items(block, at[1 + FIELDS])[0],
-        matrix(block, at[2 + FIELDS])[0],
-        matrix(block, at[3 + FIELDS])[0],
-        items(block, at[JOINT_FIELDS])[0],
-        items(block, at[JOINT_FIELDS + 1])[0],
-        items(block, at[JOINT_FIELDS + 2])[0],
-        matrix(block, at[JOINT_FIELDS + 3])[0],
+        matrix(block, at[i])[0],
+        cube(block, at[i + 1])[0],
+        cube(block, at[i + 2])[0],
+        cube(block, at[i + 3])[0],
+        cube(block, at[i + 4])[0],
+        matrix(block, at[i + 5])[0],
+        cube(block, at[i + 6])[0],
+        items(block, at[i + 7])[0],
+        items(block, at[i + 8])[0],
+        items(block, at[i + 9])[0],
+        matrix(block, at[i + 10])[0],
+        items(block, at[i + 11])[0],
+        items(block, at[i + 12])[0],
+        matrix(block, at[i + 13])[0],
     )
 
 
-def mixing_arrays(P: Array) -> dict[str, Array]:
-    """Return the arrays of mixing for P (m, w)."""
-    m = np.zeros(len(P))
-    return {"mode_xi": m, "mode_apart": m, "mixture": m, "mixture_P": np.zeros_like(P)}
+def modes_of(arrays: Mapping[str, NDArray], count: int) -> Memory:
+    """Return so many modes that begin as one joint filter, from the arrays of that."""
+    own = ("now", "theta", "X", "P", "G", "GP", "gain", "drift")
+    one = arrays | {"now": arrays["now"][0]}
+    rows = {name: np.stack([one[name]] * count) for name in own}
+    m = np.zeros_like(arrays["gain"])
+    mixing = {"xi": np.stack([m] * count), "apart": m, "mean": m}
+    return Memory({**arrays, **rows, **mixing, "mean_P": np.zeros_like(arrays["P"])})
+
+
+@embedded
+def mode(modes, j):
+    """Return a mode as a joint filter."""
+    return Joint(
+        modes.axis,
+        modes.now[j : j + 1],
+        modes.theta[j],
+        modes.X[j],
+        modes.P[j],
+        modes.G[j],
+        modes.GP[j],
+        modes.gain[j],
+        modes.drift[j],
+        modes.ceiling,
+        modes.lower,
+        modes.upper,
+    )
 
 
 @inlined
-def mixture(blocks, at):
+def mixture(now):
     """Return what the modes predict together, and the variance of that without noise."""
     mean, spread = 0.0, 0.0
-    for j in range(len(blocks)):
-        now = mode_in(blocks[j], at).now[0]
-        mean += now["predicted"] * now["output"]
-    for j in range(len(blocks)):
-        now = mode_in(blocks[j], at).now[0]
-        spread += now["predicted"] * (now["spread"] + (now["output"] - mean) ** 2)
+    for j in range(len(now)):
+        mean += now[j]["predicted"] * now[j]["output"]
+    for j in range(len(now)):
+        spread += now[j]["predicted"] * (now[j]["spread"] + (now[j]["output"] - mean) ** 2)
     return mean, spread
 
 
@@ -92,28 +130,25 @@ def listen(now, y, noise):
 
 
 @inlined
-def weigh(blocks, at, estimates):
+def weigh(now, theta, estimates):
     """μ_j ← c_j Λ_j over their sum; write the mean of η."""
     highest, total = -np.inf, 0.0
-    for j in range(len(blocks)):
-        highest = max(highest, mode_in(blocks[j], at).now[0]["logarithm"])
-    for j in range(len(blocks)):
-        now = mode_in(blocks[j], at).now[0]
-        share = now["predicted"] * np.exp(now["logarithm"] - highest)
-        now["probability"] = share if share > LEAST else LEAST
-        total += now["probability"]
+    for j in range(len(now)):
+        highest = max(highest, now[j]["logarithm"])
+    for j in range(len(now)):
+        share = now[j]["predicted"] * np.exp(now[j]["logarithm"] - highest)
+        now[j]["probability"] = share if share > LEAST else LEAST
+        total += now[j]["probability"]
     for i in range(len(estimates)):
         estimates[i] = 0.0
-    for j in range(len(blocks)):
-        mode = mode_in(blocks[j], at)
-        now = mode.now[0]
-        now["probability"] /= total
+    for j in range(len(now)):
+        now[j]["probability"] /= total
         for i in range(len(estimates)):
-            estimates[i] += now["probability"] * mode.theta[i]
+            estimates[i] += now[j]["probability"] * theta[j, i]
 
 
 @inlined
-def mix(blocks, at):
+def mix(modes):
     """
     Give every mode the ξ⁰ and P⁰ from which it goes on.
 
@@ -121,32 +156,36 @@ def mix(blocks, at):
     all; the sum for it is kept beside it until the others no more need what it was. Π_0j is the
     same for all jumps j, and Π_jj is one less what goes back to quiet.
     """
-    modes, quiet = len(blocks), mode_in(blocks[0], at)
-    now = quiet.now[0]
-    _gather(quiet)
-    for a in range(len(quiet.mean)):
-        quiet.mean[a] = quiet.xi[a]
-        for b in range(quiet.P.shape[1]):
-            quiet.mean_P[a, b] = quiet.P[a, b]
-    total = now["stay"] * now["probability"]
-    jump = (1.0 - now["stay"]) / (modes - 1) * now["probability"]
-    for j in range(1, modes):
-        mode = mode_in(blocks[j], at)
-        _gather(mode)
-        weight = (1.0 - mode.now[0]["stay"]) * mode.now[0]["probability"]
+    now, xi, P, apart = modes.now, modes.xi, modes.P, modes.apart
+    quiet, p = now[0], modes.theta.shape[1]
+    for j in range(len(now)):
+        for a in range(p):
+            xi[j, a] = modes.theta[j, a]
+        for a in range(p, xi.shape[1]):
+            xi[j, a] = modes.X[j, a - p, 0]
+    for a in range(len(modes.mean)):
+        modes.mean[a] = xi[0, a]
+        for b in range(P.shape[2]):
+            modes.mean_P[a, b] = P[0, a, b]
+    total = quiet["stay"] * quiet["probability"]
+    jump = (1.0 - quiet["stay"]) / (len(now) - 1) * quiet["probability"]
+    for j in range(1, len(now)):
+        weight = (1.0 - now[j]["stay"]) * now[j]["probability"]
         total += weight
-        _join(quiet.mean, quiet.mean_P, mode.xi, mode.P, weight / total, quiet.apart)
-    for j in range(1, modes):
-        mode = mode_in(blocks[j], at)
-        one = mode.now[0]
-        one["predicted"] = jump + one["stay"] * one["probability"]
-        _join(mode.xi, mode.P, quiet.xi, quiet.P, jump / one["predicted"], quiet.apart)
-        _spread_out(mode, mode.xi)
-    now["predicted"] = total
-    for a in range(len(quiet.mean)):
-        for b in range(quiet.P.shape[1]):
-            quiet.P[a, b] = quiet.mean_P[a, b]
-    _spread_out(quiet, quiet.mean)
+        _join(modes.mean, modes.mean_P, xi[j], P[j], weight / total, apart)
+    for j in range(1, len(now)):
+        now[j]["predicted"] = jump + now[j]["stay"] * now[j]["probability"]
+        _join(xi[j], P[j], xi[0], P[0], jump / now[j]["predicted"], apart)
+    quiet["predicted"] = total
+    for a in range(len(modes.mean)):
+        xi[0, a] = modes.mean[a]
+        for b in range(P.shape[2]):
+            P[0, a, b] = modes.mean_P[a, b]
+    for j in range(len(now)):
+        for a in range(p):
+            modes.theta[j, a] = xi[j, a]
+        for a in range(p, xi.shape[1]):
+            modes.X[j, a - p, 0] = xi[j, a]
 
 
 @inlined
@@ -158,24 +197,25 @@ def _join(mean, P, other, other_P, share, apart):  # noqa: PLR0917
     merge(share, P, other_P, apart)
 
 
-@inlined
-def _gather(mode):
-    """Write ξ = [θ; x]."""
-    p = len(mode.theta)
-    for a in range(p):
-        mode.xi[a] = mode.theta[a]
-    for i in range(len(mode.xi) - p):
-        mode.xi[p + i] = mode.X[i, 0]
+@fused
+def merge(share, P, other, apart):
+    """
+    P ← (1−s) P + s P' + s (1−s) d dᵀ, the covariance of a mixture of two.
 
-
-@inlined
-def _spread_out(mode, xi):
-    """Write θ and x from ξ."""
-    p = len(mode.theta)
-    for a in range(p):
-        mode.theta[a] = xi[a]
-    for i in range(len(xi) - p):
-        mode.X[i, 0] = xi[p + i]
+    Parameters
+    ----------
+    share : float
+        s, the weight of the other.
+    P, other : (m, w) arrays
+    apart : (m,) array
+        d, the difference of their means.
+    """
+    rest = 1.0 - share
+    root = np.sqrt(share * rest)
+    for a in range(len(apart)):
+        for b in range(len(apart)):
+            mine = rest * P[a, b] + share * other[a, b]
+            P[a, b] = mine + (root * apart[a]) * (root * apart[b])
 
 
 def read_mixture(state: Memory) -> tuple[Array, Array]:

@@ -11,11 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.covariance import bound, project
 from flexaxis.estimators.filters.design import Design
-from flexaxis.estimators.filters.lanes import on_lanes
 from flexaxis.estimators.filters.noise import level
-from flexaxis.estimators.filters.numbers import NUMBERS, WORDS
+from flexaxis.estimators.filters.state import NUMBERS, WORDS, bound, on_lanes, project
 from flexaxis.estimators.models.compiler import embedded, fused, inlined, summed
 from flexaxis.estimators.models.memory import Memory, items, matrix, numbers, records
 from flexaxis.estimators.models.rows import multiply, padded
@@ -23,8 +21,7 @@ from flexaxis.estimators.models.series import (
     FIELDS,
     Axis,
     axis_in,
-    lawful_sample,
-    linear_sample,
+    over_sample,
 )
 
 Array = NDArray[np.float64]
@@ -65,10 +62,6 @@ class Joint(NamedTuple):
     ceiling: Array
     lower: Array
     upper: Array
-
-
-JOINT_FIELDS = FIELDS + len(Joint._fields) - 1
-"""Arrays of a block before those of a filter that has more."""
 
 
 @embedded
@@ -130,26 +123,13 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
 
 
 @inlined
-def start_sample(state):
-    """Set the derivatives by ξ at the start of a sample: ∂x/∂θ = 0, ∂x/∂x = I."""
+def predict(state, u, laws):
+    """Take ξ over a sample with u held, with derivatives by ξ before it: ∂x/∂θ = 0, ∂x/∂x = I."""
     X, p = state.X, len(state.lower)
     for i in range(len(state.gain) - p):
         for j in range(1, 1 + len(state.gain)):
             X[i, j] = 1.0 if j == 1 + p + i else 0.0
-
-
-@inlined
-def predict(state, u):
-    """Take ξ over a sample of a linear model with u held, with derivatives by ξ before it."""
-    start_sample(state)
-    linear_sample(state.axis, state.theta, state.X, u)
-
-
-@inlined
-def predict_with_laws(state, u):
-    """Do as `predict` for a model with laws."""
-    start_sample(state)
-    lawful_sample(state.axis, state.theta, state.X, u)
+    over_sample(state.axis, state.theta, X, u, laws)
 
 
 @fused

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.filters.covariance import bound, project
 from flexaxis.estimators.filters.design import Design, at_least_zero
 from flexaxis.estimators.filters.fault_monitor import (
     HEEDS_LOST,
@@ -21,9 +20,8 @@ from flexaxis.estimators.filters.fault_monitor import (
     is_stuck,
     monitor_numbers,
 )
-from flexaxis.estimators.filters.lanes import on_lanes
 from flexaxis.estimators.filters.noise import FINEST, KNOWN, MEMORY, clipped_variance
-from flexaxis.estimators.filters.numbers import NUMBERS, WORDS
+from flexaxis.estimators.filters.state import NUMBERS, WORDS, bound, on_lanes, project
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.memory import Memory, items, matrix, numbers, records
 from flexaxis.estimators.models.series import FIELDS, Axis, axis_in

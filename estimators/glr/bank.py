@@ -24,7 +24,7 @@ for it; so each stands once, for all onsets within its spacing.
 
 import numpy as np
 
-from flexaxis.estimators.glr.cogging import carry_waves, pair_waves
+from flexaxis.estimators.glr.cogging import carry_waves
 from flexaxis.estimators.models.compiler import fused, inlined, summed
 from flexaxis.estimators.models.rows import multiply
 
@@ -50,7 +50,8 @@ def carry_columns(bank, state, e, S):
         waves, axis = bank.waves, state.axis
         carry_waves(waves, axis.response, axis.sizes[0]["steps"], state.G)
         correct(waves.D, waves.moved, state.gain, root, z, p, waves.J, waves.d)
-        pair_waves(b, waves, root, z)
+        b["repeated"] += z * b["z_before"]
+        b["z_before"] = z if measured else b["z_before"]
     elif b["awake"] > 0:
         multiply(state.G, bank.D, bank.moved)
         correct(bank.D, bank.moved, state.gain, root, z, p, bank.J, bank.d)

@@ -4,8 +4,9 @@ Cogging that nobody told: a torque over the angle of the motor, looked for in th
 A torque c B(φ) of the motor that the model lacks moves the error of its filter along c δ, as a jump
 does (`flexaxis.estimators.glr.bank`), but δ begins at zero and every sample adds what the torque B
 does in it: δ ← F δ − K φ + Γ B. So J and d of a column tell size and evidence of its coefficient.
-The columns hold sine and cosine of every whole number of waves in a turn. The strongest wave, if it
-is clear, becomes a law of cogging in a filter that begins where this one is.
+The columns hold sine and cosine of every whole number of waves in a turn, which over many turns
+have nothing in common. The strongest wave, if it is clear, becomes a law of cogging in a filter
+that begins where this one is.
 """
 
 from typing import NamedTuple
@@ -36,8 +37,6 @@ class Waves(NamedTuple):
         δ, and what a sample makes of it.
     J, d, pull : (2K,) arrays
         Sums of each, and its torque.
-    cross : (K,) array
-        What sine and cosine have in common.
     """
 
     D: Array
@@ -45,7 +44,12 @@ class Waves(NamedTuple):
     J: Array
     d: Array
     pull: Array
-    cross: Array
+
+
+def wave_arrays(m: int, n: int, waves: int) -> dict[str, Array]:
+    """Return the arrays of `Waves` for m unknowns, of which n are states, by name."""
+    columns = {"wave_D": np.zeros((m, 2 * waves)), "wave_moved": np.zeros((n + 1, 2 * waves))}
+    return columns | {name: np.zeros(2 * waves) for name in ("wave_J", "wave_d", "pull")}
 
 
 @inlined
@@ -57,7 +61,6 @@ def waves_in(block, at):
         items(block, at[2])[0],
         items(block, at[3])[0],
         items(block, at[4])[0],
-        items(block, at[5])[0],
     )
 
 
@@ -89,17 +92,6 @@ def carry_waves(waves, response, steps, G):
             moved[i, c] += push * pull[c]
 
 
-@fused
-def pair_waves(b, waves, root, z):
-    """Keep what sine and cosine of a wave have in common, and how e repeats."""
-    if root > 0.0:
-        seen = waves.moved[-1]
-        for k in range(len(waves.cross)):
-            waves.cross[k] += (seen[2 * k] * root) * (seen[2 * k + 1] * root)
-        b["repeated"] += z * b["z_before"]
-        b["z_before"] = z
-
-
 @inlined
 def begin_waves(b, waves):
     """Forget all torques: the axis begins to move."""
@@ -113,7 +105,6 @@ def begin_sums(b, waves):
     """Forget all evidence: the filter is no longer thrown about, as by its first samples."""
     waves.J[:] = 0.0
     waves.d[:] = 0.0
-    waves.cross[:] = 0.0
     b["repeated"] = b["z_before"] = b["chi2"] = b["used"] = 0.0
 
 
@@ -137,13 +128,11 @@ def strongest_wave(bank: Memory, variance: float) -> tuple[int, float, float] | 
     (waves, sine, cosine) or None
         Coefficients in N m; None where no wave is clear.
     """
-    chi2, used, waves = float(bank["chi2"]), float(bank["used"]), len(bank["cross"])
+    chi2, used, waves = float(bank["chi2"]), float(bank["used"]), len(bank["pull"]) // 2
     if not waves or used < UNKNOWN or not chi2 > 0:
         return None
     J, d = (bank[name].reshape(waves, 2) for name in ("wave_J", "wave_d"))
-    A = np.eye(2) * (J + max(1.0, chi2 / used) / variance)[:, None]
-    A[:, 0, 1] = A[:, 1, 0] = bank["cross"]
-    size = np.linalg.solve(A, d[..., None])[..., 0]
+    size = d / (J + max(1.0, chi2 / used) / variance)
     explained = np.minimum((size * d).sum(axis=1), (1 - 1 / used) * chi2)
     left = chi2 - explained
     rho = np.clip((bank["repeated"] - explained) / left, 0.0, 0.95)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexaxis.estimators.filters.constrained import draw_estimates
-from flexaxis.estimators.filters.joint import joint_in, look, predict_with_laws, update
+from flexaxis.estimators.filters.joint import joint_in, look, predict, update
 from flexaxis.estimators.filters.noise import judge, show
 from flexaxis.estimators.glr.bank import (
     NEVER,
@@ -16,6 +16,7 @@ from flexaxis.estimators.glr.bank import (
 from flexaxis.estimators.glr.cogging import begin_sums, begin_waves, look_for_waves
 from flexaxis.estimators.glr.records import bank_in
 from flexaxis.estimators.models.compiler import inlined, loop, summed
+from flexaxis.estimators.models.series import LAWS
 
 
 @loop
@@ -38,7 +39,7 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
         _measure(state, bank, u[k], y[k], valid[k])
         asks = _think(state, bank, estimates[k])
         show(state.now[0], trace[k])
-        predict_with_laws(state, u[k])
+        predict(state, u[k], LAWS)
         if b["searching"] > 0:
             look_for_waves(b, bank.waves.pull, state.now[0], state.axis)
         _go_through(second, bank, state.now[0]["noise"])
@@ -80,7 +81,7 @@ def _go_through(state, bank, highest):
         b["rerun"] += 1
         if b["at"] == b["mark"]:
             b["cost_first"] = b["cost_one"]
-        predict_with_laws(state, torque)
+        predict(state, torque, LAWS)
 
 
 @inlined

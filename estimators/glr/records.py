@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.filters.constrained import Told, told_arrays, told_in
 from flexaxis.estimators.filters.design import Design, at_least_zero
 from flexaxis.estimators.glr.bank import MORE, NEVER, PER_LEVEL
-from flexaxis.estimators.glr.cogging import Waves, waves_in
+from flexaxis.estimators.glr.cogging import Waves, wave_arrays, waves_in
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.meaning import moving_poles
 from flexaxis.estimators.models.memory import Memory, cube, items, matrix, numbers, records
@@ -288,10 +288,31 @@ def bank_of(
     waves : int
         In a turn, of the fastest cogging that is looked for; 0 for none.
     """
-    p, n, q = len(design.theta0), design.model.states, len(jumps.which)
-    m, slots = p + n, PER_LEVEL + MORE * (timing.levels - 1)
-    H, K = slots * q, 2 * min(waves, PER_LEVEL * timing.levels * q // 2)
-    now = {
+    m, slots = len(design.theta0) + design.model.states, PER_LEVEL + MORE * (timing.levels - 1)
+    H = slots * len(jumps.which)
+    return Memory(
+        {
+            "now": numbers(BANK, _at_first(design, timing, alarm, waves)),
+            "which": np.array(jumps.which, np.int64),
+            "variance": jumps.size**2,
+            "log_prior": np.log(jumps.rate * design.period),
+        }
+        | told_arrays(tracked, groups)
+        | {"history": np.zeros((_history(timing), 3))}
+        | {"delta": np.zeros(m), "moved_one": np.zeros(design.model.states)}
+        | {"D": np.zeros((m, H)), "moved": np.zeros((design.model.states + 1, H))}
+        | {name: np.zeros(H) for name in ("J", "d", "size", "weight")}
+        | {"evidence": np.full(H, -np.inf), "precision": np.zeros(H), "prior": np.zeros(H)}
+        | {"onset": np.full(slots, NEVER), "chi2_at": np.zeros(slots), "used_at": np.zeros(slots)}
+        | {"kept_P": np.zeros((slots, m, padded(m))), "kept_xi": np.zeros((slots, m))}
+        | {"mixed": np.zeros(len(design.theta0))}
+        | wave_arrays(m, design.model.states, min(waves, 4 * timing.levels * len(jumps.which)))
+    )
+
+
+def _at_first(design: Design, timing: Timing, alarm: float, waves: int) -> dict[str, Any]:
+    """Return the numbers of a bank before the first sample, where they are not zero."""
+    return dict.fromkeys(("due", "born", "mark"), NEVER) | {
         "base": timing.base,
         "budget": timing.budget,
         "commissioning": timing.first,
@@ -300,9 +321,6 @@ def bank_of(
         "misfit_share": 1.0 / timing.memory,
         "period": design.period,
         "mean_speed": find_signal(design.output).mean_speed(design.period),
-        "due": NEVER,
-        "born": NEVER,
-        "mark": NEVER,
         "none": 1.0,
         "kappa": 1.0,
         "misfit": 1.0,
@@ -311,40 +329,6 @@ def bank_of(
         "odds": -np.inf,
         "cost_first": np.inf,
     }
-    return Memory(
-        {
-            "now": numbers(BANK, now),
-            "which": np.array(jumps.which, np.int64),
-            "variance": jumps.size**2,
-            "log_prior": np.log(jumps.rate * design.period),
-        }
-        | told_arrays(tracked, groups)
-        | {
-            "history": np.zeros((_history(timing), 3)),
-            "delta": np.zeros(m),
-            "moved_one": np.zeros(n),
-            "D": np.zeros((m, H)),
-            "moved": np.zeros((n + 1, H)),
-        }
-        | {name: np.zeros(H) for name in ("J", "d", "size", "weight")}
-        | {
-            "evidence": np.full(H, -np.inf),
-            "precision": np.zeros(H),
-            "prior": np.zeros(H),
-            "onset": np.full(slots, NEVER),
-            "chi2_at": np.zeros(slots),
-            "used_at": np.zeros(slots),
-            "kept_P": np.zeros((slots, m, padded(m))),
-            "kept_xi": np.zeros((slots, m)),
-            "mixed": np.zeros(p),
-            "wave_D": np.zeros((m, K)),
-            "wave_moved": np.zeros((n + 1, K)),
-            "wave_J": np.zeros(K),
-            "wave_d": np.zeros(K),
-            "pull": np.zeros(K),
-            "cross": np.zeros(K // 2),
-        }
-    )
 
 
 def _history(timing: Timing) -> int:

@@ -6,9 +6,8 @@ from numpy.typing import ArrayLike
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.filters.design import Design, above_zero, finite_vector
 from flexaxis.estimators.filters.filter import CompiledFilter
-from flexaxis.estimators.filters.interacting_models import mixing_arrays, read_mixture
+from flexaxis.estimators.filters.interacting_models import modes_of, read_mixture
 from flexaxis.estimators.filters.joint import joint_arrays
-from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
@@ -58,8 +57,7 @@ def joint_imm(
     variances = finite_vector("jump", jump, p)
     if not (variances >= 0).all():
         raise EstimatorError(f"jump is {jump!r}; give variances that are not negative")
-    arrays = joint_arrays(design, stay=1 - period / hold)
-    start = Memory(arrays | mixing_arrays(arrays["P"]), times=1 + p)
+    start = modes_of(joint_arrays(design, stay=1 - period / hold), 1 + p)
     start["stay"][0] = 1 - rate * period
     for i, variance in enumerate(variances / design.scale**2):
         start["drift"][1 + i, i, i] += variance

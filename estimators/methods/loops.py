@@ -11,10 +11,11 @@ from flexaxis.estimators.filters.interacting_models import (
     listen,
     mix,
     mixture,
-    mode_in,
+    mode,
+    modes_in,
     weigh,
 )
-from flexaxis.estimators.filters.joint import joint_in, look, predict, predict_with_laws, update
+from flexaxis.estimators.filters.joint import joint_in, look, predict, update
 from flexaxis.estimators.filters.noise import judge, show
 from flexaxis.estimators.filters.prediction_error import (
     bound_P,
@@ -24,12 +25,23 @@ from flexaxis.estimators.filters.prediction_error import (
     recursion_in,
 )
 from flexaxis.estimators.models.compiler import inlined, loop
-from flexaxis.estimators.models.series import lawful_sample, linear_sample
+from flexaxis.estimators.models.series import LAWS, over_sample
 
 
 @loop
 def rpem(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Take samples of a recursive prediction-error method, eq. (5)–(23)."""
+    return _rpem(block, at, u, y, valid, estimates, trace, None)
+
+
+@loop
+def rpem_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
+    """Do as `rpem` for models with laws."""
+    return _rpem(block, at, u, y, valid, estimates, trace, LAWS)
+
+
+@inlined
+def _rpem(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
     state = recursion_in(block, at)
     for k in range(len(u)):
         measure(state, y[k], valid[k])  # (5)–(7)
@@ -37,23 +49,7 @@ def rpem(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
         forget(state, valid[k])  # (9) or (10), (12), or another rule
         bound_P(state)
         publish(state, k, estimates, trace)
-        linear_sample(state.axis, state.theta, state.X, u[k])  # (17)–(23)
-        if state.now[0]["anew"] > state.now[0]["heeds"]:
-            return -k - 1
-    return len(u)
-
-
-@loop
-def rpem_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
-    """Do as `rpem` for models with laws."""
-    state = recursion_in(block, at)
-    for k in range(len(u)):
-        measure(state, y[k], valid[k])
-        correct_state(state)
-        forget(state, valid[k])
-        bound_P(state)
-        publish(state, k, estimates, trace)
-        lawful_sample(state.axis, state.theta, state.X, u[k])
+        over_sample(state.axis, state.theta, state.X, u[k], laws)  # (17)–(23)
         if state.now[0]["anew"] > state.now[0]["heeds"]:
             return -k - 1
     return len(u)
@@ -62,74 +58,62 @@ def rpem_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
 @loop
 def ekf(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Take samples of a joint extended Kalman filter."""
-    state = joint_in(block, at)
-    for k in range(len(u)):
-        _update(state, y[k], valid[k], estimates[k], trace[k])
-        predict(state, u[k])
-    return len(u)
+    return _ekf(block, at, u, y, valid, estimates, trace, None)
 
 
 @loop
 def ekf_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Do as `ekf` for models with laws."""
+    return _ekf(block, at, u, y, valid, estimates, trace, LAWS)
+
+
+@inlined
+def _ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
     state = joint_in(block, at)
-    for k in range(len(u)):
-        _update(state, y[k], valid[k], estimates[k], trace[k])
-        predict_with_laws(state, u[k])
-    return len(u)
-
-
-@inlined
-def _update(state, y, valid, estimates, trace):
-    """Take a joint filter through a measurement; write η, and ŷ, innovation and its variance."""
     now = state.now[0]
-    look(state)
-    used = judge(now, y, valid, state.X[-1, 0], now["spread"])
-    update(state, used, now["noise"])
-    for i in range(len(estimates)):
-        estimates[i] = state.theta[i]
-    show(now, trace)
+    for k in range(len(u)):
+        look(state)
+        used = judge(now, y[k], valid[k], state.X[-1, 0], now["spread"])
+        update(state, used, now["noise"])
+        for i in range(estimates.shape[1]):
+            estimates[k, i] = state.theta[i]
+        show(now, trace[k])
+        predict(state, u[k], laws)
+    return len(u)
 
 
 @loop
-def imm(blocks, at, u, y, valid, estimates, trace):  # noqa: PLR0917
+def imm(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Take samples of interacting multiple models."""
-    for k in range(len(u)):
-        _update_modes(blocks, at, y[k], valid[k], estimates[k], trace[k])
-        for j in range(len(blocks)):
-            predict(joint_in(blocks[j], at), u[k])
-        if mode_in(blocks[0], at).now[0]["anew"] > 0.0:
-            return -k - 1
-    return len(u)
+    return _imm(block, at, u, y, valid, estimates, trace, None)
 
 
 @loop
-def imm_with_laws(blocks, at, u, y, valid, estimates, trace):  # noqa: PLR0917
+def imm_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Do as `imm` for models with laws."""
-    for k in range(len(u)):
-        _update_modes(blocks, at, y[k], valid[k], estimates[k], trace[k])
-        for j in range(len(blocks)):
-            predict_with_laws(joint_in(blocks[j], at), u[k])
-        if mode_in(blocks[0], at).now[0]["anew"] > 0.0:
-            return -k - 1
-    return len(u)
+    return _imm(block, at, u, y, valid, estimates, trace, LAWS)
 
 
 @inlined
-def _update_modes(blocks, at, y, valid, estimates, trace):  # noqa: PLR0917
-    """Take all modes through a measurement, weigh and mix them; write what `_update` does."""
-    for j in range(len(blocks)):
-        state = joint_in(blocks[j], at)
-        look(state)
-        state.now[0]["output"] = state.X[-1, 0]
-    prediction, spread = mixture(blocks, at)
-    now = mode_in(blocks[0], at).now[0]
-    used = judge(now, y, valid, prediction, spread)
-    noise = now["noise"]
-    for j in range(len(blocks)):
-        state = joint_in(blocks[j], at)
-        listen(state.now[0], used, noise)
-        update(state, used, noise)
-    weigh(blocks, at, estimates)
-    mix(blocks, at)
-    show(now, trace)
+def _imm(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
+    modes = modes_in(block, at)
+    now, quiet = modes.now, modes.now[0]
+    for k in range(len(u)):
+        for j in range(len(now)):
+            state = mode(modes, j)
+            look(state)
+            now[j]["output"] = state.X[-1, 0]
+        prediction, spread = mixture(now)
+        used = judge(quiet, y[k], valid[k], prediction, spread)
+        noise = quiet["noise"]
+        for j in range(len(now)):
+            listen(now[j], used, noise)
+            update(mode(modes, j), used, noise)
+        weigh(now, modes.theta, estimates[k])
+        mix(modes)
+        show(quiet, trace[k])
+        for j in range(len(now)):
+            predict(mode(modes, j), u[k], laws)
+        if quiet["anew"] > 0.0:
+            return -k - 1
+    return len(u)

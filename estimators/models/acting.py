@@ -1,4 +1,4 @@
-"""The laws of a model as arrays, for compiled code."""
+"""The laws of a model as records, for compiled code."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -8,6 +8,21 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.laws import INPUT, KINDS, LAWS, MOST_ROLES, Law
 
+F, F_W, F_S, S, S_W, S_S, ROLE = range(7)
+"""Places in ``local``, see `flexaxis.estimators.models.law_torques`."""
+LAW = np.dtype(
+    [("kind", int), ("memory", int), ("load", int)]
+    + [(name, float) for name in ("force", "offset", "change", "reach")]
+    + [("parameter", int, MOST_ROLES), ("value", float, MOST_ROLES)]
+    + [("roles", float, MOST_ROLES), ("local", float, ROLE + 2 * MOST_ROLES)]
+)
+"""
+A law: its place in `KINDS`; the state that it has of its own, and the law by whose drive it is
+loaded, −1 for none; the torque of the last step, c, w̄ in a step of the search and what it is made
+of; which θ_i its parameters are by role, −1 for none, with factors of these, or values; parameters
+at θ, and what its torque is, with derivatives.
+"""
+
 
 class Acting(NamedTuple):
     """
@@ -15,31 +30,19 @@ class Acting(NamedTuple):
 
     Attributes
     ----------
-    kind : (L,) int array
-        Place in `KINDS`.
-    memory : (L,) int array
-        State that a law has of its own; −1 for none.
+    records : (L,) records
     drive : (L, n+1) array
         w of each law, as factors of the n states and of the input.
-    value : (L, R) array
-        Parameters of each role, or where they are identified their factor of θ_i.
-    parameter : (L, R) int array
-        Which θ_i it is; −1 for none.
-    load : (L,) int array
-        Of which law the drive is the load of a law; −1 for none.
     """
 
-    kind: NDArray[np.int64]
-    memory: NDArray[np.int64]
+    records: NDArray[np.void]
     drive: NDArray[np.float64]
-    value: NDArray[np.float64]
-    parameter: NDArray[np.int64]
-    load: NDArray[np.int64]
 
     def relative(self, scale: NDArray[np.float64]) -> "Acting":
         """Return the same as functions of θ/scale."""
-        factor = np.where(self.parameter >= 0, np.r_[scale, 1.0][self.parameter], 1.0)
-        return self._replace(value=self.value * factor)
+        records, which = self.records.copy(), self.records["parameter"]
+        records["value"] *= np.where(which >= 0, np.r_[scale, 1.0][which], 1.0)
+        return Acting(records, self.drive)
 
 
 def acting(
@@ -60,26 +63,23 @@ def acting(
     identify : sequence of str
         The identified parameters.
     """
-    own = np.cumsum([law.remembers for law in laws], dtype=int)
-    memory = np.where([law.remembers for law in laws], len(states) + own - 1, -1)
-    drive = np.zeros((len(laws), len(states) + sum(law.remembers for law in laws) + 1))
-    value, index = np.zeros((len(laws), MOST_ROLES)), np.full((len(laws), MOST_ROLES), -1)
-    for i, law in enumerate(laws):
-        for state, factor in law.drive.items():
-            drive[i, -1 if state == INPUT else list(states).index(state)] = factor
+    records, kinds = np.zeros(len(laws), LAW), [law.kind for law in laws]
+    records["parameter"] = records["memory"] = records["load"] = -1
+    drive, memory = [], len(states)
+    for record, law in zip(records, laws, strict=True):
+        record["kind"] = KINDS.index(law.kind)
+        if law.remembers:
+            record["memory"], memory = memory, memory + 1
+        if LAWS[law.kind].loaded:
+            record["load"] = kinds.index("spring")
         for role, parameter in law.parameters.items():
             r = list(law.roles).index(role)
-            if isinstance(parameter, str) and parameter in identify:
-                value[i, r], index[i, r] = 1.0, list(identify).index(parameter)
+            if parameter in identify:
+                record["value"][r], record["parameter"][r] = 1.0, identify.index(parameter)
             else:
-                value[i, r] = nominal[parameter] if isinstance(parameter, str) else parameter
-    kinds = [law.kind for law in laws]
-    load = [kinds.index("spring") if LAWS[kind].loaded else -1 for kind in kinds]
-    return Acting(
-        np.array([KINDS.index(kind) for kind in kinds], np.int64),
-        memory.astype(np.int64),
-        drive,
-        value,
-        index.astype(np.int64),
-        np.array(load, np.int64),
-    )
+                record["value"][r] = nominal.get(parameter, parameter)
+        drive.append([law.drive.get(state, 0.0) for state in states])
+    own = memory - len(states)
+    inputs = [law.drive.get(INPUT, 0.0) for law in laws]
+    w = np.reshape(drive, (len(laws), len(states)))
+    return Acting(records, np.column_stack([w, np.zeros((len(laws), own)), inputs]))

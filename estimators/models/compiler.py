@@ -13,11 +13,17 @@ import gc
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from functools import cached_property, lru_cache, update_wrapper
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+
+try:
+    import fcntl
+except ImportError:  # Windows: two processes may compile the same, and keep it twice
+    fcntl = None  # type: ignore[assignment]
 
 SOURCES = Path(__file__).parent.parent
 """The folder whose sources decide whether what is kept is still right."""
@@ -45,29 +51,16 @@ class Compiled:
         self._called = False
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it; what is not yet compiled is compiled now."""
-        if not self.kept:
-            return self.function(*arguments)
-        return self.dispatcher(*arguments) if self._called else self._first_call(arguments)
+        """Call it; what is not yet compiled is compiled now, by one process at a time."""
+        call = self.dispatcher if self.kept else self.function
+        if self._called or call is self.function:
+            return call(*arguments)
+        with _alone(self.name):
+            self._called = True
+            return call(*arguments)
 
     def __reduce__(self) -> str:
         return self.name
-
-    def _first_call(self, arguments: tuple) -> Any:
-        """Call it, and say so where it has to be compiled."""
-        call, folder = self.dispatcher, cache_folder()
-        kept = folder is not None and any(folder.rglob(f"*.{self.name}-*.nbi"))
-        if call is not self.function and not kept:
-            where = f"once, into {folder}" if folder else "as no cache folder can be written"
-            print(f"flexaxis: compiling {self.name} {where} …", file=sys.stderr, flush=True)
-        collecting = gc.isenabled()
-        gc.disable()  # looking for garbage takes a sixth of the time, and finds next to none
-        try:
-            return call(*arguments)
-        finally:
-            self._called = True
-            if collecting:
-                gc.enable()
 
     @cached_property
     def dispatcher(self) -> Any:
@@ -110,17 +103,46 @@ def summed(function: Callable) -> Compiled:
     return Compiled(function, fastmath={"contract", "reassoc"})
 
 
+@contextmanager
+def _alone(name: str) -> Iterator[None]:
+    """Let other processes wait that need a function of this name, and then find it compiled."""
+    folder, collects = cache_folder(), gc.isenabled()
+    if folder is None:
+        _tell("in every process, as no cache folder can be written")
+    else:
+        with suppress(FileExistsError):  # somebody else has begun, and has told
+            (folder / "begun").open("x").close()
+            _tell(f"once on this machine, a minute or two, into {folder}")
+    gc.disable()  # looking for garbage takes a sixth of the time, and finds next to none
+    try:
+        with (folder / f"{name}.lock").open("w") if folder and fcntl else nullcontext() as file:
+            if file:
+                fcntl.flock(file, fcntl.LOCK_EX)
+            yield
+    finally:
+        if collects:
+            gc.enable()
+
+
 @lru_cache
 def _numba() -> Any:
     """Return numba, told where to keep what it compiles, and of what a `Compiled` is to it."""
     import numba
+    from numba.core.caching import _CacheLocator
     from numba.extending import typeof_impl
 
     config: Any = numba.config
     config.SLP_VECTORIZE = 1  # numbers that are written side by side become vectors
-    folder = cache_folder()
-    if folder is not None:
+    if folder := cache_folder():
         config.CACHE_DIR = str(folder)
+        usual = _CacheLocator.get_suitable_cache_subpath
+
+        def place(path: str) -> str:
+            """Return the same folder for every copy of these sources, wherever it is."""
+            ours = SOURCES in Path(path).parents
+            return Path(path).parent.name if ours else usual(path)
+
+        _CacheLocator.get_suitable_cache_subpath = staticmethod(place)
     typeof_impl.register(Compiled)(lambda value, _: numba.types.Dispatcher(value.dispatcher))
     return numba
 
@@ -144,6 +166,11 @@ def cache_folder() -> Path | None:
     except (OSError, RuntimeError):  # RuntimeError: a user without a home
         return None
     return folder
+
+
+@lru_cache
+def _tell(how: str) -> None:
+    print(f"flexaxis: compiling filters {how} …", file=sys.stderr, flush=True)
 
 
 def digest(folder: Path) -> str:

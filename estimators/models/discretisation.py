@@ -1,80 +1,12 @@
-"""How a model is sampled: its pattern, the order of the series, and the oracle by expm."""
+"""How a model is sampled: the order of the series, and the same by a matrix exponential."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.parametrization import Parametrization
-
-
-class Pattern(NamedTuple):
-    """
-    The structure of the block matrix [A B; C 0], without any of its numbers.
-
-    Attributes
-    ----------
-    n, p : int
-        States and identified parameters.
-    reset : tuple of int
-        States that are zero at the start of every sample.
-    entries : tuple of (row, column, varies)
-        Places that are not zero; ``varies`` is 1 where the entry depends on θ.
-    terms : tuple of (entry, e_1, …, e_p)
-        The terms c·Πθ^e of the entries that depend on θ.
-    laws : int
-        Nonlinear laws, whose torques are the last of the states.
-    """
-
-    n: int
-    p: int
-    reset: tuple[int, ...]
-    entries: tuple[tuple[int, ...], ...]
-    terms: tuple[tuple[int, ...], ...]
-    laws: int = 0
-
-    @property
-    def states(self) -> int:
-        """Number of states, without the torques of laws."""
-        return self.n - self.laws
-
-    @property
-    def lanes(self) -> int:
-        """Width of a row of lanes: a value and p derivatives, padded to whole registers."""
-        return 2 if self.p == 1 else -4 * (-(1 + self.p) // 4)
-
-
-def split(model: Parametrization) -> tuple[Pattern, NDArray[np.float64]]:
-    """
-    Split a model into its pattern and the coefficients of the pattern's terms.
-
-    Parameters
-    ----------
-    model : Parametrization
-
-    Returns
-    -------
-    pattern : Pattern
-    coefficients : (terms,) array
-    """
-    keys = np.column_stack([model.row, model.column, model.exponent])
-    keys, inverse = np.unique(keys, axis=0, return_inverse=True)
-    coefficients = np.bincount(inverse.ravel(), model.coefficient).astype(float)
-    places = [tuple(place) for place in np.unique(keys[:, :2], axis=0).tolist()]
-    varying = {(row, column) for row, column, *exponents in keys.tolist() if any(exponents)}
-    kept = [k for k, key in enumerate(keys.tolist()) if (key[0], key[1]) in varying]
-    pattern = Pattern(
-        n=model.n,
-        p=len(model.names),
-        reset=model.reset,
-        entries=tuple((*place, int(place in varying)) for place in places),
-        terms=tuple((places.index((r, c)), *e) for r, c, *e in keys[kept].tolist()),
-        laws=model.forces,
-    )
-    return pattern, coefficients[kept]
-
 
 TOLERANCE = 1e-12
 LAW_TOLERANCE = 1e-9  # of the linear part of a step with laws, whose own error is 1e-5
@@ -89,9 +21,9 @@ MAX_STEPS = 10_000  # of a sample: a mode of 30 000 radians a sample is none tha
 
 def plan(
     model: Parametrization, lower: NDArray[np.float64], upper: NDArray[np.float64], period: float
-) -> tuple[int, int]:
+) -> tuple[int, int, int]:
     """
-    Return the order m and the substeps s of least work m·s with a negligible remainder.
+    Return one step, its order m and its substeps s of least work m·s with a negligible remainder.
 
     |A(θ)| is bounded entry by entry over the box, each monomial at its worst corner. The Perron
     root ρ of that nonnegative matrix is the least norm that any choice of units can give it, so
@@ -109,7 +41,7 @@ def plan(
 
     Returns
     -------
-    order, substeps : int
+    steps, order, substeps : int
         The order is at most `MAX_ORDER`.
 
     Raises
@@ -121,7 +53,7 @@ def plan(
     fewest = _feasible(size / MAX_SIZE, period)
     least = min(2 * (model.n + 1), MAX_ORDER)
     choices = [(max(least, _order(size / s)), s) for s in range(fewest, 4 * fewest + 1)]
-    return min(choices, key=math.prod)
+    return 1, *min(choices, key=math.prod)
 
 
 def law_steps(model: Parametrization, period: float) -> int:
@@ -144,17 +76,24 @@ def _feasible(parts: float, period: float, steps: int = 1) -> int:
 
 
 def law_plan(
-    model: Parametrization, lower: NDArray[np.float64], upper: NDArray[np.float64], period: float
+    model: Parametrization,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    period: float,
+    *,
+    steps: int | None = None,
 ) -> tuple[int, int, int]:
     """
-    Return `law_steps` of a model with laws, and order and substeps of each.
+    Return the steps of a sample of a model with laws, and order and substeps of each.
 
     Parameters
     ----------
     model, lower, upper, period
         As for `plan`.
+    steps : int, optional
+        `law_steps` by default.
     """
-    steps = law_steps(model, period)
+    steps = steps or law_steps(model, period)
     # wherever θ may go the series converges, if not to the last digit, which the laws lack anyway
     ends = np.sort([model.theta / LAW_RANGE, model.theta * LAW_RANGE], axis=0)
     size = _perron_root(model, np.maximum(lower, ends[0]), np.minimum(upper, ends[1]))

@@ -9,11 +9,10 @@ Laws and roles: `flexaxis.estimators.models.laws`.
 
 import numpy as np
 
+from flexaxis.estimators.models.acting import F_S, F_W, ROLE, S_S, S_W, F, S
 from flexaxis.estimators.models.compiler import inlined
-from flexaxis.estimators.models.laws import KINDS, MOST_ROLES
+from flexaxis.estimators.models.laws import KINDS
 
-F, F_W, F_S, S, S_W, S_S, ROLE = range(7)
-WIDTH = ROLE + 2 * MOST_ROLES
 BRISTLE, STATIC, GEAR, SPRING, SINUSOID, CLIP = (
     KINDS.index(kind) for kind in ("bristle", "static", "gear", "spring", "sinusoid", "clip")
 )
@@ -39,7 +38,7 @@ def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
         Length of the step [s].
     value : (R,) array
         Parameters by role.
-    local : (`WIDTH`,) array
+    local : (w,) array
         Overwritten.
     """
     for i in range(len(local)):

@@ -5,7 +5,7 @@ A block is what Python hands to compiled code, which makes its views of it: that
 hand over each of fifty arrays. So a filter is copied, pickled and reset as one array.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -23,8 +23,8 @@ class Memory:
     Parameters
     ----------
     arrays : mapping of str to array
-        Of float64, int64, or records of these. The first, ``now``, is a record (1,): its fields are
-        read and written by their names too.
+        Of float64, int64, or records of these. The first, ``now``, is a record (1,), or several: by
+        their names its fields are read and written too.
 
     times : int, optional
         How many such blocks there are, in rows: arrays then have one more dimension, the first.
@@ -37,61 +37,40 @@ class Memory:
     """
 
     def __init__(self, arrays: Mapping[str, NDArray[Any]], times: int | None = None) -> None:
-        self._fields = tuple((name, a.dtype, a.shape) for name, a in arrays.items())
-        parts = [np.ascontiguousarray(a).reshape(-1).view(np.float64) for a in arrays.values()]
-        starts = np.cumsum([0, *map(len, parts)])
-        shapes = [(*shape, *[1] * (DIMENSIONS - len(shape))) for _, _, shape in self._fields]
-        self.at = np.column_stack([starts[:-1], shapes]).astype(np.int64)
-        block = np.concatenate(parts)
-        self.block = block if times is None else np.tile(block, (times, 1))
-        self._look()
+        kind = np.dtype([(name, a.dtype, a.shape) for name, a in arrays.items()])
+        content = np.zeros(() if times is None else times, kind)
+        for name, values in arrays.items():
+            content[name] = values
+        starts = [kind.fields[name][1] // 8 for name in arrays]  # type: ignore[index]
+        shapes = [(*a.shape, *[1] * (DIMENSIONS - a.ndim)) for a in arrays.values()]
+        self.__setstate__((np.column_stack([starts, shapes]).astype(np.int64), content))
 
-    def _look(self) -> None:
-        """Make the views of the block."""
-        rows = self.block.shape[:-1]
-        self._views = {
-            name: np.ndarray(
-                (*rows, *shape), kind, self.block, 8 * start, (*of, *_steps(shape, kind))
-            )
-            for (name, kind, shape), start in zip(self._fields, self.at[:, 0].tolist(), strict=True)
-            for of in [self.block.strides[:-1]]
-        }
-        self._now = self._views["now"][..., 0]
+    def __getstate__(self) -> tuple[NDArray[np.int64], NDArray[np.void]]:
+        return self.at, self._content
+
+    def __setstate__(self, state: tuple[NDArray[np.int64], NDArray[np.void]]) -> None:
+        self.at, self._content = state
+        words = np.atleast_1d(self._content).view(np.float64)
+        self.block = words.reshape((*self._content.shape, -1))
+        if "now" in self._content.dtype.names:
+            now = self._content["now"]
+            self._now = now[..., 0] if now.shape[-1] == 1 else now
 
     def __getitem__(self, name: str) -> Any:
-        view = self._views.get(name)
-        return self._now[name][()] if view is None else view
+        known = self._content.dtype.names
+        return self._content[name] if name in known else self._now[name][()]
 
     def __setitem__(self, name: str, value: Any) -> None:
-        if name in self._views:
-            self._views[name][...] = value
-        else:
-            self._now[name] = value
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._views)
-
-    def __reduce__(self) -> tuple:
-        return _restored, (self._fields, self.at, self.block)
+        (self._content if name in self._content.dtype.names else self._now)[name] = value
 
     def __deepcopy__(self, memo: object) -> "Memory":
         return self.copy()
 
     def copy(self) -> "Memory":
         """Return the same arrays in another block."""
-        return _restored(self._fields, self.at, self.block.copy())
-
-
-def _steps(shape: tuple[int, ...], kind: np.dtype) -> tuple[int, ...]:
-    """Return the strides of an array whose last index runs fastest."""
-    return tuple(kind.itemsize * int(np.prod(shape[i + 1 :])) for i in range(len(shape)))
-
-
-def _restored(fields: tuple, at: NDArray[np.int64], block: NDArray[np.float64]) -> Memory:
-    made = Memory.__new__(Memory)
-    made._fields, made.at, made.block = fields, at, block
-    made._look()
-    return made
+        other = Memory.__new__(Memory)
+        other.__setstate__((self.at, self._content.copy()))
+        return other
 
 
 def numbers(kind: np.dtype, values: Mapping[str, Any]) -> NDArray[np.void]:

@@ -8,8 +8,7 @@ derivatives, and the compiled filters, for any choice of identified parameters.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,9 +17,6 @@ from flexaxis.estimators.models.acting import acting
 from flexaxis.estimators.models.formula import Monomial, multiply_out
 from flexaxis.estimators.models.laws import INPUT, LAWS, Law
 from flexaxis.estimators.models.parametrization import Parametrization
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 
 @dataclass(frozen=True)
@@ -181,55 +177,6 @@ class Model:
                 for monomial in multiply_out(entry):
                     yield i, j, monomial
 
-    def to_statespace(self, values: Mapping[str, float] | None = None) -> "StateSpace":
-        """
-        Return the model as a continuous `control.StateSpace`, with named signals.
-
-        Parameters
-        ----------
-        values : mapping, optional
-            Values of physical parameters [SI] in the place of nominal ones.
-
-        Returns
-        -------
-        control.StateSpace
-            Input ``torque``, output ``speed``, the states by name. Of a model with `reset`, what
-            happens within a sample.
-
-        Raises
-        ------
-        EstimatorError
-            If python-control is not installed, or a value cannot be used.
-
-        Examples
-        --------
-        >>> lag = Model("lag", states=("v",), A=[["-f/J"]], B=["k/J"], C=["1"],
-        ...             nominal={"f": 2.0, "J": 1.0, "k": 3.0})
-        >>> lag.to_statespace({"f": 4.0}).poles().real
-        array([-4.])
-        """
-        try:
-            from control import ss
-        except ImportError as error:
-            raise EstimatorError(
-                "a control.StateSpace needs python-control, which is not installed: "
-                "pip install control"
-            ) from error
-        values = values or {}
-        for name in values:
-            if name not in self.parameters:
-                raise EstimatorError(
-                    f"model {self.name!r} has no parameter {name!r}: "
-                    + did_you_mean(name, self.parameters)
-                )
-        other = replace(self, nominal=dict(self.nominal) | dict(values))
-        chosen = other.parametrize(other.parameters[:1])
-        A, B, C = chosen.matrices(chosen.theta)
-        return ss(
-            A, B, C, np.zeros((1, 1)), inputs=["torque"], outputs=["speed"],
-            states=list(self.states), name=self.name.replace(", ", "-"),
-        )  # fmt: skip
-
     def parametrize(self, identify: Sequence[str] | None = None) -> "Parametrization":
         """
         Choose the parameters to identify; all others become numbers.
@@ -293,6 +240,6 @@ class Model:
             coefficient=np.array(coefficients),
             exponent=np.array(exponents),
             reset=tuple(list(self.states).index(state) for state in self.reset),
-            laws=acting(self.laws, self.states, self.nominal, identify) if self.laws else None,
+            laws=acting(self.laws, self.states, self.nominal, identify),
             additive=tuple(name in self.law_parameters for name in identify),
         )

@@ -31,7 +31,7 @@ class Parametrization:
         Powers of θ in each term.
     reset : tuple of int
         States that are zero at the start of every sample.
-    laws : Acting or None
+    laws : Acting
         Its nonlinear laws. Their torques are then the last states of the matrix, which the linear
         part takes as held.
     additive : tuple of bool
@@ -46,13 +46,13 @@ class Parametrization:
     coefficient: Array
     exponent: NDArray[np.int64]
     reset: tuple[int, ...]
-    laws: Acting | None = None
+    laws: Acting
     additive: tuple[bool, ...] = ()
 
     @property
     def forces(self) -> int:
         """Number of laws, whose torques are the last states of the matrix."""
-        return 0 if self.laws is None else len(self.laws.kind)
+        return len(self.laws.records)
 
     @property
     def states(self) -> int:
@@ -62,8 +62,8 @@ class Parametrization:
     @property
     def given(self) -> int:
         """Number of states that a user may give: not those of laws, nor those that are reset."""
-        own = 0 if self.laws is None else int(np.sum(self.laws.memory >= 0))
-        return self.states - own - len(self.reset)
+        own = np.sum(self.laws.records["memory"] >= 0)
+        return self.states - int(own) - len(self.reset)
 
     def relative(self, scale: ArrayLike) -> "Parametrization":
         """
@@ -80,7 +80,7 @@ class Parametrization:
             self,
             theta=self.theta / scale,
             coefficient=self.coefficient * factor,
-            laws=self.laws and self.laws.relative(scale),
+            laws=self.laws.relative(scale),
         )
 
     def blocks(self, theta: ArrayLike) -> Array:

@@ -10,19 +10,9 @@ stiff friction is. Its derivatives are exact, from (I − G F_w) w̄' = c' + G' 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.acting import Acting
+from flexaxis.estimators.models.acting import F_S, F_W, ROLE, S_S, S_W, Acting, F, S
 from flexaxis.estimators.models.compiler import fused, inlined
-from flexaxis.estimators.models.law_torques import (
-    F_S,
-    F_W,
-    ROLE,
-    S_S,
-    S_W,
-    WIDTH,
-    F,
-    S,
-    force,
-)  # fmt: skip
+from flexaxis.estimators.models.law_torques import force
 from flexaxis.estimators.models.laws import MOST_ROLES
 from flexaxis.estimators.models.rows import add, add_slopes, clear
 
@@ -37,25 +27,13 @@ LEAST = 1e-150  # of a scale, so that none, and no square of one, divides by zer
 LEAST_SHARE = 1 / 64  # of a step that is taken where steps turn back without shrinking
 
 
-LAW = np.dtype(
-    [("kind", int), ("memory", int), ("load", int)]
-    + [(name, float) for name in ("force", "offset", "change", "reach")]
-    + [("parameter", int, MOST_ROLES), ("value", float, MOST_ROLES)]
-    + [("roles", float, MOST_ROLES), ("local", float, WIDTH)]
-)
-"""
-A law: as `flexaxis.estimators.models.acting.Acting` has it, the torque of the last step, c, w̄ in a
-step of the search and what it is made of, its parameters at θ, and what `force` writes.
-"""
-
-
-def law_records(laws: Acting | None, lanes: int) -> dict[str, NDArray]:
+def law_records(laws: Acting, lanes: int) -> dict[str, NDArray]:
     """
     Return what `react` needs of the laws of a model, by name.
 
     Parameters
     ----------
-    laws : Acting or None
+    laws : Acting
     lanes : int
         Length of a row of states.
 
@@ -69,14 +47,9 @@ def law_records(laws: Acting | None, lanes: int) -> dict[str, NDArray]:
     lanes : (3, L, lanes) array
         Drives before the step, w̄ and F, with derivatives.
     """
-    L = 0 if laws is None else len(laws.kind)
-    found, drive = np.zeros(L, LAW), np.zeros((L, 1))
-    if laws is not None:
-        for name in ("kind", "memory", "load", "parameter", "value"):
-            found[name] = getattr(laws, name)
-        drive = laws.drive
+    L = len(laws.records)
     square, room = np.zeros((3, L, L)), np.zeros((3, L, lanes))
-    return {"laws": found, "drive": drive, "square": square, "lanes": room}
+    return {"laws": laws.records.copy(), "drive": laws.drive, "square": square, "lanes": room}
 
 
 @fused

@@ -21,10 +21,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.acting import LAW
 from flexaxis.estimators.models.compiler import embedded, fused, inlined
 from flexaxis.estimators.models.memory import cube, items, matrix, records
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.reaction import LAW, assign, couple, drives, law_records, react
+from flexaxis.estimators.models.reaction import assign, couple, drives, law_records, react
 from flexaxis.estimators.models.rows import (
     FOUR,
     ONE,
@@ -74,7 +75,7 @@ class Axis(NamedTuple):
     after : (n, lanes) array
         States and derivatives after a part.
     laws : (L,) records
-        As of `flexaxis.estimators.models.reaction.LAW`.
+        As of `flexaxis.estimators.models.acting.LAW`.
     drive, square, lanes, response
         What laws need besides, see there.
     """
@@ -319,9 +320,23 @@ def _part(axis, u, law, X):
     advance(entries, axis.slopes, output, Q, phi, held, xi, effect, axis.after, X)
 
 
+LAWS = 1
+"""What `over_sample` is told of a model with laws; of one without, None: that leaves out of a
+compiled loop what laws need."""
+
+
+@inlined
+def over_sample(axis, theta, X, u, laws):
+    """Take X over a sample at θ with u held, eq. (17)–(23)."""
+    if laws is None:
+        linear_sample(axis, theta, X, u)
+    else:
+        lawful_sample(axis, theta, X, u)
+
+
 @inlined
 def linear_sample(axis, theta, X, u):
-    """Take X over a sample at θ with u held, eq. (17)–(23), where there are no laws."""
+    """Do so where there are no laws."""
     entries, sizes = axis.entries, axis.sizes[0]
     evaluate(entries, axis.slopes, axis.terms, axis.factors, theta)
     powers(entries, sizes["output"], sizes["order"], axis.Q)
@@ -334,7 +349,7 @@ def linear_sample(axis, theta, X, u):
 
 @inlined
 def lawful_sample(axis, theta, X, u):
-    """Take X over a sample at θ with u held, eq. (17)–(23); after each step of it laws react."""
+    """Do so where after each step of the sample laws react."""
     entries, slopes, laws, response = axis.entries, axis.slopes, axis.laws, axis.response
     sizes, drive = axis.sizes[0], axis.drive
     output, parts = sizes["output"], sizes["parts"]

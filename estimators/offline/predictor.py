@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.compiler import compiled
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.sampled import along, prepare
+from flexaxis.estimators.models.simulation import along, simulation
 
 Array = NDArray[np.float64]
 
@@ -56,10 +56,9 @@ def predict(
     EstimatorError
         If u is no torque.
     """
-    ready = prepare(model, theta, period)
-    rows = along(ready, np.zeros((len(ready.D), model.n + 1)), as_torque(u)[:-1])
-    rows = np.vstack([np.zeros(len(ready.D)), rows])
-    return rows[:, 0].copy(), rows[:, 1:].copy()
+    rows = along(simulation(model, theta, period), as_torque(u)[:-1])
+    rows = np.vstack([np.zeros(rows.shape[1]), rows])
+    return rows[:, 0].copy(), rows[:, 1 : 1 + len(model.names)].copy()
 
 
 @compiled

@@ -1,26 +1,26 @@
 """A model along a record, with derivatives by parameters, initial state, offset and delay."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.compiler import compiled
+from flexaxis.estimators.models.compiler import inlined, loop
 from flexaxis.estimators.models.discretisation import LAW_STEPS, law_steps
 from flexaxis.estimators.models.law_torques import BRISTLE, STATIC
+from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.sampled import copy, prepare, travel
+from flexaxis.estimators.models.rows import copy
+from flexaxis.estimators.models.simulation import any_sample, simulation, simulation_in
 from flexaxis.estimators.offline.delay import delay_slope, delayed
-from flexaxis.estimators.offline.dry import dry, is_dry
-from flexaxis.estimators.offline.reversals import follow
 from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 
 OFFSET = "torque_offset"
-COARSE, FINE = 8, 16  # steps of a sample in which friction reverses: of a search, and of its end
+COARSE, FINE = 8, 32  # steps of a sample in which friction reverses: of a search, and of its end
 RESTS = 1e-3  # of the greatest speed, below which friction sticks
 
 
@@ -75,8 +75,6 @@ class Course:
         it is still of the stretch before.
     resting : bool
         Whether the first of them begins at rest.
-    dry : bool
-        Whether the law is Coulomb friction, of which reversals are met exactly.
     beside : (m, N) array
         What acts beside the torque in proportion to a gain each, such as the sine of a measured
         angle.
@@ -90,7 +88,6 @@ class Course:
     smooth: bool
     begins: tuple[int, ...] = (0,)
     resting: bool = False
-    dry: bool = False
     beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
@@ -118,7 +115,7 @@ class Course:
     @property
     def coarsens(self) -> bool:
         """Whether there are laws that are solved in steps."""
-        return self.model.laws is not None and not self.dry
+        return self.model.forces > 0
 
     def fastest(self, theta: Array) -> float:
         """Return the greatest |pole| of the linear part, in radians a sample; inf if it is none."""
@@ -135,8 +132,7 @@ class Course:
         ----------
         z : (q,) array
         coarse : bool
-            Whether laws may be solved at less places of a sample, in a search that goes on;
-            Coulomb friction alone is solved exactly in any case.
+            Whether laws may be solved at less places of a sample, in a search that goes on.
         """
         p, m = self.p, self.m
         samples = z[-1] / self.period
@@ -148,36 +144,36 @@ class Course:
             torque = torque + z[p : p + m] @ self.beside
         width = max(place.stop - place.start for place in self.states)
         further, offset = m + width + 2, self.offset
-        step = self._stepper(z[:p], further, coarse=coarse)
         found = np.zeros((1 + self.q, len(torque)))
         ends = [*self.begins[1:], len(torque) - 1]
         for begin, end, place in zip(self.begins, ends, self.states, strict=True):
-            X, own = np.zeros((1 + p + further, self.model.n + 1)), place.stop - place.start
-            X[0, list(self.free)[:own]], X[0, offset] = z[place], z[-2]
-            X[1 + p + m + np.arange(own), list(self.free)[:own]] = 1.0
-            X[-2, offset] = 1.0
-            here = slice(begin, end + 1)
-            on = step(X, torque[here], np.ascontiguousarray(slopes[:, here]))[:, 1:]
-            lanes = [*range(1 + p + m + own), len(X) - 2, len(X) - 1]
-            rows = [*range(1 + p + m), *range(1 + place.start, 1 + place.stop), self.q - 1, self.q]
-            found[rows, begin + 1 : end + 1] = on[lanes]
+            usual, fine = self._simulations(z[:p], further, coarse=coarse)
+            X, own, last = usual["X"], place.stop - place.start, p + further
+            X[list(self.free)[:own], 0], X[offset, 0] = z[place], z[-2]
+            X[list(self.free)[:own], 1 + p + m + np.arange(own)] = 1.0
+            X[offset, last - 1] = 1.0
+            rows = np.zeros((end - begin, X.shape[1]))
+            _along(
+                usual.block, usual.at, fine.block, fine.at, np.zeros_like(X),
+                np.zeros((2, self.model.forces)), torque[begin:end],
+                np.ascontiguousarray(slopes[:, begin:end]),
+                np.array([offset, 1 + p, last]), rows,
+            )  # fmt: skip
+            lanes = [*range(1 + p + m + own), last - 1, last]
+            to = [*range(1 + p + m), *range(1 + place.start, 1 + place.stop), self.q - 1, self.q]
+            found[to, begin + 1 : end + 1] = rows.T[lanes]
         return found[0], found[1:]
 
-    def _stepper(
-        self, theta: Array, further: int, *, coarse: bool
-    ) -> Callable[[Array, Array, Array], Array]:
-        """Return what takes a state and derivatives along a torque, and returns what is put out."""
-        places = self.offset, 0, 1 + self.p
-        if self.dry:
-            rubbed = dry(self.model, theta, self.period)
-            return lambda X, torque, slopes: follow(rubbed, X, torque, slopes, *places)
+    def _simulations(self, theta: Array, further: int, *, coarse: bool) -> tuple[Memory, Memory]:
+        """Return the model for samples in which friction is smooth, and for those in which not."""
         here = replace(self.model, theta=theta)
-        least = -(-law_steps(here, self.period) // LAW_STEPS)  # more than one if the axis is fast
-        ready = reversing = prepare(here, theta, self.period, steps=least, further=further)
-        if here.laws is not None:
-            often = max(COARSE if coarse else FINE, least)
-            reversing = prepare(here, theta, self.period, steps=often, further=further)
-        return lambda X, torque, slopes: _along(ready, reversing, X, torque, slopes, *places)
+        least = -(-law_steps(here, self.period) // LAW_STEPS)  # more than 1 of a fast axis
+        often = max(COARSE if coarse else FINE, least)
+        usual, fine = (
+            simulation(here, theta, self.period, steps=steps, further=further)
+            for steps in (least, often)
+        )
+        return usual, fine
 
 
 def course(
@@ -218,49 +214,53 @@ def course(
     chosen = find_signal(output).predicted(_with_offset(model), period).parametrize(names)
     moving = not resting or len(begins) > 1
     free = (*range(len(model.states)), *_own(chosen)) if moving else ()
-    torque, alone = np.ascontiguousarray(u, float), is_dry(chosen, period)
+    torque = np.ascontiguousarray(u, float)
     more = np.zeros((0, len(torque))) if beside is None else beside
     offset = len(model.states)
-    return Course(chosen, free, offset, torque, period, smooth, tuple(begins), resting, alone, more)
+    return Course(chosen, free, offset, torque, period, smooth, tuple(begins), resting, more)
 
 
 def _own(model: Parametrization) -> list[int]:
     """Return the places of the states that laws have of their own."""
-    return [] if model.laws is None else [int(i) for i in model.laws.memory if i >= 0]
+    return [int(i) for i in model.laws.records["memory"] if i >= 0]
 
 
-@compiled
-def _along(ready, reversing, X, u, slopes, offset, begin, first):  # noqa: PLR0917
+@loop
+def _along(block, at, fine_block, fine_at, before, speeds, u, slopes, places, rows):  # noqa: PLR0917
     """
-    Return output and derivatives (rows, N); X is lost.
+    Write output and derivatives (N, lanes).
 
-    Rows from ``first`` on are by what acts beside the torque, the last one by the delay.
+    ``places`` are that of the offset of the torque among the states, of the derivatives by what
+    acts beside the torque, and of that by its delay.
 
     Away from its reversals friction is smooth, and a step of a sample is enough; where it reverses
     the error is what friction does in a step, so that these are many.
     """
-    moved, rows = np.zeros_like(X), np.zeros((len(X), len(u)))
-    laws = len(ready.response)
-    peak, last = np.zeros(laws), np.zeros(laws)
-    for k in range(begin, len(u) - 1):
+    axis, theta, X = simulation_in(block, at)
+    fine, _, Y = simulation_in(fine_block, fine_at)
+    offset, first, last = places[0], places[1], places[2]
+    for k in range(len(u)):
         for j in range(len(slopes) - 1):
-            X[first + j, offset] = slopes[j, k]
-        X[-1, offset] = slopes[-1, k]
-        travel(ready, X, moved, u[k])
-        if _turns(ready.laws, ready.drive, X, moved, peak, last):
-            travel(reversing, X, moved, u[k])
-        copy(moved, X)
-        for a in range(len(X)):
-            rows[a, k + 1] = X[a, -1]
-    return rows
+            X[offset, first + j] = slopes[j, k]
+        X[offset, last] = slopes[len(slopes) - 1, k]
+        for i in range(len(X)):
+            copy(before, i, X, i)
+        any_sample(axis, theta, X, u[k])
+        if _turns(axis.laws, axis.drive, before, X, speeds):
+            for i in range(len(X)):
+                copy(Y, i, before, i)
+            any_sample(fine, theta, Y, u[k])
+            for i in range(len(X)):
+                copy(X, i, Y, i)
+        copy(rows, k, X, len(X) - 1)
 
 
-@compiled
-def _turns(laws, drive, X, moved, peak, last):  # noqa: PLR0917
+@inlined
+def _turns(laws, drive, before, after, speeds):
     """
     Return whether some friction reverses in a sample, or sticks.
 
-    peak (L,) is the greatest speed, last (L,) that of the sample before. What a step of a sample
+    ``speeds`` (2, L) are the greatest speed, and that of the sample before. What a step of a sample
     says where it reverses need not be near the truth, so the last change is looked at as well.
     Stiff bristles that stick swing faster than a sample: their derivatives grow where it is one
     step.
@@ -269,13 +269,13 @@ def _turns(laws, drive, X, moved, peak, last):  # noqa: PLR0917
     for i in range(len(laws)):
         if laws[i]["kind"] != BRISTLE and laws[i]["kind"] != STATIC:
             continue
-        before, after = 0.0, 0.0
-        for m in range(X.shape[1] - 1):
-            before += drive[i, m] * X[0, m]
-            after += drive[i, m] * moved[0, m]
-        change = max(abs(after - before), 2.0 * abs(before - last[i]))
-        peak[i], last[i] = max(peak[i], abs(before)), before
-        near = before * after <= 0.0 or min(abs(before), abs(after)) < 0.5 * change
-        rests = max(abs(before), abs(after)) < RESTS * peak[i]
+        v, w = 0.0, 0.0
+        for m in range(drive.shape[1] - 1):
+            v += drive[i, m] * before[m, 0]
+            w += drive[i, m] * after[m, 0]
+        change = max(abs(w - v), 2.0 * abs(v - speeds[1, i]))
+        speeds[0, i], speeds[1, i] = max(speeds[0, i], abs(v)), v
+        near = v * w <= 0.0 or min(abs(v), abs(w)) < 0.5 * change
+        rests = max(abs(v), abs(w)) < RESTS * speeds[0, i]
         found |= near or rests
     return found

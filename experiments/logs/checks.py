@@ -38,7 +38,6 @@ WINDOW, USUAL = 7, 95.0  # samples, of which 3 may be outliers; percentile that 
 FAR, STEPS = 10.0, 5.0  # times the usual distance from the median, and move, of an outlier
 COARSE = 0.05  # of the rms move in a sample, that a step of an encoder is to be named
 LATE = 0.3  # samples, that a speed is later than the slope of its angle
-STILL = 0.02  # of the rms speed
 
 
 @dataclass(frozen=True)

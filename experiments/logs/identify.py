@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.inverse import Inverse
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import changes_in
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding, texts_of
-from flexaxis.experiments.logs.fit import Answer, answer, explain
-from flexaxis.experiments.logs.search import FRICTION, LINEAR, Search, Tried
+from flexaxis.experiments.logs.fit import Answer, answer
+from flexaxis.experiments.logs.search import FRICTION, Search, Tried
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
 from flexaxis.experiments.logs.validate import Fit, correlation, fit_of
 from flexaxis.experiments.logs.verdict import judged
+from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -50,8 +50,6 @@ class Identification:
         torque alone.
     whole : Fit
         Of a simulation of the whole log.
-    map : Inverse or None
-        The inverse dynamics of the log, as if it were rigid.
     friction : str
         The word for its laws, ``"none"`` if it has none.
     tried : tuple of Tried
@@ -67,7 +65,6 @@ class Identification:
     answer: Answer
     fit: float
     whole: Fit
-    map: Inverse | None
     friction: str
     tried: tuple[Tried, ...]
     findings: tuple[Finding, ...]
@@ -175,7 +172,9 @@ def identify(
             raise LogError(f"--{option} {value}: it is one of {', '.join(known)}")
     wanted = FRICTION.get("coulomb" if friction == "auto" else friction, {})
     if given and (axis.model.laws or not given.keys() <= {*wanted.values()}):
-        raise LogError(f"--friction {friction} has no {', '.join(given)}; it has {wanted}")
+        known = (*axis.model.parameters, *LAWFUL)
+        hints = "".join(did_you_mean(name, known) for name in given if name not in known)
+        raise LogError(f"--friction {friction} has no {', '.join(given)}.{hints}")
     linear = record.versions.get("motion") == "linear"
     corner = axis.highpass if highpass is None else highpass
     log = log_of(record, replace(axis, beside={}))
@@ -185,7 +184,7 @@ def identify(
             f"--highpass {corner:g} Hz: give a corner below half the rate, {0.5 / log.period:g} "
             f"Hz, and not below {LOWEST / log.period:g} Hz"
         )
-    names = _free(axis, free, fix)
+    names = free_names(axis, free, fix)
     setup = Setup(whole, axis.model, names, delay=delay, highpass=corner)
     if axis.known:
         _check_rate(axis.model, log.period)
@@ -240,13 +239,14 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     if setup.model.laws and not axis.model.laws:
         word = "coulomb" if "f_s" not in setup.model.parameters else "stribeck"
     return Identification(
-        result, taken, fit, whole, explain(log, lag, LINEAR), word, tuple(search.tried),
+        result, taken, fit, whole, word, tuple(search.tried),
         tuple(found), record.versions.get("torque_unit", ""),
         record.versions.get("motion") == "linear",
     )  # fmt: skip
 
 
-def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
+def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
+    """Return the parameters to identify: those that are named, or all that a log can show."""
     known = axis.model.parameters
     wanted = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
     axis.having(dict.fromkeys(wanted, 1.0))  # raises for unknown names

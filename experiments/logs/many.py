@@ -12,14 +12,14 @@ import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.changes import Explained, explain
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import made_of
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.fit import deviations_of
-from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.identify import free_names, identify
 from flexaxis.experiments.logs.importing import read_any
 from flexaxis.experiments.logs.read import open_log
-from flexaxis.experiments.logs.series import Explained, explain
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
 from flexaxis.sim.errors import FlexaxisError
@@ -105,7 +105,8 @@ def identify_many(
             record = read_any(path, tables, **treated)
             if not axis.known:
                 axis = identify(record, axis).axis
-            names = tuple(free) or tuple(n for n in axis.deviation if n in axis.model.parameters)
+            known = [n for n in axis.deviation if n in axis.model.parameters]
+            names = free_names(axis, free or known, ())
             setup = Setup(
                 log_of(record, axis), axis.model, names, delay=axis.delay, highpass=axis.highpass
             )

@@ -28,7 +28,6 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 
 MOST = 4000  # points of a curve
-BINS, FEW = 60, 5  # of means, and samples that one holds at the least
 GAPS = 200  # that are shaded: more are a pattern, and seen as one
 PERIODS = 20  # of the motion, that is shown of a log: its liveliest piece
 TOLD = 3  # estimates in the sentence that the page begins with
@@ -140,7 +139,6 @@ def identification_page(
     log = result.answer.setup.log
     time = period * np.arange(float(len(log.y)))
     charts = [_compared("Simulation from the torque", time, log.y, log.y - result.residual, log.ok)]
-    charts += [friction_chart(result)] if result.map is not None else []
     if other is not None:
         ok = np.ones(len(other.time), bool)
         title_of = "Simulation of the other log"
@@ -217,26 +215,6 @@ def _compared(title: str, time: Array, y: Array, simulated: Array, ok: NDArray[n
         "error [rad/s]": [_line(t, (y - simulated)[piece], "error", role="data")],
     }
     return Chart(title, "The liveliest piece, simulated from the torque alone.", "time [s]", panels)
-
-
-def friction_chart(result: Identification) -> Chart:
-    """Return what of the torque is left without inertia, over the speed."""
-    assert result.map is not None
-    motion, value = result.map.motion, result.map.value
-    law = value["viscous"] * motion.columns["viscous"] + value["dry"] * motion.columns["dry"]
-    v, rest, law = (x[motion.used] for x in (motion.speed, result.map.rest, law))
-    bins = [k for k in np.array_split(np.argsort(v, kind="stable"), BINS) if len(k) > FEW]
-    across = np.array([v[k].mean() for k in bins])
-    mean = np.array([(rest + law)[k].mean() for k in bins])
-    low, high = np.array([np.percentile((rest + law)[k], (10, 90)) for k in bins]).reshape(-1, 2).T
-    panels = {
-        "friction [as the torque]": [
-            Series(x=across, y=mean, low=low, high=high, kind="points", label="log"),
-            _line(np.sort(v), law[np.argsort(v)], "f_c sgn v + f_m v", role="truth"),
-        ]
-    }
-    words = "The log as a rigid axis: means, and 10 … 90 % of them. A hump near 0 is Stribeck's."
-    return Chart("Friction over the speed", words, "speed [rad/s]", panels)
 
 
 def track_page(

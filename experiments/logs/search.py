@@ -51,8 +51,9 @@ TURN = 0.5  # rad of the load, below which gravity is about a constant
 DRIFT = 0.5  # of the variance that a simulation leaves, that lies below the excitation
 EARLY = 4.0  # samples, by which a torque is looked for before it is logged
 FILTERED = 0.5  # samples of delay, from which on a speed may be filtered
-ENOUGH = 10_000  # samples, to tell which start is the best
-LIKELY = 3  # starts that are looked at twice
+ENOUGH, QUICK = 10_000, 4000  # samples, to tell which start is the best, and where not
+LIKELY, RUNGS = 3, 6  # starts that are looked at twice, and resonances that are tried
+FASTEST = 1.0  # rad a sample, of these
 
 Place = tuple[Array, float]
 
@@ -106,7 +107,8 @@ class Search:
     def result(self) -> Candidate:
         """Return what the log asks for, or what was stated."""
         if not self.known:
-            self.setup = self.setup.having(self._guess())
+            guess = self._guess()  # what is fixed stays
+            self.setup = self.setup.having({n: guess[n] for n in self.setup.names if n in guess})
         best, corner = self._searched(self.setup), self._corner()
         if corner and self.setup.highpass is None and self._drifts(best, corner):
             other = self._searched(replace(self.setup, highpass=corner))
@@ -246,6 +248,15 @@ class Search:
         places = self._places(setup, 0.0)
         if not places:
             self._response()  # raises the error
+        if not self.known and (seen := self._seen) is not None:
+            # slow motion shows a spring below its resonance, where no peak says where to start
+            rungs = np.geomspace(seen.omega[0], FASTEST / setup.log.period, RUNGS)
+            guesses = [setup.having(rough_guess(setup.model, seen, rung)) for rung in rungs]
+            starts = [(one.model.parametrize(setup.names).theta, 0.0) for one in guesses]
+            if not np.array_equal(starts[0][0], starts[-1][0]):
+                quick = setup.part(QUICK)
+                left = [quick.solve(*at, rounds=1, fine=False, plain=True).square for at in starts]
+                places += [starts[i] for i in np.argsort(left)[:2]]
         return candidate(setup, self._explored(setup, places).z)
 
     @cached_property

@@ -64,14 +64,13 @@ class Setup:
     def begins(self) -> list[int]:
         """Where stretches begin, each with a state of its own: the log, and what follows gaps.
 
-        Behind a high-pass nothing is seen of the states that a line leads to; and of bristles, and
-        of an angle, nobody knows where they begin.
+        Behind a high-pass nothing is seen of the states that a line leads to; and of bristles that
+        are not stiff, and of an angle, nobody knows where they begin.
         """
-        states, along = len(self.model.states), self._course([0, 1])
-        bends = len(along.free) > states and not along.dry
+        bends = any(isinstance(law.parameters.get("stiffness"), str) for law in self.model.laws)
         turns = any(name.startswith("angle") for name in self.model.states)
         none = self.highpass is not None or bends or turns
-        return self.log.begins(0 if none else states, self._later)
+        return self.log.begins(0 if none else len(self.model.states), self._later)
 
     @property
     def _later(self) -> int:

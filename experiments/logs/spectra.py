@@ -129,7 +129,8 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     if seen.sum() < 10:
         raise LogError(
             f"the torque explains the output at {int(seen.sum())} frequencies only: swapped or "
-            "shifted columns, or an excitation too small for its noise"
+            "shifted columns, or an excitation too small or too slow: log a multisine, or try "
+            "--model one_mass"
         )
     return Response(2 * np.pi * s.frequency[seen], (s.cross / s.torque)[seen], s.coherence[seen])
 

@@ -135,7 +135,7 @@ def track(
     torque = delayed(log.u, axis.delay / log.period, smooth=log.smooth) + axis.offset
     colour = replace(colourless(axis.highpass, log.period), inverse=np.array(axis.whitening))
     u, y = (torque, log.y) if lawful else (colour.white(torque), colour.white(log.y))
-    estimator = _build(spec, axis, identify, start, log.period, log.output, u)
+    estimator = _build(spec, axis, identify, start, period=log.period, output=log.output, torque=u)
     theta, claimed, alarms = run_on(estimator, u, y, valid if lawful else colour.settled(valid))
     names, good = tuple(estimator.names), colour.settled(log.ok)
     model = SIGNALS[log.output].predicted(axis.model, log.period).parametrize(names)
@@ -189,9 +189,15 @@ def default_estimator(axis: Axis) -> str:
 
 
 def _build(
-    spec: Spec, axis: Axis, identify: Sequence[str], start: float, period: float, output: str,
+    spec: Spec,
+    axis: Axis,
+    identify: Sequence[str],
+    start: float,
+    *,
+    period: float,
+    output: str,
     torque: Array,
-) -> Estimator:  # fmt: skip
+) -> Estimator:
     """Build an estimator for this axis; shipped ones take the model, a user's the values."""
     values = dict(axis.model.nominal)
     for name in identify:

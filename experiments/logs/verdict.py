@@ -147,7 +147,7 @@ def _late(taken: Answer) -> Iterator[Finding]:
     setup, lag, period = taken.setup, float(taken.fitted.z[-1]), taken.setup.log.period
     if setup.delay is not None:
         return
-    if lag >= setup.latest * (1 - 1e-9):
+    if lag >= max(setup.latest * (1 - 1e-9), EARLY * taken.deviations[-1]):
         yield Finding(
             "problem",
             f"the torque acts {1e3 * lag:.3g} ms late or more: the columns of torque and motion "

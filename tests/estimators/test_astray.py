@@ -1,6 +1,5 @@
 """Sensors that do not follow the axis, and filters that begin anew after one."""
 
-import pickle
 from functools import cache
 
 import numpy as np
@@ -77,16 +76,6 @@ def test_the_end_of_the_range_is_known_once_it_was_reached(name):
     assert known[3000:HEALS][~clipped[3000:HEALS]].all()
 
 
-def test_a_range_that_is_exceeded_has_no_end_there():
-    """What was the end of it may be read again, once something beyond it was read."""
-    y = saturated().copy()
-    y[HEALS + 400] = 2.5  # by chance, as an encoder may
-    estimator = make("ekf")
-    estimator.run(run().u, y)
-    assert np.abs(y[HEALS : HEALS + 400]).max() > 2.5
-    assert believed(estimator)[HEALS + 400]
-
-
 @pytest.mark.parametrize("value", [0.0, 5.0])
 def test_a_filter_that_believes_in_jumps_begins_anew_when_the_sensor_reads_on(value):
     estimator = make("imm")
@@ -95,46 +84,6 @@ def test_a_filter_that_believes_in_jumps_begins_anew_when_the_sensor_reads_on(va
     assert not believed(estimator)[HEALS + 1 : HEALS + 200].any()
     assert believed(estimator)[HEALS + 300]
     assert error(theta) < 0.01
-
-
-def test_a_saturated_sensor_throws_no_filter_that_believes_in_jumps():
-    assert error(make("imm").run(run().u, saturated())) < 0.01
-
-
-@pytest.mark.parametrize("cut", [FAILS + 5, HEALS + 1, HEALS + 77])
-def test_it_begins_anew_at_the_same_sample_however_the_samples_come(cut):
-    y = stuck(run().y, 5.0)
-    whole, parts = make("imm"), make("imm")
-    expected = whole.run(run().u, y)
-    first = parts.run(run().u[:cut], y[:cut])
-    parts = pickle.loads(pickle.dumps(parts))
-    some = [parts.step(a, b) for a, b in zip(run().u[cut : cut + 5], y[cut : cut + 5], strict=True)]
-    rest = parts.run(run().u[cut + 5 :], y[cut + 5 :])
-    np.testing.assert_array_equal(np.vstack([first, some, rest]), expected)
-    whole.reset()
-    np.testing.assert_array_equal(whole.run(run().u, y), expected)
-
-
-def test_a_filter_whose_prediction_is_no_number_begins_anew():
-    estimator = make("imm")
-    estimator.run(run().u[:FAILS], run().y[:FAILS])
-    estimator.state["X"][:, :, 0] = np.nan
-    theta = estimator.run(run().u[FAILS:], run().y[FAILS:])
-    assert np.isfinite(theta).all() and np.isfinite(estimator.covariance).all()
-    assert error(theta) < 0.03
-
-
-@pytest.mark.parametrize("odd", [np.nan, np.inf, 1e200])
-def test_a_filter_whose_slope_is_no_number_moves_by_none_and_begins_anew(odd):
-    """ψ may overflow, or its square, while ŷ does not: as where friction is all but none."""
-    estimator = make("rpem-forgetting")
-    estimator.run(run().u[:FAILS], run().y[:FAILS])
-    before = estimator.theta.copy()
-    estimator.state["X"][-1, 1] = odd
-    theta = estimator.run(run().u[FAILS:], run().y[FAILS:])
-    assert np.isfinite(theta).all() and np.isfinite(estimator.covariance).all()
-    np.testing.assert_array_equal(theta[0], before)
-    assert error(theta) < 0.03
 
 
 def test_findings_before_it_began_anew_stay_and_later_ones_are_counted_on():

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.signal import sosfreqz
 
 from flexaxis.estimators.offline.colour import BRIDGED, colourless
 
@@ -37,15 +36,3 @@ def test_a_sample_that_is_missing_costs_few_others(residual):
     assert good[colour.skip :].mean() > 1 - (BRIDGED + 1.5) / 100
     error = colour.high(colour.bridged(np.where(ok, residual, 50.0), ok)) - colour.high(residual)
     assert np.std(error[good]) < 0.1 * np.std(residual)
-
-
-def test_without_a_high_pass_nothing_is_bridged(residual):
-    colour, ok = colourless(None, PERIOD), np.ones(N, bool)
-    ok[GAP] = False
-    assert colour.bridged(residual, ok) is residual
-    np.testing.assert_array_equal(colour.settled(ok), ok)
-
-
-def test_the_corner_of_the_high_pass_is_where_half_of_the_power_goes_through():
-    _, gain = sosfreqz(colourless(2.0, PERIOD).highpass, [2.0], fs=1 / PERIOD)
-    assert abs(gain[0]) == pytest.approx(np.sqrt(0.5))

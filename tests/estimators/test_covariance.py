@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexaxis.estimators.filters.covariance import merge
+from flexaxis.estimators.filters.interacting_models import merge
 from flexaxis.estimators.filters.joint import look, update
-from flexaxis.estimators.filters.numbers import NUMBERS
+from flexaxis.estimators.filters.state import NUMBERS
 from flexaxis.estimators.models.rows import padded
 
 SIZES = [(3, 2), (9, 5)]  # m and n: a row of one register, and of three that are not full

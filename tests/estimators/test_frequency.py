@@ -2,11 +2,10 @@
 
 import control
 import numpy as np
-import pytest
 from acceptance.differences import central
 from scipy.signal import lfilter
 
-from flexaxis.estimators import EstimatorError, three_mass
+from flexaxis.estimators import three_mass
 from flexaxis.estimators.offline.frequency import (
     fit_arx,
     frequency_response,
@@ -39,22 +38,6 @@ def test_slope_is_the_derivative_of_the_response(nominal):
         assert np.abs(column - slope).max() < 1e-6 * np.abs(slope).max()
 
 
-def test_lines_of_a_sum_of_sinusoids():
-    t = np.arange(2000) * 0.005
-    omega, power = line_spectrum(
-        1.0 + 3 * np.cos(2 * np.pi * 2 * t) + (-1.0) ** np.arange(2000), period=0.005
-    )
-    lines = np.flatnonzero(power > 1e-12)
-    np.testing.assert_allclose(omega[lines], 2 * np.pi * np.array([0, 2, 100]))
-    np.testing.assert_allclose(power[lines], [1, 4.5, 1])  # Nyquist and mean count once
-
-
-def test_mean_squares_add_up():
-    for samples in (1000, 1001):
-        u = np.random.default_rng(samples).standard_normal(samples)
-        np.testing.assert_allclose(line_spectrum(u, period=0.005)[1].sum(), np.mean(u**2))
-
-
 def test_information_is_the_time_average(nominal):
     """Eq. (28) and (31) on a torque of period 2 s, after its transient."""
     rng = np.random.default_rng(0)
@@ -85,17 +68,3 @@ def test_is_consistent_for_equation_noise():
     # least squares: standard deviations of 0.1/√20000 and less
     np.testing.assert_allclose(found.a, A, atol=4e-3)
     np.testing.assert_allclose(found.b, B, atol=4e-3)
-
-
-def test_response_is_that_of_the_difference_equation():
-    u = np.random.default_rng(0).standard_normal(500)
-    found = fit_arx(u, lfilter(B, A, u), order=2, period=0.01)
-    z = np.exp(1j * 30.0 * 0.01)
-    expected = (1 / z + 0.5 / z**2) / (1 - 1.5 / z + 0.7 / z**2)
-    np.testing.assert_allclose(found.response([30.0]), [expected], rtol=1e-9)
-
-
-@pytest.mark.parametrize("order", [0, 200])
-def test_refuses_an_order_that_the_record_cannot_bear(order):
-    with pytest.raises(EstimatorError, match="must lie between 1 and 166"):
-        fit_arx(np.ones(500), np.ones(500), order=order, period=0.005)

@@ -15,28 +15,6 @@ def signals(name):
     return record.torque, record.speed
 
 
-@pytest.mark.slow
-def test_friction_is_told_from_viscous_friction():
-    u, y = signals("coulomb_fm_step-v1")
-    estimator = made("coulomb_fm_step-v1")
-    theta = estimator.run(u[:2000], y[:2000])
-    assert estimator.names == ("k_T", "1/J_a", "f_m", "f_c")
-    before = theta[1000:].mean(axis=0) / TRUTH - 1
-    assert np.all(np.abs(before) < [0.01, 0.005, 0.02, 0.04])
-
-
-@pytest.mark.slow
-def test_point_to_point_moves_leave_the_scale_as_told():
-    u, y = signals("coulomb_moves_fm_step-v1")
-    estimator = made("coulomb_moves_fm_step-v1")
-    theta = estimator.run(u[:2000], y[:2000])
-    assert "as it was told" in estimator.fixed_because["J_m"]
-    value, deviation = estimator.learnt["J_m"]
-    # fixed but for the walk that all structure has after the first seconds (docs/glr.md)
-    assert value == pytest.approx(N1["J_m"], rel=1e-6) and deviation < 1e-4 * N1["J_m"]
-    assert abs(theta[1900, 0] - 1) < 0.03
-
-
 def test_a_gap_and_a_start_in_motion_do_no_harm():
     u, y = signals("coulomb_fm_step-v1")
     valid = np.ones(len(u), bool)
@@ -45,19 +23,6 @@ def test_a_gap_and_a_start_in_motion_do_no_harm():
     theta = made("coulomb_fm_step-v1").run(u[part], y[part], valid[part])
     error = theta[-200:].mean(axis=0) / TRUTH - 1
     assert np.all(np.abs(error) < [0.01, 0.005, 0.03, 0.05])
-
-
-def test_what_was_commissioned_can_be_begun_from():
-    u, y = signals("coulomb_fm_step-v1")
-    _, nominal, torque = drawn("coulomb_fm_step-v1")
-    first = made("coulomb_fm_step-v1")
-    first.run(u[:2000], y[:2000])
-    known = first.commissioned()
-    assert set(known["deviations"]) == set(known["nominal"])
-    assert known["nominal"]["J_a"] == pytest.approx(0.8, rel=0.01)
-    second = glr(nominal | known["nominal"], T, torque=torque, deviations=known["deviations"])
-    theta = second.run(u[1000:1400], y[1000:1400])
-    assert np.all(np.abs(theta[100:] / TRUTH - 1) < [0.02, 0.01, 0.05, 0.06])
 
 
 def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
@@ -82,14 +47,6 @@ def test_a_told_zero_is_refused_by_its_name():
         glr(nominal | {"f_m": 0.0}, T, torque=torque)
 
 
-@pytest.mark.slow  # a model of its own, which compiles for a minute
-def test_a_told_zero_can_be_left_out():
-    _, nominal, torque = drawn("fm_step-v1")
-    left = {"identify": ("k_T", "1/J_a"), "track": ("k_T", "1/J_a", "f_c")}
-    estimator = glr(nominal | {"f_m": 0.0}, T, torque=torque, **left)
-    assert estimator.names == ("k_T", "1/J_a", "f_c")
-
-
 @pytest.mark.parametrize(
     ("options", "match"),
     [
@@ -103,9 +60,3 @@ def test_a_told_zero_can_be_left_out():
 def test_options_that_cannot_be_used_are_refused(options, match):
     with pytest.raises(EstimatorError, match=match):
         glr(N1, T, **options)
-
-
-@pytest.mark.slow  # a model of its own as well
-def test_nothing_is_learnt_where_nothing_shall_be():
-    estimator = glr(N1, T, learn="none")
-    assert set(estimator.learnt) == {"k_T", "1/J_a", "f_m", "f_c"}

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.inverse import inverse_dynamics, jackknife, motion_of
 
 T, N, FINE = 1e-3, 12_000, 20
@@ -41,18 +40,6 @@ def test_two_sides_and_gravity_are_told_apart():
     assert axis.value["sided"] == pytest.approx(0.03, rel=0.02)
     assert axis.value["sine"] == pytest.approx(0.4, rel=0.01)
     assert axis.sure("sine") > 10 and axis.gain(("sine", "cosine")) > 0.5
-
-
-def test_a_hump_of_slow_motion_is_left_out():
-    axis = found(LINEAR, *driven(5.0, hump=2.0))
-    assert axis.value["viscous"] == pytest.approx(F, rel=0.02)
-    assert axis.value["dry"] == pytest.approx(F_C, rel=0.02)
-
-
-def test_too_little_motion_is_refused():
-    short = [signal[:150] for signal in driven(5.0)]
-    with pytest.raises(EstimatorError, match="too few"):
-        found(LINEAR, *short)
 
 
 def test_beside_white_noise_the_jackknife_says_what_a_covariance_says():

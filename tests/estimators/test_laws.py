@@ -8,9 +8,7 @@ from scipy.integrate import solve_ivp
 
 from flexaxis.estimators import Rpem
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.filters.design import make_design
-from flexaxis.estimators.filters.lanes import on_lanes
-from flexaxis.estimators.models import discretisation, reaction
+from flexaxis.estimators.models import acting
 from flexaxis.estimators.models import law_torques as torques
 from flexaxis.estimators.models.axes import (
     BRISTLES,
@@ -24,8 +22,8 @@ from flexaxis.estimators.models.axes import (
     with_angle,
 )
 from flexaxis.estimators.models.laws import KINDS, Law
-from flexaxis.estimators.models.sampled import prepare, travel
-from flexaxis.estimators.models.series import Axis, lawful_sample
+from flexaxis.estimators.models.simulation import along as run_along
+from flexaxis.estimators.models.simulation import simulation
 from flexaxis.estimators.signals import increment
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.plant import Plant
@@ -68,13 +66,11 @@ def torque(n=200):
 
 
 def along(design, eta, u, *, steps=None):
-    """Yield what was prepared, and states and sensitivities (1+p, n+1) after each sample."""
-    ready = prepare(design, eta, T, steps=steps)
-    X, moved = np.zeros((2, 1 + len(eta), design.n + 1))
+    """Yield the simulation, and states and sensitivities (1+p, n+1) after each sample."""
+    ready = simulation(design, eta, T, steps=steps)
     for value in u:
-        travel(ready, X, moved, value)
-        X, moved = moved, X
-        yield ready, X
+        run_along(ready, np.array([value]))
+        yield ready, ready["X"][:, : 1 + len(eta)].T
 
 
 def travelled(model, u, *, steps=None, theta=None):
@@ -87,7 +83,7 @@ def travelled(model, u, *, steps=None, theta=None):
 
 def unsolved(ready):
     """What a step leaves of its equation, over the size of it."""
-    law, mean, gain = ready.laws[0], ready.lanes[1], ready.square[0]
+    law, mean, gain = ready["laws"][0], ready["lanes"][1], ready["square"][0]
     return abs(mean[0, 0] - law["offset"] - gain[0, 0] * law["local"][0]) / law["reach"]
 
 
@@ -220,36 +216,11 @@ def test_bristles_without_a_level_have_the_limit_of_little(v):
     """Their derivative by the level too: a friction that has gone can come again."""
     found = []
     for level in (0.0, 1e-15):
-        local = np.zeros(torques.WIDTH)
+        local = np.zeros(acting.LAW["local"].shape)
         value = np.array([level, 0.0, 0.0, 176.0, 0.0, 0.0])
         torques.force(KINDS.index("bristle"), v, 0.1 * v, 0.0, T, value, local)
-        found.append(local[[torques.F, torques.S, torques.ROLE, torques.ROLE + 1]])
+        found.append(local[[acting.F, acting.S, acting.ROLE, acting.ROLE + 1]])
     np.testing.assert_allclose(*found, rtol=1e-6, atol=2e-15)
-
-
-@pytest.mark.parametrize("output", ["speed", "increment"])
-def test_a_filter_moves_as_a_model_at_fixed_parameters(output, monkeypatch):
-    # their series end at a part in 1e9 where there are laws; that of the other is not cut
-    monkeypatch.setattr(discretisation, "LAW_TOLERANCE", discretisation.TOLERANCE)
-    model, u = axis("all"), torque(12)
-    model = model if output == "speed" else increment(model, T)
-    names, shapes = estimated(model), []
-    theta = model.parametrize(names).theta
-    design = make_design(
-        model, identify=names, theta0=None, P0=np.ones(len(names)), period=T,
-        bounds=(np.minimum(theta / 2, 2 * theta), np.maximum(theta / 2, 2 * theta)),
-    )  # fmt: skip
-    arrays, X = on_lanes(design, 1 + len(names))
-    filled = Axis(*(arrays[name] for name in Axis._fields))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for value in u:
-            lawful_sample(filled, design.theta0, X, value)
-            shapes.append(X.copy())
-    ours, other = np.array(shapes), travelled(model, u).transpose(0, 2, 1)
-    kept = [*range(len(X) - 1 - len(model.laws)), len(X) - 1]  # the last states are torques
-    ours, other = ours[:, kept, : other.shape[2]], other[:, kept]
-    size = abs(other).max(axis=0)
-    assert np.all(abs(ours - other).max(axis=0) <= 1e-10 * (size + size.max(axis=0)))
 
 
 ENGINE = {
@@ -290,7 +261,7 @@ def test_against_the_engine(name):
     )
     speed = np.array(speed)
     assert distance(ours, speed) < most
-    assert linear.laws is None and distance(ours, speed) < distance(without, speed) / 10
+    assert not linear.forces and distance(ours, speed) < distance(without, speed) / 10
 
 
 @pytest.mark.slow
@@ -306,11 +277,10 @@ def test_a_filter_against_a_textbook_loop():
 
     def sample(x, theta, u):
         one = model.parametrize(names)
-        ready = prepare(one, theta, T)
-        X, moved = np.zeros((1 + p, one.n + 1)), np.zeros((1 + p, one.n + 1))
-        X[0, :n] = x
-        travel(ready, X, moved, u)
-        return moved[0, :n]
+        ready = simulation(one, theta, T)
+        ready["X"][:n, 0] = x
+        run_along(ready, np.array([u]))
+        return ready["X"][:n, 0].copy()
 
     theta0, n, p = theta.copy(), 6, len(names)
     x, z, P = np.zeros(n), np.zeros((n, p)), P0
@@ -354,29 +324,3 @@ FULL = ({"speed_motor": 1.0}, {"speed_motor": "-1/J_m"}, GEAR_FRICTION.parameter
 def test_a_law_that_cannot_be_is_refused(law, words):
     with pytest.raises(EstimatorError, match=words):
         replace(three_mass(VALUES), laws=(Law(*law),))
-
-
-@pytest.mark.parametrize("name", ["f_c", "f_s", "v_0", "gap", "poles", "torque_limit"])
-def test_a_law_refuses_what_cannot_be(name):
-    with pytest.raises(EstimatorError, match=f"{name} = -1 is not possible"):
-        axis("all", **{name: -1.0})
-    with pytest.raises(EstimatorError, match="takes a limit above 0"):
-        replace(LIMIT, parameters={"limit": 0.0})
-    assert axis("all", kappa=-1.0, c_sin=-1.0).nominal["kappa"] == -1.0
-
-
-def test_a_law_parameter_is_identified_as_itself():
-    model = replace(three_mass(VALUES), laws=(BRISTLES,))
-    with pytest.raises(EstimatorError, match="'f_c' itself"):
-        model.parametrize(["1/f_c"])
-    with pytest.raises(EstimatorError, match="sigma_0 = 0 is not"):
-        replace(three_mass(VALUES | {"sigma_0": 0.0}), laws=(BRISTLES,))
-    with pytest.raises(EstimatorError, match="beside a law that depends on k_g; name 'k_g' itself"):
-        axis("gear").parametrize(["1/k_g"])
-
-
-def test_a_search_over_a_law_without_reach_divides_by_nothing():
-    """A coordinate whose law gives nothing tells neither of a turn nor against one."""
-    laws = np.zeros(2, reaction.LAW)
-    laws["change"], laws["force"], laws["reach"] = [0.0, 1.0], [1.0, 1.0], [0.0, 1.0]
-    assert reaction._kept_share(laws, 0.5) == 1.0

@@ -35,20 +35,6 @@ def test_a_corrected_state_goes_no_further_than_its_parameters():
     )
 
 
-def test_a_state_that_is_given_is_where_it_starts(minute):
-    """In mid-motion, at the truth: what is predicted is what a filter from rest predicts."""
-    sure = {"P0": [1e-20] * 3}
-    from_rest = rpem(**sure)
-    from_rest.run(minute.u[:1000], minute.y[:1000])
-    x = from_rest.state["X"][:5, 0].copy()
-    late = rpem(x0=x, **sure)
-    given = minute.u[1000:1400], minute.y[1000:1400]
-    late.run(*given), from_rest.run(*given)
-    expected = from_rest.innovations[:, 0]
-    np.testing.assert_allclose(late.innovations[:, 0], expected, rtol=0, atol=1e-9)
-    assert np.std(late.innovations[:, 0]) == pytest.approx(0.1, rel=0.1)
-
-
 def test_an_innovation_claims_noise_and_what_is_not_known(minute):
     """R̂ + ψᵀ C ψ, with R̂ and the claimed covariance C of the sample before."""
     estimator = rpem()
@@ -84,43 +70,3 @@ def test_the_level_of_noise_is_kept_at_rest():
         levels.append(estimator.noise_variance)
     # it still learns while the model comes to rest, a memory long; e⁻¹⁰ if it went on
     assert 0.2 * levels[0] < levels[1] < 1.5 * levels[0]
-
-
-def test_the_ceiling_does_nothing_until_it_is_reached(minute):
-    """To the last bit, though P grows twentyfold in a gap of three seconds."""
-    k = np.arange(5000)
-    given = minute.u[k], minute.y[k], (k < 4000) | (k >= 4600)
-    ours, free = rpem(), rpem(ceiling=np.inf)
-    np.testing.assert_array_equal(ours.run(*given), free.run(*given))
-    ours.reset()
-    ours.run(*(signal[:4600] for signal in given))
-    assert (np.diag(ours.P) > 10 * P0).all()
-
-
-def test_at_rest_no_parameter_is_more_uncertain_than_by_its_size(minute):
-    estimator = rpem()
-    estimator.run(minute.u[:4000], minute.y[:4000])
-    estimator.run(np.zeros(20_000), np.zeros(20_000))
-    theta0 = three_mass(N1).parametrize(NAMES).theta
-    claimed = estimator.noise_variance * np.diag(estimator.P) / theta0**2
-    np.testing.assert_allclose(claimed, 1.0, rtol=1e-9)
-    free = rpem(ceiling=np.inf)
-    free.run(minute.u[:4000], minute.y[:4000])
-    free.run(np.zeros(3_000), np.zeros(3_000))
-    assert (free.noise_variance * np.diag(free.P) / theta0**2).max() > 1.0
-
-
-def test_a_ceiling_scales_rows_and_columns(minute):
-    """P stays a covariance: its correlations are those of before."""
-    estimator, theta0 = rpem(), three_mass(N1).parametrize(NAMES).theta
-    estimator.run(minute.u[:4000], minute.y[:4000])
-    A = np.array([[2.0, 0.3, 0.0], [0.0, 0.4, 0.1], [0.2, 0.0, 3.0]]) * 20
-    estimator.P = A @ A.T * np.outer(theta0, theta0)
-    expected = correlations(A @ A.T)
-    estimator.step(0.0, None)
-    np.testing.assert_allclose(correlations(estimator.P), expected, rtol=1e-9)
-
-
-def correlations(P):
-    d = np.sqrt(np.diag(P))
-    return P / np.outer(d, d)

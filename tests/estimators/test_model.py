@@ -5,9 +5,6 @@ from acceptance.axes import held
 from flexaxis.estimators import EstimatorError, Model, increment, three_mass, two_mass
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.formula import multiply_out
-from flexaxis.estimators.models.meaning import is_axis
-from flexaxis.estimators.models.tables import model_from_tables
-from flexaxis.estimators.signals import SIGNALS
 
 EVERY = ("k_T", "J_m", "J_g", "1/J_a", "k_g", "1/k_a", "d_g", "d_a", "f_m", "f_g", "1/f_a", "r")
 
@@ -36,15 +33,6 @@ def test_three_mass_is_the_paper(nominal, by_hand):
     np.testing.assert_array_equal(C, [[0, 0, 1, 0, 0]])
 
 
-def test_any_choice_of_parameters_is_the_same_model(nominal):
-    model = three_mass(nominal)
-    reference = model.parametrize(["k_T"])
-    for identify in (EVERY, EVERY[3:7], ("J_a", "1/r")):
-        chosen = model.parametrize(identify)
-        for a, b in zip(chosen.matrices(chosen.theta), reference.matrices([1.0]), strict=True):
-            np.testing.assert_allclose(a, b, rtol=1e-13)
-
-
 def test_derivatives_are_finite_differences(nominal):
     chosen = three_mass(nominal).parametrize(EVERY)
     for i, value in enumerate(chosen.theta):
@@ -58,21 +46,6 @@ def test_derivatives_are_finite_differences(nominal):
             difference = (above - below) / (2 * step[i])
             scale = np.abs(above).max() / abs(value) + 1e-300
             assert np.abs(difference - exact[i]).max() < 1e-7 * scale
-
-
-def test_friction_derivative_has_one_entry(nominal):
-    dA, dB, dC = three_mass(nominal).parametrize(["f_m"]).derivatives([0.05])
-    expected = np.zeros((5, 5))
-    expected[2, 2] = -1 / nominal["J_m"]  # (24)
-    np.testing.assert_allclose(dA[0], expected, rtol=1e-14)
-    assert not dB.any()
-    assert not dC.any()
-
-
-def test_derivative_at_zero_is_finite(nominal):
-    dA, _, _ = three_mass({**nominal, "f_m": 0.0}).parametrize(["f_m", "d_g"]).derivatives([0, 26])
-    assert np.isfinite(dA).all()
-    assert dA[0, 2, 2] == -1 / nominal["J_m"]
 
 
 def test_increment_is_the_mean_speed_exactly(nominal, loop):
@@ -146,48 +119,8 @@ def test_impossible_values_are_refused(model, name, value, words):
         shipped.factory(dict(shipped.rough) | {name: value})
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_every_parameter_has_its_sign_said(model):
-    made = MODELS[model].factory(MODELS[model].rough)
-    said = [*made.positive, *made.nonnegative, *made.nonzero]
-    assert sorted(said) == sorted(made.parameters)
-    unfelt = dict(MODELS[model].rough) | dict.fromkeys(made.nonnegative, 0.0)
-    turned = MODELS[model].factory(unfelt | {"k_T": -1.0})
-    assert np.isfinite(turned.parametrize(["k_T"]).matrices([-1.0])[0]).all()
-
-
-def test_a_model_of_ones_own_takes_any_value():
-    tables = {"name": "own", "states": ["v"], "A": [["-f/J"]], "B": ["k/J"], "C": ["1"]}
-    model = model_from_tables(tables | {"nominal": {"f": -2.0, "J": -1.0, "k": 0.0}})
-    assert model.parametrize(["f"]).matrices([-2.0])[0][0, 0] == -2.0
-
-
-def test_the_nominal_axis_is_that_of_the_simulation(nominal):
-    assert MODELS["three_mass"].known["n1"] == dict(nominal)
-
-
 @pytest.mark.parametrize("J", [0.0, 1e-320])
 def test_an_entry_that_is_no_number_is_refused(J):
     with pytest.raises(EstimatorError, match=r"row 1, column 1 .* nominal values of .*J"):
         Model("lag", states=("v",), A=[["-f/J"]], B=["k"], C=["1"],
               nominal={"f": 2.0, "J": J, "k": 3.0})  # fmt: skip
-
-
-@pytest.mark.parametrize("name", SIGNALS)
-def test_mean_speed_between_two_samples_of_what_is_read(name):
-    """Of a motion at constant acceleration, φ = t²/2, for which the trapezoidal rule is exact."""
-    T, k = 0.005, np.arange(5)
-    angle, speed = (T * k) ** 2 / 2, T * k
-    moved = np.diff(angle) / T
-    y = {"speed": speed, "increment": np.r_[0.0, moved]}[name]
-    now, before = SIGNALS[name].mean_speed(T)
-    np.testing.assert_allclose(now * y[1:] + before * y[:-1], moved, rtol=1e-12)
-
-
-def test_who_has_another_value_is_not_a_named_axis():
-    """Of what is identified it may be other, within a factor; of the rest neither more nor less."""
-    for factor, known in ((1.0, True), (0.5, False), (2.0, False)):
-        values = MODELS["three_mass"].known["n1"]
-        other = three_mass(dict(values) | {"d_g": factor * values["d_g"]})
-        assert is_axis(other, "n1", ["f_m"]) is known
-        assert is_axis(other, "n1", ["d_g"])

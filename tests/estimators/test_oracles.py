@@ -5,7 +5,6 @@ import pytest
 from acceptance.axes import held
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.methods.controls import OracleReset
 from flexaxis.estimators.models.discretisation import plan
 from flexaxis.estimators.registry import REGISTRY
 
@@ -32,20 +31,11 @@ def test_at_the_truth_exact_data_of_a_stiff_axis_move_nothing(stiff, name, outpu
     """Several substeps take one sample: none may be lost or counted twice."""
     parameters, run = stiff
     model = three_mass(parameters).parametrize(NAMES)
-    assert plan(model, 0.1 * model.theta, 10 * model.theta, T)[1] > 1
+    assert plan(model, 0.1 * model.theta, 10 * model.theta, T)[2] > 1
     more = {"torque": run.u} if name == "rpem" else {}  # nothing is stored for such an axis
     estimator = FILTERS[name](parameters, T, output=output, **more)
     theta = estimator.run(run.u, run.y if output == "speed" else run.increment)
     np.testing.assert_allclose(theta / model.theta, 1.0, atol=1e-10, rtol=0)
-
-
-def test_without_measurements_theta_walks_as_far_as_is_said(nominal, loop):
-    """`walk` is the relative deviation after a second, `spread` that at the start."""
-    estimator = made["ekf"](nominal, T, walk=0.03, spread=0.2)
-    estimator.run(loop.u[:400], np.zeros(400), np.zeros(400, bool))
-    theta = three_mass(nominal).parametrize(NAMES).theta
-    expected = np.diag(theta**2 * (0.2**2 + 2 * 0.03**2))
-    np.testing.assert_allclose(estimator.covariance, expected, rtol=1e-9, atol=1e-15)
 
 
 @pytest.fixture(scope="module")
@@ -81,18 +71,6 @@ def test_a_corrected_state_is_that_of_the_present_parameters(nominal, linear):
         total = start + np.sum(weights * speed[: k + 1] ** 2)
         expected = start * nominal["k_T"] + np.sum(weights * speed[: k + 1] * y[: k + 1])
         assert theta[k] == pytest.approx(expected / total, rel=1e-9)
-
-
-def test_the_oracle_begins_anew_with_the_first_sample_of_a_fault(nominal, loop):
-    def corrected():
-        return Rpem(three_mass(nominal), P0=[0.01, 0.01, 0.01], state_correction=True, period=0.005)
-
-    told, by_hand = OracleReset(corrected(), onsets=[700]), corrected()
-    theta = told.run(loop.u[:900], loop.y[:900])
-    before = by_hand.run(loop.u[:700], loop.y[:700])
-    by_hand.restart((0.5 * by_hand.theta) ** 2 / by_hand.noise_variance)
-    after = by_hand.run(loop.u[700:900], loop.y[700:900])
-    np.testing.assert_array_equal(theta, np.concatenate([before, after]))
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])

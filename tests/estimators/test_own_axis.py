@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models import meaning
-from flexaxis.estimators.models.axes import N1, one_mass, two_mass
+from flexaxis.estimators.models.axes import N1
 from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import predict
-from flexaxis.estimators.offline.sizes import measured
 from flexaxis.estimators.offline.structure import with_laws
 from flexaxis.estimators.registry import REGISTRY
 
@@ -53,38 +51,12 @@ def run(model, torque, **changed):
     return predict(one, one.theta, torque, period=PERIOD)[0]
 
 
-def test_friction_of_a_load_has_the_size_that_the_gear_makes_of_a_torque():
-    load, motor = measured(BELT, TORQUE, PERIOD)[1:]
-    # the motor turns 1/r as far as the load: so many torques are as one behind the gear
-    assert load[1].force == pytest.approx(motor[1].force / 0.2, rel=0.2)
-
-
-def test_what_no_torque_moves_has_no_size():
-    loose = replace(
-        BELT,
-        states=(*BELT.states, "loose"),
-        A=(*((*row, "0") for row in BELT.A), ("0", "0", "0", "-1")),
-        B=(*BELT.B, "0"),
-        C=(*BELT.C, "0"),
-        laws=(Law("static", {"loose": 1.0}, {"loose": "-1"}, FRICTION),),
-    )
-    with pytest.raises(EstimatorError, match="does not move loose"):
-        measured(loose, TORQUE, PERIOD)
-
-
 def test_what_parameters_are_is_told_by_the_model():
     real = with_laws(N1 | {"poles": 24.0, "torque_limit": 1.75}, period=PERIOD)
     assert meaning.structure(real) == ("k_g", "J_m", "k_a", "d_g", "d_a")
     assert meaning.dry_friction(real) == ("f_c",)
     assert meaning.fixable(BELT) == ("J_m", "k", "play")  # and not the ratio, nor the load
     assert meaning.dry_friction(BELT) == ("level",)
-
-
-def test_a_single_inertia_is_not_weighed_against_another():
-    nominal = {"k_T": 1.0, "J_m": 1e-3, "J_l": 1e-3, "k": 100.0, "d": 0.01, "f_m": 0.1, "f_l": 0.1}
-    assert meaning.structure(one_mass(nominal)) == ()
-    assert meaning.structure(two_mass(nominal)) == ("J_m", "k", "d")
-    assert meaning.structure(replace(two_mass(nominal), fixed=("k",))) == ("J_m", "d")
 
 
 @pytest.mark.slow

@@ -1,22 +1,19 @@
 """Fits of a record: how far it is to the bottom, what a gap is not, what steps of laws cost."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from flexaxis.estimators.models.axes import STATIC, one_mass
-from flexaxis.estimators.offline import prediction_error, trajectory
+from flexaxis.estimators.models.axes import one_mass
 from flexaxis.estimators.offline.colour import noise_model
-from flexaxis.estimators.offline.descent import CONVERGED, Problem, damped_step
-from flexaxis.estimators.offline.prediction_error import discretisation, fit
+from flexaxis.estimators.offline.descent import CONVERGED, Problem
+from flexaxis.estimators.offline.prediction_error import fit
 from flexaxis.estimators.offline.trajectory import course
 
 PERIOD, N, SIGMA = 0.002, 4000, 0.05
 VALUES = {"k_T": 1.0, "J_m": 1e-3, "f_m": 5e-3}
-RUBS = {"f_c": 0.05, "f_s": 0.0, "alpha": 1.0, "beta": 3.0}
 
 
 def problem(model, names):
@@ -61,17 +58,6 @@ def test_a_state_that_is_forgotten_before_it_counts_stays(linear):
     assert np.all(abs(found.z[:2] - [1e-3, 5e-3]) < 4 * found.deviations[:2])
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e-3])
-def test_what_nothing_is_seen_of_stays_to_the_last_bit(damping):
-    """Its scale is nothing, by which a rounding error must not be divided."""
-    for seed in range(200):
-        J = np.random.default_rng(seed).normal(size=(4, 20))
-        J[2] = 0.0
-        step = damped_step(J @ J.T, J @ np.ones(20), damping)
-        assert step[2] == 0.0 and np.all(step[[0, 1, 3]] != 0.0)
-    assert not damped_step(np.zeros((2, 2)), np.zeros(2), damping).any()
-
-
 def test_what_is_left_is_counted_in_standard_deviations(linear):
     problem, fitted = linear
     off = np.r_[1.0, -2.0, 0.5, 0.0] * fitted.deviations
@@ -86,21 +72,6 @@ def test_what_is_left_is_counted_in_standard_deviations(linear):
     assert problem.left(scaled) == pytest.approx(problem.left(there), rel=1e-6)
 
 
-def test_a_fit_that_is_stopped_says_that_it_moves_on(linear, monkeypatch):
-    from flexaxis.estimators.offline import prediction_error
-
-    monkeypatch.setattr(prediction_error, "EVALUATIONS", 1)
-    assert not fit(linear[0], np.r_[3e-3, 5e-2, 0.0, 0.0], rounds=1).converged
-
-
-def test_what_is_at_its_bound_stays_there(linear):
-    problem, _ = linear
-    upper = problem.upper.copy()
-    upper[0] = 0.9e-3
-    fitted = fit(replace(problem, upper=upper), np.r_[0.8e-3, 5e-3, 0.0, 0.0])
-    assert fitted.z[0] == 0.9e-3 and fitted.converged
-
-
 def test_samples_on_either_side_of_a_gap_are_no_neighbours():
     """Pieces of an autoregression, each about a level of its own noise; gaps hold nonsense."""
     rng = np.random.default_rng(0)
@@ -111,62 +82,3 @@ def test_samples_on_either_side_of_a_gap_are_no_neighbours():
     # of 20 neighbours 19 are pairs, and a missing pair counts as none: −.95 · 19/20
     assert found[1] == pytest.approx(-0.95 * 19 / 20, abs=0.01)
     np.testing.assert_array_equal(noise_model(e, 5), noise_model(e, 5, np.ones(len(e), bool)))
-
-
-def test_steps_of_a_law_are_told_and_a_linear_model_has_none(linear, monkeypatch):
-    model = replace(one_mass(VALUES | RUBS), laws=(STATIC,))
-    law = problem(model, ("J_m", "f_m", "f_c"))
-    fitted = fit(law, np.r_[1.1e-3, 5e-3, 0.04, 0.0, 0.0])
-    assert law.course.coarsens and np.all(discretisation(law, fitted)[:3] > 0)
-    assert np.all(discretisation(*linear) == 0)
-    monkeypatch.setattr(trajectory, "COARSE", trajectory.FINE)
-    assert np.all(discretisation(law, fitted) == 0)
-
-
-def test_a_start_that_cannot_be_simulated_is_no_fit(linear):
-    fitted = fit(linear[0], np.r_[1e-9, 5e-3, 0.0, 0.0], plain=True)  # too fast for the log
-    assert fitted.square == np.inf and not fitted.converged
-
-
-class _Turns:
-    """A record whose noise looks now like one colour and now like another.
-
-    Their fits are `apart` deviations from each other; with `drifts` each is as far beyond the last.
-    """
-
-    course = SimpleNamespace(coarsens=False, period=0.005)
-    highpass, samples = None, 10_000
-
-    def __init__(self, apart, drifts):
-        self.apart, self.drifts, self.calls = apart, drifts, 0
-
-    def colour(self, residual):
-        self.calls += 1
-        return self.calls if self.drifts else self.calls % 2
-
-    def at(self, z, colour, *, coarse=False):
-        return self.weighed(SimpleNamespace(z=z, residual=z), colour)
-
-    def weighed(self, at, colour):
-        bottom = colour if isinstance(colour, int) else 0
-        far = self.apart * abs(float(at.z[0]) - bottom)
-        H = np.array([[self.apart**2 / self.samples]])
-        square = 1 + far**2 / self.samples
-        return SimpleNamespace(**vars(at) | dict(square=square, far=far, H=H, samples=self.samples))
-
-    def left(self, at):
-        return at.far
-
-    def descend(self, at, colour, most, **options):
-        return self.at(np.array([float(colour)]), colour), True
-
-
-@pytest.mark.parametrize(
-    ("apart", "drifts", "converged"),
-    [(0.3, False, True), (0.9, False, True), (1.1, False, False), (0.3, True, False)],
-)
-def test_colours_that_take_turns_end_where_they_hardly_differ(
-    monkeypatch, apart, drifts, converged
-):
-    monkeypatch.setattr(prediction_error, "finished", lambda *a: a[3])
-    assert fit(_Turns(apart, drifts), np.array([5.0])) is converged

@@ -24,14 +24,6 @@ def test_prediction_is_the_speed_of_the_axis(nominal, loop):
     np.testing.assert_allclose(predicted, loop.clean, atol=1e-9)
 
 
-def test_a_torque_acts_from_the_next_sample_on(nominal):
-    model = three_mass(nominal).parametrize(["k_T"])
-    predicted, _ = predict(model, model.theta, [1.0, 0.0, 0.0], period=0.005)
-    assert predicted[0] == 0
-    # the motor alone, for a sample: k_T T/J_m, less what friction and spring take
-    assert 0.75 < predicted[1] / (T / nominal["J_m"]) < 1
-
-
 def test_increments_are_differences_of_the_angle(nominal, loop):
     model = increment(three_mass(nominal), T).parametrize(["f_m"])
     predicted, _ = predict(model, model.theta, loop.u, period=0.005)

@@ -26,32 +26,6 @@ def test_outliers_do_not_throw_a_robust_filter(nominal, loop):
     assert np.all(spread[3.0] < 1.35 * quiet)  # three σ at one sample in 200 add 5 %
 
 
-def test_without_outliers_robust_costs_next_to_nothing(nominal, loop):
-    plain = Rpem(three_mass(nominal), P0=P0, period=0.005).run(loop.u, loop.y)
-    robust = Rpem(three_mass(nominal), P0=P0, robust=3.0, period=0.005).run(loop.u, loop.y)
-    # 0.3 % of normal residuals are clipped; compare with the standard deviations .12 … .3 %
-    assert np.abs(robust / plain - 1)[4000:].max() < 0.004
-    assert not np.array_equal(robust, plain)
-
-
-def test_a_jump_is_still_followed(nominal, simulated):
-    jump = simulated(30.0, faults={15.0: {**nominal, "f_m": 0.1}})
-    theta = Rpem(three_mass(nominal), P0=P0, robust=3.0, period=0.005).run(jump.u, jump.y)
-    assert abs(theta[-1, 2] / 0.1 - 1) < 0.05
-
-
-@pytest.mark.parametrize("robust", [-1.0, np.nan])
-def test_robust_is_checked(nominal, robust):
-    with pytest.raises(EstimatorError, match="robust"):
-        Rpem(three_mass(nominal), P0=P0, robust=robust, period=0.005)
-
-
-def test_one_mass_is_the_first_order_lag():
-    model = one_mass({"k_T": 2.0, "J_m": 0.5, "f_m": 0.3}).parametrize(["J_m"])
-    A, B, C = model.matrices(model.theta)
-    assert (A[0, 0], B[0, 0], C[0, 0]) == (-0.6, 4.0, 1.0)
-
-
 def test_a_model_from_tables_is_the_shipped_one():
     values = {"k_T": 2.0, "J_m": 0.5, "f_m": 0.3}
     own = model_from_tables(

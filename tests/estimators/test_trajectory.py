@@ -7,6 +7,7 @@ import pytest
 from acceptance.differences import central
 
 from flexaxis.estimators.models.axes import BRISTLES, STATIC, one_mass, two_mass
+from flexaxis.estimators.offline.delay import delayed
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.trajectory import course
 
@@ -79,3 +80,36 @@ def test_a_motor_reverses_as_a_textbook_loop_does():
     # bristles that are caught swing by f_c/√(σ₀ J) = .01 rad/s; and 2 f_c/J in a step of T/16
     assert np.abs(fine - exact).max() < 0.02
     assert np.abs(coarse - exact).max() < 0.03
+
+
+def gapped(*begins):
+    """A course of two masses whose stretches begin at these samples, and unknowns."""
+    model, names = two_mass(VALUES), ("J_m", "J_l", "k", "d", "f_m", "f_l")
+    along = course(model, names, torque(400), period=PERIOD, resting=False, begins=begins)
+    states = np.full(along.q - len(names) - 2, 1e-3) * (1 + np.arange(len(begins))).repeat(3)
+    return along, np.r_[along.model.theta, states, 0.01, 0.3 * PERIOD]
+
+
+def test_a_course_may_begin_late():
+    late, z = gapped(100)
+    y, slopes = late.along(z)
+    assert np.all(y[:101] == 0) and np.all(slopes[:, :101] == 0)
+    shifted, _ = gapped(0)
+    shifted = replace(shifted, u=delayed(late.u, 0.3)[100:])
+    expected, _ = shifted.along(np.r_[z[:-1], 0.0])
+    np.testing.assert_allclose(y[100:], expected, atol=1e-9)
+
+
+def test_a_course_begins_anew_behind_a_gap():
+    """From the states that it has there it goes on as it would have, whatever is in the gap."""
+    both, z = gapped(100, 220)
+    y, slopes = both.along(z)
+    for begin, end, place in zip((100, 220), (220, None), both.states, strict=True):
+        alone, _ = gapped(begin)
+        expected, derivatives = alone.along(np.r_[z[:6], z[place], z[-2:]])
+        here = slice(begin + 1, end)
+        np.testing.assert_array_equal(y[here], expected[here])
+        np.testing.assert_array_equal(slopes[place, here], derivatives[alone.states[0], here])
+        others = np.ones(both.q, bool)
+        others[np.r_[:6, place, both.q - 2 : both.q]] = False
+        assert not slopes[others, here].any()

@@ -52,11 +52,6 @@ def test_a_delay_that_cannot_be_is_refused_with_those_that_can(record, delay):
         identify(record, find_axis("one_mass"), delay=delay)
 
 
-def test_the_least_delay_is_no_estimate(record):
-    found = identify(record, find_axis("one_mass").having(ONE), friction="none")
-    assert found.estimates["delay"] == (0.0, 0.0)
-
-
 def test_a_mode_beyond_the_rate_is_refused():
     """At 250 Hz nothing is seen of a mode at 400 Hz."""
     model = find_axis("two_mass").having(TWO).model

@@ -1,6 +1,13 @@
-"""The numbers of a filter, in one record of a fixed type: tuning, and what changes with samples."""
+"""What all filters have: their numbers, a model with its states, bounds of P and θ."""
 
 import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.filters.design import Design
+from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.models.discretisation import law_plan, plan
+from flexaxis.estimators.models.rows import padded
+from flexaxis.estimators.models.series import axis_arrays
 
 _TUNING = (
     "forgetting",  # λ
@@ -67,4 +74,53 @@ NUMBERS = np.dtype(
         ("sums", float, 4),  # of a rule of forgetting
     ]
 )
+"""The numbers of a filter, in one record of a fixed type: tuning, and what changes with samples."""
 WORDS = NUMBERS.itemsize // 8
+
+
+def on_lanes(design: Design, width: int) -> tuple[dict[str, NDArray], NDArray[np.float64]]:
+    """
+    Return the arrays of the model of a filter, and its states with derivatives.
+
+    Parameters
+    ----------
+    design : Design
+    width : int
+        A value and its derivatives.
+
+    Returns
+    -------
+    axis : dict of str to array
+        As of `flexaxis.estimators.models.series.axis_arrays`.
+    X : (n+1, lanes) array
+        Before the first sample, without derivatives.
+    """
+    model, lanes = design.model, padded(width)
+    box = design.lower, design.upper
+    planned = law_plan if model.forces else plan
+    steps = planned(model, *box, design.period)
+    X = np.zeros((model.n + 1, lanes))
+    X[:-1, 0] = design.x0
+    X[-1, 0] = model.blocks(design.theta0)[0, -1, :-1] @ design.x0
+    return axis_arrays(model, steps, design.period, lanes), X
+
+
+@inlined
+def bound(P, ceiling):
+    """Scale rows and columns of P (m, m) whose variance is above its ceiling (p,) down to it."""
+    for i in range(len(ceiling)):
+        if P[i, i] > ceiling[i]:
+            factor = np.sqrt(ceiling[i] / P[i, i])
+            for j in range(len(P)):
+                P[i, j] *= factor
+                P[j, i] *= factor
+
+
+@inlined
+def project(theta, lower, upper):
+    """Put the first of θ back into the box."""
+    for i in range(len(lower)):
+        if theta[i] < lower[i]:  # not min and max, which would hide a NaN
+            theta[i] = lower[i]
+        elif theta[i] > upper[i]:
+            theta[i] = upper[i]

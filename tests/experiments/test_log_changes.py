@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.experiments.logs.changes import changes_along
-from flexaxis.experiments.logs.series import explain
+from flexaxis.experiments.logs.changes import changes_along, explain
 
 N = 60
 K = np.arange(float(N))
