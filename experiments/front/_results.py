@@ -45,7 +45,7 @@ SHOWN = (
 
 
 def texts_of(estimators: Estimators) -> list[str]:
-    """Return estimators as text."""
+    """Return one estimator, or several, as text."""
     one = isinstance(estimators, str) or callable(estimators)
     return list(map(text_of, [estimators] if one else estimators))  # type: ignore[arg-type]
 
@@ -64,13 +64,12 @@ class Results(engine.Results):
         return (rows if changed.empty else changed)[[*self.axes, *SHOWN]].reset_index(drop=True)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
-        """Draw the lag after a fault: against the noise before it, or over an axis of a study.
+        """Draw the lag after a fault: against the noise, or over an axis of a study.
 
         Parameters
         ----------
         x : str, optional
-            A swept key; the first of the study by default. If nothing is swept, the abscissa is
-            the standard deviation before the fault, and each estimator is a point.
+            A swept key; the first of the study by default.
         ax : matplotlib axes, optional
             Where to draw; new ones by default.
         """
@@ -233,7 +232,6 @@ class Comparison:
         Parameters
         ----------
         ax : matplotlib axes, optional
-            Where to draw; new ones by default.
         """
         axes = panels(ax, 1)[0]
         figures.verdict_intervals(self.content["rows"], axes=axes)
@@ -297,7 +295,6 @@ def compare(
     """
     checked = gate.check_margins(margins or {})
     sides = [each and text_of(each) for each in (base, candidate)]
-    own, sources = list[Scenario](), dict[str, str]()
     if runs:
         numbers = None if seeds is None else seeds_of(seeds, 0)
         old, new = map(Path, runs)
@@ -305,16 +302,14 @@ def compare(
     else:
         suite = select(scenarios, default=gate.SUITE)
         own, numbers = suite.scenarios, seeds_of(seeds, suite.seeds)
-        if len(own) == 1 and isinstance(scenarios, str | Path):
-            sources = {own[0].name: str(scenarios)}
         with studies.working(2 * len(own) * max(max_seeds, len(numbers)), folder, **work) as runner:
             result = gate.compare(
                 *map(str, sides), own, numbers, runner, margins=checked,  # type: ignore[arg-type]
-                max_seeds=max_seeds, match_std=match_std, traces=folder is not None,
+                max_seeds=max_seeds, match_std=match_std,
             )  # fmt: skip
-    content = as_dict(result, sources=sources) | {"command": command}
+    content = as_dict(result) | {"command": command}
     if folder:
-        content["report"] = write(Path(folder), content, own)
+        content["report"] = write(Path(folder), content)
     return Comparison(content, result.status(), result.status(strict=True))
 
 
