@@ -121,6 +121,5 @@ def test_a_run_that_is_killed_or_stopped_resumes_with_every_row_once(tmp_path):
     assert not frame.duplicated(["case", "parameter"]).any()
 
 
-
 def test_parallel_gives_every_result():
     assert sorted(parallel(abs, [-3, 1, -2], jobs=2)) == [1, 2, 3]
