@@ -15,7 +15,7 @@ from flexaxis.experiments.files import REPORT, write_json, write_text
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import KIND, SIDES
 from flexaxis.experiments.gate.verdict import ALPHA, BETTER, SAME, SILENT, SLIGHT, UNDECIDED, WORSE
-from flexaxis.experiments.reporting.page import comparison as page
+from flexaxis.experiments.reporting.page import comparison
 from flexaxis.experiments.reporting.tables import between, short
 from flexaxis.experiments.scoring.score_table import METRICS
 
@@ -59,7 +59,7 @@ LEGEND = (
 OWN = ("base", "candidate", "seeds", "look", "looks", "failed", "gaps")
 
 
-def as_dict(comparison: Comparison) -> dict[str, Any]:
+def as_dict(c: Comparison) -> dict[str, Any]:
     """Return all there is to say, as it goes to a terminal, a page and compare.json.
 
     Returns
@@ -71,7 +71,6 @@ def as_dict(comparison: Comparison) -> dict[str, Any]:
         alpha, failed, gaps``; ``equal_noise``, both settings as tuned. The other keys of a row are
         those of `flexaxis.experiments.gate.verdict.judge`.
     """
-    c = comparison
     rows = c.rows[c.rows["verdict"] != SILENT]  # a bias that is not worse needs no row
     shown = json.loads(rows.to_json(orient="records", double_precision=15))
     margins = ", ".join(f"{name} {100 * margin:g} %" for name, margin in c.margins.items())
@@ -160,6 +159,6 @@ def write(folder: Path, content: Mapping[str, Any]) -> Path:
     """Write compare.json, verdict.md and report.html to a folder; return the report."""
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "verdict.md", markdown(content))
-    write_text(folder / REPORT, page(content))
+    write_text(folder / REPORT, comparison(content))
     write_json(folder / "compare.json", dict(content))  # last: a folder without it is not complete
     return folder / REPORT

@@ -113,10 +113,10 @@ def median_interval(
     if len(share) < LEAST:
         return None
     m = np.clip(0.25 * (len(share) - 1) / max(1e-9, share.var()), len(share), n)
-    rank = 0.5 - stats.norm.isf(MISS / 2) * np.sqrt(m) / (2 * (m - 1))
-    if rank < 0:  # six values are the fewest that hold the median so surely
+    rank = 0.5 - stats.norm.isf(MISS / 2) / (2 * np.sqrt(m))
+    if rank < 0.5 / m:  # six values are the fewest that hold the median so surely
         return None
-    ends = np.quantile(x, [rank, 1 - rank])
+    ends = np.quantile(x, [rank, 1 - rank], method="hazen")
     return [float(end) if end < FLOOR * NEVER else None for end in ends]
 
 

@@ -142,10 +142,10 @@ def test_intervals_over_a_swept_axis_cover_what_they_are_for(n, alike, apart):
 @pytest.mark.parametrize("n", [8, 16])
 @pytest.mark.parametrize(("alike", "apart"), [(1.0, 0.0), (0.9, 0.2), (0.6, 1.0)])
 def test_the_interval_of_a_median_over_a_swept_axis_covers_it(n, alike, apart):
-    """Order statistics cannot be exact, and with 8 seeds miss in 1 of 128 where points agree."""
+    """Order statistics cannot be exact: where points agree, 8 seeds have 93 %, the second of 8."""
     rng, draws, inside = np.random.default_rng(n), 1500, 0
     seeds, points = np.tile(np.arange(n), 5), np.repeat(np.arange(5), n)
     for _ in range(draws):
         low, high = median_interval(sum(swept(n, 5, alike, apart, rng)), seeds, points)
         inside += low <= 0.0 <= high
-    assert 0.93 <= inside / draws <= 0.999
+    assert 0.92 <= inside / draws <= 0.98
