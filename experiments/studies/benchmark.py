@@ -28,7 +28,7 @@ from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
 from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
-from flexaxis.experiments.running.store import ROWS, Store
+from flexaxis.experiments.running.store import CSV, ROWS, Store
 from flexaxis.experiments.running.study import Study, missing, units
 from flexaxis.sim.scenario import Scenario, scenario_from
 
@@ -110,6 +110,7 @@ def merge(shards: Sequence[Path], folder: Path, **options: Any) -> tuple[Results
         for shard in shards:
             runner.store.take(shard)
         results = Results.load(folder)
+        results.to_csv(folder / CSV)
         finish(results, runner)
     study = results.study
     return results, len(study["variants"]) * len(study["seeds"]) - results.cases
