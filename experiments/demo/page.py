@@ -112,7 +112,7 @@ class Page:
             *(curves[name].T for name in ("truth", "theta", "deviation")),
             strict=True,
         ):
-            edges = 2 * np.nan_to_num(deviation) * np.array([0.0, 1.0, -1.0])[:, None, None]
+            edges = 2 * deviation * np.array([0.0, 1.0, -1.0])[:, None, None]
             plot.data = curves["time"], truth, *np.concatenate((theta + edges).transpose(1, 0, 2))
 
     def _add_controls(self) -> None:

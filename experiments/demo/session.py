@@ -97,10 +97,10 @@ class DemoSession:
         """Return the last seconds, a row every `MARK` samples.
 
         They are ``time`` (M,), ``truth`` (M, 4), and of both racers ``theta`` and ``deviation``
-        (M, 2, 4) of `SHOWN`.
+        (M, 2, 4) of `SHOWN`; 0 where a racer has none.
         """
         names = ("time", "truth", "theta", "deviation")
-        columns = [np.array(column) for column in zip(*self._marks, strict=True)]
+        columns = [np.nan_to_num(column) for column in zip(*self._marks, strict=True)]
         return dict(zip(names, columns, strict=True))
 
     def do(self, action: str, *values: Any) -> None:

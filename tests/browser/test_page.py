@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -59,6 +60,7 @@ def test_a_click_moves_the_curves_and_both_estimators(browser, address, width, h
     assert width < 600 or browser.run(DRAWN.format("f_m")) > 100
     browser.click("Pause")
     browser.wait("document.body.innerText.includes('paused')", "pause")
+    time.sleep(1)  # the clock is drawn four times a second
     before = browser.run(CLOCK)
     browser.click("Step")
     browser.wait(f"Math.abs({CLOCK} - {before} - 0.1) < 0.01", "step of 0.1 s")
