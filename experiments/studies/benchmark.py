@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
@@ -53,12 +52,6 @@ def working(
             cache=kept, overwrite=overwrite, time_limit=time_limit, advance=advance,
         ))  # fmt: skip
         yield runner
-    for estimator, where in dict(reversed(runner.remarks)).items():
-        warnings.warn(
-            f"{estimator} returned an estimate that is not finite, first {where}: such a run "
-            "counts as diverged",
-            stacklevel=4,  # the line of the user
-        )
 
 
 def run(
