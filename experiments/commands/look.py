@@ -44,10 +44,11 @@ def list_(args: Args) -> int:
     }
     if kind := args.kind or (args.group and "scenarios"):
         content = {kind: content[kind]}
-    lines, width = [], get_terminal_size((160, 24)).columns
-    for row in chain(*content.values()):
-        name, *middle, text = (row[key] for key in row if key not in {"faults", "group"})
-        lines.append(f"{name:<44} {' '.join(middle):<6} {text}"[:width])
+    rows, width = list(chain(*content.values())), get_terminal_size((160, 24)).columns
+    names, lines = [next(iter(row.values())) for row in rows], []
+    for name, row in zip(names, rows, strict=True):
+        *middle, text = (row[key] for key in [*row][1:] if key not in {"faults", "group"})
+        lines.append(f"{name:<{max(map(len, names))}} {' '.join(middle):<6} {text}"[:width])
     if not lines:
         lines = [f"nothing has {args.find!r}"]
     if len(lines) > MOST and not args.all:

@@ -11,7 +11,7 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import Any
 
-__version__ = version(__name__)
+__version__ = version("flexaxis")
 __all__ = [
     "Axis",
     "Comparison",

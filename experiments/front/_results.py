@@ -45,7 +45,7 @@ SHOWN = (
 
 
 def texts_of(estimators: Estimators) -> list[str]:
-    """Return estimators as text."""
+    """Return one estimator, or several, as text."""
     one = isinstance(estimators, str) or callable(estimators)
     return list(map(text_of, [estimators] if one else estimators))  # type: ignore[arg-type]
 
@@ -64,13 +64,12 @@ class Results(engine.Results):
         return (rows if changed.empty else changed)[[*self.axes, *SHOWN]].reset_index(drop=True)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
-        """Draw the lag after a fault: against the noise before it, or over an axis of a study.
+        """Draw the lag after a fault: against the noise, or over an axis of a study.
 
         Parameters
         ----------
         x : str, optional
-            A swept key; the first of the study by default. If nothing is swept, the abscissa is
-            the standard deviation before the fault, and each estimator is a point.
+            A swept key; the first of the study by default.
         ax : matplotlib axes, optional
             Where to draw; new ones by default.
         """
@@ -233,7 +232,6 @@ class Comparison:
         Parameters
         ----------
         ax : matplotlib axes, optional
-            Where to draw; new ones by default.
         """
         axes = panels(ax, 1)[0]
         figures.verdict_intervals(self.content["rows"], axes=axes)

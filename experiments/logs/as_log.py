@@ -13,7 +13,7 @@ from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import WRITTEN
 from flexaxis.experiments.logs.units import UNITS
-from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.errors import unknown
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ class LogStyle:
         known = [unit for table in UNITS.values() for unit in table]
         for unit in self.units:
             if unit not in known:
-                raise LogError(f"--units: unknown unit {unit!r}.{did_you_mean(unit, known)}")
+                raise LogError(f"--units: {unknown('unit', unit, dict.fromkeys(known))}")
         for option in ("jitter", "gaps", "counts"):
             if not getattr(self, option) >= 0:
                 raise LogError(f"--{option} {getattr(self, option)}: give 0 or more")

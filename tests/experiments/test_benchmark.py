@@ -31,10 +31,11 @@ def test_a_folder_holds_rows_summary_and_report(short, tmp_path):
 
 
 def test_a_swept_knob_is_matched_at_equal_noise(short, tmp_path):
-    runner, swept = runner_here(tmp_path), ([short], ["rpem-drift"])
+    names = ["rpem-forgetting", "rpem-drift"]
+    runner, swept = runner_here(tmp_path), ([short], names)
     results = benchmark(short, runner, swept=swept)
     assert runner.done >= 3 * (2 + 5 + 1)  # the reference is among the settings
-    assert [row["estimator"] for row in results.summary["tradeoff"]["matched"]] == ["rpem-drift"]
+    assert [row["estimator"] for row in results.summary["tradeoff"]["matched"]] == names
     assert set(Results.load(tmp_path).frame["estimator"]) == {"rpem-forgetting", "frozen"}
     again = runner_here(tmp_path)
     benchmark(short, again, swept=swept)
