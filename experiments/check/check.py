@@ -64,6 +64,6 @@ def _subject(spec: Spec, store: RecordCache | None) -> Subject:
         except EstimatorError as error:
             problems.append(error)
             continue
-        record = records(scenario, [0], store)[0][0]
+        record = records(scenario, [0], store)[0]
         return Subject(spec, scenario, record)
     raise problems[0]

@@ -182,7 +182,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     -------
     dict
         ``folder`` (set by the environment variable FLEXAXIS_CACHE), ``records`` (their number),
-        ``megabytes``, ``limit`` [MB] (set by FLEXAXIS_CACHE_LIMIT), and ``removed``.
+        ``megabytes``, ``limit`` [MB], and ``removed``.
 
     Examples
     --------

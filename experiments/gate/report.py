@@ -18,8 +18,7 @@ from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.verdict import BETTER, ORDER, SAME, SILENT, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.reporting.page import comparison as comparison_page
-from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.store import ROWS
+from flexaxis.experiments.running.store import ROWS, Store
 from flexaxis.experiments.scoring.curves import estimates, truth
 from flexaxis.experiments.scoring.score_table import METRICS
 from flexaxis.sim.scenario import Scenario
@@ -276,10 +275,10 @@ def worst_run(
         return None
     rows = [row for row in content["rows"] if row["worst_scenario"] == scenario.name]
     parameter = next((row["parameter"] for row in rows if row["parameter"]), scenario.identify[0])
-    results = Results.load(folder, whole=True)
+    store = Store.read(folder)
     runs: dict[str, Any] = {"parameter": parameter}
     for side in ("base", "candidate"):
-        case = results.traces(scenario.hash, content[side]).get(content["worst"]["seed"])
+        case = store.traces(scenario.hash, content[side]).get(content["worst"]["seed"])
         if case is None or parameter not in case.names:
             return None
         values = estimates({0: case}, scenario, parameter)[0]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from loky import ProcessPoolExecutor
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import three_mass
@@ -14,7 +15,6 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.run import parallel
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.studies.definition import FIRST
 from flexaxis.sim.record import Record
@@ -174,7 +174,7 @@ class _Part:
 
 
 def _made(part: _Part, store: RecordCache | None) -> tuple[str, list[Record]]:
-    return part.group, records(part.scenario, part.seeds, store)[0]
+    return part.group, records(part.scenario, part.seeds, store)
 
 
 def _simulate(
@@ -191,7 +191,8 @@ def _simulate(
     ]
     total = sum(part.scenario.samples * len(part.seeds) for part in parts)
     found: dict[str, list[Record]] = {group: [] for group in wanted}
-    for group, records_ in parallel(partial(_made, store=store), parts, jobs=jobs):
-        found[group] += records_
-        advance(sum(len(record.time) for record in records_) / total)
+    with ProcessPoolExecutor(jobs) as pool:
+        for group, records_ in pool.map(partial(_made, store=store), parts):
+            found[group] += records_
+            advance(sum(len(record.time) for record in records_) / total)
     return {group: sorted(made, key=lambda r: r.seed or 0) for group, made in found.items()}

@@ -16,6 +16,8 @@ from flexaxis.experiments.comparison.ranking import faults_of, overall, widest
 from flexaxis.experiments.files import (
     REPORT,
     SUMMARY,
+    OutputError,
+    json_table,
     optional_package,
     write_json,
     write_text,
@@ -133,8 +135,19 @@ def finish(results: Results, runner: Runner) -> None:
 def write_report(results: Results, path: Path) -> None:
     """Write the report of a study, or of a run from its summary.json."""
     html = (study_report.render(results) if results.axes
-            else run_report.render(results, results.summary))  # fmt: skip
+            else run_report.render(results, summary_of(results)))  # fmt: skip
     write_text(path, html)
+
+
+def summary_of(results: Results) -> dict[str, Any]:
+    """Return what summary.json of a run says.
+
+    Raises
+    ------
+    OutputError
+        If it is missing: the run is not finished.
+    """
+    return json_table((results.folder or Path()) / SUMMARY, OutputError)
 
 
 def _describe(text: str) -> str:

@@ -81,7 +81,7 @@ def test_a_record_is_that_of_its_own_scenario_whatever_the_batch(tmp_path):
         assert list(changes) == [event.index for event in own.events()]
     store = RecordCache(tmp_path)
     for _ in range(2):  # simulated, and from the cache
-        (kept,), _ = records(scenario, [2], store)
+        (kept,) = records(scenario, [2], store)
         assert kept.scenario == batch[2].scenario
         assert np.array_equal(kept.true_parameters, batch[2].true_parameters)
     path = batch[1].save(tmp_path / "record.nc")

@@ -63,7 +63,7 @@ def program(tmp_path):
 
 
 def started(command, **more):
-    known = {"identify": ["f_m"]} | more
+    known = {"identify": ["f_m"], "output": "speed"} | more
     return PipeEstimator(command, {"k_T": 1.0, "f_m": 0.05}, 0.005, **known)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.score_table import rows as score
-from flexaxis.experiments.scoring.scores import Track, box, loss, relative_error
+from flexaxis.experiments.scoring.scores import Track, box, loss
 from flexaxis.experiments.scoring.windows import quiet, windows
 
 NAMES = ("k_T", "1/J_a", "f_m")
@@ -109,14 +109,6 @@ def test_without_a_fault_the_last_ten_seconds_are_scored():
     assert (quiet(scenario)[0], quiet(scenario)[-1]) == (6000, 7999)
     row = rows_of(scenario, truth_of(scenario))["k_T"]
     assert row.lag is None and row.never_settled is None and not row.changed
-
-
-def test_convergence_from_a_wrong_start_is_relative_to_the_initial_error():
-    scenario = find_scenario("paper_nominal-v1")
-    theta = truth_of(scenario)
-    theta[0] = [1.2, 1.25 * 1.2, 0.06]
-    relative = relative_error(track(scenario, theta))
-    assert [relative[name][0] for name in NAMES] == pytest.approx([1.0, 1.0, 1.0])
 
 
 def test_lost_means_not_finite_or_long_at_an_edge_of_the_one_box():
