@@ -28,11 +28,9 @@ def lags(parameter: str, factor: float) -> Sequence[Sequence[float]]:
     for seed in SEEDS:
         session = DemoSession(seed=seed)
         session.advance(sample_index(BEFORE, PERIOD))
-        session.inject(parameter, factor)
+        session.do("inject", parameter, factor)
         session.advance(sample_index(WINDOW, PERIOD))
-        entry = session.history.last
-        assert entry is not None
-        rows.append([value for value in (*entry.lags, *entry.allowed) if value is not None])
+        rows.append(session.changes[-1].lags)
     return rows
 
 

@@ -58,10 +58,7 @@ def compare(args: Args) -> int:
         folder=folder, command=args.line, **work(args),
     )  # fmt: skip
     status = result.strict_status if args.strict else result.status
-    worst = result.content["worst"]["command"]
-    look = [f"Look at the worst run: {worst}"] if status else []
-    path = result.content["report"]
-    return answer(args, result.content, status, result, *look, f"report: {path}")
+    return answer(args, result.content, status, result, f"report: {result.content['report']}")
 
 
 @command("judge", "estimators", "--match", "--sweep", "--seeds", "--save", "-o", "--jobs",

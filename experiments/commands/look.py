@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections import Counter
 from dataclasses import asdict
 from itertools import chain
@@ -14,7 +12,6 @@ import flexaxis as fx
 from flexaxis.experiments.catalogue import find as catalogue
 from flexaxis.experiments.catalogue.find import GROUPS
 from flexaxis.experiments.commands.options import Args, answer, command
-from flexaxis.experiments.files import check_not_input
 from flexaxis.sim.errors import FlexaxisError
 
 MOST = 60  # lines that `list` prints
@@ -90,63 +87,35 @@ def show(args: Args) -> int:
 
 
 @command("teach", "lesson", "--estimator", "--seed", "--speed", "--exaggerate", "--port",
-         "--no-browser", "--record", "--print-lesson")  # fmt: skip
+         "--no-browser")  # fmt: skip
 def demo(args: Args) -> int:
     """Break a live axis in the browser, and watch which estimator detects it first.
 
-    The paper's method (A) runs beside the recommended one (B). Press "motor friction × 2": the
-    upper diagram shows how much of the fault each has still to find, and in grey the theoretical
+    The paper's method (A) runs beside the recommended one (B). Press "motor friction f_m × 2": the
+    diagram on the right shows how much of the fault each has still to find, beside the theoretical
     limit. Stop the clock and step through it; change λ, Δ, μ, noise and dry friction; use another
-    estimator. "What was done" lists every fault as CSV, and as a lesson that repeats it all.
+    estimator.
 
     The page needs no network and is only served on this computer; docs/demo.md says how a class
-    sees it. The printed address is the key to it: it holds a secret, new each time.
+    sees it.
 
     example:
       flexaxis demo
       flexaxis demo --estimator rpem-drift --estimator ekf --speed 2
       flexaxis demo flexaxis_lesson.toml
-      flexaxis demo flexaxis_lesson.toml --record lesson.gif
     """
-    if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
-        os.environ.setdefault("MUJOCO_GL", "egl")  # before the engine is imported
-    from flexaxis.experiments.demo import lesson as lessons
-    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.demo.serve import serve
 
-    if args.print_lesson:
-        return answer(args, {"lesson": lessons.default_lesson()}, 0, lessons.default_lesson())
     if args.speed is not None and not 0.05 <= args.speed <= 50:
         raise FlexaxisError(f"--speed {args.speed:g}: give a factor from 0.05 to 50")
-    check_not_input([args.lesson], args.record)
-    if args.record:
-        from flexaxis.experiments.demo.movie import record
-
-        with progress(f"recording {args.record}", 1.0) as advance:
-            record(
-                lessons.load_lesson(args.lesson), args.record, estimators=args.estimator or None,
-                seed=args.seed, exaggerate=args.exaggerate, advance=advance,
-            )  # fmt: skip
-        return answer(args, {"path": args.record}, 0, args.record)
-    from flexaxis.experiments.demo.serve import serve
-    from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
-
-    lesson = lessons.load_lesson(args.lesson) if args.lesson else None
-    racers = args.estimator or (lesson.estimators if lesson else DEFAULT_RACERS)
-    seed = args.seed if args.seed is not None else lesson.seed if lesson else 0
-
-    def warned(line: str) -> None:
-        print(f"flexaxis: {line}", file=sys.stderr, flush=True)
-
     serve(
-        DemoSession(estimators=racers, seed=seed), port=args.port, browser=not args.no_browser,
-        speed=args.speed or (lesson.speed if lesson else 1.0), exaggerate=args.exaggerate,
-        play=lesson and (lambda session: lessons.Player(session, lesson, warned).advance),
-        said=lambda line: print(line, flush=True), warned=warned,
+        args.estimator or (), lesson=args.lesson, seed=args.seed, speed=args.speed or 1.0,
+        exaggerate=args.exaggerate, port=args.port, browser=not args.no_browser,
     )  # fmt: skip
     return 0
 
 
-@command("teach", "-o", "--jobs")
+@command("teach", "-o")
 def paper(args: Args) -> int:
     """Reproduce the paper's figures and check its claims.
 
@@ -162,9 +131,9 @@ def paper(args: Args) -> int:
 
     folder, store = args.output or Path("results/paper"), default_cache()
     with progress("paper", 1) as advance:
-        claims = reproduce(folder, command=args.line, jobs=args.jobs, store=store, advance=advance)
-    lines = [f"{'✓' if each.holds else '✗'} {each.claim}" for each in claims]
-    holds = sum(claim.holds for claim in claims)
-    content = {"claims": [claim.as_json() for claim in claims], "page": folder / PAGE}
+        claims = reproduce(folder, command=args.line, store=store, advance=advance)
+    lines = [f"{'✓' if claim['holds'] else '✗'} {claim['claim']}" for claim in claims]
+    holds = sum(claim["holds"] for claim in claims)
+    content = {"claims": claims, "page": folder / PAGE}
     words = f"{holds} of {len(claims)} claims hold"
     return answer(args, content, int(holds < len(claims)), *lines, words, folder / PAGE)

@@ -91,7 +91,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "log LOG|REC.nc": ("Log (CSV, MAT, HDF5 or NetCDF), or record.", PATH),
     "identify: log LOG|REC.nc|FOLDER": ("Log, record, or folder of logs.", PATH),
     "lesson LESSON.toml": (
-        "Lesson to play or to record (default: none live; recorded, the one of --print-lesson).",
+        "What is done without a click, and when (default: nothing).",
         {"nargs": "?", **PATH},
     ),
     # which runs
@@ -186,13 +186,10 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--false-alarms P": ("Probability that many logs without a change show one (default: 0.01).",
                          {"type": float, "default": 0.01}),
     # the live axis
-    "--speed X": ("Multiple of real time, 0.05 to 50 (default: the lesson's, or 1).", NUMBER),
     "--exaggerate X": ("Magnification of the joint twist in the picture (default: 100).",
                        {"type": float, "default": 100.0}),
     "--port N": ("Port of the page (default: 8080, or the next free one).", WHOLE),
     "--no-browser": "Print the address only (default: open a browser).",
-    "--record FILE.gif": ("Draw the lesson into this file (default: show it live).", PATH),
-    "--print-lesson": "Print the shipped lesson, to start your own from (default: play).",
     # where to
     "-o PATH": ("File or folder to write (default: a name beside the input).", PATH),
     "run: -o DIR": ("Folder for rows, summary and report (default: results/NAME).", PATH),
@@ -208,6 +205,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "track: -o EST.nc": ("File for the estimates (default: LOG-track.nc).", PATH),
     "paper: -o DIR": ("Folder for figures and claims (default: results/paper).", PATH),
     **LOG_OPTIONS,
+    "demo: --speed X": ("Multiple of real time, 0.05 to 50 (default: 1).", NUMBER),
 }  # fmt: skip
 """Every option: its name and what it takes, then its help, and keywords of `add_argument`.
 

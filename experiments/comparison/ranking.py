@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flexaxis.experiments.comparison.matching import MATCHED, NOISIER, QUIETER
 from flexaxis.experiments.scoring.intervals import LEAST, difference, holm_levels, mean_interval
 
 Row = Mapping[str, Any]
 
 REFERENCE = "rpem-forgetting"
+MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
 CONTROLS = ("frozen", "oracle-reset")  # they know more than an estimator may, or nothing
 AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
 """Sign before a lag that no setting matches; before a score it is the other way round."""

@@ -1,51 +1,118 @@
-"""Run estimators over their knobs, and compare them at equal noise.
+"""Turn the tuning parameters (knobs) of estimators, and compare these at equal noise.
 
 One setting of a knob ranks nothing: an estimator that forgets faster is faster and noisier. So each
-estimator is swept over its knob, and compared where its noise is that of a reference.
+estimator runs at several settings, and its lag is interpolated, linearly in the logarithms, between
+the two settings on either side of the noise of a reference. For one fault the noise is the standard
+deviation of the parameter that changes; for all faults together it is the excess prediction error,
+which has no units. Where no setting is as quiet as the reference (or as noisy), the nearest one
+gives a bound on one side.
 """
 
 from __future__ import annotations
 
+import inspect
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import product
-from typing import Any
+from itertools import pairwise, product
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.comparison.matching import (
-    MATCHED,
-    NOISIER,
-    QUIETER,
-    Match,
-    Noise,
-    Run,
-    Setting,
-    match,
-)
-from flexaxis.experiments.comparison.ranking import REFERENCE, mark
-from flexaxis.experiments.comparison.tune import with_knob
+from flexaxis.estimators.knob import Knob, make_knob
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.comparison.ranking import MATCHED, NOISIER, QUIETER, REFERENCE, mark
 from flexaxis.experiments.files import StudyError
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.running.run import check_failures
-from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
-from flexaxis.experiments.scoring.pooling import mean
-from flexaxis.experiments.scoring.summary import columns_of, pool_rows
+from flexaxis.experiments.scoring import pooling
+from flexaxis.experiments.scoring.excess import information
+from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval, pseudo_values
+from flexaxis.experiments.scoring.scores import finite
+from flexaxis.experiments.scoring.summary import pool_rows
 from flexaxis.experiments.scoring.windows import windows
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
+
+Array = NDArray[np.float64]
+Noise = Literal["std", "excess"]
+Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
+"""``run(scenarios, estimators, seeds)``: the rows of these cases, as `Runner.rows` returns them."""
 
 FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the default setting, in what the knob gives of speed
 WIDER = (16.0, 64.0, 256.0, 1024.0)  # and its inverse, where these do not reach the reference
 TURNS = (*FACTORS, *WIDER, *(1 / factor for factor in WIDER))
 """All turns that a sweep may take."""
 
+ALARMS = "detection.false_alarms_per_1000_s"
 NOISES: tuple[Noise, ...] = ("std", "excess")
+SPREADS = {"std": ("bias", "lost_before"), "std_after": ("bias_after", "lost_after")}
+"""Standard deviations, with the score of their mean and the one that says a run was lost."""
+
 Line = dict[str, float]  # settings of one estimator, with the turn of its knob
 Turn = Callable[[float], str | None]
 """From a turn of the knob to the estimator's text, None where it does not turn so far."""
+
+
+def knob_of(name: str) -> Knob | None:
+    """Return the knob of an estimator, None where it has none, or options already.
+
+    Raises
+    ------
+    EstimatorError
+        If there is no such estimator, or its class declares a knob that cannot be turned.
+    """
+    spec = parse(name)
+    if spec.options:
+        return None
+    if name in REGISTRY:
+        return REGISTRY[name].turning
+    declared = getattr(spec.make, "knob", None)
+    if declared is None:
+        return None
+    options = list(inspect.signature(spec.make).parameters.values())[2:]
+    try:
+        return make_knob(declared, {option.name: option.default for option in options})
+    except EstimatorError as error:
+        raise EstimatorError(f"{name}: {error}") from None
+
+
+def setting(name: str, options: Mapping[str, Any]) -> str:
+    """Return an estimator with options, as for `--estimator`.
+
+    Examples
+    --------
+    >>> setting("mine.py:Mine", {"robust": True, "gain": 0.1})
+    'mine.py:Mine[robust=true,gain=0.1]'
+    """
+
+    def written(value: Any) -> str:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        return f"{value:.12g}" if number else json.dumps(value)
+
+    return f"{name}[{','.join(f'{key}={written(value)}' for key, value in options.items())}]"
+
+
+def with_knob(name: str, factor: float) -> str | None:
+    """Return an estimator with its knob turned: "rpem-forgetting[forgetting=0.99]".
+
+    One without a knob, or with options already, stays as it is. None where the knob does not turn
+    so far.
+
+    Examples
+    --------
+    >>> with_knob("rpem-forgetting", 2.0)
+    'rpem-forgetting[forgetting=0.99]'
+    """
+    knob = knob_of(name)
+    if knob is None:
+        return name
+    options = knob.turned(factor)
+    return None if options is None else setting(name, options)
 
 
 def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -> dict[str, Line]:
@@ -70,28 +137,154 @@ def reference() -> str:
     return str(with_knob(REFERENCE, 1.0))
 
 
-@dataclass(frozen=True)
-class Sweep:
-    """What a sweep over the knobs found; all of it is JSON.
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """One estimator at one setting of its knob, on one scenario, for one parameter.
 
     Attributes
     ----------
-    points : list of dict
-        One for each fault, estimator and setting: ``scenario, parameter, estimator, setting,
-        factor``, pooled ``lag, lag_interval, t10, std, std_interval, std_after, excess, diverged,
-        seeds``, ``lag_bound`` and ``lag_bound_single``.
-    matched : list of dict
-        One for each fault and estimator, at the std of the reference in the parameter that
-        changes: ``how`` (see `comparison.matching.Match`), ``settings, nearest, ratio, lag,
-        lag_interval, bound, over_bound, over_single, std_after, false_alarms_per_1000_s, leads``,
-        and ``values`` seed by seed (ln of lag and std after; false alarms).
-    at_excess : list of dict
-        The same at the excess error of the reference, with ``score``.
+    text : str
+        As for `--estimator`.
+    factor : float
+        Turn of the knob, 1 for the default.
+    rows : DataFrame
+        Rows of scores, one a seed, in the order of the seeds, which all settings share.
+    biases : ndarray (n, p)
+        Biases of the scenario's `identify` [% of nominal].
+    information : ndarray (p, p) or None
+        As from `flexaxis.experiments.scoring.excess.information`; the excess error needs both.
     """
 
-    points: list[dict[str, Any]]
-    matched: list[dict[str, Any]]
-    at_excess: list[dict[str, Any]]
+    text: str
+    factor: float
+    rows: pd.DataFrame
+    biases: Array = field(default_factory=lambda: np.empty((0, 0)))
+    information: Array | None = None
+
+    @staticmethod
+    def of(
+        text: str, factor: float, frame: pd.DataFrame, parameter: str, scenario: Scenario
+    ) -> Setting:
+        """Return a setting from the rows of its runs, one a seed and parameter."""
+        wide = frame.pivot(index="seed", columns="parameter", values="bias")
+        biases = wide.reindex(columns=list(scenario.identify)).fillna(0.0).to_numpy(float)
+        rows = frame[frame["parameter"] == parameter].sort_values("seed")
+        return Setting(text, factor, rows, biases, information(scenario))
+
+    def array(self, name: str, runs: Any = slice(None)) -> Array:
+        """Return a score run by run (n,), NaN where it is not defined."""
+        return self.rows[name].to_numpy(float)[runs]
+
+    def log(self, name: str, runs: Any = slice(None)) -> float:
+        """Return ln of a pooled score; NaN where a run has none.
+
+        Of the excess error it is that of the root; a `score` is a logarithm already.
+        """
+        each = self.array(name, runs)
+        if name == "score" or np.isnan(each).any():
+            return float(each.mean())
+        if name in SPREADS:
+            bias, lost = (self.array(beside, runs) for beside in SPREADS[name])
+            each = np.array([pooling.spread(each, bias, lost > 0)])
+        if name == "excess" and self.information is not None:
+            lost = self.array("lost_before", runs) > 0
+            whole = pooling.excess(each, lost, self.biases[runs], self.information)
+            each = np.sqrt([max(0.0, whole)])
+        return float(np.log(np.maximum(each, FLOOR)).mean())
+
+    def at(self, name: str) -> Array | None:
+        """Return ln of a score as the jackknife's values (n,), None where a run has none."""
+        if np.isnan(self.array(name)).any():
+            return None
+        return pseudo_values(lambda runs: self.log(name, runs), len(self.rows))
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """An estimator at the noise of the reference.
+
+    Attributes
+    ----------
+    how : {"matched", "quieter", "noisier"}
+        Whether it is as noisy, or at all its settings quieter, or noisier.
+    sides : tuple of Setting
+        The two settings it lies between, or the nearest one.
+    reference : Setting
+    kind : {"std", "excess"}
+        Which noise.
+    """
+
+    how: str
+    sides: tuple[Setting, ...]
+    reference: Setting
+    kind: Noise
+
+    def apart(self, side: Setting, runs: Any = slice(None)) -> float:
+        """Return ln of the noise of a setting over that of the reference."""
+        return side.log(self.kind, runs) - self.reference.log(self.kind, runs)
+
+    @property
+    def nearest(self) -> Setting:
+        """The setting whose noise is nearest to that of the reference."""
+        return min(self.sides, key=lambda side: abs(self.apart(side)))
+
+    @property
+    def ratio(self) -> float:
+        """Noise over that of the reference: 1 if matched."""
+        return 1.0 if self.how == MATCHED else float(np.exp(self.apart(self.nearest)))
+
+    def at(self, name: str) -> Array | None:
+        """Return ln of a score at the match, seed by seed, as the jackknife's values (n,).
+
+        Their mean is the estimate, and those of two estimators are paired. How far between the two
+        settings the match lies is itself measured on the same runs; the jackknife includes that.
+        None where a run has no such score.
+        """
+
+        def statistic(runs: Any) -> float:
+            values = [side.log(name, runs) for side in self.sides]
+            low, high = self.apart(self.sides[0], runs), self.apart(self.sides[-1], runs)
+            share = -low / (high - low) if high != low else 0.5
+            return (1 - share) * values[0] + share * values[-1]
+
+        if any(np.isnan(side.array(name)).any() for side in self.sides):
+            return None
+        if len(self.sides) == 1:
+            return self.sides[0].at(name)
+        return pseudo_values(statistic, len(self.reference.rows))
+
+
+def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Match | None:
+    """Return an estimator at the noise of a reference.
+
+    Parameters
+    ----------
+    reference : Setting
+    settings : sequence of Setting
+        Of one estimator.
+    noise : {"std", "excess"}
+        What is to be equal.
+
+    Returns
+    -------
+    Match or None
+        None where the reference has no noise, or the estimator no settings with any.
+    """
+    line = sorted(settings, key=lambda setting: setting.factor)
+    none, wanted = np.log(FLOOR), reference.log(noise)
+    logs = np.array([setting.log(noise) for setting in line])
+    if not line or np.isnan(logs).any() or not wanted > none:
+        return None
+    crossings = [
+        Match(MATCHED, tuple(line[k : k + 2]), reference, noise)
+        for k, (one, other) in enumerate(pairwise(logs))
+        if min(one, other) > none and (one - wanted) * (other - wanted) <= 0
+    ]
+    if crossings:  # the one nearest to the default: the best would be the best by luck
+        return min(crossings, key=lambda m: abs(np.log(m.nearest.factor)))
+    best = int(np.argmin(abs(logs - wanted)))
+    how = MATCHED if logs[best] == wanted else QUIETER if logs[best] < wanted else NOISIER
+    return Match(how, (line[best],), reference, noise)
 
 
 @dataclass(frozen=True)
@@ -116,17 +309,17 @@ class Runs:
         frame = self.of(scenario, text)
         return list(frame.loc[frame["changed"].astype(bool), "parameter"].unique())
 
+    def able(self, scenario: Scenario, text: str) -> bool:
+        """Return whether a setting runs on a scenario."""
+        try:
+            return bool(len(self.of(scenario, text)))
+        except (EstimatorError, StudyError):
+            return False
+
     def matches(
-        self,
-        scenario: Scenario,
-        base: str,
-        line: Line,
-        turn: Turn,
-        further: Sequence[float],
-        *,
-        wanted: Iterable[tuple[str, Noise]],
-        whole: bool = False,
-    ) -> dict[tuple[str, Noise], Match | None]:
+        self, scenario: Scenario, base: str, line: Line, turn: Turn, further: Sequence[float], *,
+        wanted: Iterable[tuple[str, Noise]], whole: bool = False,
+    ) -> dict[tuple[str, Noise], Match | None]:  # fmt: skip
         """Return an estimator at the noise of a base, by parameter and kind of noise.
 
         Where its settings are all quieter than the base, or all noisier, its knob is turned
@@ -138,15 +331,15 @@ class Runs:
             hows = {m.how for m in found.values() if m}
             for how, value in ((QUIETER, factor), (NOISIER, 1 / factor)):
                 text = turn(value) if how in hows else None
-                if text is not None and text not in line and self.able(scenario, text):
-                    line[text] = value
+                if text is not None and self.able(scenario, text):
+                    line.setdefault(text, value)
             if factor != 1 and hows <= {MATCHED}:
                 break
             frames = {text: self.of(scenario, text) for text in (base, *line)}
             every = pd.concat(frames.values())
-            lost = {*every.loc[every["diverged"].astype(bool), "seed"]} if whole else ()
+            lost = every.loc[every["diverged"].astype(bool), "seed"] if whole else []
             kept = {text: frame[~frame["seed"].isin(lost)] for text, frame in frames.items()}
-            for parameter, noise in found if kept[base]["seed"].nunique() > 1 else ():
+            for parameter, noise in found if len(kept[base]) else ():
                 beside, *own = (
                     Setting.of(text, turned, kept[text], parameter, scenario)
                     for text, turned in [(base, 1.0), *line.items()]
@@ -154,12 +347,28 @@ class Runs:
                 found[parameter, noise] = match(beside, own, noise)
         return found
 
-    def able(self, scenario: Scenario, text: str) -> bool:
-        """Return whether a setting runs on a scenario."""
-        try:
-            return bool(len(self.of(scenario, text)))
-        except (EstimatorError, StudyError):
-            return False
+
+@dataclass(frozen=True)
+class Sweep:
+    """What a sweep over the knobs found; all of it is JSON.
+
+    Attributes
+    ----------
+    points : list of dict
+        One for each fault, estimator and setting: ``scenario, parameter, estimator, setting,
+        factor``, pooled ``lag, lag_interval, t10, std, std_interval, std_after, excess, diverged,
+        seeds``, ``lag_bound`` and ``lag_bound_single``.
+    matched : list of dict
+        One for each fault and estimator, at the std of the reference in the parameter that
+        changes: ``how`` (see `Match`), ``nearest, ratio, lag, lag_interval, bound, over_bound,
+        std_after, false_alarms_per_1000_s, leads``, and ``values`` of ln lag seed by seed.
+    at_excess : list of dict
+        The same at the excess error of the reference, with ``score`` and its values.
+    """
+
+    points: list[dict[str, Any]]
+    matched: list[dict[str, Any]]
+    at_excess: list[dict[str, Any]]
 
 
 def sweep(
@@ -226,47 +435,30 @@ _KEPT = (
 
 def _row(scenario: Scenario, estimator: str, parameter: str, found: Match) -> dict[str, Any]:
     """Return what is known of an estimator at equal noise, with the values it rests on."""
-    lag, after, score = (found.at(name) for name in ("lag", "std_after", "score"))
-    columns, false = columns_of(found.nearest.rows), found.false_alarms()
-    bounds = {key: mean(columns, key)[key] for key in ("lag_bound", "lag_bound_single")}
-    middle = None if lag is None else float(np.exp(lag.mean()))
-    within = None if lag is None else mean_interval(lag)
-    rate = columns["detection.false_alarms_per_1000_s"]
+    values = {name: found.at(name) for name in ("lag", "std_after", "score")}
+    lag, after, score = (None if x is None else float(x.mean()) for x in values.values())
+    within = None if lag is None else mean_interval(values["lag"])
+    lag, after = (None if x is None else float(np.exp(x)) for x in (lag, after))
+    rows = found.nearest.rows.reindex(columns=["lag_bound", ALARMS])
+    bound, rate = map(finite, rows.astype(float).mean())
     return {
         "scenario": scenario.name,
         "parameter": parameter,
         "estimator": estimator,
         "how": found.how,
         "nearest": found.nearest.text,
-        "settings": [side.text for side in found.sides],
         "ratio": found.ratio,
-        "lag": middle,
-        "lag_interval": within and [float(np.exp(end)) for end in within],
-        "bound": bounds["lag_bound"],
-        "bound_single": bounds["lag_bound_single"],
-        "over_bound": _over(middle, bounds["lag_bound"]),
-        "over_single": _over(middle, bounds["lag_bound_single"]),
-        "score": None if score is None else float(score.mean()),
-        "std_after": None if after is None else _exp(after.mean()),
-        "false_alarms_per_1000_s": None if false is None else float(rate.mean()),
-        "values": {
-            "lag": listed(lag),
-            "std_after": listed(after),
-            "score": listed(score),
-            "false_alarms": listed(false),
-        },
+        "lag": lag,
+        "lag_interval": within and np.exp(within).tolist(),
+        "bound": bound,
+        "over_bound": lag / bound if lag and bound else None,
+        "score": score,
+        "std_after": after and round(after, 5),  # 0 where it does not move
+        "false_alarms_per_1000_s": rate,
+        "values": {name: listed(values[name]) for name in ("lag", "score")},
     }
 
 
 def listed(values: Any) -> list[float] | None:
     """Return values for JSON, with six digits."""
     return None if values is None else [float(f"{value:.6g}") for value in values]
-
-
-def _exp(value: float) -> float:
-    """Return a score from its logarithm; the floor stands for zero."""
-    return 0.0 if value <= np.log(FLOOR) + 1e-9 else float(np.exp(value))
-
-
-def _over(value: float | None, limit: float | None) -> float | None:
-    return value / limit if value and limit else None

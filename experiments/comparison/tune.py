@@ -1,30 +1,29 @@
-"""The tuning parameter of an estimator: turn it, and find where noise is that of the reference.
+"""Tune an estimator: find where its noise is that of the reference.
 
-It is the way through the options of an estimator that buys speed with noise
+Its tuning parameter, the knob, is the way through its options that buys speed with noise
 (`flexaxis.estimators.knob`).
 """
 
 from __future__ import annotations
 
-import inspect
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.knob import Knob, make_knob
+from flexaxis.estimators.knob import Knob
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.comparison.matching import Run, Setting
 from flexaxis.experiments.comparison.ranking import REFERENCE
+from flexaxis.experiments.comparison.sweep import Run, Runs, Setting, knob_of, reference, setting
 from flexaxis.experiments.files import write_text
-from flexaxis.experiments.running.estimators import parse
+from flexaxis.experiments.running.estimators import written_options
 from flexaxis.experiments.running.run import check_failures
+from flexaxis.experiments.scoring.intervals import FLOOR
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.scenario import Scenario
@@ -33,63 +32,6 @@ EXCESS = "excess"  # what is matched unless the std of one parameter is
 TOLERANCE = 0.01  # of the matched noise
 ROUNDS = 12  # settings that a match may take
 DIGITS = 4  # of a setting: more than the tolerance can tell apart
-
-
-def with_knob(name: str, factor: float) -> str | None:
-    """Return an estimator with its knob turned: "rpem-forgetting[forgetting=0.99]".
-
-    One without a knob, or with options already, stays as it is. None where the knob does not turn
-    so far.
-
-    Examples
-    --------
-    >>> with_knob("rpem-forgetting", 2.0)
-    'rpem-forgetting[forgetting=0.99]'
-    """
-    knob = knob_of(name)
-    if knob is None:
-        return name
-    options = knob.turned(factor)
-    return None if options is None else setting(name, options)
-
-
-def setting(name: str, options: Mapping[str, Any]) -> str:
-    """Return an estimator with options, as for `--estimator`.
-
-    Examples
-    --------
-    >>> setting("mine.py:Mine", {"robust": True, "gain": 0.1})
-    'mine.py:Mine[robust=true,gain=0.1]'
-    """
-
-    def written(value: Any) -> str:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        return f"{value:.12g}" if number else json.dumps(value)
-
-    return f"{name}[{','.join(f'{key}={written(value)}' for key, value in options.items())}]"
-
-
-def knob_of(name: str) -> Knob | None:
-    """Return the knob of an estimator, None where it has none, or options already.
-
-    Raises
-    ------
-    EstimatorError
-        If there is no such estimator, or its class declares a knob that cannot be turned.
-    """
-    spec = parse(name)
-    if spec.options:
-        return None
-    if name in REGISTRY:
-        return REGISTRY[name].turning
-    declared = getattr(spec.make, "knob", None)
-    if declared is None:
-        return None
-    options = list(inspect.signature(spec.make).parameters.values())[2:]
-    try:
-        return make_knob(declared, {option.name: option.default for option in options})
-    except EstimatorError as error:
-        raise EstimatorError(f"{name}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -120,6 +62,32 @@ class Tuned:
     ratio: float
     ratios: dict[str, float]
 
+    def turned(self, factor: float) -> str | None:
+        """Return the estimator with its knob turned about this setting, None if out of range."""
+        name, options, knob = parts(self.setting)
+        at = knob.at(knob.position(self.value) * factor)
+        return None if at is None else setting(name, {**options, **at})
+
+
+def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
+    """Return the name of an estimator, its options without those of the knob, and the knob.
+
+    Raises
+    ------
+    FlexaxisError
+        If it has no knob.
+    """
+    options = written_options(text)
+    name = text.partition("[")[0].strip() if options else text
+    knob = knob_of(name)
+    if knob is None:
+        raise FlexaxisError(
+            f"{text} has no knob to turn, so its noise cannot be matched. An estimator of your own "
+            'names the option in its class, such as knob = "1-lam" for λ turned in 1−λ; a program '
+            "takes no options"
+        )
+    return name, {key: value for key, value in options.items() if key not in knob.names}, knob
+
 
 def tuning_scenario() -> Scenario:
     """Return where the noise is matched: the nominal axis without a fault, started at the truth."""
@@ -128,7 +96,7 @@ def tuning_scenario() -> Scenario:
 
 @dataclass(frozen=True)
 class Trials:
-    """Where settings are tried, and how noisy they were.
+    """Where settings are tried.
 
     Attributes
     ----------
@@ -146,61 +114,26 @@ class Trials:
     run: Run
     match: str = EXCESS
     scenarios: Sequence[Scenario] = ()
-    known: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict, repr=False)
 
-    def noises(self, text: str) -> dict[str, float]:
-        """Return the std by parameter, and the root of the excess error as "excess".
+    def noises(self, text: str) -> pd.Series:
+        """Return ln of the std by parameter, and of the root of the excess error as "excess".
 
-        Of several scenarios it is the geometric mean, of what each of them has.
+        Of several scenarios it is the mean, of what all of them have.
         """
-        each = [self._noises(s, text) for s in self.scenarios or [tuning_scenario()]]
-        if len(each) == 1:
-            return each[0]
-        common = [key for key in each[0] if all(key in noise for noise in each)]
-        return {k: float(np.exp(np.mean([np.log(noise[k]) for noise in each]))) for k in common}
-
-    def _noises(self, scenario: Scenario, text: str) -> dict[str, float]:
-        if (scenario.hash, text) not in self.known:
+        each = []
+        for scenario in self.scenarios or [tuning_scenario()]:
             frame = self.run([scenario], [text], self.seeds)
             check_failures(frame)
             sides = {
                 p: Setting.of(text, 1.0, frame, p, scenario) for p in frame["parameter"].unique()
             }
-            noise = {p: side.noise("std") for p, side in sides.items()}
-            noise[EXCESS] = next(iter(sides.values())).noise("excess")
-            self.known[scenario.hash, text] = {p: value for p, value in noise.items() if value > 0}
-        return self.known[scenario.hash, text]
-
-    def apart(self, text: str, usual: str) -> frozenset[str]:
-        """Return the scenarios without such a noise, or farther off to the side on which all are.
-
-        None where it is tried on one alone.
-        """
-        each = {}
-        for scenario in self.scenarios:
-            own, wanted = (self._noises(scenario, s).get(self.match) for s in (text, usual))
-            each[scenario.name] = np.log(own / wanted) if own and wanted else np.nan
-        lacking = {name for name, error in each.items() if np.isnan(error)}
-        middle = np.nanmean([*each.values()]) if len(lacking) < len(each) else 0.0
-        return frozenset(lacking or (name for name, error in each.items() if error * middle > 0))
+            logs = {p: side.log("std") for p, side in sides.items()}
+            each.append(logs | {EXCESS: next(iter(sides.values())).log("excess")})
+        noise = pd.DataFrame(each)
+        return noise.where(noise > np.log(FLOOR)).mean(skipna=False).dropna()
 
 
-class NoMatchError(FlexaxisError):
-    """No setting of a knob is as noisy as the reference.
-
-    Parameters
-    ----------
-    text : str
-    scenarios : frozenset of str
-        Scenarios that prevent a match: without them the others may have one.
-    """
-
-    def __init__(self, text: str, scenarios: frozenset[str]) -> None:
-        super().__init__(text)
-        self.scenarios = scenarios
-
-
-def match_noise(name: str, trials: Trials, options: Mapping[str, Any] | None = None) -> Tuned:
+def match_noise(text: str, trials: Trials) -> Tuned:
     """Turn the knob until the noise is that of `rpem-forgetting` at its default.
 
     Secant steps in the logarithms, halving once the match lies between two settings; noise grows
@@ -208,66 +141,95 @@ def match_noise(name: str, trials: Trials, options: Mapping[str, Any] | None = N
 
     Parameters
     ----------
-    name : str
-        An estimator with a knob.
+    text : str
+        An estimator with a knob; other options stay as they are.
     trials : Trials
-    options : mapping, optional
-        Other options of the estimator, as they are to be.
 
     Raises
     ------
     FlexaxisError
-        If the estimator has no knob, or no setting is found; this is a `NoMatchError`.
+        If the estimator has no knob, or no setting is found.
     """
-    knob = knob_of(name)
-    if knob is None:
-        raise FlexaxisError(
-            f"{name} has no knob to turn. An estimator of your own names the option in its class, "
-            'such as knob = "1-lam" for λ turned in 1−λ; a program takes no options'
-        )
-    usual = str(with_knob(REFERENCE, 1.0))
-    wanted = trials.noises(usual)
+    (name, options, knob), wanted = parts(text), trials.noises(reference())
     if trials.match not in wanted:
         raise FlexaxisError(
-            f"{trials.match!r} cannot be matched.{did_you_mean(trials.match, wanted)} "
-            f"There are: {', '.join(wanted)}"
+            f"{trials.match!r} cannot be matched.{did_you_mean(trials.match, wanted.index)} "
+            f"There are: {', '.join(wanted.index)}"
         )
     quiet, noisy, slope, before = -np.inf, np.inf, 0.5, None
     here = np.log(_rounded(knob.usual, knob))
     for _ in range(ROUNDS):
         position = _rounded(float(np.exp(here)), knob)
         here = np.log(position)
-        text = setting(name, {**(options or {}), **(knob.at(position) or {})})
-        own = trials.noises(text)
-        if trials.match not in own:
-            raise NoMatchError(
-                f"{text}: it has no noise to match: it does not move, or does not estimate what "
-                f"the {'excess error' if trials.match == EXCESS else trials.match} takes",
-                trials.apart(text, usual),
+        tried = setting(name, {**options, **(knob.at(position) or {})})
+        errors = (trials.noises(tried) - wanted).dropna()
+        if trials.match not in errors:
+            raise FlexaxisError(
+                f"{tried}: it has no noise to match: it does not move, or does not estimate what "
+                f"the {'excess error' if trials.match == EXCESS else trials.match} takes"
             )
-        ratios = {p: own[p] / wanted[p] for p in wanted if p in own}
-        error = float(np.log(ratios[trials.match]))
+        error = errors[trials.match]
         if abs(error) < TOLERANCE:
-            ratio = ratios.pop(EXCESS, 1.0) if trials.match == EXCESS else ratios[trials.match]
-            return Tuned(
-                text, knob.label, round(knob.value(position), 12), trials.match, ratio, ratios
-            )
+            ratios = {str(p): float(np.exp(x)) for p, x in errors.items()}
+            value, ratio = round(knob.value(position), 12), ratios[trials.match]
+            ratios.pop(EXCESS, None)
+            return Tuned(tried, knob.label, value, trials.match, ratio, ratios)
         if before and abs(here - before[0]) > 1e-6:
             slope = float(np.clip((error - before[1]) / (here - before[0]), 0.1, 2.0))
         before = here, error
         quiet, noisy = (quiet, min(here, noisy)) if error > 0 else (max(here, quiet), noisy)
-        if (here <= np.log(knob.least) and error > 0) or (here >= np.log(knob.most) and error < 0):
+        if position == (knob.least if error > 0 else knob.most):
             break
         here += float(np.clip(-error / slope, -1.5, 1.5))
         if np.isfinite(noisy - quiet) and not quiet < here < noisy:
             here = (quiet + noisy) / 2
     least, most = sorted((knob.value(knob.least), knob.value(knob.most)))
-    raise NoMatchError(
+    raise FlexaxisError(
         f"{name}: no setting of its knob has the noise of {REFERENCE}. The last one tried "
-        f"within {knob.label} from {least:.4g} to {most:.4g} is {text}, with {np.exp(error):.3g} "
-        f'times that noise. If it is quicker with less of it, write knob = "1/{knob.label}"',
-        trials.apart(text, usual),
+        f"within {knob.label} from {least:.4g} to {most:.4g} is {tried}, with {np.exp(error):.3g} "
+        f'times that noise. If it is quicker with less of it, write knob = "1/{knob.label}"'
     )
+
+
+def equally_noisy(
+    texts: Sequence[str], scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int]
+) -> list[Tuned]:
+    """Turn the tuning parameters of two estimators until both are as noisy as the reference.
+
+    Where one parameter alone changes in these scenarios, the std of that parameter is equal; where
+    several do, the excess prediction error, which is one number for all.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        As for `--estimator`; a tuning parameter that is set in them is turned, other options
+        stay.
+    scenarios : sequence of Scenario
+        Noise is taken before their faults.
+    run : callable
+    seeds : sequence of int
+        For tuning.
+
+    Raises
+    ------
+    FlexaxisError
+        If one of them has no tuning parameter, nothing changes that both estimate, or no setting
+        reaches the noise.
+    """
+    for text in texts:
+        parts(text)  # without a knob nothing need be run
+    first = Runs(run, seeds[:1])
+    changing = [set[str].intersection(*({*first.changed(s, t)} for t in texts)) for s in scenarios]
+    every = set[str]().union(*changing)
+    if not every:
+        raise FlexaxisError(
+            "--match-std: no scenario has a fault in a parameter that both estimate, so there is "
+            "no lag to compare. Name one that has (`flexaxis list`)"
+        )
+    match = EXCESS if len(every) > 1 else every.pop()
+    where = [s for s, names in zip(scenarios, changing, strict=True) if names]
+    trials = Trials(seeds, run, match, where)
+    return [match_noise(text, trials) for text in texts]
 
 
 def _rounded(position: float, knob: Knob) -> float:
@@ -297,7 +259,7 @@ def save(path: Path, name: str, found: Tuned | None, *, command: str = "") -> No
             identify=at.identify, period=at.period, noise=at.noise.speed,
         )  # fmt: skip
         tables.append(asdict(about))
-    rank = {name: place for place, name in enumerate(REGISTRY)}
-    tables.sort(key=lambda table: rank.get(table["estimator"], len(rank)))
+    order = [*REGISTRY]
+    tables.sort(key=lambda table: [*order, table["estimator"]].index(table["estimator"]))
     text = "# Written by `flexaxis tune`; docs/scores.md explains.\n" + toml_text({"tuned": tables})
     write_text(path, text)

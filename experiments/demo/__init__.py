@@ -1,7 +1,6 @@
-"""The live axis: a session without a screen, a page in the browser, a recorder for lectures.
+"""The live axis: a session without a screen, and a page in the browser.
 
-`session` has the axis (`live_axis`), two estimators (`racer`) and how they follow a change
-(`tracking`, `history`); `page`, `knobs`, `curves` and `view` show it, `door`, `token` and
-`input_check` stand before it, `lesson` and `movie` need no hands. In come clicks or a lesson's
-acts, out go pictures and the table of what was done.
+`session` has the axis (`axis`) and two estimators (`racer`), and follows how they find a change
+(`tracking`); `page` shows it, `serve` says who may see it. `view` draws an axis without a browser.
+In come clicks or a lesson, out go curves and a table.
 """

@@ -1,62 +1,37 @@
-"""The page: the axis in 3-D, buttons, knobs, curves and history, for any number of viewers."""
+"""The page: the axis in 3-D, buttons, sliders, curves and a table, for any number of viewers."""
 
 from __future__ import annotations
 
-import asyncio
 import threading
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from html import escape
 from importlib.resources import files
 from typing import Any
-from weakref import WeakKeyDictionary
 
-from flexaxis.experiments.demo import curves
-from flexaxis.experiments.demo.curves import estimates_table, history_table
-from flexaxis.experiments.demo.door import DemoServer
-from flexaxis.experiments.demo.knobs import Bench, FrictionKnobs, Knobs, add_axis_knobs
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.demo.axis import EXCITATION, FRICTION
+from flexaxis.experiments.demo.racer import HYPOTHESES, SHOWN, TUNING
 from flexaxis.experiments.demo.session import BUTTONS, MARK, DemoSession
+from flexaxis.experiments.demo.tracking import LENGTH, Change
 from flexaxis.experiments.demo.view import exaggerated, scene
-from flexaxis.experiments.reporting import styles
-from flexaxis.experiments.reporting.charts_old import marks
-from flexaxis.experiments.reporting.charts_old.charts import Chart
-from flexaxis.experiments.reporting.charts_old.drawing import drawn
-from flexaxis.sim.errors import FlexaxisError
+from flexaxis.experiments.reporting.styles import NINE
+from flexaxis.experiments.reporting.tables import short
 from flexaxis.sim.timing import PERIOD
 
-BREAK, CLOCK = "break it", "clock"
-REPAIR = "Repair everything"
+Array = NDArray[np.float64]
+
+COLOURS = [style.light for style in NINE]
+A, B = zip("AB", COLOURS, strict=False)
 RUN, PAUSE, STEP = "Run", "Pause", f"Step {MARK * PERIOD:g} s"
-SAVE = "save"
-NEXT_SAVE = 1.0  # s until a viewer gets another file: those that nobody reads wait in memory
-SAVE_CSV, SAVE_LESSON = "Table (CSV)", "Lesson (TOML)"
-WIDTH, CURVES_WIDTH = 440, 390  # pixels, of 1400
-HIGH, LEFT_HIGH = 86, 170  # pixels of a panel of the curves, and of what is left to be found
-
-
-@dataclass
-class Pace:
-    """How fast the demo runs: what was asked for, and what was reached; what that costs."""
-
-    speed: float = 1.0
-    frames: float = 0.0
-    reached: float = 0.0
-    load: float = 0.0
-    paused: bool = False
-    steps: int = 0
-    _counted: tuple[int, int] = 0, 0
-    _since: tuple[float, float] = 0.0, 0.0
-
-    def count(self, due: int) -> None:
-        """Count a picture and its samples; put what was reached down every other second."""
-        now = time.monotonic(), time.process_time()
-        elapsed, work = now[0] - self._since[0], now[1] - self._since[1]
-        frames, samples = self._counted[0] + (due > 0), self._counted[1] + due
-        self._counted = frames, samples
-        if elapsed >= 2.0:
-            self.frames, self.reached = frames / elapsed, samples * PERIOD / elapsed
-            self.load, self._counted, self._since = 100 * work / elapsed, (0, 0), now
+EDGE = "± 2σ"
+SHARE = {"range": (0.0, 1.1)}
+SINCE = {"time": False, "distr": 3, "range": (PERIOD, LENGTH * PERIOD)}
+LATEST = 8
+"""Changes in the table."""
 
 
 class Page:
@@ -64,228 +39,207 @@ class Page:
 
     Parameters
     ----------
-    server : DemoServer
-        What is put on the page is told to its check.
+    server : viser.ViserServer
     session : DemoSession
+    acts : list of dict
+        What is done without a click, as `flexaxis.experiments.demo.serve.load_lesson` returns it.
     exaggerate, speed : float
-        As for `serve`.
+        As for `flexaxis.experiments.demo.serve.serve`.
+
+    Attributes
+    ----------
+    speed : float
+        Simulated seconds a second.
+    paused : bool
+    steps : int
+        Steps of `MARK` samples that viewers have asked for.
     """
 
     def __init__(
         self,
-        server: DemoServer,
+        server: Any,
         session: DemoSession,
-        *,
+        acts: list[dict[str, Any]],
         exaggerate: float,
         speed: float,
     ) -> None:
-        self.server, self.session, self.pace = server.viser, session, Pace(speed)
-        self._check, self._exaggerate = server.check, exaggerate
-        self._advance: Callable[[int], None] = session.advance
-        self._drawn = -1
-        self._saved: WeakKeyDictionary[Any, float] = WeakKeyDictionary()
-        self._lock = threading.Lock()
-        self._build_scene()
-        self._build_controls()
-        self._build_curves()
-        server.check.refused = lambda line: setattr(session, "said", line)
+        from mjviser import ViserMujocoScene
 
-    @property
-    def watched(self) -> bool:
-        """Whether anybody looks."""
-        return bool(self.server.get_clients())
+        self._server, self._session, self._acts = server, session, acts
+        self._exaggerate, self._lock = exaggerate, threading.Lock()
+        self.speed, self.paused, self.steps = speed, False, 0
+        self._engine = scene()
+        self._scene = ViserMujocoScene(server, self._engine[1], num_envs=1)
+        self._scene.camera_tracking_enabled = False
+        server.initial_camera.position = (1.1, -1.7, 1.5)
+        server.initial_camera.look_at = (0.1, 0.0, 0.45)
+        self._add_controls()
+        self._add_curves()
 
     def advance(self, samples: int) -> None:
         """Let the session go on."""
         with self._lock:
-            self._advance(samples)
-
-    def play(self, begin: Callable[[DemoSession], Callable[[int], None]]) -> None:
-        """Let something else than the session say how it goes on, such as a lesson."""
-        with self._lock:
-            self._advance = begin(self.session)
-
-    def stepped(self) -> int:
-        """Return the samples that single steps ask for since the last call."""
-        steps, self.pace.steps = self.pace.steps, 0
-        return steps * MARK
-
-    def end(self) -> None:
-        """Say that the demo has ended, and take away the buttons, which do nothing any more."""
-        for row in self._rows:
-            row.visible = False  # a row of them cannot be greyed
-        self._said.content = "**The demo has ended:** what is here stays as it was."
-        self.server.flush()
+            self._session.advance(samples)
+            while self._acts and self._acts[0]["at"] <= self._session.axis.time:
+                act = self._acts.pop(0)
+                self._session.do(act["do"], *act.get("with", ()))
+                self._session.message = act.get("say", self._session.message)
 
     def draw_axis(self) -> None:
         """Show where the axis is."""
-        axis = self.session.axis
-        ratio = axis.nominal.r
         mujoco, model, data = self._engine
-        data.qpos[:] = exaggerated(axis.angles, ratio=ratio, exaggerate=self._exaggerate)
+        axis = self._session.axis
+        data.qpos[:] = exaggerated(axis.angles, ratio=axis.nominal.r, exaggerate=self._exaggerate)
         mujoco.mj_kinematics(model, data)
-        with self.server.atomic():
+        with self._server.atomic():
             self._scene.update_from_mjdata(data)
 
     def draw_curves(self) -> None:
-        """Show curves and numbers."""
+        """Show curves, clock and tables."""
         with self._lock:
-            shown = self._contents()
-        for place, content in shown:
-            if place.content != content:
-                place.content = content
+            session, curves = self._session, self._session.curves()
+            clock = f"**t = {session.axis.time:.1f} s**{' · paused' * self.paused}"
+            self._clock.content = f"{clock} · {session.message}"
+            self._now.content = _values(session)
+            self._changes.content = _changes(session.changes)
+            errors = session.changes[-1].curves if session.changes else np.empty((0, 4))
+            thoughts = np.empty((0, len(HYPOTHESES)))
+            for racer in session.racers:
+                thoughts = np.array(racer.thoughts or thoughts)
+        self._left.data, self._bank.data = _since(errors), _since(thoughts)
+        for plot, truth, theta, deviation in zip(
+            self._estimates,
+            *(curves[name].T for name in ("truth", "theta", "deviation")),
+            strict=True,
+        ):
+            edges = 2 * deviation * np.array([0.0, 1.0, -1.0])[:, None, None]
+            plot.data = curves["time"], truth, *np.concatenate((theta + edges).transpose(1, 0, 2))
 
-    def _contents(self) -> list[tuple[Any, str]]:
-        """Return what stands in each place of the page that changes."""
-        session = self.session
-        last = session.history.last
-        found = [
-            (self._said, self._status()),
-            (self._table, estimates_table(session)),
-            (self._past, history_table(session.history)),
-            (self._left, _drawn(curves.left(last), LEFT_HIGH)),
-        ]
-        if self._drawn != session.axis.samples:
-            self._drawn = session.axis.samples
-            points = curves.tradeoff(session.points, last.allowed if last else (None, None))
-            own = [
-                _drawn(show(racer), HIGH)
-                for racer in session.racers
-                if (show := curves.OWN.get(racer.name))
-            ]
-            found += [
-                (self._curves, _drawn(curves.estimates(session.curves()), HIGH)),
-                (self._points, _drawn(points, LEFT_HIGH)),
-                (self._own, "".join(own)),
-            ]
-        return found
-
-    def _build_scene(self) -> None:
-        from mjviser import ViserMujocoScene
-
-        self._engine = scene()
-        self._scene = ViserMujocoScene(self.server, self._engine[1], num_envs=1)
-        self._scene.camera_tracking_enabled = False
-        self.server.initial_camera.position = (1.1, -1.7, 1.5)
-        self.server.initial_camera.look_at = (0.1, 0.0, 0.45)
-        self.server.scene.add_label(
-            "/twist", f"twist × {self._exaggerate:g} for the eye", position=(0.45, 0.0, 1.0)
-        )
-
-    def _build_controls(self) -> None:
-        gui, check, session = self.server.gui, self._check, self.session
+    def _add_controls(self) -> None:
+        gui, session = self._server.gui, self._session
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(WIDTH)
-        gui.set_panel_label("flexaxis: break it, and watch who sees it first")
-        gui.add_html(_style())
-        broken = check.group(gui, BREAK, [*BUTTONS, REPAIR])
-        broken.on_click(_clicked(self._break))
-        clock = check.group(gui, CLOCK, [RUN, PAUSE, STEP])
-        clock.on_click(_clicked(self._wind))
-        self._rows = broken, clock
-        self._said = gui.add_markdown("")
-        self._left, self._table = gui.add_html(""), gui.add_html("")
-        bench = Bench(gui, check, session, self._guarded)
-        with gui.add_folder("Dry friction: f_c, Stribeck, LuGre", expand_by_default=False):
-            FrictionKnobs(bench)
-        with gui.add_folder("Axis: speed, noise, excitation", expand_by_default=False):
-            self._add_speed()
-            add_axis_knobs(bench)
-        for number in range(len(session.racers)):
-            with gui.add_folder(
-                f"Estimator {'AB'[number]}: which, λ, Δ, μ", expand_by_default=False
-            ):
-                Knobs(bench, number)
+        gui.main_panel.set_width(440)
+        gui.set_panel_label(f"flexaxis: break it! (twist × {self._exaggerate:g} for the eye)")
+        sheet = (files("flexaxis.experiments.demo") / "page.css").read_text(encoding="utf-8")
+        gui.add_html(f"<style>{sheet}:root {{ --a: {A[1]}; --b: {B[1]}; }}</style>")
+        acts: Any = {label: ("inject", *fault) for label, fault in BUTTONS.items()}
+        acts["Repair everything"] = ("repair",)
+        faults = gui.add_button_group("faults", [*acts])
+        faults.on_click(lambda _: self._do(*acts[faults.value]))
+        clock = gui.add_button_group("clock", [RUN, PAUSE, STEP])
+        clock.on_click(lambda _: self._wind(clock.value))
+        self._clock, self._now = gui.add_markdown(""), gui.add_html("")
+        bounds = ("bound, told which", COLOURS[3]), ("not told", COLOURS[4])
+        self._left = _plot(gui, "left of the last change", (A, B, *bounds), x=SINCE, y=SHARE)
+        self._changes = gui.add_html("")
+        with gui.add_folder("Axis: noise, excitation, dry friction", expand_by_default=False):
+            noise = gui.add_slider("noise [rad/s]", 0.0, 0.5, 0.01, session.axis.noise)
+            self._on(noise, "set_noise")
+            self._on(gui.add_dropdown("excitation", EXCITATION), "set_excitation")
+            self._on(gui.add_dropdown("friction", [*FRICTION]), "set_friction")
+        for letter, racer in zip("AB", session.racers, strict=True):
+            with gui.add_folder(f"Estimator {letter}: which, λ, Δ, μ", expand_by_default=False):
+                names = dict.fromkeys([racer.text, *(n for n in REGISTRY if n != "oracle-reset")])
+                choice = gui.add_dropdown("estimator", [*names])
+                sliders = {key: gui.add_slider(*look, look[1]) for key, look in TUNING.items()}
+                show = partial(self._show, letter, sliders)
+                self._on(choice, "choose", letter, then=show)
+                for option, slider in sliders.items():
+                    self._on(slider, "tune", letter, option)
+                show()
 
-    def _build_curves(self) -> None:
-        gui, check = self.server.gui, self._check
+    def _add_curves(self) -> None:
+        gui = self._server.gui
         panel = gui.add_panel()
-        with panel.add_tab("Estimates"):
-            self._curves, self._points, self._own = (gui.add_html("") for _ in range(3))
-        with panel.add_tab("What was done"):
-            saved = check.group(gui, SAVE, [SAVE_CSV, SAVE_LESSON])
-            saved.on_click(self._save)
-            self._past = gui.add_html("")
+        with panel.add_tab("Curves"):
+            lines = [("truth", "#222222")]
+            for letter, colour in (A, B):
+                lines += [(letter, colour), (EDGE, colour), (EDGE, colour)]
+            self._estimates = [_plot(gui, name, lines) for name in SHOWN]
+            hypotheses = [*zip(HYPOTHESES, COLOURS, strict=False)]
+            title = "hypotheses: probability of a change"
+            self._bank = _plot(gui, title, hypotheses, x=SINCE, y=SHARE)
         panel.dock_left()
-        panel.set_width(CURVES_WIDTH)
+        panel.set_width(390)
 
-    def _add_speed(self) -> None:
-        wanted = self.pace.speed
-        slowest, fastest = min(0.25, wanted), max(10.0, wanted)
-        pace = self._check.slider(self.server.gui, "speed ×", slowest, fastest, 0.05, wanted)
-        pace.on_update(lambda _: setattr(self.pace, "speed", float(pace.value)))
+    def _on(
+        self, control: Any, action: str, *values: str, then: Callable[[], None] = lambda: None
+    ) -> None:
+        """Let a control act when a viewer sets it, to one of its options if it has any."""
 
-    def _break(self, label: str) -> None:
-        if label == REPAIR:
-            self._guarded(self.session.repair)()
-        else:
-            self._guarded(self.session.inject)(*BUTTONS[label])
+        def act(event: Any) -> None:
+            value = control.value
+            if event.client and value in getattr(control, "options", [value]):
+                self._do(action, *values, value)
+                then()
+
+        control.on_update(act)
+
+    def _do(self, action: str, *values: Any) -> None:
+        with self._lock:
+            self._session.do(action, *values)
+
+    def _show(self, letter: str, sliders: Mapping[str, Any]) -> None:
+        """Show the sliders that an estimator has, where its tuning stands."""
+        tuning = self._session.racers["AB".index(letter)].tuning
+        for option, slider in sliders.items():
+            slider.visible = option in tuning
+            slider.value = tuning.get(option, slider.value)
 
     def _wind(self, label: str) -> None:
-        self.pace.paused = label != RUN
-        self.pace.steps += label == STEP
-
-    async def _save(self, event: Any) -> None:
-        """Send what was done to who asked for it; no name or text of a viewer is in it."""
-        now, before = time.monotonic(), self._saved.get(event.client, -NEXT_SAVE)
-        if now - before < NEXT_SAVE:
-            return
-        self._saved[event.client] = now
-        lesson = event.target.value == SAVE_LESSON
-        with self._lock:
-            text = self.session.lesson() if lesson else self.session.history.csv()
-        name = "flexaxis_lesson.toml" if lesson else "flexaxis_history.csv"
-        event.client.send_file_download(name, text.encode(), save_immediately=True)
-
-    def _guarded(self, act: Callable[..., None]) -> Callable[..., None]:
-        """Let a click act on the session alone, and tell what was wrong instead of failing."""
-
-        def guarded(*args: Any) -> None:
-            with self._lock:
-                try:
-                    act(*args)
-                except (ValueError, FlexaxisError) as error:
-                    self.session.said = str(error)
-
-        return guarded
-
-    def _status(self) -> str:
-        axis, pace = self.session.axis, self.pace
-        head = "**paused** · " if pace.paused else ""
-        speed = f"{pace.frames:.0f} pictures/s, {pace.reached:.2g} × real time"
-        return (
-            f"**t = {axis.time:.{1 if pace.paused else 0}f} s** · {head}{self.session.said}  \n"
-            f"<small>{speed}, {pace.load:.0f} % of a core · bands ±2σ as claimed · "
-            "truth dashed</small>"
-        )
+        self.paused, self.steps = label != RUN, self.steps + (label == STEP)
 
 
-def _style() -> str:
-    """Return the style of the page, and what its curves have of the pages."""
-    sheets = (
-        files("flexaxis.experiments.reporting.charts_old") / "templates" / "charts.css",
-        files("flexaxis.experiments.demo") / "page.css",
-    )
-    colours = "".join(f"--style-{each.place}: {each.light}; " for each in styles.NINE)
-    colours += f"--theory: {curves.GREY};"
-    text = "".join(sheet.read_text(encoding="utf-8") for sheet in sheets)
-    who = dict(curves.STYLES)
-    return (
-        f"<style>{text}:root {{ {colours} }}{marks.rules(who)}</style>"
-        f'<svg id="marks" width="0" height="0"><defs>{marks.marks(who)}</defs></svg>'
+def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any) -> Any:
+    """Add a plot of lines with a label and a colour; many lines have no legend."""
+    series = [
+        {"label": label, "stroke": colour, "width": 0.5 if label == EDGE else 1.5}
+        for label, colour in lines
+    ]
+    return gui.add_uplot(
+        (np.zeros(1),) * (len(lines) + 1),
+        ({"label": "s"}, *series),
+        title=title,
+        scales={"x": {"time": False}} | scales,
+        legend={"show": len(lines) < 6},
+        height=150,
     )
 
 
-def _drawn(chart: Chart, high: int) -> str:
-    return f'<h4 class="chart">{escape(chart.title)}</h4>{drawn(chart, "", high=high)}'
+def _since(values: Array) -> tuple[Array, ...]:
+    """Return times since a change, and the columns of values (n, k)."""
+    return (PERIOD * np.arange(1.0, len(values) + 1), *values.T)
 
 
-def _clicked(act: Callable[[str], None]) -> Callable[[Any], Any]:
-    """Return what viser is to call: it knows which button of a row it was before the next click."""
+def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return an HTML table."""
+    lines = ["".join(f"<{tag}>{escape(text)}</{tag}>" for text in row)
+             for tag, row in (("th", heads), *(("td", row) for row in rows))]  # fmt: skip
+    return f"<table class='demo'>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
 
-    async def clicked(event: Any) -> None:
-        # In a thread, for an act may have to wait for the session, and no viewer for an act.
-        asyncio.get_running_loop().run_in_executor(None, act, event.target.value)
 
-    return clicked
+def _values(session: DemoSession) -> str:
+    """Return true and estimated values as a table."""
+    heads, columns = ["", "truth"], [session.axis.theta(SHOWN)]
+    for letter, racer in zip("AB", session.racers, strict=True):
+        heads.append(f"{letter}: {racer.text}")
+        columns.append(racer.shown(racer.theta))
+    rows = [
+        [name, *(f"{value:.4g}".replace("nan", "–") for value in values)]
+        for name, *values in zip(SHOWN, *columns, strict=True)
+    ]
+    return _table(heads, rows)
+
+
+def _changes(changes: Iterable[Change]) -> str:
+    """Return the latest changes as a table: lags [s], findings and the bound."""
+    rows = []
+    for change in [*changes][: -LATEST - 1 : -1]:
+        *lags, single, unknown = map(short, change.lags)
+        racers = [
+            f"{lag}{' …' * change.open} {finding}"
+            for lag, finding in zip(lags, change.findings, strict=True)
+        ]
+        rows.append([f"{change.at * PERIOD:.1f}", change.what, *racers, f"{single} – {unknown}"])
+    return _table(["t [s]", "what", "lag [s], finding of A", "of B", "bound"], rows)

@@ -1,127 +1,190 @@
-"""Serving the live axis: the address, the clock, and the way to stop."""
+"""Serving the live axis: the address, who may come in, the clock, and the way to stop."""
 
 from __future__ import annotations
 
-import os
+import io
 import signal
-import threading
 import time
 import webbrowser
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
+from operator import itemgetter
+from pathlib import Path
+from threading import Event
+from typing import Any
 
-from flexaxis.experiments.demo.door import DemoServer
 from flexaxis.experiments.demo.page import Page
-from flexaxis.experiments.demo.session import DemoSession
+from flexaxis.experiments.demo.session import DEFAULT_RACERS, MARK, DemoSession
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.files import read_text, toml_tables
 from flexaxis.sim.timing import PERIOD, sample_index
 
+HOST, PORT = "127.0.0.1", 8080
+MAX_MESSAGE = 2**16  # bytes of a viewer's message: a hundred times what the page sends
 FRAMES = 30  # of the 3-D picture, a second
-CURVES = 4  # times a second that curves and numbers are drawn anew
-BEHIND = 0.25  # s of delay that are made up for; what is more is let go
-WARM = 8.0  # s of the axis before anybody looks: estimators have settled, and curves are there
-FAREWELL = 0.2  # s that the last words have to reach the pages
-PATIENCE = 0.6  # s that an end may take by itself; with FAREWELL, for Ctrl-C is to take a second
+CURVES = 4  # times a second that curves and numbers are drawn
+BEHIND = 0.25  # s of delay that are caught up
+WARM = 8.0  # s of the axis before the page is drawn: estimators have settled
 
 
 def serve(
-    session: DemoSession,
+    estimators: Sequence[str] = (),
     *,
-    port: int | None = None,
-    browser: bool = True,
+    lesson: Path | None = None,
+    seed: int | None = None,
     speed: float = 1.0,
     exaggerate: float = 100.0,
-    play: Callable[[DemoSession], Callable[[int], None]] | None = None,
-    said: Callable[[str], None] = print,
-    warned: Callable[[str], None] = lambda _: None,
+    port: int | None = None,
+    browser: bool = True,
 ) -> None:
-    """Show a session in the browser until SIGINT or SIGTERM.
+    """Show the live axis in the browser, on this computer only, until Ctrl-C or SIGTERM.
 
-    The session holds while nobody looks.
+    The axis stands while nobody watches.
 
     Parameters
     ----------
-    session : DemoSession
-        Shared by all viewers.
-    port : int, optional
-        Where the page is, or nowhere; if none is given 8080, or the next that is free.
-    browser : bool
-        Whether to open one.
+    estimators : sequence of str
+        Two, as for `--estimator`; by default those of the lesson.
+    lesson : Path, optional
+        What is done without a click.
+    seed : int, optional
+        By default that of the lesson, or 0.
     speed : float
         Simulated seconds a second.
     exaggerate : float
         Factor on the twist of the joints in the picture.
-    play : callable, optional
-        Gives, for the session, what is to be called instead of its `advance`.
-    said, warned : callable
-        Get the lines to print: the address first; and what was not as asked for.
+    port : int, optional
+        This port or none; by default 8080, or the next that is free.
+    browser : bool
+        Whether to open one.
 
     Raises
     ------
     FlexaxisError
-        As from `DemoServer`.
+        If viser or mjviser is missing, the port is taken, the lesson cannot be read, or an
+        estimator cannot race.
     """
-    failed: list[BaseException] = []
+    plan = load_lesson(lesson) if lesson else {"act": []}
+    session = DemoSession(
+        estimators or plan.get("estimators", DEFAULT_RACERS),
+        seed=plan.get("seed", 0) if seed is None else seed,
+    )
+    server = start(port)
+    stopping = Event()
 
-    def run() -> None:
-        """Go on until told to stop: in a thread, for a compiler takes seconds for a loop."""
-        try:
-            session.prepare()
-            if play is None:
-                page.advance(sample_index(WARM, PERIOD))
-            else:
-                page.play(play)
-            page.draw_curves()
-            _loop(page, stop)
-        except BaseException as error:
-            failed.append(error)
-            stop.set()
+    def stop(*_: object) -> None:
+        stopping.set()  # also where the exception is lost, as in a callback of the engine
+        raise KeyboardInterrupt
 
-    with _signals() as stop:
-        server = DemoServer(port, warned)
-        said(f"the live axis is at {server.token.address}  (Ctrl-C ends it)")
-        page = Page(server, session, exaggerate=exaggerate, speed=speed)
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, stop)
+    with suppress(KeyboardInterrupt):
+        address = f"http://{HOST}:{server.get_port()}"
+        print(f"the live axis is at {address}  (Ctrl-C ends it)", flush=True)
+        page = Page(server, session, plan["act"], exaggerate, speed)
+        page.advance(sample_index(WARM, PERIOD))
+        page.draw_curves()
         if browser:
-            webbrowser.open(server.token.address)
-        worker = threading.Thread(target=run, daemon=True)
-        worker.start()
-        stop.wait()
-        worker.join(PATIENCE)
-        page.end()
-        time.sleep(FAREWELL)
+            webbrowser.open(address)
+        _loop(page, server, stopping)
+    with redirect_stdout(io.StringIO()):
         server.stop()
-    if failed:
-        raise failed[0]
-    if worker.is_alive():  # nothing is lost: what is compiled is written whole or not
-        os._exit(0)
 
 
-def _loop(page: Page, stop: threading.Event) -> None:
-    """Advance and draw, in real time, until told to stop."""
-    pace = page.pace
-    before, owed, next_curves = time.monotonic(), 0.0, 0.0
-    while not stop.wait(max(0.0, before + 1 / FRAMES - time.monotonic())):
-        now = time.monotonic()
-        elapsed, before = now - before, now
-        if not page.watched:
-            continue
-        owed += 0.0 if pace.paused else min(elapsed, BEHIND) * pace.speed / PERIOD
-        due, owed = int(owed) + page.stepped(), owed % 1
-        if due:
-            page.advance(due)
-            page.draw_axis()
-        pace.count(due)
-        if now >= next_curves:
-            next_curves = now + 1 / CURVES
-            page.draw_curves()
+def load_lesson(path: Path) -> dict[str, Any]:
+    """Return a lesson: ``estimators``, ``seed``, and the tables ``[[act]]`` in order of time.
+
+    Each has a time ``at`` [s], what to ``do``, one of `flexaxis.experiments.demo.session.ACTIONS`,
+    ``with`` its arguments, and a message to ``say``.
+
+    Raises
+    ------
+    FlexaxisError
+        If the file cannot be read, or an act has no ``at`` or ``do``.
+    """
+    lesson = toml_tables(read_text(path, FlexaxisError), source=str(path), refuse=FlexaxisError)
+    acts = lesson.get("act", [])
+    for act in acts:
+        if not {"at", "do"} <= act.keys():
+            raise FlexaxisError(f"{path}: each [[act]] needs `at` and `do`, this has {act}")
+    return lesson | {"act": sorted(acts, key=itemgetter("at"))}
+
+
+def start(port: int | None = None) -> Any:
+    """Return a viser server that listens on this computer and answers its own pages only.
+
+    Parameters
+    ----------
+    port : int, optional
+        As for `serve`.
+
+    Raises
+    ------
+    FlexaxisError
+        If viser or mjviser is missing, or the port is taken.
+    """
+    try:
+        import mjviser  # noqa: F401
+        import viser
+    except ImportError as error:
+        raise FlexaxisError(
+            f"the live demo needs viser and mjviser ({error}): pip install -e '.[demo]' "
+            "in the folder of flexaxis"
+        ) from None
+    with redirect_stdout(io.StringIO()), _own_pages_only():  # viser prints a banner of its own
+        server = viser.ViserServer(host=HOST, port=port or PORT, verbose=False)
+    # A page could ask viser for a tunnel through its makers' server.
+    server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
+    if port not in (None, server.get_port()):
+        server.stop()
+        raise FlexaxisError(f"--port {port} is taken: give another one, or leave --port out")
+    return server
 
 
 @contextmanager
-def _signals() -> Iterator[threading.Event]:
-    """Give an event that SIGINT and SIGTERM set."""
-    stop = threading.Event()
-    old = [(k, signal.signal(k, lambda *_: stop.set())) for k in (signal.SIGINT, signal.SIGTERM)]
+def _own_pages_only() -> Iterator[None]:
+    """Let a websocket server that starts meanwhile refuse foreign Host and Origin headers.
+
+    Otherwise any page that the browser shows, or a name that points at this computer (DNS
+    rebinding), could reach the demo. viser has no option for it.
+    """
+    import websockets.asyncio.server as library
+
+    original = library.serve
+
+    def serve(handler: Any, host: str, port: int, *, process_request: Any, **options: Any) -> Any:
+        def check(connection: Any, request: Any) -> Any:
+            hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
+            own = [[f"{name}:{port}"] for name in (HOST, "localhost")]
+            if hosts not in own or origins not in ([], [f"http://{hosts[0]}"]):
+                return connection.respond(403, "refused: this is not a page of the demo\n")
+            return process_request(connection, request)
+
+        options["max_size"] = MAX_MESSAGE
+        return original(handler, host, port, process_request=check, **options)
+
+    library.serve = serve  # type: ignore[assignment,misc]
     try:
-        yield stop
+        yield
     finally:
-        for kind, handler in old:
-            signal.signal(kind, handler)
+        library.serve = original  # type: ignore[misc]
+
+
+def _loop(page: Page, server: Any, stopping: Event) -> None:
+    """Advance and draw in real time."""
+    before, owed, next_curves = time.monotonic(), 0.0, 0.0
+    while not stopping.wait(max(0.0, before + 1 / FRAMES - time.monotonic())):
+        now = time.monotonic()
+        elapsed, before = now - before, now
+        if not server.get_clients():
+            continue
+        owed += 0.0 if page.paused else min(elapsed, BEHIND) * page.speed / PERIOD
+        due, page.steps = int(owed) + page.steps * MARK, 0
+        owed %= 1
+        page.advance(due)
+        # viser wakes its event loop from this thread, which fails if a viewer comes or goes then.
+        with suppress(RuntimeError):
+            page.draw_axis()
+            if now >= next_curves:
+                next_curves = now + 1 / CURVES
+                page.draw_curves()

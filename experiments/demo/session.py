@@ -1,24 +1,19 @@
-"""The demo without a screen: an axis, two estimators that race on it, and what is to be shown."""
+"""The demo without a screen: an axis, two estimators that race on it, and what was changed."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators import RECOMMENDED
-from flexaxis.experiments.demo.history import KEPT, History, HistoryLine, dragged
-from flexaxis.experiments.demo.live_axis import NO_SAMPLES, Friction, LiveAxis, Samples
-from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, SHOWN, KnobSettings, Racer
-from flexaxis.experiments.demo.tracking import LEAST, Jump, Point, Tracking, allowed
-from flexaxis.experiments.running.estimators import Spec
-from flexaxis.experiments.scoring.scores import rms
-from flexaxis.experiments.scoring.windows import QUIET
-from flexaxis.sim.errors import FlexaxisError
+from flexaxis.experiments.demo.axis import EXCITATION, FRICTION, LiveAxis
+from flexaxis.experiments.demo.racer import SETTLE, SHOWN, Racer
+from flexaxis.experiments.demo.tracking import Change
+from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.timing import PERIOD, sample_index
 
 Array = NDArray[np.float64]
@@ -26,45 +21,27 @@ Array = NDArray[np.float64]
 MARK = 20
 """Samples between two points of the curves."""
 SPAN = 40.0
-"""Seconds that the curves show."""
+"""Time that the curves show [s]."""
+RECENT = SETTLE + sample_index(3.0, PERIOD)
+"""Samples that an estimator is shown when it joins."""
 DEFAULT_RACERS = ("rpem-forgetting", RECOMMENDED)
-"""The paper's method, and what is recommended for a real axis."""
-
+"""The paper's method, and the recommended one."""
 
 BUTTONS: Mapping[str, tuple[str, float]] = {
-    "worn gear f_m × 2": ("f_m", 2.0),
+    "motor friction f_m × 2": ("f_m", 2.0),
     "payload J_a × 1.25": ("J_a", 1.25),
     "weak motor k_T × 0.9": ("k_T", 0.9),
     "soft arm k_a × 0.9": ("k_a", 0.9),
 }
-"""Faults that can be injected with one click: parameter, and factor on nominal."""
+"""Faults with a button: parameter, and factor on nominal."""
 
 
-@dataclass(frozen=True)
-class Curves:
-    """The last seconds, a row every `MARK` samples; parameters in the order of `SHOWN`.
-
-    Attributes
-    ----------
-    time : ndarray (M,)
-        Simulated time [s].
-    truth : ndarray (M, 4)
-        True values.
-    theta, deviation : ndarray (M, 2, 4)
-        Estimates of both racers, and the standard deviations they claim; NaN where one has none.
-    P : ndarray (M, 2, 3)
-        The diagonals of P, of the parameters in `NAMES`.
-    """
-
-    time: Array
-    truth: Array
-    theta: Array
-    deviation: Array
-    P: Array
+ACTIONS = ("inject", "repair", "set_friction", "set_excitation", "set_noise", "tune", "choose")
+"""Methods that a viewer or a lesson may call."""
 
 
 class DemoSession:
-    """A live axis, two racing estimators, faults and knobs; no screen, no clock of its own.
+    """A live axis, two racing estimators, faults and tuning; no screen, no clock of its own.
 
     Parameters
     ----------
@@ -76,17 +53,13 @@ class DemoSession:
     Attributes
     ----------
     axis : LiveAxis
-        Set its `noise` and `excitation` while it runs.
     racers : list of Racer
-        The two.
-    points : list of Point
-        One for each racer and each fault that was scored.
-    said : str
-        What happened last, in words.
+        A and B.
     factors : dict of str to float
-        Faults that act now: parameter and factor on nominal.
-    history : History
-        All that was done, and what came of it.
+        Faults that act now.
+    changes : list of Change
+    message : str
+        What happened last.
 
     Raises
     ------
@@ -94,191 +67,116 @@ class DemoSession:
         If an estimator cannot race.
     """
 
-    def __init__(self, *, estimators: Sequence[str] = DEFAULT_RACERS, seed: int = 0) -> None:
+    def __init__(self, estimators: Sequence[str] = DEFAULT_RACERS, *, seed: int = 0) -> None:
         if len(estimators) != 2:
             raise FlexaxisError(f"two estimators race, not {len(estimators)}: give two")
         self.axis = LiveAxis(seed=seed)
         self.racers = [Racer(text, self.axis.nominal) for text in estimators]
-        self.points: list[Point] = []
         self.factors: dict[str, float] = {}
-        self.history = History()
-        self.said = "no fault: the estimates stay at the truth"
-        self._began = tuple(estimators), seed
-        self._nominal = self.axis.theta(NAMES)
-        self._quiet = np.empty((0, len(self.racers), len(NAMES)))
+        self.changes: list[Change] = []
+        self.message = "no fault: the estimates stay at the truth"
         self._marks: deque[tuple[Array, ...]] = deque(maxlen=round(SPAN / PERIOD / MARK))
-        self._recent = NO_SAMPLES
+        self._recent = np.empty((2, 0))
 
     def advance(self, samples: int) -> None:
         """Simulate and estimate some samples."""
         while samples > 0:
             n = min(samples, MARK - self.axis.samples % MARK)
-            self._take(self.axis.advance(n))
+            torque, speed, excited = self.axis.advance(n)
+            # As every chunk ends at a mark, results do not depend on how often this is called.
+            estimates = [racer.run(torque, speed) for racer in self.racers]
+            self._recent = np.hstack([self._recent, [torque, speed]])[:, -RECENT:]
+            if self.changes:
+                self.changes[-1].take(estimates, torque, excited)
+                self.changes[-1].findings = [racer.finding for racer in self.racers]
             if self.axis.samples % MARK == 0:
-                self._mark()
+                self._mark([theta[-1] for theta in estimates])
             samples -= n
 
-    def prepare(self) -> None:
-        """Compile what the first fault needs, before anybody waits for it."""
-        axis = self.axis
-        allowed(Jump(axis.scenario, axis.values, NAMES[0], 1.0, axis.state, 1.0), np.zeros(2))
+    def curves(self) -> dict[str, Array]:
+        """Return the last seconds, a row every `MARK` samples.
 
-    def inject(self, parameter: str, factor: float) -> None:
-        """Set a parameter to a factor times nominal, and score how the racers follow."""
+        They are ``time`` (M,), ``truth`` (M, 4), and of both racers ``theta`` and ``deviation``
+        (M, 2, 4) of `SHOWN`; 0 where a racer has none.
+        """
+        names = ("time", "truth", "theta", "deviation")
+        columns = [np.nan_to_num(column) for column in zip(*self._marks, strict=True)]
+        return dict(zip(names, columns, strict=True))
+
+    def do(self, action: str, *values: Any) -> None:
+        """Call one of `ACTIONS`, which returns what has happened; an error becomes the message."""
+        try:
+            if action not in ACTIONS:
+                raise FlexaxisError(unknown("action", action, ACTIONS))
+            what = getattr(self, action)(*values)
+        except (ValueError, TypeError) as error:  # every error of ours is a ValueError
+            self.message = str(error)
+        else:
+            self.message = f"at {self.axis.time:.1f} s: {what}"
+
+    def inject(self, parameter: str, factor: float) -> str:
+        """Set a parameter to a factor times nominal, and follow how the estimators find it."""
+        if parameter not in self.axis.nominal or not 0.5 <= factor <= 2:
+            raise FlexaxisError(f"{parameter} × {factor:g}: give a parameter, and 0.5 to 2")
         if self.factors.get(parameter) == factor:
-            self.said = f"{parameter} is at {factor:g} × nominal already; repair first"
-            return
-        before = self.axis.theta(SHOWN)
-        self.axis.set_factors(self.factors | {parameter: factor})
-        self.factors[parameter] = factor
-        what = f"{parameter} × {factor:g}"
-        self._changed(before, what, {"fault": parameter, "factor": factor}, key=what)
-        size = np.abs(self.axis.theta(NAMES) - before[: len(NAMES)])
-        quiet, self._quiet = self._quiet, self._quiet[:0]
-        if not size.any():  # what is not estimated shows up in what is
-            self.said += ", which nobody estimates: watch what it is taken for"
-        elif len(quiet) < LEAST:
-            self.said += "; no dot, for it was not quiet long enough before"
-        elif (last := self.history.last) and last.tracking:
-            column = int(np.argmax(size))
-            last.tracking.std = 100 * rms(quiet[:, :, column]) / self._nominal[column]
+            raise FlexaxisError(f"{parameter} is already at {factor:g} × nominal: repair first")
+        before, factors = self.axis.theta(SHOWN), self.factors | {parameter: factor}
+        self.axis.set_factors(factors)
+        self.factors = factors
+        return self._follow(f"{parameter} × {factor:g}", before)
 
-    def repair(self) -> None:
-        """Put all parameters of the axis back to nominal; dry friction is as it is."""
-        before = self.axis.theta(SHOWN)
+    def repair(self) -> str:
+        """Set all parameters to nominal; dry friction stays."""
+        before, self.factors = self.axis.theta(SHOWN), {}
         self.axis.set_factors({})
-        self.factors.clear()
-        self._changed(before, "repaired", {"repair": True}, key="repair")
-        self._quiet = self._quiet[:0]
+        return self._follow("repaired", before)
 
-    def rub(self, friction: Friction) -> None:
-        """Let another dry friction act from now on."""
-        if friction.acts_as(self.axis.friction):
-            self.axis.set_friction(friction)
-            return
+    def set_friction(self, kind: str) -> str:
+        """Set the law of dry friction, one of `flexaxis.experiments.demo.axis.FRICTION`."""
+        if kind not in FRICTION:
+            raise FlexaxisError(unknown("friction", kind, FRICTION))
         before = self.axis.theta(SHOWN)
-        self.axis.set_friction(friction)
-        turned = {name: getattr(friction, name) for name in friction.knobs}
-        act = {"friction": friction.kind, **turned}
-        self._changed(before, f"friction: {friction.in_words()}", act, key="friction")
-        self._quiet = self._quiet[:0]
+        self.axis.set_friction(kind)
+        return self._follow(f"friction: {kind}", before)
 
-    def excite(self, mode: str) -> None:
+    def set_excitation(self, mode: str) -> str:
         """Let the reference move, stop and go, or stand."""
+        if mode not in EXCITATION:
+            raise FlexaxisError(unknown("excitation", mode, EXCITATION))
         self.axis.excitation = mode
-        self._noted("excitation", f"excitation {mode}", {"excitation": mode})
+        return f"excitation {mode}"
 
-    def disturb(self, noise: float) -> None:
+    def set_noise(self, noise: float) -> str:
         """Set the standard deviation of the measured speed [rad/s]."""
         self.axis.noise = noise
-        self._noted("noise", f"noise {noise:g} rad/s", {"noise": noise})
+        return f"noise {noise:g} rad/s"
 
-    def tune(self, racer: int, tuning: KnobSettings) -> None:
-        """Turn the knobs of a racer; it goes on from where it is."""
-        mine = self.racers[racer]
-        mine.tune(tuning, self._recent)
-        self._quiet = self._quiet[:0]
-        if mine.knobs:
-            letter, turned = "AB"[racer], {key: getattr(tuning, key) for key in mine.knobs}
-            self._noted(f"knobs {letter}", f"{letter}: {mine.label}", {"racer": letter, **turned})
+    def tune(self, racer: str, option: str, value: float) -> str:
+        """Set an option of racer A or B, which goes on from its estimate."""
+        self.racers["AB".index(racer)].tune(option, value, self._recent)
+        return f"{racer}: {option} {value:g}"
 
-    def choose(self, racer: int, estimator: str | Spec) -> None:
-        """Put another estimator into the race, from nominal on."""
+    def choose(self, racer: str, estimator: str) -> str:
+        """Put another estimator into the race as A or B, from nominal on."""
         fresh = Racer(estimator, self.axis.nominal)
         fresh.join(self._recent)
-        self.racers[racer] = fresh
-        self._quiet = self._quiet[:0]
-        self._close()
-        letter = "AB"[racer]
-        act = {"racer": letter, "estimator": fresh.text}
-        self._noted(f"choice {letter}", f"{letter}: {fresh.text} joins", act)
-        self.said = f"{fresh.text} joins"
+        self.racers["AB".index(racer)] = fresh
+        return f"{racer}: {estimator} joins"
 
-    def curves(self) -> Curves:
-        """Return what the curves show."""
-        if not self._marks:
-            empty = np.empty((0, len(self.racers), len(SHOWN)))
-            return Curves(np.empty(0), empty[:, 0], empty, empty, empty[..., : len(NAMES)])
-        return Curves(*(np.array(column) for column in zip(*self._marks, strict=True)))
-
-    def lesson(self) -> str:
-        """Return all that was done as a lesson, which does the same again."""
-        estimators, seed = self._began
-        return self.history.lesson(estimators=estimators, seed=seed, now=self.axis.samples)
-
-    def _changed(self, before: Array, what: str, act: Mapping[str, Any], *, key: str) -> None:
-        """Begin to follow a change of the truth, and take it down."""
-        self.said = f"at {self.axis.time:.1f} s: {what}"
-        entry = self._entry(key, what)
-        last = self.history.entries[-1] if self.history.entries else None
-        if last and last.tracking and dragged(self.history.entries, entry):
-            before = last.tracking.before  # nobody has followed yet
-        self._close()
-        after = self.axis.theta(SHOWN)
-        entry.tracking = Tracking(before, after, len(self.racers), self._jump(before, after))
-        self.history.add(entry, act)
+    def _follow(self, what: str, before: Array) -> str:
+        """Follow a change of the truth from now on, and return it in words."""
+        change = Change(self.axis, what, before)
+        self.changes.append(change)
         for racer in self.racers:
-            racer.thoughts.clear()
+            racer.watch()
+        return what if change.parameter else f"{what}: no estimated parameter has changed"
 
-    def _jump(self, before: Array, after: Array) -> Jump | None:
-        """Return what the bound needs, where exactly one of what is shown has changed."""
-        axis, columns = self.axis, np.flatnonzero(before != after)
-        if len(columns) != 1 or axis.noise <= 0:
-            return None
-        parameter, size = SHOWN[columns[0]], float(np.abs(after - before)[columns[0]])
-        if parameter == "f_c" and not axis.friction.knobs:
-            return None  # it has gone, and with it the law that the bound would need
-        return Jump(axis.scenario, axis.values, parameter, size, axis.state, axis.noise)
-
-    def _noted(self, key: str, what: str, act: Mapping[str, Any]) -> None:
-        self.said = f"at {self.axis.time:.1f} s: {what}"
-        self.history.add(self._entry(key, what), act)
-
-    def _entry(self, key: str, what: str) -> HistoryLine:
-        return HistoryLine(self.axis.samples, key, what, tuple(racer.text for racer in self.racers))
-
-    def _close(self) -> None:
-        """End what is followed, because something else changes; it gives points for what it had."""
-        if (last := self.history.last) and last.tracking:
-            self.points += last.tracking.close()
-            del self.points[:-KEPT]
-
-    def _take(self, samples: Samples) -> None:
-        # Enough of the past to let a fresh estimator find the state of the axis.
-        self._recent = self._recent.then(samples, keep=SETTLE + REPLAY)
-        truth = self.axis.theta(NAMES)
-        estimates = [racer.shown(racer.run(samples)) for racer in self.racers]
-        last = self.history.last
-        tracking = last.tracking if last else None
-        if tracking is None or not tracking.scored:
-            errors = np.stack(estimates, axis=1)[samples.excited, :, : len(NAMES)] - truth
-            quiet = sample_index(QUIET, PERIOD)
-            self._quiet = np.concatenate([self._quiet, errors])[-quiet:]
-        if last and tracking and tracking.open:
-            tracking.take(estimates, samples.torque, samples.excited)
-            self._listen(last, estimates)
-            if not tracking.open:
-                self._close()
-
-    def _listen(self, entry: HistoryLine, estimates: Sequence[Array]) -> None:
-        """Take down what the racers say of a change."""
-        changed = entry.tracking.changed if entry.tracking else None
-        if changed is not None:
-            column = SHOWN.index(changed)
-            entry.estimates = [float(theta[-1, column]) for theta in estimates]
-        since = self.axis.samples - entry.at
-        entry.found = [
-            [((since - 1 - ago) * PERIOD, what) for ago, what in racer.findings if ago < since]
-            for racer in self.racers
-        ]
-
-    def _mark(self) -> None:
+    def _mark(self, estimates: Sequence[Array]) -> None:
         self._marks.append(
             (
                 np.array(self.axis.time),
                 self.axis.theta(SHOWN),
-                np.array([racer.shown(racer.theta) for racer in self.racers]),
-                np.array([racer.shown(racer.deviation) for racer in self.racers]),
-                np.array([racer.P for racer in self.racers]),
+                np.array(estimates),
+                np.array([racer.deviation for racer in self.racers]),
             )
         )

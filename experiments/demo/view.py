@@ -1,12 +1,10 @@
-"""The axis in 3-D: a window that replays a record, or one picture of it."""
+"""The axis in 3-D: a window that replays a run, or one picture of it."""
 
 from __future__ import annotations
 
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from ctypes.util import find_library
 from importlib import import_module
 from pathlib import Path
@@ -22,7 +20,12 @@ from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 
-FRAMES = 50  # a second
+Array = NDArray[np.float64]
+
+STRIDE = 4
+"""Samples from one picture of a window to the next."""
+WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
+"""Values of MUJOCO_GL that need no display, best first, and the library that each needs."""
 
 
 def view(
@@ -60,11 +63,13 @@ def view(
     ------
     FlexaxisError
         If a number or the name of the picture is wrong.
+    OutputError
+        If nothing can be drawn on this machine.
     """
     target = None if picture is None else Path(picture)
-    if not (0 <= exaggerate < np.inf and (target is None or target.suffix.lower() == ".png")):
-        raise FlexaxisError("give a factor of 0 or more, and a picture that ends in .png")
     if target is not None:
+        if target.suffix.lower() != ".png":
+            raise FlexaxisError(f"picture={str(picture)!r}: give a name that ends in .png")
         draw_offscreen()
     from flexaxis.sim.simulate import simulate  # imports the engine
 
@@ -72,18 +77,18 @@ def view(
         run = simulate(run if isinstance(run, Scenario) else find_scenario(str(run)), [seed])[0]
     if not 0 <= at <= (end := run.time[-1]):
         raise FlexaxisError(f"at={at:g}: give a time of the run, 0 to {end:g} s")
+    angles = poses(run, exaggerate=exaggerate)[round(at / run.period) :]
+    mujoco, model, data = scene(model_of(run))
     if target is None:
-        window(run, start=at, exaggerate=exaggerate)
+        _replay(mujoco, model, data, angles, run.period)
     else:
-        picture(run, target, at=at, exaggerate=exaggerate)
+        data.qpos[:] = angles[0]
+        _draw(mujoco, model, data, target)
     return target
 
 
-def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
+def poses(record: Record, *, exaggerate: float) -> Array:
     """Return the angles (N, n) [rad] of the n masses to be drawn, their twist exaggerated.
-
-    The gear is drawn where the motor would have it, and gear and arm are turned out of that by
-    `exaggerate` times their true deviation.
 
     Raises
     ------
@@ -98,76 +103,50 @@ def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
     return exaggerated(np.column_stack(angles), ratio=ratio, exaggerate=exaggerate)
 
 
-def exaggerated(
-    angles: NDArray[np.float64], *, ratio: float, exaggerate: float
-) -> NDArray[np.float64]:
-    """Return the angles (…, n) [rad] to be drawn, from the true ones."""
+def exaggerated(angles: Array, *, ratio: float, exaggerate: float) -> Array:
+    """Return the angles (…, n) [rad] to be drawn, from the true ones.
+
+    The gear is drawn where the motor would have it, and gear and arm are turned out of that by
+    `exaggerate` times their true deviation.
+    """
     drawn = np.array(angles)
     rigid = ratio * drawn[..., :1]
     drawn[..., 1:] = rigid + exaggerate * (drawn[..., 1:] - rigid)
     return drawn
 
 
-def picture(record: Record, path: Path, *, at: float, exaggerate: float) -> None:
-    """Write one picture (PNG) of the axis at a time of the record [s]."""
+def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
+    """Write a picture of the axis as it is."""
     import matplotlib.image
 
-    with camera(model_of(record), width=1280, height=720) as shoot:
-        pixels = shoot(poses(record, exaggerate=exaggerate)[_sample(record, at)])
-    with new_file(path) as part:
-        matplotlib.image.imsave(part, pixels, format="png")
-
-
-@contextmanager
-def camera(
-    name: str = DEFAULT, *, width: int, height: int
-) -> Iterator[Callable[[NDArray[np.float64]], NDArray[np.uint8]]]:
-    """Give a function from angles (n,) [rad] to a picture (height, width, 3), without a display.
-
-    Raises
-    ------
-    OutputError
-        If nothing can be drawn on this machine.
-    """
-    mujoco, model, data = scene(name)
+    mujoco.mj_forward(model, data)
     try:
-        renderer = mujoco.Renderer(model, height=height, width=width)
+        renderer = mujoco.Renderer(model, height=720, width=1280)
     except Exception as error:  # each platform fails in its own way
         raise OutputError(
             f"no picture can be drawn here: {error}. Without a display set MUJOCO_GL=egl or "
             "MUJOCO_GL=osmesa (Debian: libegl1, libosmesa6)"
         ) from error
-
-    def shoot(angles: NDArray[np.float64]) -> NDArray[np.uint8]:
-        data.qpos[:] = angles
-        mujoco.mj_forward(model, data)
+    with renderer, new_file(path) as part:
         renderer.update_scene(data, camera="view")
-        return renderer.render()  # type: ignore[no-any-return]
-
-    with renderer:
-        yield shoot
+        matplotlib.image.imsave(part, renderer.render(), format="png")
 
 
-def window(record: Record, *, start: float, exaggerate: float) -> None:
-    """Replay a record in a window, in real time, until it ends or the window is closed."""
-    mujoco, model, data = scene(model_of(record))
-    angles = poses(record, exaggerate=exaggerate)
+def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) -> None:
+    """Show angles (N, n) in a window, in real time, until they end or the window is closed."""
     try:
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
     except Exception as error:
         raise OutputError(
             f"no window can be opened here: {error}. A picture needs no display: -o axis.png"
         ) from error
-    period = record.time[1] - record.time[0]
-    stride = max(1, round(1 / FRAMES / period))
     with viewer:
-        for k in range(_sample(record, start), len(angles), stride):
+        for data.qpos[:] in angles[::STRIDE]:
             if not viewer.is_running():
                 break
-            data.qpos[:] = angles[k]
             mujoco.mj_forward(model, data)
             viewer.sync()
-            time.sleep(stride * period)
+            time.sleep(STRIDE * period)
 
 
 def model_of(record: Record) -> str:
@@ -184,25 +163,15 @@ def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
     return mujoco, model, mujoco.MjData(model)
 
 
-def _sample(record: Record, at: float) -> int:
-    return int(np.clip(np.searchsorted(record.time, at), 0, len(record.time) - 1))
-
-
-WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
-"""Values of MUJOCO_GL that need no display, best first, and the library that each needs."""
-
-
 def draw_offscreen() -> None:
     """Set MUJOCO_GL to a way that works here, unless it is set or there is a display.
 
     Raises
     ------
     FlexaxisError
-        If there is no display, and neither of the libraries that can do without.
+        If there is no display, and neither of the libraries that need none.
     """
-    if "MUJOCO_GL" in os.environ or sys.platform != "linux":
-        return  # elsewhere the engine needs no display
-    if {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
+    if sys.platform != "linux" or {"MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         return
     way = next((way for way, library in WAYS.items() if find_library(library)), None)
     if way is None:

@@ -295,7 +295,6 @@ def compare(
     """
     checked = gate.check_margins(margins or {})
     sides = [each and text_of(each) for each in (base, candidate)]
-    own, sources = list[Scenario](), dict[str, str]()
     if runs:
         numbers = None if seeds is None else seeds_of(seeds, 0)
         old, new = map(Path, runs)
@@ -303,16 +302,14 @@ def compare(
     else:
         suite = select(scenarios, default=gate.SUITE)
         own, numbers = suite.scenarios, seeds_of(seeds, suite.seeds)
-        if len(own) == 1 and isinstance(scenarios, str | Path):
-            sources = {own[0].name: str(scenarios)}
         with studies.working(2 * len(own) * max(max_seeds, len(numbers)), folder, **work) as runner:
             result = gate.compare(
                 *map(str, sides), own, numbers, runner, margins=checked,  # type: ignore[arg-type]
-                max_seeds=max_seeds, match_std=match_std, traces=folder is not None,
+                max_seeds=max_seeds, match_std=match_std,
             )  # fmt: skip
-    content = as_dict(result, sources=sources) | {"command": command}
+    content = as_dict(result) | {"command": command}
     if folder:
-        content["report"] = write(Path(folder), content, own)
+        content["report"] = write(Path(folder), content)
     return Comparison(content, result.status(), result.status(strict=True))
 
 

@@ -4,28 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
-from flexaxis.experiments.files import SUMMARY, OutputError, StudyError, json_table
-from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, tuned
-from flexaxis.experiments.gate.pairs import Lack, Paired, pair, table
+from flexaxis.experiments.comparison.tune import Tuned, equally_noisy
+from flexaxis.experiments.files import summary_of
+from flexaxis.experiments.gate.equal_noise import SEEDS, at_equal_noise
+from flexaxis.experiments.gate.pairs import SIDES, Gap, Paired, pair, table
 from flexaxis.experiments.gate.verdict import (
     ALPHA,
     SAME,
     SLIGHT,
     UNDECIDED,
     WORSE,
+    Lost,
     alarming,
     judge,
+    losses,
     overall,
 )
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner, check_failures
-from flexaxis.experiments.running.store import ROWS
 from flexaxis.experiments.scoring.score_table import MARGINS, METRICS
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario
@@ -44,67 +44,54 @@ class Comparison:
         Texts as for `--estimator`; at equal noise as tuned.
     seeds : list of int
     rows : DataFrame
-        A verdict a row, as from `flexaxis.experiments.gate.verdict.judge`.
+        A verdict a score, as from `flexaxis.experiments.gate.verdict.judge`.
+    lost : sequence of Lost
+        A verdict on each way to lose runs.
     paired : Paired
         What they are of.
     margins : mapping of metric to float
     look, looks : int
         At which look it was decided, of how many planned.
-    equal : EqualNoise, optional
+    equal : sequence of Tuned
         The settings of both, where they were tuned to one noise first.
-    unmatched : sequence of (scenario, parameter)
-        Where the candidate is as noisy as the base at no setting that was tried.
     """
 
     base: str
     candidate: str
     seeds: list[int]
     rows: pd.DataFrame
+    lost: Sequence[Lost]
     paired: Paired
     margins: Mapping[str, float]
     look: int = 1
     looks: int = 1
-    equal: EqualNoise | None = None
-    unmatched: Sequence[tuple[str, str]] = ()
-
-    @property
-    def alpha(self) -> float:
-        """Largest probability of a false alarm at this look."""
-        return ALPHA / self.looks
+    equal: Sequence[Tuned] = ()
 
     @property
     def verdict(self) -> str:
         """The one word. Without all of the candidate's runs, only "worse" can be said."""
-        word, sides = overall(self.rows), {lack.side for lack in self.paired.lacking}
-        incomplete = self.paired.missing or self.unmatched or "candidate" in sides
-        if word != WORSE and (incomplete or ("base" in sides and word in {SLIGHT, SAME})):
-            return UNDECIDED
-        return word
-
-    @property
-    def newly_lost(self) -> int:
-        """How many runs more the candidate lost than the base."""
-        return int((self.rows["newly"] - self.rows["regained"]).clip(lower=0).sum())
-
-    @property
-    def must_look(self) -> bool:
-        """Whether an undecided comparison may not pass: runs newly lost or failed, or missing."""
-        failed = self.paired.failed
-        gone = any(k.side == "candidate" and not k.unreadable for k in self.paired.lacking)
-        return gone or failed["candidate"] > failed["base"] or alarming(self.rows)
+        word = overall(self.rows["verdict"], self.lost)
+        sides = {gap.side for gap in self.paired.gaps}
+        short = "candidate" in sides or ("base" in sides and word in {SLIGHT, SAME})
+        return UNDECIDED if short and word != WORSE else word
 
     def status(self, *, strict: bool = False) -> int:
-        """Return the exit status: 1 worse; 3 undecided, if `strict` or `must_look`; else 0."""
-        if self.verdict == UNDECIDED:
-            return 3 if strict or self.must_look else 0
-        return int(self.verdict == WORSE)
+        """Return the exit status: 1 worse; 3 undecided; else 0.
+
+        Unless `strict`, undecided is 3 only where somebody must look: candidate runs are newly lost
+        or failed, or not there.
+        """
+        if self.verdict != UNDECIDED:
+            return int(self.verdict == WORSE)
+        failed = self.paired.failed
+        newly = failed["candidate"] > failed["base"] or alarming(self.lost)
+        return 3 * (strict or newly or any(gap.must_look for gap in self.paired.gaps))
 
 
 def compare(
     base: str, candidate: str, scenarios: Sequence[Scenario], seeds: Sequence[int],
     runner: Runner, *,
     margins: Mapping[str, float] = MARGINS, max_seeds: int = 0, match_std: bool = False,
-    traces: bool = False,
 ) -> Comparison:  # fmt: skip
     """Run both estimators and judge every score, at equal noise if `match_std`.
 
@@ -125,8 +112,8 @@ def compare(
         Changes that do not matter, as shares.
     max_seeds : int
         Seeds that may be spent.
-    match_std, traces : bool
-        Whether to tune both to one noise first, and to keep what figures are drawn from.
+    match_std : bool
+        Whether to tune both to one noise first.
 
     Raises
     ------
@@ -134,34 +121,37 @@ def compare(
         If there are fewer than two seeds, more than `max_seeds`, or no common run; if noise cannot
         be equal.
     """
-    looks, run = look_seeds(seeds, max_seeds), partial(runner.rows, traces=traces)
-    texts = {"base": base, "candidate": candidate}
-    scenarios, lacking = _readable(runner, texts, scenarios, len(seeds))
-    equal = None
+    looks, run = look_seeds(seeds, max_seeds), runner.rows
+    left = [runner.misfits(scenarios, [text]) for text in (base, candidate)]
+    gaps = [Gap(side, f"the {side} cannot read {name}")
+            for side, own, other in zip(SIDES, left, left[::-1], strict=True)
+            for name in own if name not in other]  # fmt: skip
+    readable = [s for s in scenarios if s.name not in {*left[0], *left[1]}]
+    scenarios = readable or scenarios  # running them tells why
+    equal: Sequence[Tuned] = ()
     if match_std:
         if used := {*SEEDS} & {*looks[-1]}:
             raise FlexaxisError(
-                f"seed {min(used)} is used for tuning (seeds {SEEDS[0]} to {SEEDS[-1]}): compare "
-                "on others, such as --seeds 1000:1032"
+                f"seed {min(used)} is used for tuning: compare on others, such as --seeds 1000:1032"
             )
-        equal = tuned(base, candidate, scenarios, run, SEEDS[: max(2, len(seeds))])
-        base, candidate = equal.base.setting, equal.candidate.setting
+        equal = equally_noisy((base, candidate), scenarios, run, SEEDS[: max(2, len(seeds))])
+        base, candidate = (side.setting for side in equal)
     for now in looks:
-        frame = run(scenarios, list(dict.fromkeys((base, candidate))), now)
+        frame = run(scenarios, [base, candidate], now)
         sides = [table(frame[frame["estimator"] == text]) for text in (base, candidate)]
         for side in sides:
             if side["failed"].all():  # a crash, and no verdict
                 check_failures(side)
-        paired = pair(sides[0], sides[1], margins)
-        paired = replace(paired, lacking=[*lacking, *paired.lacking])
-        unmatched: Sequence[tuple[str, str]] = ()
+        paired = pair(*sides, margins)
         if equal:
-            paired, unmatched = equal.apply(paired, scenarios, run, now)
-        rows = judge(paired, alpha=ALPHA / len(looks))
-        if overall(rows) != UNDECIDED:
+            paired = at_equal_noise(paired, *equal, scenarios=scenarios, run=run, seeds=now)
+        paired = replace(paired, gaps=[*gaps, *paired.gaps])
+        alpha = ALPHA / len(looks)
+        rows, lost = judge(paired, alpha=alpha), losses(paired, alpha=alpha)
+        if overall(rows["verdict"], lost) != UNDECIDED:
             break
-    about = (paired, margins, looks.index(now) + 1, len(looks), equal, unmatched)
-    return Comparison(base, candidate, now, rows, *about)
+    about = (paired, margins, looks.index(now) + 1, len(looks), equal)
+    return Comparison(base, candidate, now, rows, lost, *about)
 
 
 def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
@@ -172,47 +162,26 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
     >>> [len(look) for look in look_seeds(range(8), 40)]
     [8, 16, 32, 40]
     """
-    if len(seeds) < 2:
-        raise FlexaxisError("one seed has no spread: give at least 2 seeds, better 32")
-    if 0 < most < len(seeds):
+    if len(seeds) < 2 or 0 < most < len(seeds):
         raise FlexaxisError(
-            f"--max-seeds {most} is less than the {len(seeds)} seeds of the first look: give more, "
-            "or fewer --seeds"
+            f"give at least 2 seeds, better 32, and no more --seeds ({len(seeds)}) than "
+            f"--max-seeds ({most})"
         )
-    looks = [list(seeds)]
-    while len(looks[-1]) < most:
-        more = range(looks[-1][-1] + 1, looks[-1][-1] + 1 + most)
-        looks.append([*looks[-1], *more][: min(2 * len(looks[-1]), most)])
-    return looks
-
-
-def _readable(
-    runner: Runner, texts: Mapping[str, str], scenarios: Sequence[Scenario], seeds: int
-) -> tuple[Sequence[Scenario], list[Lack]]:
-    """Return the scenarios that both can read, and those that one side alone can read."""
-    left = {side: {*runner.misfits(scenarios, [text])} for side, text in texts.items()}
-    both = set.intersection(*left.values())
-    lacks = [Lack(n, side, seeds, True) for side, names in left.items() for n in names - both]
-    kept = [s for s in scenarios if not any(s.name in names for names in left.values())]
-    return (kept, lacks) if kept else (scenarios, [])  # running them tells why
+    every, sizes = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], [len(seeds)]
+    while sizes[-1] < most:
+        sizes.append(min(2 * sizes[-1], most))
+    return [every[:size] for size in sizes]
 
 
 def check_margins(margins: Mapping[str, float]) -> dict[str, float]:
     """Return all margins, with some of them added or changed; refuse unknown scores."""
     for metric, margin in margins.items():
-        if metric not in METRICS:
+        if metric not in METRICS or not 0 < margin < 1:
             raise FlexaxisError(
-                f"--margin: unknown score {metric!r}.{did_you_mean(metric, METRICS)} "
-                f"Scores: {', '.join(METRICS)}"
+                f"--margin {metric}: give a score and a share between 0 and 100 %, as in lag=2%."
+                f"{did_you_mean(metric, METRICS)}"
             )
-        if not 0 < margin < 1:
-            raise FlexaxisError(f"--margin: give a share between 0 and 100 %, as in {metric}=2%")
     return {**MARGINS, **margins}
-
-
-def is_run(name: str) -> bool:
-    """Return whether a name is the folder of a finished run."""
-    return (Path(name) / ROWS).exists()
 
 
 def compare_runs(
@@ -237,47 +206,27 @@ def compare_runs(
         If the versions or the content of a scenario differ, the estimator is not clear, or fewer
         than two seeds are common.
     """
-    sides, versions, names = [], [], []
+    sides, names, versions = [], [], []
     for folder, text in zip((base, candidate), estimators, strict=True):
-        frame, known = _stored(folder)
-        versions.append(known)
-        names.append(_chosen(folder, text, [*frame["estimator"].unique()]))
-        kept = frame["seed"].isin(frame["seed"] if seeds is None else seeds)
-        sides.append(table(frame[kept & (frame["estimator"] == names[-1])]))
-    hashes = (side.groupby(level="scenario")["hash"].first() for side in sides)
-    both = pd.concat(hashes, axis=1, join="inner")
-    if versions[0] != versions[1] or (both.iloc[:, 0] != both.iloc[:, 1]).any():
+        results = Results.load(folder)
+        frame = results.frame
+        frame = frame[frame["seed"].isin(frame["seed"] if seeds is None else seeds)]
+        texts = [*frame["estimator"].unique()]
+        chosen = [text] if text else texts
+        if results.axes or len(chosen) > 1 or chosen[0] not in texts:
+            raise FlexaxisError(
+                f"{folder}: take a finished run, and name its estimator with --base or "
+                f"--candidate. It holds: {', '.join(texts)}"
+            )
+        names += chosen
+        versions.append(summary_of(folder)["versions"])
+        sides.append(table(frame[frame["estimator"] == names[-1]]))
+    old, new = (dict(zip(side["scenario"], side["hash"], strict=True)) for side in sides)
+    if versions[0] != versions[1] or any(old[name] != new[name] for name in old.keys() & new):
         raise FlexaxisError(
             f"{base} and {candidate} are of different versions of flexaxis, or of a scenario: run "
             "both again, or use `flexaxis compare --base … --candidate …`"
         )
-    common = sides[0].index.unique("seed").intersection(sides[1].index.unique("seed"))
-    if len(common) < 2:
-        raise FlexaxisError(
-            f"{base} and {candidate} have {len(common)} of the seeds in common: at least 2 are "
-            "needed, better 32"
-        )
-    paired = pair(sides[0], sides[1], margins)
-    return Comparison(names[0], names[1], sorted(common), judge(paired), paired, margins)
-
-
-def _stored(folder: Path) -> tuple[pd.DataFrame, Any]:
-    """Return the rows of a finished run, and the versions that made them."""
-    try:
-        results = Results.load(folder)
-        if results.axes:
-            raise StudyError("it is a study")
-        return results.frame, json_table(folder / SUMMARY, OutputError)["versions"]
-    except (OSError, StudyError, KeyError) as error:
-        raise OutputError(
-            f"{folder} holds no finished run (rows and {SUMMARY} are needed; a study is compared "
-            f"with `flexaxis compare --base A --candidate B FILE.toml`): {error}"
-        ) from error
-
-
-def _chosen(folder: Path, text: str | None, names: Sequence[str]) -> str:
-    """Return the estimator of a folder that is meant."""
-    if text in names or (text is None and len(names) == 1):
-        return text or names[0]
-    hint = did_you_mean(text, names) if text else " Name one with --base or --candidate."
-    raise FlexaxisError(f"{folder}: which estimator?{hint} It holds: {', '.join(names)}")
+    paired = pair(*sides, margins)
+    common = sorted({*sides[0]["seed"]} & {*sides[1]["seed"]})
+    return Comparison(*names, common, judge(paired), losses(paired), paired, margins)

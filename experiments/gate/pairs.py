@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.comparison.matching import SPREADS
-from flexaxis.experiments.scoring.intervals import FLOOR
+from flexaxis.experiments.comparison.sweep import SPREADS
 from flexaxis.experiments.scoring.score_table import METRICS, SCORES
 from flexaxis.sim.errors import FlexaxisError
 
@@ -22,18 +21,19 @@ LOST = ("diverged", "never_settled")
 an average over the runs that are left would reward an estimator for losing the hard ones."""
 
 SIDES = ("base", "candidate")
-KEY = ["scenario", "seed", "parameter"]
+CASE = ["scenario", "seed"]
+KIND = ["scenario", "parameter"]
+KEY = [*CASE, "parameter"]
 FLAGS = ["changed", "failed", *LOST]
 NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
 
 
-class Lack(NamedTuple):
-    """Cases of a scenario that `side` lacks; `unreadable` if it cannot read the scenario."""
+class Gap(NamedTuple):
+    """What `side` lacks in a comparison; `must_look` if the comparison may not pass for it."""
 
-    scenario: str
     side: str
-    cases: int
-    unreadable: bool = False
+    text: str
+    must_look: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,32 +43,32 @@ class Paired:
     Attributes
     ----------
     scores : DataFrame
-        One row a score: ``scenario, parameter, metric``; ``seeds`` (n,), and ``values`` (2, n) of
-        base and candidate [unit of the metric], NaN where either side diverged or has no score;
-        ``changes`` (n,), log(candidate/base) or (candidate − base)/``scale``; ``scale``, NaN where
-        ratios are compared; ``bias``, of a standard deviation the mean errors of both sides [%].
+        One row a score: ``scenario, parameter, metric, margin``; ``base, candidate``, means over
+        the pairs, geometric where ratios are compared [unit of the metric]; ``changes`` (n,),
+        log(candidate/base) or (candidate − base)/``scale``, NaN where either side diverged or has
+        no score; ``scale``, NaN where ratios are compared.
     lost : DataFrame
         By scenario and seed: whether the run was lost, columns ``"diverged base"`` and so on. A
         run that diverged on either side does not count as never settled.
-    missing : sequence of (scenario, parameter)
-        Changed parameters that the base estimates, and the candidate does not.
-    estimated : mapping of side to sequence of str
+    gaps : sequence of Gap
+    estimated : mapping of side to set of str
         Parameters that base and candidate estimate.
-    lacking : sequence of Lack
     failed : mapping of side to int
         Cases that failed.
     """
 
     scores: pd.DataFrame
     lost: pd.DataFrame
-    missing: Sequence[tuple[str, str]] = ()
-    estimated: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    lacking: Sequence[Lack] = ()
+    gaps: Sequence[Gap] = ()
+    estimated: Mapping[str, set[str]] = field(default_factory=dict)
     failed: Mapping[str, int] = field(default_factory=dict)
 
 
 def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return the rows of one estimator as they are compared, by scenario, seed and parameter.
+    """Return the rows of one estimator as they are compared.
+
+    A failed case has rows of all parameters of its scenario. They count only where no other case
+    shows what is estimated there.
 
     Parameters
     ----------
@@ -77,10 +77,10 @@ def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
         never_settled``, the scores, and optionally ``hash`` and ``error``.
     """
     frame = pd.DataFrame(rows).reindex(columns=[*KEY, *FLAGS, *NUMBERS, "hash", "error"])
-    frame = frame[frame["parameter"].notna()]  # without a parameter, there was no record
     frame[FLAGS] = frame[FLAGS].eq(True)
     frame[NUMBERS] = frame[NUMBERS].astype(float)
-    return frame.set_index(KEY).sort_index()
+    ran = ~frame["failed"] | frame.groupby("scenario")["failed"].transform("all")
+    return frame.merge(frame.loc[ran, KIND].dropna().drop_duplicates()).sort_values(KEY)
 
 
 def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, float]) -> Paired:
@@ -96,63 +96,46 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
     Raises
     ------
     FlexaxisError
-        If no scenario, seed and parameter is common to both.
+        If they have fewer than two seeds in common, or no scenario or parameter.
     """
-    sides = dict(zip(SIDES, (base, candidate), strict=True))
-    kinds = {side: _estimated(rows) for side, rows in sides.items()}
-    common = kinds["base"].intersection(kinds["candidate"])
-    both = base.add_suffix(" base").join(candidate.add_suffix(" candidate"), how="inner")
-    both = both[both.index.droplevel("seed").isin(common)]
-    if both.empty:
-        names = (", ".join(rows.index.unique("parameter")) for rows in (base, candidate))
+    both = base.merge(candidate, on=KEY, suffixes=(" base", " candidate"))
+    if both["seed"].nunique() < 2:
         raise FlexaxisError(
-            "base and candidate have no run in common. They estimate {} and {}: compare "
-            "estimators that share a parameter, on the same scenarios and seeds".format(*names)
+            "base and candidate have fewer than 2 runs in common: compare estimators that share a "
+            "parameter, on the same scenarios and seeds"
         )
-    shared = {s: kind[kind.isin(both.index.unique("scenario"), 0)] for s, kind in kinds.items()}
-    changed = base.index[base["changed"]].droplevel("seed")
-    groups = both.groupby(level=["scenario", "parameter"])
-    scores = [_score(part, key[0], key[1], m, margins[m]) for key, part in groups for m in margins]
+    groups, sides = both.groupby(KIND), dict(zip(SIDES, (base, candidate), strict=True))
+    scores = [_score(part, *key, *each) for key, part in groups for each in margins.items()]
+    shared = {s: rows[rows["scenario"].isin(both["scenario"])] for s, rows in sides.items()}
+    changed = shared["base"].loc[shared["base"]["changed"], KIND].drop_duplicates()
+    gaps = [Gap("candidate", f"the candidate does not estimate {parameter} at {scenario}")
+            for scenario, parameter in changed.itertuples(index=False)
+            if (scenario, parameter) not in groups.groups]  # fmt: skip
     return Paired(
         pd.DataFrame([score for score in scores if score]),
         _lost(both),
-        [kind for kind in shared["base"].difference(common) if kind in changed],
-        {side: list(kind.unique("parameter")) for side, kind in shared.items()},
-        _lacking(sides),
-        {side: _cases(rows[rows["failed"]]).size for side, rows in sides.items()},
+        gaps + _lacking(sides),
+        {side: {*rows["parameter"]} for side, rows in shared.items()},
+        {side: len(rows[rows["failed"]].drop_duplicates(CASE)) for side, rows in sides.items()},
     )
 
 
-def _estimated(rows: pd.DataFrame) -> pd.MultiIndex:
-    """Return the scenarios with the parameters that are estimated there.
-
-    A failed case has rows of all parameters of the scenario: they count where no other case tells.
-    """
-    ran = rows.index[~rows["failed"]]
-    untold = rows.index[~rows.index.isin(ran.unique("scenario"), level="scenario")]
-    return ran.append(untold).droplevel("seed").unique()
-
-
-def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Lack]:
+def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
     """Return what one side alone was run on, of the seeds on which both were run at all."""
-    base, candidate = map(_cases, sides.values())
-    seeds = base.unique("seed").intersection(candidate.unique("seed"))
-    gone = {"base": candidate.difference(base), "candidate": base.difference(candidate)}
-    lacks = []
-    for side, runs in gone.items():
-        counts = runs[runs.isin(seeds, "seed")].to_frame().groupby(level="scenario").size()
-        lacks += [Lack(str(name), side, int(cases)) for name, cases in counts.items()]
-    return lacks
-
-
-def _cases(rows: pd.DataFrame) -> pd.MultiIndex:
-    return rows.index.droplevel("parameter").unique()
+    seeds = set.intersection(*({*rows["seed"]} for rows in sides.values()))
+    cases = pd.DataFrame({
+        side: rows[rows["seed"].isin(seeds)].drop_duplicates(CASE)["scenario"].value_counts()
+        for side, rows in sides.items()
+    }).fillna(0)  # fmt: skip
+    lacks = cases.rsub(cases.max(axis=1), axis=0).stack()
+    return [Gap(side, f"the {side} lacks {n:.0f} cases of {scenario}", side == "candidate")
+            for (scenario, side), n in lacks.items() if n]  # fmt: skip
 
 
 def _lost(both: pd.DataFrame) -> pd.DataFrame:
     """Return which runs each side lost, in any of the common parameters."""
     columns = [f"{way} {side}" for way in LOST for side in SIDES]
-    lost = both[columns].groupby(level=["scenario", "seed"]).any()
+    lost = both.groupby(CASE)[columns].any()
     lost[columns[2:]] &= ~lost[columns[:2]].any(axis=1).to_numpy()[:, None]
     return lost
 
@@ -161,31 +144,28 @@ def _score(
     part: pd.DataFrame, scenario: str, parameter: str, metric: str, margin: float
 ) -> dict[str, Any]:
     """Return one score; nothing where it is not defined, such as the lag of what is constant."""
-    values, score, scale, bias = _sides(part, metric), SCORES[metric], np.nan, None
-    if not np.isfinite(values).any():
+
+    def sides(name: str) -> Array:
+        return part[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()
+
+    values, score, scale = sides(metric), SCORES[metric], np.nan
+    if np.isnan(values).all():
         return {}
-    pairs = np.isfinite(values).all(axis=0) & ~_sides(part, "diverged").any(axis=0)
+    pairs = np.isfinite(values).all(axis=0) & ~sides("diverged").any(axis=0)
     values[:, ~pairs] = np.nan
     if pairs.any():
         if metric in SPREADS:  # about the mean of all runs of a side
-            errors = np.nan_to_num(_sides(part, SPREADS[metric][0]))
-            bias = errors[:, pairs].mean(axis=1)
-            about = values**2 + bias[:, None] * (bias[:, None] - 2 * errors)
-            values = np.sqrt(np.maximum(about, 0.0))
+            errors = np.nan_to_num(sides(SPREADS[metric][0]))
+            mean = errors[:, pairs].mean(axis=1, keepdims=True)
+            values = np.sqrt(np.maximum(values**2 + mean * (mean - 2 * errors), 0.0))
         if score.guard:  # the modulus of the mean, and the runs on its side
-            scale = max(np.sqrt(np.mean(_sides(part, "std")[0, pairs] ** 2)), 1e-3 / margin)
+            scale = max(np.sqrt(np.mean(sides("std")[0, pairs] ** 2)), 1e-3 / margin)
             values *= np.sign(np.nanmean(values, axis=1, keepdims=True))
-        elif np.nanmin(values) < score.zero:  # less is as good as none
-            scale = max(np.nanmean(values[0]), score.zero / margin)
-    logs = np.log(np.maximum(values, FLOOR)) if np.isnan(scale) else values / scale
-    logs = np.where(np.isnan(values), np.nan, logs)
+    # less than `zero` is as good as none
+    logs = values / scale if score.guard else np.log(np.maximum(values, score.zero))
+    middle = logs[:, pairs].mean(axis=1) if pairs.any() else np.full(2, np.nan)
+    base, candidate = scale * middle if score.guard else np.exp(middle)
     return {
-        "scenario": scenario, "parameter": parameter, "metric": metric, "values": values,
-        "seeds": part.index.get_level_values("seed"), "changes": logs[1] - logs[0],
-        "margin": margin, "scale": scale, "bias": bias,
+        "scenario": scenario, "parameter": parameter, "metric": metric, "margin": margin,
+        "base": base, "candidate": candidate, "changes": logs[1] - logs[0], "scale": scale,
     }  # fmt: skip
-
-
-def _sides(part: pd.DataFrame, name: str) -> Array:
-    """Return a column of base and candidate (2, n)."""
-    return part[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()

@@ -277,13 +277,14 @@ def _windows(
         x = np.linalg.lstsq(J[k], error[k], rcond=1e-12)[0]
         left = float(np.std(error[k] - J[k] @ x))
         known = np.abs(np.diag(np.linalg.pinv(J[k].T @ J[k], rcond=1e-14)))[:p]
-        sd = left * np.sqrt(np.where(known > 0, known, np.inf))
+        sd = np.where(known > 0, left * np.sqrt(known), np.inf)
         rows.append((time[k[0]], left, float(np.linalg.norm(J[k])), x[:p], sd))
-    if not rows:
+    if not any(row[2] for row in rows):
         return np.empty(0), *np.empty((2, 0, p))
     at, left, strength, x, sd = (np.array(column) for column in zip(*rows, strict=True))
-    seen = (strength > np.median(strength) / BLIND) & (left < FOREIGN * np.median(left))
-    seen &= (sd < BLIND * np.median(sd, axis=0)).all(axis=1)
+    seen = strength > np.median(strength[strength > 0]) / BLIND
+    seen &= left < FOREIGN * np.median(left[seen])
+    seen &= (sd < BLIND * np.median(sd[seen], axis=0)).all(axis=1)
     return at[seen], x[seen], sd[seen]
 
 

@@ -232,8 +232,8 @@ def track_page(
     log, command : str
         Name of the log, and the line that makes this again.
     """
-    first, *_ = result.findings
-    told = [*(Finding("problem", f"the log: {text}") for text in problems), *result.findings]
+    first, *more = result.findings
+    told = [*(Finding("problem", f"the log: {text}") for text in problems), *more]
     finding = Finding("problem" if problems else first.kind, first.text)
     chart = estimates_chart(result, estimator)
     return LogPage(f"{estimator} on {log}", command, finding, told, [chart], [last_table(result)])
@@ -278,6 +278,6 @@ def many_page(result: Many, title: str, command: str) -> LogPage:
     chart = Chart("Estimates over the logs", words, "log", panels)
     rows = [[name, *row] for name, row in zip(table.index, table.to_numpy(), strict=True)]
     return LogPage(
-        title, command, result.findings[0], result.findings, [chart],
+        title, command, result.findings[0], result.findings[1:], [chart],
         [_table("Estimates", ["log", *table.columns], rows)],
     )  # fmt: skip

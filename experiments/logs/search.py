@@ -126,7 +126,14 @@ class Search:
     def _searched(self, setup: Setup) -> Candidate:
         """Return a setup with the friction and what else acts beside the torque."""
         best, kind = self._beside(self._fitted(setup), GRAVITY, "sine", "cosine"), self.friction
-        if "speed_motor" in best.setup.model.states and not best.setup.model.laws:
+        model = setup.model
+        able = "speed_motor" in model.states and "J_m" in model.parameters
+        if kind in FRICTION and not (able or model.laws):
+            raise LogError(
+                f"--friction {kind} acts on a state speed_motor by 1/J_m, which model {model.name} "
+                "does not have: write its own [[law]] into the TOML, or use --friction none"
+            )
+        if able and not model.laws:
             dry = self._rubbing(best, "stribeck" if kind == "stribeck" else "coulomb")
             if kind in FRICTION or self.given:
                 best = dry

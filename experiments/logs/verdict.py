@@ -20,7 +20,8 @@ APART = 0.99  # negative correlation from which on two count as not told apart
 EARLY = 3.0  # standard deviations beyond the least delay that is possible
 HALF = 0.5  # samples: least delay of a measured torque, the mean over the sample before
 NOISY = 1.2  # times the noise of the motion, that a simulation leaves of a coarse encoder
-MISSING = 0.15  # of the samples, from which on what acted in gaps is too much
+HIDDEN = 30.0  # % of a fit, below which noise of the sensor, which is not white, decides
+MISSING = 0.07  # of the samples, from which on what acted in many gaps is too much
 SMOOTHER = {"two_mass": "one_mass", "three_mass": "two_mass", "four_mass": "three_mass"}
 
 
@@ -61,6 +62,13 @@ def _unlike(search: Search, best: Candidate, taken: Answer, fit: float) -> Itera
             "does not describe this motion (play, a brake or a wrong column would do that); try "
             "another --model, or --highpass HZ below the excitation, or begin nearer with --start "
             "NAME=VALUE",
+        )
+    elif fit < HIDDEN:
+        yield Finding(
+            "problem",
+            f"steps of the sensor or noise hide the motion, of which {fit:.0f} % are explained: "
+            f"bring the log to a lower rate, such as --resample {0.2 / log.period:.3g}, or excite "
+            "more",
         )
     if not taken.fitted.converged:
         yield Finding(
@@ -171,14 +179,15 @@ def _late(taken: Answer) -> Iterator[Finding]:
 
 
 def _gaps(taken: Answer) -> Iterator[Finding]:
-    missing = float(1 - np.mean(taken.setup.log.ok))
+    setup, ok = taken.setup, taken.setup.log.ok
+    missing, gaps = float(1 - np.mean(ok)), np.count_nonzero(np.diff(ok.astype(int)) < 0)
     counted = float(np.mean(taken.fitted.good)) / max(1 - missing, 1e-9)
-    if missing > MISSING or counted < HALF:
+    # behind the longest gaps the state is estimated; in all others the torque is a line
+    if (missing > MISSING and gaps > len(setup.begins)) or counted < HALF:
         yield Finding(
             "problem",
-            f"{100 * missing:.0f} % of the samples are missing, often a few at a time: what acted "
-            "there is not known, and estimates are off; log without loss, or use a part with "
-            "--rows A:B",
+            f"{100 * missing:.0f} % of the samples are missing, in {gaps} gaps: what acted there "
+            "is not known, and estimates are off; log without loss, or use a part with --rows A:B",
         )
 
 

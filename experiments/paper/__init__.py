@@ -1,7 +1,5 @@
-"""The paper, reproduced and checked.
+"""The paper of Östring and Gunnarsson, reproduced on MuJoCo data.
 
-`data` simulates, `experiments` and `further_work` estimate, `model_measures` and `filter_measures`
-give the numbers, `claims` says what must hold of them, `figures` draws,
-`reproduce` does all of it. In come a size and seeds, out go figures, claims kept or not, and a
-page.
+`evidence` simulates and estimates, `measures` makes numbers of it, `claims` says which of them
+decide what the paper claims (`claim`), `figures` draws, and `reproduce` writes it all.
 """

@@ -2,56 +2,38 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.offline.adaptation import steady_P
 from flexaxis.estimators.offline.frequency import frequency_response
-from flexaxis.experiments.paper.claim import Evidence, by_name
 from flexaxis.experiments.paper.claims import PEAKS
-from flexaxis.experiments.paper.experiments import (
+from flexaxis.experiments.paper.evidence import STRIDE, Evidence
+from flexaxis.experiments.paper.measures import (
     BAND,
-    HIGH_ORDER,
-    STRIDE,
+    PHYSICAL,
     decibels,
-    times,
-)
-from flexaxis.experiments.paper.model_measures import (
-    gradient_power,
     low_energy,
+    responses,
     torque_lines,
-    torque_peaks,
 )
 from flexaxis.experiments.reporting.figures import Series, curves
 
-Array = NDArray[np.float64]
-
-STEP = 5  # samples from one drawn estimate to the next
-
-
-def _level(ends: ArrayLike, y: float, **more: Any) -> Series:
-    """Return a bound from one end to the other."""
-    return Series(x=ends, y=[y, y], role="bound", **more)
+FREQUENCY, TIME = "frequency [rad/s]", "time [s]"
+STEP = 5
+"""Samples from one drawn estimate to the next."""
 
 
 def fig3(e: Evidence) -> Figure:
     """Draw the spectrum of the torque in closed loop."""
-    omega, amplitude = torque_lines(e.data)
-    peaks = list(torque_peaks(e).values())
-    label = f"peaks at {', '.join(f'{peak:.0f}' for peak in peaks)} rad/s"
-    at = Series(x=peaks, y=np.interp(peaks, omega, amplitude), kind="points", label=label)
-    edge = 2 * np.pi * e.data.excitation.high
-    y = "amplitude [N m]"
+    omega, amplitude = torque_lines(e)
     return curves(
-        {y: [Series(x=omega, y=amplitude, role="data", label="torque"), at]},
-        x="frequency [rad/s]",
-        limits={y: (0.0, 1.15 * float(amplitude.max())), "frequency [rad/s]": (0.0, 220.0)},
-        marks=[*((peak, "peak of the paper") for peak in PEAKS), (edge, "30 Hz")],
+        {"amplitude [N m]": [Series(x=omega, y=amplitude, role="data", label="torque")]},
+        x=FREQUENCY,
+        marks=[(peak, "peak of the paper") for peak in PEAKS],
         spans=[(0.0, 70.0, f"{low_energy(e):.1f} % of the energy")],
     )
 
@@ -59,126 +41,95 @@ def fig3(e: Evidence) -> Figure:
 def fig4(e: Evidence) -> Figure:
     """Draw the Bode diagrams of the axis, the identified physical model and an ARX model."""
     omega = np.geomspace(20, 400, 600)
-    true, *models = bode_responses(e, omega).items()
-    panels: dict[str, Callable[[Any], Array]] = {
-        "gain [dB]": decibels,
-        "phase [°]": lambda r: np.degrees(np.unwrap(np.angle(r))),
-        "off by [dB]": lambda r: decibels(r) - decibels(true[1]),
-    }
+    result, panels = responses(e, omega), defaultdict(list)
+    for name in ("axis", PHYSICAL, "ARX, order 40"):
+        phase = np.degrees(np.unwrap(np.angle(result[name])))
+        for label, y in (("gain [dB]", decibels(result[name])), ("phase [°]", phase)):
+            panels[label].append(Series(x=omega, y=y, estimator=name))
     return curves(
-        {
-            label: [Series(x=omega, y=values(true[1]), role="truth")]
-            + [Series(x=omega, y=values(r), estimator=name) for name, r in models]
-            for label, values in panels.items()
-        },
-        x="frequency [rad/s]",
-        logs=["frequency [rad/s]"],
-        limits={
-            "frequency [rad/s]": (20.0, 400.0),
-            "gain [dB]": (-12, 38),
-            "phase [°]": (-200, 90),
-            "off by [dB]": (-0.3, 0.3),
-        },
+        panels,
+        x=FREQUENCY,
+        logs=[FREQUENCY],
+        limits={"gain [dB]": (-12, 38), "phase [°]": (-200, 90)},
         spans=[(20.0, BAND[0], "little torque"), (BAND[1], 400.0, "no torque")],
     )
 
 
-def bode_responses(e: Evidence, omega: Array) -> dict[str, NDArray[np.complex128]]:
-    """Return the frequency responses (M,) of Fig. 4 with python-control, that of the axis first."""
-    import control
-
-    period, physical = e.data.scenario.period, e.offline.physical
-    arx = e.offline.arx[HIGH_ORDER]
-
-    def sampled(names: tuple[str, ...], theta: Array) -> Any:
-        A, B, C = e.data.model.parametrize(names).matrices(theta)
-        return control.c2d(control.ss(A, B, C, 0), period, method="zoh")
-
-    systems = {
-        "axis": sampled(e.data.names, e.data.parametrization.theta),
-        "physical model, identified": sampled(physical.names, physical.theta),
-        f"ARX model of order {HIGH_ORDER}": control.tf(arx.b, arx.a, period),
-    }
-    return {
-        name: np.squeeze(control.frequency_response(system, omega).complex)
-        for name, system in systems.items()
-    }
-
-
 def fig5(e: Evidence) -> Figure:
     """Draw |G_θ|² of the three parameters, and the torque that it weighs."""
-    omega, model = np.linspace(1, 220, 1000), e.data.parametrization
-    _, slopes = frequency_response(model, model.theta, omega, period=e.data.scenario.period)
-    lines, amplitude = torque_lines(e.data)
-    powers = zip(gradient_power(e).items(), slopes.T, strict=True)
+    omega = np.linspace(1, 220, 1000)
+    _, slopes = frequency_response(e.model, e.model.theta, omega, period=e.period)
+    lines, amplitude = torque_lines(e)
     gains = [
-        Series(x=omega, y=np.abs(slope) ** 2, estimator=name, label=f"{name}: E ψ² = {power:.0f}")
-        for (name, power), slope in powers
+        Series(x=omega, y=np.abs(slope) ** 2, estimator=name)
+        for name, slope in zip(e.names, slopes.T, strict=True)
     ]
     torque = Series(x=lines, y=amplitude**2, role="data", label="torque")
     return curves(
         {"|G_θ|²": gains, "torque² [N² m²]": [torque]},
-        x="frequency [rad/s]",
+        x=FREQUENCY,
         logs=["|G_θ|²"],
-        limits={"|G_θ|²": (1e-6, 1e8), "frequency [rad/s]": (0.0, 220.0)},
+        limits={"|G_θ|²": (1e-6, 1e8), FREQUENCY: (0.0, 220.0)},
     )
 
 
 def estimates(method: str, e: Evidence) -> Figure:
     """Draw estimates, on the same axes for each method."""
-    time, runs = e.data.scenario.times[::STEP], e.convergence.runs[method]
-    t63, panels = times(e.data, runs, 0.37), {}
-    for i, parameter in enumerate(e.data.names):
-        low, high = np.percentile(runs.theta[:, ::STEP, i], [10, 90], axis=0)
-        one, label = runs.theta[0, ::STEP, i], f"63 % after {t63[parameter]:.2g} s"
-        panels[f"{parameter} / nominal"] = [
+    time, theta = e.scenario.times[::STEP], e.runs(method).theta[:, ::STEP]
+    panels = {}
+    for name, columns in zip(e.names, theta.T, strict=True):
+        low, high = np.percentile(columns, [10, 90], axis=1)
+        panels[f"{name} / nominal"] = [
+            Series(x=time, y=columns[:, 0], low=low, high=high, estimator=name),
             Series(x=time[[0, -1]], y=[1, 1], role="truth"),
-            Series(x=time, y=one, low=low, high=high, estimator=parameter, label=label),
         ]
-    return curves(panels, x="time [s]", limits=dict.fromkeys(panels, (0.88, 1.4)))
+    return curves(panels, x=TIME, limits=dict.fromkeys(panels, (0.88, 1.4)))
 
 
-def diagonal(method: str, theory: str, e: Evidence) -> Figure:
+def diagonal(method: str, e: Evidence) -> Figure:
     """Draw diag P of the first run beside theory, on the same axes for each method."""
-    time, runs = e.data.scenario.times[STRIDE - 1 :: STRIDE], e.convergence.runs[method]
-    steady = by_name(e, np.diag(steady_P(e.convergence.Q, **runs.adaptation)))
-    series = []
-    for i, (parameter, value) in enumerate(steady.items()):
-        series.append(Series(x=time, y=runs.P[0, :, i], estimator=parameter))
-        series.append(_level(time[[0, -1]], value, estimator=parameter, label=theory))
+    time, runs = e.scenario.times[STRIDE - 1 :: STRIDE], e.runs(method)
+    steady, series = np.diag(e.steady_P(e.adaptations[method])), []
+    for name, P, level in zip(e.names, runs.P[0].T, steady, strict=True):
+        ends = Series(x=time[[0, -1]], y=[level, level], estimator=name, role="bound", label="_")
+        series += [Series(x=time, y=P, estimator=name), ends]
     y = "diagonal of P"
-    return curves({y: series}, x="time [s]", logs=[y], limits={y: (1.5e-6, 2e-3)})
+    return curves({y: series}, x=TIME, logs=[y], limits={y: (1.5e-6, 2e-3)})
 
 
-FIGURES: Mapping[str, Callable[..., Figure]] = {
-    "fig3": fig3,
-    "fig4": fig4,
-    "fig5": fig5,
-    "fig6": partial(estimates, "forgetting"),
-    "fig7": partial(diagonal, "forgetting", "(1−λ) Q⁻¹, eq. (29)"),
-    "fig8": partial(estimates, "modification"),
-    "fig9": partial(diagonal, "modification", "P Q P = Δ, eq. (30)"),
-}
-"""The figures by name; a file has the name of its figure."""
-
-CAPTIONS: Mapping[str, tuple[str, str]] = {
-    "fig3": ("Figure 3. Spectrum of the torque in closed loop", ""),
+FIGURES: Mapping[str, tuple[Callable[[Evidence], Figure], str, str]] = {
+    "fig3": (fig3, "Figure 3. Spectrum of the torque in closed loop", ""),
     "fig4": (
+        fig4,
         "Figure 4. Bode diagrams: the axis, the identified physical model, an ARX model",
         "Where there is no torque the black-box model is free to be anything; the physical one is "
         "not.",
     ),
     "fig5": (
+        fig5,
         "Figure 5. |G_θ|² of the three parameters",
-        "Where the torque has its energy decides how well a parameter can be seen. 1/J_a shows "
-        "around the first resonance only.",
+        "The frequencies at which the torque has its energy decide how well a parameter can be "
+        "estimated. 1/J_a shows around the first resonance only.",
     ),
-    "fig6": ("Figure 6. Estimates with forgetting", "Line: one run; band: 10–90 % of the runs."),
-    "fig7": ("Figure 7. Diagonal of P with forgetting, first run", ""),
+    "fig6": (
+        partial(estimates, "forgetting"),
+        "Figure 6. Estimates with forgetting",
+        "Line: one run; band: 10–90 % of the runs.",
+    ),
+    "fig7": (
+        partial(diagonal, "forgetting"),
+        "Figure 7. Diagonal of P with forgetting, first run",
+        "Dotted: (1−λ) Q⁻¹, eq. (29).",
+    ),
     "fig8": (
+        partial(estimates, "modification"),
         "Figure 8. Estimates with covariance modification",
         "Line: one run; band: 10–90 % of the runs.",
     ),
-    "fig9": ("Figure 9. Diagonal of P with covariance modification, first run", ""),
+    "fig9": (
+        partial(diagonal, "modification"),
+        "Figure 9. Diagonal of P with covariance modification, first run",
+        "Dotted: the solution of P Q P = Δ, eq. (30).",
+    ),
 }
-"""Title and words of each figure."""
+"""Each figure with its title and its caption; a file has the name of its figure."""

@@ -365,7 +365,7 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
     axes : Axes, optional
         Where to draw; a new figure by default.
     """
-    shown = [row for row in rows if row["interval"]]
+    shown = [row for row in rows if None not in (row["change"], *row["interval"])]
     ax, names = axes or new(60 + 24 * len(shown))[0], []
     for place, row in enumerate(shown):
         parts = np.array([row["change"], *row["interval"], row["margin"] or 0])

@@ -21,8 +21,8 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from flexaxis.experiments.reporting import figures, tables
-from flexaxis.experiments.reporting.figures import Looks, Series
-from flexaxis.experiments.reporting.styles import NINE, SETTINGS, VARIABLES, assigned
+from flexaxis.experiments.reporting.figures import Looks
+from flexaxis.experiments.reporting.styles import NINE, SETTINGS, VARIABLES
 
 SIDES = ("base", "candidate")
 
@@ -43,28 +43,19 @@ def render(template: str, *, looks: Looks, **content: Any) -> str:
     return TEMPLATES.get_template(template).render(styles=NINE, looks=looks, **content)
 
 
-def comparison(verdict: Mapping[str, Any], worst: Mapping[str, Any] | None = None) -> str:
+def comparison(verdict: Mapping[str, Any]) -> str:
     """Return the page of a comparison: the verdict, changes with intervals, all scores.
 
     Parameters
     ----------
     verdict : mapping
         As `flexaxis compare --json` prints it.
-    worst : mapping, optional
-        Both runs where the candidate compares worst: ``time`` (M,) [s], ``truth``, ``base`` and
-        ``candidate`` (M,) over nominal, and ``parameter``.
     """
-    rows = verdict["rows"]
-    drawings = [drawn(figures.verdict_intervals, "change of each score", rows)]
-    if worst:
-        series = [Series(x=worst["time"], y=worst[side], estimator=side) for side in SIDES]
-        series.append(Series(x=worst["time"], y=worst["truth"], role="truth"))
-        panels = {f"{worst['parameter']} / nominal": series}
-        drawings.append(drawn(figures.curves, "worst run", panels, x="time [s]"))
-    lines = [("", list(map(tables.Cell, row["text"]))) for row in rows]
+    drawings = [drawn(figures.verdict_intervals, "change of each score", verdict["rows"])]
+    lines = [("", list(map(tables.Cell, row["text"]))) for row in verdict["rows"]]
     table = tables.Table("all scores", verdict["columns"], lines, verdict["legend"])
     return render("reporting/templates/compare.html", title=verdict["headline"], verdict=verdict,
-                  looks=assigned(SIDES * bool(worst)), figures=drawings, table=table)  # fmt: skip
+                  looks={}, figures=drawings, table=table)  # fmt: skip
 
 
 def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -> Markup:

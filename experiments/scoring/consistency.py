@@ -110,28 +110,23 @@ def nis_of(track: Track, i: int) -> float | None:
     """Return the mean of ε²/S in the time in which std is taken."""
     del i
     mine = _quiet(track)
-    return track.once("nis", lambda: None if mine is None else nis(mine))
+    return None if mine is None else track.once("nis", lambda: nis(mine))
 
 
 def whiteness_of(track: Track, i: int) -> float | None:
     """Return the colour of the innovations in the time in which std is taken."""
     del i
     mine, lags = _quiet(track), round(MEMORY / track.scenario.period)
-    return track.once("whiteness", lambda: None if mine is None else whiteness(mine, lags))
+    return None if mine is None else track.once("whiteness", lambda: whiteness(mine, lags))
 
 
 def _quiet(track: Track) -> Array | None:
     """Return the innovations from first to last quiet sample, NaN in pauses between them."""
-    given = track.innovations
-    if given is None or not track.quiet.size:
+    if track.innovations is None or not track.quiet.size:
         return None
-    return track.once("innovations", lambda: _spread(given, track.quiet))
-
-
-def _spread(innovations: Array, quiet: NDArray[np.intp]) -> Array:
-    found = np.full((quiet[-1] + 1 - quiet[0], 2), np.nan)
-    found[quiet - quiet[0]] = innovations[quiet]
-    return found
+    first, last = track.quiet[[0, -1]]
+    pause = ~np.isin(np.arange(first, last + 1), track.quiet)
+    return np.where(pause[:, None], np.nan, track.innovations[first : last + 1])
 
 
 def nees_of(track: Track, i: int) -> float | None:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
@@ -21,9 +22,19 @@ Interval = list[float]
 Labels = ArrayLike | None
 
 LEAST = 5  # values below which there is no interval
+NEVER = 1e12  # stands for infinity
 MISS = 0.05  # chance that an interval leaves out what it is for
 FLOOR = 1e-6
 """Values below this [s or %] count as this in a logarithm: whoever never moves has a std of 0."""
+
+
+def t_interval(values: ArrayLike) -> Interval | None:
+    """Return the interval of the mean of values (n,) by Student's t."""
+    x = np.asarray(values, float)
+    if len(x) < LEAST or not np.isfinite(x).all():
+        return None
+    half = 0.0 if _constant(x) else float(_t(len(x)) * stats.sem(x))
+    return [float(x.mean()) - half, float(x.mean()) + half]
 
 
 def mean_interval(values: ArrayLike) -> Interval | None:
@@ -33,31 +44,12 @@ def mean_interval(values: ArrayLike) -> Interval | None:
     Soc. B 54, 1992, 221–228): a squared error is skewed, and t alone would miss on one side.
     """
     x = np.asarray(values, float)
-    if not _enough(x):
-        return None
-    if _constant(x):
-        return [float(x.mean())] * 2
-    n, skewness = len(x), stats.skew(x)
-    ends = np.array([1.0, -1.0]) * _t(n) / np.sqrt(n)
-    if abs(skewness) > 1e-6:  # else the limit of what follows
-        root = np.cbrt(1 + skewness * (ends - skewness / (6 * n)))
-        ends = 3 / skewness * (root - 1)
-    return list((x.mean() - x.std(ddof=1) * ends).tolist())
-
-
-def log_interval(values: ArrayLike) -> Interval | None:
-    """Return the interval of the geometric mean of positive values: Student's t on logarithms."""
-    within = t_interval(np.log(np.maximum(np.asarray(values, float), FLOOR)))
-    return within and list(np.exp(within).tolist())
-
-
-def t_interval(values: ArrayLike) -> Interval | None:
-    """Return the interval of the mean of values (n,) by Student's t."""
-    x = np.asarray(values, float)
-    if not _enough(x):
-        return None
-    half = 0.0 if _constant(x) else float(_t(len(x)) * stats.sem(x))
-    return [float(x.mean()) - half, float(x.mean()) + half]
+    within = t_interval(x)
+    if within is None or _constant(x) or abs(skewness := float(stats.skew(x))) < 1e-6:
+        return within
+    n, ends = len(x), np.array([1.0, -1.0]) * _t(len(x)) / np.sqrt(len(x))
+    root = np.cbrt(1 + skewness * (ends - skewness / (6 * n)))
+    return list((x.mean() - x.std(ddof=1) * 3 / skewness * (root - 1)).tolist())
 
 
 def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
@@ -104,55 +96,28 @@ def median_interval(
 ) -> list[float | None] | None:
     """Return the interval of the median by order statistics; an end at infinity is None.
 
-    Where seeds come more than once, of as many independent values as would leave the share of
-    those below the median as uncertain as it is (`_independent`).
+    Their ranks are those of the normal approximation, (m + 1)/2 ± 1.96 √m/2, straight between two
+    values (J. Nyblom, Comput. Stat. Data Anal. 13, 1992, 33–42, on interpolating them). Where seeds
+    come more than once, m is the number of independent values that would leave the share of those
+    below the median as uncertain as it is (L. Kish, *Survey Sampling*, 1965, section 8.2).
 
     Parameters
     ----------
     values, seeds, points
         As for `by_seed`.
     """
-    each = np.asarray(values, float)
-    x, n = np.sort(each), len(each)
-    m = n
-    if seeds is not None and len(np.unique(seeds)) < n:
-        low, high = x[[(n - 1) // 2, n // 2]]
-        below = ((each <= low) * 1.0 - (each >= high)) / 2
-        m = int(_independent(below, 0.25, seeds, points))
-    rank = int(stats.binom.ppf(MISS / 2, m, 0.5)) * n // m if m >= LEAST else 0
-    if rank < 1:  # six values are the fewest that hold the median so surely
+    x = np.minimum(np.asarray(values, float), NEVER)
+    n = len(x)
+    low, high = np.sort(x)[[(n - 1) // 2, n // 2]] if n else (0.0, 0.0)
+    share = by_seed(((x <= low) * 1.0 - (x >= high)) / 2, seeds, points)
+    if len(share) < LEAST:
         return None
-    return [float(v) if np.isfinite(v) else None for v in (x[rank - 1], x[n - rank])]
-
-
-def _independent(values: Array, variance: float, seeds: Labels, points: Labels) -> float:
-    """Return of how many independent values with a variance the mean would be as uncertain.
-
-    L. Kish, *Survey Sampling*, 1965, section 8.2; as many as there are seeds at least.
-    """
-    n, m = len(values), len(np.unique(np.asarray(seeds)))
-    of_mean = float(by_seed(values, seeds, points).var(ddof=1)) / m if m > 1 else 0.0
-    return float(np.clip(variance / of_mean, m, n)) if of_mean > 0 else n
-
-
-def share_interval(yes: ArrayLike, seeds: Labels = None, points: Labels = None) -> Interval:
-    """Return the interval of a share of runs (C. J. Clopper and E. S. Pearson, 1934).
-
-    Where seeds come more than once, of as many independent runs as are as uncertain; a share of
-    none or all tells nothing of that, and then each seed counts once.
-
-    Parameters
-    ----------
-    yes, seeds, points
-        As for `by_seed`.
-    """
-    x = np.asarray(yes, float)
-    share, n = float(x.mean()), float(len(x))
-    if seeds is not None and (m := len(np.unique(seeds))) < n:
-        n = _independent(x, share * (1 - share), seeds, points) if 0 < share < 1 else m
-    k = share * n
-    low = stats.beta.ppf(MISS / 2, k, n - k + 1) if k > 0 else 0.0
-    return [float(low), float(stats.beta.isf(MISS / 2, k + 1, n - k)) if k < n else 1.0]
+    m = np.clip(0.25 * (len(share) - 1) / max(1e-9, share.var()), len(share), n)
+    rank = 0.5 - stats.norm.isf(MISS / 2) / (2 * np.sqrt(m))
+    if rank < 0.5 / m:  # six values are the fewest that hold the median so surely
+        return None
+    ends = np.quantile(x, [rank, 1 - rank], method="hazen")
+    return [float(end) if end < FLOOR * NEVER else None for end in ends]
 
 
 def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Interval:
@@ -171,12 +136,14 @@ def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Inter
     seeds : (n,) array_like
         Of the runs.
     """
-    each = np.bincount(_labels(seeds, None, 0)[0], weights=np.asarray(counts, float))
-    total = float(each.sum())
-    storm = max(1.0, each.var(ddof=1) / each.mean()) if len(each) > 1 and total else 1.0
-    k, miss = total / storm, MISS / 2 if total else MISS
-    low = stats.gamma.ppf(miss, k) if total else 0.0
-    return [float(storm * end / exposure) for end in (low, stats.gamma.isf(miss, k + 1))]
+    each = pd.Series(counts, dtype=float).groupby(np.asarray(seeds)).sum()
+    total, miss = float(each.sum()), MISS / 2
+    if not total:
+        return [0.0, float(stats.gamma.isf(MISS, 1) / exposure)]
+    storm = max(1.0, each.var() / each.mean()) if len(each) > 1 else 1.0
+    k = total / storm
+    ends = stats.gamma.ppf(miss, k), stats.gamma.isf(miss, k + 1)
+    return [float(storm * end / exposure) for end in ends]
 
 
 def spread_interval(
@@ -206,21 +173,15 @@ def spread_interval(
     apart = mean - level if not _constant(mean) else np.zeros_like(mean)
     between = float(np.mean(apart**2 * (runs / (runs - 1))[point]))
     freedom, off = _freedom(apart, seed, point), level - mean.mean()
-    low, high = _t_or_zero(by_seed(2 * off * apart, seed, point))
+    of_levels = np.array(t_interval(by_seed(2 * off * apart, seed, point)))
     parts = np.array([
         [within.mean(), *_cox(within)],
         [between, *(between * freedom / stats.chi2.isf([MISS / 2, 1 - MISS / 2], freedom))],
-        [np.mean(off**2), np.mean(off**2) + low, np.mean(off**2) + high],
+        [np.mean(off**2), *(np.mean(off**2) + of_levels)],
     ])  # fmt: skip
     half = np.sqrt(np.sum((parts[:, 1:] - parts[:, :1]) ** 2, axis=0))
-    total = parts[:, 0].sum()
-    return [float(np.sqrt(max(0.0, total - half[0]))), float(np.sqrt(total + half[1]))]
-
-
-def _t_or_zero(values: Array) -> tuple[float, float]:
-    """Return the ends of the interval of a mean (n,), less that mean."""
-    within = t_interval(values) or [0.0, 0.0]
-    return within[0] - float(values.mean()), within[1] - float(values.mean())
+    low, high = np.maximum(0.0, parts[:, 0].sum() + half * [-1, 1])
+    return [float(np.sqrt(low)), float(np.sqrt(high))]
 
 
 def _freedom(apart: Array, seed: Index, point: Index) -> float:
@@ -240,19 +201,14 @@ def _freedom(apart: Array, seed: Index, point: Index) -> float:
     return min((m - 1) * whole / max(square, whole / len(C)), len(apart) - len(C))
 
 
-def _cox(values: Array) -> tuple[float, float]:
-    """Return the interval of the mean of lognormal values (n,), which holds their mean."""
-    centre = float(values.mean())
-    if _constant(values) or centre == 0:
-        return centre, centre
-    if values.min() < FLOOR * centre:  # some run does not scatter at all: no lognormal values
-        low, high = mean_interval(values) or (centre, centre)
-        return max(0.0, low), high
-    logs = np.log(values)
-    n, v = len(logs), logs.var(ddof=1)
+def _cox(values: Array) -> Any:
+    """Return the interval of the mean of lognormal values (n,)."""
+    if values.min() <= FLOOR * values.mean():  # a run does not scatter at all: not lognormal
+        return mean_interval(values)
+    logs, n = np.log(values), len(values)
+    v = logs.var(ddof=1)
     half = _t(n) * np.sqrt(v / n + v**2 / (2 * (n - 1)))
-    low, high = np.exp(logs.mean() + v / 2 + half * np.array([-1, 1]))
-    return min(centre, float(low)), max(centre, float(high))
+    return np.exp(logs.mean() + v / 2 + half * np.array([-1, 1]))
 
 
 def pseudo_values(statistic: Callable[[Any], float], n: int) -> Array:
@@ -274,10 +230,6 @@ def pseudo_values(statistic: Callable[[Any], float], n: int) -> Array:
     if n < 2:
         return np.full(n, whole)
     return np.array([n * whole - (n - 1) * statistic(np.delete(every, i)) for i in every])
-
-
-def _enough(values: Array) -> bool:
-    return len(values) >= LEAST and bool(np.isfinite(values).all())
 
 
 def _constant(values: Array) -> bool:
@@ -348,9 +300,7 @@ def difference(first: ArrayLike, second: ArrayLike) -> tuple[int, float, float]:
     """
     d = np.array(first, float) - np.array(second, float)
     d = d[~np.isnan(d)]
-    if not d.size:
-        return 0, 0.0, 1.0
-    mean = float(d.mean())
-    if np.ptp(d) <= 1e-12:  # equal but for rounding, or one pair alone
+    mean = float(d.mean()) if d.size else 0.0
+    if d.size < 2 or np.ptp(d) <= 1e-12:  # equal but for rounding, or one pair alone
         return d.size, mean, float(d.size < 2 or abs(mean) <= 1e-12)
     return d.size, mean, float(stats.ttest_1samp(d, 0.0).pvalue)

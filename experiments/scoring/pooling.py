@@ -114,7 +114,7 @@ def deviation(bias: str, lost: str) -> Pool:
         here = ~np.isnan(columns[name])
         std, mean, gone = columns[name][here], columns[bias][here], columns[lost][here] > 0
         return {
-            name: finite(scatter(std, mean, gone)) if here.any() else None,
+            name: finite(spread(std, mean, gone)) if here.any() else None,
             f"{name}_interval": None
             if gone.any()
             else spread_interval(std, mean, *_drawn(columns, here)),
@@ -134,7 +134,7 @@ def parts(names: Iterable[str], statistic: Callable[[Array], float]) -> Pool:
     return pooled
 
 
-def found(names: Sequence[str]) -> Pool:
+def detections(names: Sequence[str]) -> Pool:
     """Return the pool of what findings are worth: the mean of each part, missed of all faults.
 
     A run that failed had the faults of the others, and missed them. ``calm`` is all the time in
@@ -146,51 +146,38 @@ def found(names: Sequence[str]) -> Pool:
         if not part["alarms"].size:
             return {name: None}
         means = {key: finite(float(x.mean())) if x.size else None for key, x in part.items()}
-        failed = float(np.sum(columns["failed"] > 0)) * float(part["faults"].mean())
+        failed = np.sum(columns["failed"] > 0) * part["faults"].mean()
         faults, missed = part["faults"].sum() + failed, part["missed"].sum() + failed
-        more = {"missed": float(missed / faults) if faults else 0.0}
-        return {name: means | more | _false_alarms(columns, name)}
+        seeds, calm = columns["seed"][~np.isnan(columns[f"{name}.calm"])], part["calm"].sum()
+        return {
+            name: means | {
+                "missed": float(missed / faults) if faults else 0.0, "calm": float(calm),
+                "false_alarms_interval": rate_interval(part["false_alarms"], calm / 1000, seeds),
+            }
+        }  # fmt: skip
 
     return pooled
 
 
-def _false_alarms(columns: Columns, name: str) -> Pooled:
-    """Return the exposure of the runs [s], and the interval of their rate of false alarms."""
-    calm = columns[f"{name}.calm"]
-    here = ~np.isnan(calm)
-    if not here.any():  # rows that were made before it was kept
-        return {"calm": None, "false_alarms_interval": None}
-    total, counts = float(calm[here].sum()), columns[f"{name}.false_alarms"][here]
-    within = rate_interval(counts, total / 1000, columns["seed"][here])
-    return {"calm": total, "false_alarms_interval": within}
-
-
-def spread(std: ArrayLike, bias: ArrayLike) -> float:
+def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
     """Return the standard deviation over time and seeds about the common mean.
 
     √(mean std² − (mean bias)²). What is slower than the window belongs to it: taking off the mean
-    of each run would make a slow estimator look quiet.
+    of each run would make a slow estimator look quiet. Lost runs sit at one edge, and about their
+    own mean would have no variance at all: they count about zero.
 
     Parameters
     ----------
     std, bias : (n,) array_like
         Root mean square about zero, and mean, of each run.
+    lost : (n,) array_like of bool, optional
+        Whether a run was lost by then.
     """
-    square = np.mean(np.square(np.asarray(std, float)))
-    constant = np.mean(np.asarray(bias, float)) ** 2
+    square, whole = np.mean(np.square(std)), ~np.broadcast_to(lost, np.shape(std))
+    constant = whole.mean() * np.mean(np.asarray(bias)[whole]) ** 2 if whole.any() else 0.0
     if np.isclose(square, constant, rtol=1e-12, atol=0.0):  # a difference of rounding errors
         return 0.0
     return float(np.sqrt(np.maximum(0.0, square - constant)))
-
-
-def scatter(std: Array, bias: Array, lost: NDArray[np.bool_]) -> float:
-    """Return the same where some runs are lost: of the others as `spread`, of these about zero.
-
-    Lost runs sit at one edge, and about their own mean would have no variance at all.
-    """
-    whole = ~lost
-    square = spread(std[whole], bias[whole]) ** 2 * whole.sum() if whole.any() else 0.0
-    return float(np.sqrt((square + np.sum(std[lost] ** 2)) / len(std)))
 
 
 def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Array) -> float:
@@ -210,21 +197,6 @@ def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Arr
     whole = ~lost
     common = biases[whole].mean(axis=0) if whole.any() else np.zeros(biases.shape[1])
     return float(each.mean() - whole.mean() * (common @ information @ common))
-
-
-def excess_values(each: Array, biases: Array, information: Array) -> Array:
-    """Return what each of n runs says of the excess error: the jackknife's values (n,).
-
-    As `flexaxis.experiments.scoring.intervals.pseudo_values` of `excess` where no run was lost,
-    in one pass instead of n.
-    """
-    n = len(each)
-    whole = excess(each, np.zeros(n, bool), biases, information)
-    if n < 2:
-        return np.full(n, whole)
-    common = (biases.sum(axis=0) - biases) / (n - 1)
-    without = (each.sum() - each) / (n - 1) - np.einsum("ni,ij,nj->n", common, information, common)
-    return n * whole - (n - 1) * without
 
 
 def spread_at_a_time(theta: ArrayLike) -> Array:

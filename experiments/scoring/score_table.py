@@ -6,8 +6,9 @@ that a new score is one entry.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,8 +21,68 @@ from flexaxis.experiments.scoring import (
     recovered,
     scores,
 )
-from flexaxis.experiments.scoring.score_definition import Kind, Score
 from flexaxis.experiments.scoring.scores import Track
+
+Kind = Literal["text", "number", "integer", "truth"]
+
+
+@dataclass(frozen=True)
+class Score:
+    """One score.
+
+    Attributes
+    ----------
+    name : str
+        Key in rows and summaries.
+    of : callable
+        ``of(track, i)`` of the i-th estimated parameter; None where it is not defined.
+    words : str
+        What it is, in a sentence.
+    unit : str
+        Empty for a plain number; every number must say which.
+    better : {"less", "more"}, optional
+        Which way is better; None for what is neither.
+    pool : callable, optional
+        ``pool(columns, name)``, what stands in the pooled row, as those of
+        `flexaxis.experiments.scoring.pooling`: ``pooling.mean``, ``pooling.by(np.max)``. None
+        for what is of one run only.
+    heading : str
+        Of its column in the report; one without has none.
+    short : str
+        Of its column in the terminal; one without has none.
+    kind : {"number", "integer", "truth", "text"}
+        What its column holds.
+    parts : mapping of str to str
+        Keys of a score that is a table, with their units; each is a column of its own.
+    margin : float, optional
+        A change smaller than this share does not matter to `compare`, which leaves out scores
+        without one unless told.
+    zero : float
+        Less is as good as none [unit]: where any run has it, `compare` takes differences.
+    guard : bool
+        Of a score that may have any sign: `compare` looks at its modulus, as a share of the noise,
+        and only says where it is worse.
+    """
+
+    name: str
+    of: Callable[[Track, int], Any]
+    words: str
+    unit: str | None = None
+    better: Literal["less", "more"] | None = None
+    pool: pooling.Pool | None = None
+    heading: str = ""
+    short: str = ""
+    kind: Kind = "number"
+    parts: Mapping[str, str] = field(default_factory=dict)
+    margin: float | None = None
+    zero: float = 0.0
+    guard: bool = False
+
+    @property
+    def compared(self) -> bool:
+        """Whether `compare` can take it: a positive number of which less is better, or a guard."""
+        return self.guard or (self.better == "less" and self.kind == "number")
+
 
 AFTER = tuple(map(str, bounds.RMSE_AT))  # samples after onset
 
@@ -232,23 +293,8 @@ SCORES: Mapping[str, Score] = {
             detection.detection_of,
             "Changes that the estimator says it found: alarms and false ones a run, false ones in "
             "1000 s, delay, share of the faults missed, share of the found ones named rightly.",
-            pool=pooling.found(detection.ALARMS),
-            parts=dict.fromkeys(detection.ALARMS, "")
-            | {"delay": "s", "false_alarms_per_1000_s": "1/(1000 s)", "calm": "s"},
-        ),
-        Score(
-            "find",
-            detection.find_of,
-            "The first finding after a fault in this parameter, or where the twin without it would "
-            "have it: how soon, and whether it names this parameter and no other.",
-            parts={"after": "s", "named": ""},
-        ),
-        Score(
-            "moved",
-            detection.moved_of,
-            "How far the estimate moves within 1 s at most: by seconds after a fault in it, or "
-            "where the twin would have it; and in the calm seconds that were watched.",
-            parts=dict.fromkeys(map(str, detection.WITHIN), "%") | {"calm": "%", "watched": "s"},
+            pool=pooling.detections([*detection.ALARMS]),
+            parts=detection.ALARMS,
         ),
         Score(
             "isolation", detection.isolation_of, "What each fault was taken for.", kind="text"

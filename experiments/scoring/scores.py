@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring.parameter_names import (
@@ -56,14 +57,12 @@ def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
     room = EDGE * np.minimum(abs(lower), abs(upper))
     with np.errstate(invalid="ignore"):
         outside = (theta <= lower + room) | (theta >= upper - room)
-    bad = np.flatnonzero(~np.isfinite(theta).all(axis=1))
-    found = [int(bad[0])] if bad.size else []
-    longest = round(AT_BOUND / period)
-    if len(theta) > longest:
-        count = np.cumsum(np.vstack([np.zeros((1, theta.shape[1]), int), outside]), axis=0)
-        stretches = (count[longest + 1 :] - count[: -longest - 1] == longest + 1).any(axis=1)
-        found += np.flatnonzero(stretches)[:1].tolist()
-    return min(found, default=None)
+    lost = ~np.isfinite(theta).all(axis=1)
+    longest = round(AT_BOUND / period) + 1
+    if len(theta) >= longest:
+        stays = sliding_window_view(outside, longest, axis=0).all(axis=-1).any(axis=-1)
+        lost[: len(stays)] |= stays
+    return int(np.argmax(lost)) if lost.any() else None
 
 
 @dataclass(frozen=True, eq=False)

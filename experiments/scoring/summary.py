@@ -14,7 +14,7 @@ from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.bounds import RMSE_AT
 from flexaxis.experiments.scoring.curves import CURVE_STEP, later, near_fault, shifted
 from flexaxis.experiments.scoring.excess import information
-from flexaxis.experiments.scoring.intervals import by_seed, mean_interval
+from flexaxis.experiments.scoring.intervals import by_seed, mean_interval, pseudo_values
 from flexaxis.experiments.scoring.score_table import SCORES, rows
 from flexaxis.experiments.scoring.score_table import columns as kinds
 from flexaxis.experiments.scoring.scores import Track, finite
@@ -187,11 +187,17 @@ def excess(by_name: Mapping[str, pooling.Columns], scenario: Scenario) -> dict[s
     biases = np.column_stack(
         [np.nan_to_num(by_name[n]["bias"]) if n in by_name else none for n in scenario.identify]
     )
-    values = None if lost.any() else pooling.excess_values(each, biases, M)
-    within = values is not None and mean_interval(by_seed(values, first["seed"], first["point"]))
+
+    def statistic(runs: Any) -> float:
+        return pooling.excess(each[runs], lost[runs], biases[runs], M)
+
+    within = None
+    if not lost.any():
+        values = pseudo_values(statistic, len(each))
+        within = mean_interval(by_seed(values, first["seed"], first["point"]))
     return {
-        "excess": finite(max(0.0, pooling.excess(each, lost, biases, M))),
-        "excess_interval": [max(0.0, end) for end in within] if within else None,
+        "excess": finite(max(0.0, statistic(slice(None)))),
+        "excess_interval": within and [max(0.0, end) for end in within],
     }
 
 

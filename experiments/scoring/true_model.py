@@ -25,7 +25,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.simulation import along, simulation
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.scoring.parameter_names import axis_model, has_model, physical, true_theta
+from flexaxis.experiments.scoring.parameter_names import axis_model, has_model, true_theta
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -42,19 +42,13 @@ class Described:
     law : Law
     values : callable
         ``values(table)``: parameters of the law that are not among the parameters of the plant.
-    learnt : tuple of str
-        Parameters of the law that an estimator may learn once.
     beside : tuple of Law
         What the law reads its load from, or that acts besides.
-    found : bool
-        Whether no estimator has it as a law, so that a bound is defined for who looks for `learnt`.
     """
 
     law: Law
     values: Callable[[Any], Mapping[str, float]]
-    learnt: tuple[str, ...] = ()
     beside: tuple[Law, ...] = ()
-    found: bool = False
 
 
 PHASES = ("c_sin", "c_cos")
@@ -68,35 +62,20 @@ def _shares(table: Any) -> dict[str, float]:
     return shares | slow | {"sharpness": table.alpha}
 
 
-def _by_sign(table: Any) -> dict[str, float]:
-    """Return what makes of friction of the gear the dry one f_c tanh(v/v₀)."""
-    none = dict.fromkeys(("f_s", "mu_m", "mu_e", "mu_ms", "mu_es", "kappa", "gap"), 0.0)
-    return none | {"v_s": 1.0, "sharpness": 1.0, "v_0": table.smooth}
-
-
 DESCRIBED: Mapping[str, Described] = {
     "friction": Described(BRISTLES, lambda table: COULOMB),
-    "lugre": Described(BRISTLES, lambda table: {"v_0": 0.0}, ("f_s", "v_s", "sigma_0", "sigma_1")),
-    "static_friction": Described(STATIC, lambda table: {}, ("f_s", "alpha", "beta")),
+    "lugre": Described(BRISTLES, lambda table: {"v_0": 0.0}),
+    "static_friction": Described(STATIC, lambda table: {}),
     "gear_friction": Described(
         GEAR_FRICTION,
         lambda table: _shares(table) | {"v_0": table.smooth, "kappa": 0.0, "gap": 0.0},
-        ("f_s", "v_s", "sharpness", "mu_m", "mu_e", "mu_ms", "mu_es", "v_0"),
         (GEAR_SPRING,),
     ),
-    "load_friction": Described(
-        GEAR_FRICTION,
-        lambda table: _by_sign(table) | {"mu_e": table.load},
-        ("mu_e",),
-        (GEAR_SPRING,),
-        found=True,
-    ),
-    "stiffening": Described(GEAR_SPRING, lambda table: {"gap": 0.0}, ("kappa",)),
-    "backlash": Described(GEAR_SPRING, lambda table: {"kappa": 0.0}, ("gap",)),
+    "stiffening": Described(GEAR_SPRING, lambda table: {"gap": 0.0}),
+    "backlash": Described(GEAR_SPRING, lambda table: {"kappa": 0.0}),
     "cogging": Described(
         COGGING,
         lambda table: {"c_sin": table.amplitude, "c_cos": 0.0, "poles": float(table.poles)},
-        PHASES,
     ),
     "saturation": Described(LIMIT, lambda table: {"torque_limit": table.torque}),
 }
@@ -109,22 +88,8 @@ DRY = ("friction", "lugre", "static_friction", "gear_friction")
 def describes(scenario: Scenario) -> bool:
     """Return whether a model describes the records, for whoever is told the truth."""
     tables = scenario.tables
-    told = {key for key, part in DESCRIBED.items() if not part.found}
-    known = has_model(scenario) and all(t.exact or key in told for key, t in tables.items())
+    known = has_model(scenario) and all(t.exact or key in DESCRIBED for key, t in tables.items())
     return known and sum(key in tables for key in DRY) <= 1
-
-
-def known_structure(scenario: Scenario) -> bool:
-    """
-    Return whether an estimator can have the structure of the axis from what it is told.
-
-    Cogging asks for its number of poles, and a limit of the torque for its value; nobody can know
-    of a change that is meant to be none.
-    """
-    tables, told = scenario.tables, scenario.data_sheet
-    poles = "cogging" not in tables or told.get("poles") == tables["cogging"].poles  # type: ignore[attr-defined]
-    limit = "saturation" not in tables or "torque_limit" in told
-    return describes(scenario) and poles and limit and not scenario.nuisance
 
 
 def linear_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
@@ -164,23 +129,6 @@ def model_theta(scenario: Scenario, names: Sequence[str], parameters: Array) -> 
 def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
     """Return what nobody is told of after a jump: the estimated parameters, and dry friction."""
     return (*names, *(name for name in ("f_c",) if name in scenario.laws and name not in names))
-
-
-def with_structure(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return these parameters, and those that an estimator may have to learn besides.
-
-    Of the linear axis that is the inertia of the motor, springs and dampers; other inertias and
-    frictions, which hardly act, and the gear ratio it takes as told.
-    """
-    structure = [n for n in scenario.nominal if n == "J_m" or (n[0] in "kd" and n != "k_T")]
-    learnt = [name for part in _described(scenario).values() for name in part.learnt]
-    mine = {physical(name)[0] for name in names}
-    return (*names, *(name for name in (*structure, *learnt) if name not in mine))
-
-
-def found_of(scenario: Scenario) -> tuple[str, ...]:
-    """Return the coefficients of friction that no estimator has as a law, and may find."""
-    return tuple(n for part in _described(scenario).values() if part.found for n in part.learnt)
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:

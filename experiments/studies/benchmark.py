@@ -16,9 +16,8 @@ from flexaxis.experiments.comparison.ranking import faults_of, overall, widest
 from flexaxis.experiments.files import (
     REPORT,
     SUMMARY,
-    OutputError,
-    json_table,
     optional_package,
+    summary_of,
     write_json,
     write_text,
 )
@@ -29,7 +28,7 @@ from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
 from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
-from flexaxis.experiments.running.store import ROWS, Store
+from flexaxis.experiments.running.store import CSV, ROWS, Store
 from flexaxis.experiments.running.study import Study, missing, units
 from flexaxis.sim.scenario import Scenario, scenario_from
 
@@ -105,6 +104,7 @@ def merge(shards: Sequence[Path], folder: Path, **options: Any) -> tuple[Results
         for shard in shards:
             runner.store.take(shard)
         results = Results.load(folder)
+        results.to_csv(folder / CSV)
         finish(results, runner)
     study = results.study
     return results, len(study["variants"]) * len(study["seeds"]) - results.cases
@@ -135,19 +135,8 @@ def finish(results: Results, runner: Runner) -> None:
 def write_report(results: Results, path: Path) -> None:
     """Write the report of a study, or of a run from its summary.json."""
     html = (study_report.render(results) if results.axes
-            else run_report.render(results, summary_of(results)))  # fmt: skip
+            else run_report.render(results, summary_of(results.folder or Path())))  # fmt: skip
     write_text(path, html)
-
-
-def summary_of(results: Results) -> dict[str, Any]:
-    """Return what summary.json of a run says.
-
-    Raises
-    ------
-    OutputError
-        If it is missing: the run is not finished.
-    """
-    return json_table((results.folder or Path()) / SUMMARY, OutputError)
 
 
 def _describe(text: str) -> str:

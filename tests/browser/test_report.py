@@ -20,7 +20,7 @@ def report(browser, tmp_path):
     path = tmp_path / "report.html"
     path.write_text(page.comparison(VERDICT | {"rows": rows}, worst), encoding="utf-8")
     browser.open(path.as_uri())
-    browser.wait("document.readyState == 'complete'", seconds=30, what="the page")
+    browser.wait("document.readyState == 'complete'", "page")
     return browser
 
 
@@ -35,7 +35,7 @@ def test_an_estimator_is_hidden_and_a_table_sorted(report):
 
 @pytest.mark.parametrize("width", [1400, 390])
 def test_it_fits_asks_nobody_and_has_nothing_serious(report, axe, width):
-    report.size(width, 900, mobile=width < 600)
+    report.size(width, 900)
     assert report.run("document.documentElement.scrollWidth") <= width
     assert {address.partition(":")[0] for address in report.requests} <= {"file", "data"}
     assert axe(report) == []

@@ -9,25 +9,19 @@ Errors are of the estimate, in per cent of the truth, with the standard deviatio
 
 import argparse
 import sys
-import tempfile
 import time
-from pathlib import Path
 
-import numpy as np
 from drives import RAIL, RAIL_COULOMB, arm, loop, rail
 from identify_axes import NAMES, VALUES
 
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.identify import identify
-from flexaxis.experiments.logs.importing import read_any
-
-PREAMBLE = "Prüfstand;Achse 1\nAbtastung;10 ms\nZeit [s];Moment [Nm];Winkel [°]\n"
 
 
 def rails(seeds, seconds):
     """Drives that no law describes: estimates, and how many intervals hold the truth."""
     truth = RAIL | {"f_c": RAIL_COULOMB}
-    rows = [_candidates(f"rail {s}", rail(s, seconds), "one_mass", truth) for s in seeds]
+    rows = [_identified(f"rail {s}", rail(s, seconds), "one_mass", truth) for s in seeds]
     _covered(rows)
 
 
@@ -41,31 +35,17 @@ def loops(seeds, seconds):
                     record = loop(masses, bits, ratio, seed, seconds=seconds)
                     truth = VALUES[masses] | {"f_c": ratio * VALUES[masses]["f_m"]}
                     title = f"{masses} masses, {bits} bits, {ratio} rad/s, {seed}"
-                    rows.append(_candidates(title, record, NAMES[masses], truth))
+                    rows.append(_identified(title, record, NAMES[masses], truth))
     _covered(rows)
 
 
 def arms(seeds, seconds):
     """Hanging arms with dry friction."""
     truth = {"J_m": 0.01, "f_m": 0.05, "f_c": 0.1, "g_sin": 0.3}
-    _covered([_candidates(f"arm {s}", arm(s, seconds=seconds), "one_mass", truth) for s in seeds])
+    _covered([_identified(f"arm {s}", arm(s, seconds=seconds), "one_mass", truth) for s in seeds])
 
 
-def controllers(seeds, seconds):
-    """Rigid axes at 100 Hz as a controller for machines logs them: Latin-1, decimal commas."""
-    truth, rows = VALUES[1] | {"f_c": 10 * VALUES[1]["f_m"]}, []
-    for seed in seeds:
-        record = loop(1, 16, 10, seed, seconds=max(seconds, 60.0), period=0.01)
-        cells = np.column_stack((record.time, record.torque, np.rad2deg(record.angle)))
-        text = "\n".join(";".join(f"{cell:.6f}" for cell in line) for line in cells)
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "plc.csv"
-            path.write_text(PREAMBLE + text.replace(".", ","), encoding="latin-1")
-            rows.append(_candidates(f"controller {seed}", read_any(path, {}), "one_mass", truth))
-    _covered(rows)
-
-
-def _candidates(title, record, model, truth):
+def _identified(title, record, model, truth):
     """Print an identification; return status, and errors with deviations by name."""
     begun = time.process_time()
     found = identify(record, find_axis(model))
@@ -99,7 +79,7 @@ def _covered(rows):
 
 def main(arguments):
     """Print the tables asked for."""
-    tables = {table.__name__: table for table in (rails, loops, arms, controllers)}
+    tables = {table.__name__: table for table in (rails, loops, arms)}
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tables", nargs="*", choices=[*tables, []], default=[])
     parser.add_argument("--seeds", default="5000:5005", metavar="A:B")

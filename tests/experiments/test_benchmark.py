@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from engine_cases import runner_here, user_file
 
+from flexaxis.experiments.files import summary_of
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.studies.benchmark import run, summary_of
+from flexaxis.experiments.studies.benchmark import run
 
 
 def benchmark(scenario, runner, *, estimators=("rpem-forgetting", "frozen"), **swept):
@@ -19,7 +20,7 @@ def test_a_folder_holds_rows_summary_and_report(short, tmp_path):
     results = benchmark(short, runner_here(tmp_path))
     names = {"scores.sqlite", "scores.csv", "summary.json", "report.html"}
     assert {path.name for path in tmp_path.iterdir()} == names
-    rows = summary_of(results)["rows"]
+    rows = summary_of(results.folder)["rows"]
     frame = Results.load(tmp_path).frame
     for row in rows:
         some = frame[(frame["estimator"] == row["estimator"])
@@ -35,7 +36,7 @@ def test_a_swept_knob_is_matched_at_equal_noise(short, tmp_path):
     done, swept = [], ([short], names)
     results = benchmark(short, runner_here(tmp_path, advance=done.append), swept=swept)
     assert sum(done) >= 3 * (2 + 5 + 1)  # the reference is among the settings
-    assert [row["estimator"] for row in summary_of(results)["tradeoff"]["matched"]] == names
+    assert [row["estimator"] for row in summary_of(results.folder)["tradeoff"]["matched"]] == names
     assert set(Results.load(tmp_path).frame["estimator"]) == {"rpem-forgetting", "frozen"}
     done.clear()
     benchmark(short, runner_here(tmp_path, advance=done.append), swept=swept)

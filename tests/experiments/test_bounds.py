@@ -63,9 +63,3 @@ def test_the_bound_of_a_scenario_uses_state_and_parameters_at_its_fault(record):
     assert (both.single <= deviation + 1e-15).all()
     alone = bounds.jump_bound(scenario, ["f_m"], 2000, 3000, u)
     np.testing.assert_allclose(both.single[:, 2], alone.unknown[:, 0], rtol=1e-12)
-
-
-def test_a_friction_that_falls_to_zero_has_a_bound(record):
-    scenario = find_scenario("fm_step-v1").override({"fault[0].factor": 0.0})
-    both = bounds.jump_bound(scenario, NAMES, 2000, 3000, record.torque)
-    assert np.isfinite(both.unknown).all() and both.unknown[0, 2] == pytest.approx(0.025)

@@ -16,11 +16,8 @@ from flexaxis.experiments.catalogue.find import (
     select,
     suite_names,
 )
-from flexaxis.experiments.running import estimators as specs
-from flexaxis.experiments.running.study import Study, units
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.tables.excitation import Multisine
 
 HOME = Path(find.__file__).parent
 FROZEN = tomllib.loads((HOME / "hashes.toml").read_text(encoding="utf-8"))
@@ -100,27 +97,6 @@ def test_every_parameter_has_a_step():
         assert {fault.parameter for fault in alone if fault.kind == kind} == failing
 
 
-def test_groups_hold_what_they_say():
-    for scenario in CATALOGUE:
-        kinds = [fault.kind for fault in scenario.fault]
-        match scenario.group:
-            case "nominal":
-                assert not kinds and scenario.linear
-            case "steps":
-                assert kinds == ["step"] and scenario.linear
-            case "wear":
-                assert kinds == ["ramp"] and scenario.linear
-            case "intermittent":
-                assert kinds == ["intermittent"] and scenario.linear
-            case "several":
-                assert len(kinds) > 1 and scenario.linear
-            case "excitation":
-                assert scenario.excitation != Multisine() and scenario.linear
-            case "mismatch":
-                assert not scenario.linear
-        assert scenario.group in APART or bool(scenario.nuisance) == (scenario.group == "nuisance")
-
-
 @pytest.mark.parametrize(
     ("name", "line"),
     [
@@ -194,25 +170,3 @@ def test_all_wrong_names_at_once():
     with pytest.raises(ScenarioError) as caught:
         select(["fm_stp-v1", "smokee"])
     assert len(caught.value.problems) == 2
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * ("friction" in name or name == "glr"))
-        for name in REGISTRY
-    ],
-)
-def test_an_axis_that_is_never_moved_can_be_given_to_everybody(name):
-    """What an estimator is told of the size of friction is of the motion it was designed for."""
-    specs.build(specs.parse(name), find_scenario("standstill-v1"))
-
-
-@pytest.mark.slow
-def test_the_standard_suite_can_be_built():
-    """Every estimator can be made on every scenario."""
-    chosen = select(["standard"])
-    study = Study("all", tuple(chosen.scenarios), tuple(chosen.estimators), (1000,))
-    for unit in units(study):
-        for setting in unit.settings:
-            specs.build(setting.spec, unit.scenario)

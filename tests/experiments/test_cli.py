@@ -340,7 +340,6 @@ REFUSED = [
     ["track", "rec.nc", "--identify", "k_T", "--model", "axis.toml", "-o", "axis.toml"],
     ["study", "--from", "part", "-o", "part"],
     ["study", "study.toml", "-o", "study.toml"],
-    ["demo", "axis.toml", "--record", "axis.toml"],
     ["compare", "part", "part/../part", "-o", "part"],
 ]
 

@@ -17,9 +17,7 @@ def compare(capsys, short_toml, tmp_path, candidate, *more):
 def test_a_regression(capsys, short_toml, tmp_path):
     status, out, _ = compare(capsys, short_toml, tmp_path, SLOW)
     assert status == 1
-    assert (
-        out.startswith("WORSE: lag of f_m") and str(short_toml) in out
-    )  # how to look at the worst seed
+    assert out.startswith("WORSE: lag of f_m")
     assert out.splitlines()[-1] == f"report: {tmp_path / 'out' / 'report.html'}"
 
 
@@ -27,15 +25,7 @@ def test_no_regression_in_json_only(capsys, short_toml, tmp_path):
     status, out, _ = compare(capsys, short_toml, tmp_path, "rpem-forgetting", "--json")
     told = json.loads(out)
     assert status == 0 and told["verdict"] == "same" and told["status"] == 0
-    assert {row["metric"] for row in told["rows"]} == {"never_settled", "lag", "std"}
-
-
-def test_what_is_in_the_json(capsys, short_toml, tmp_path):
-    found = compare(capsys, short_toml, tmp_path, SLOW, "--json")
-    told = json.loads(found[1])
-    lag = next(row for row in told["rows"] if row["metric"] == "lag")
-    assert (told["status"], told["newly_lost"], lag["verdict"]) == (1, 0, "worse")
-    assert lag["interval"][0] > 0.02 and lag["candidate"] / lag["base"] > 1.5
+    assert {row["metric"] for row in told["rows"]} == {"lag", "std"}
 
 
 @pytest.mark.slow
@@ -58,14 +48,6 @@ def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
     assert status == 3 and out.startswith("UNDECIDED: of 2 runs, 2 newly diverge")
 
 
-def test_undecided_is_no_regression_unless_strict(capsys, short_toml, tmp_path):
-    close = "rpem-forgetting[forgetting=0.9949]"
-    margin = ("--margin", "lag=0.1%,std=0.1%", "--seeds", "2")  # two have no power
-    assert compare(capsys, short_toml, tmp_path, close, *margin)[0] == 0
-    status, out, _ = compare(capsys, short_toml, tmp_path, close, *margin, "--strict")
-    assert status == 3 and "UNDECIDED" in out
-
-
 def test_stored_runs(capsys, short_toml, tmp_path):
     for name, estimator in (("old", "rpem-forgetting"), ("new", SLOW)):
         words = ("--estimator", estimator, "--seeds", "8", "--jobs", "1", "-o", tmp_path / name)
@@ -75,22 +57,6 @@ def test_stored_runs(capsys, short_toml, tmp_path):
     assert status == 1 and "WORSE: lag of f_m" in out
     status, out, _ = flexaxis(capsys, "compare", *words, "--seeds", "1002:1005", "--json")
     assert json.loads(out)["seeds"] == [1002, 1003, 1004]
-
-
-def test_the_seeds_of_the_gate_are_the_default(capsys, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    from flexaxis.experiments.gate import gate
-
-    asked = []
-
-    def compare(base, candidate, scenarios, seeds, run, **options):
-        asked.append(len(seeds))
-        raise gate.FlexaxisError("enough")
-
-    monkeypatch.setattr(gate, "compare", compare)
-    for names in ([], ["fm_step-v1"], ["faults"]):
-        flexaxis(capsys, "compare", *names, "--base", "frozen", "--candidate", "frozen")
-    assert asked == [32, 32, 16]
 
 
 RAISES = """
@@ -129,14 +95,7 @@ def test_a_candidate_that_raises_loses_these_runs(capsys, short_toml, tmp_path):
     status, out, _ = compare(capsys, short_toml, tmp_path, f"{of}Raises", *words)
     told = json.loads(out)
     assert status == 3 and told["verdict"] == "undecided"
-    assert 0 < told["failed"]["candidate"] == told["newly_lost"] < 8
-
-
-@pytest.mark.slow
-def test_who_raises_in_all_runs_has_no_verdict(capsys, short_toml, tmp_path):
-    of = own(tmp_path, -1e9)
-    status, _, err = compare(capsys, short_toml, tmp_path, f"{of}Raises", "--base", f"{of}Same")
-    assert status == 70 and "ArithmeticError: not sure" in err
+    assert 0 < told["failed"]["candidate"] < 8
 
 
 @pytest.mark.slow
@@ -153,6 +112,5 @@ def test_a_scenario_that_the_candidate_cannot_read_is_in_the_verdict(
     status, out, _ = flexaxis(capsys, "compare", *both, *sides, *words)
     told = json.loads(out)
     assert (status, told["verdict"]) == (0, "undecided")
-    lack = {"scenario": "encoder", "side": "candidate", "cases": 2, "unreadable": True}
-    assert told["lacking"] == [lack]
+    assert told["gaps"] == [["candidate", "the candidate cannot read encoder", False]]
     assert flexaxis(capsys, "compare", *both, *sides, *words, "--strict")[0] == 3

@@ -4,9 +4,7 @@ import json
 import sys
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-import pandas as pd
 import pytest
 
 import flexaxis as fx
@@ -14,10 +12,8 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.comparison.tune import EXCESS, TOLERANCE, Trials
-from flexaxis.experiments.gate import equal_noise
-from flexaxis.experiments.gate.equal_noise import SEEDS
-from flexaxis.experiments.running.estimators import parse
+from flexaxis.experiments.comparison import tune
+from flexaxis.experiments.comparison.tune import TOLERANCE
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import PARAMETER_NAMES
 
@@ -97,11 +93,10 @@ def test_an_estimator_against_itself_with_another_knob_is_the_same(short):
 def test_the_same_method_in_a_class_of_its_own_is_the_same(short):
     """Its knob has another name, scale and default: what is equal is the noise, not the number."""
     found = compared(Same, short)
-    equal = found.content["equal_noise"]
+    own = found.content["equal_noise"][1]
     # slight: a difference of some thousandths is seen where the pairs are so alike
     assert found.verdict in ("same", "slight")
-    own = equal["candidate"]
-    assert (equal["match"], own["knob"]) == ("f_m", "nu")
+    assert (own["match"], own["knob"]) == ("f_m", "nu")
     assert own["value"] == pytest.approx(0.005, rel=0.05)
     assert abs(np.log(own["ratio"])) < TOLERANCE
     assert abs(lag(found)["change"]) < 0.002  # straight between two turns of a smooth curve
@@ -123,16 +118,16 @@ def test_one_that_is_slower_is_worse_though_its_knob_made_it_quick(short):
 
 def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
     """Tuned badly, to 1.3 times the noise, the same method is still the same."""
-    right = equal_noise.match_noise
+    right = tune.match_noise
 
-    def wrong(name, trials, options):
-        found = right(name, trials, options)
+    def wrong(name, trials):
+        found = right(name, trials)
         if "Same" not in name:
             return found
         value = 1.6 * found.value
         return type(found)(f"{name}[nu={value:.4g}]", "nu", value, found.match, 1.3, {})
 
-    monkeypatch.setattr(equal_noise, "match_noise", wrong)
+    monkeypatch.setattr(tune, "match_noise", wrong)
     found = compared(Same, short)
     assert found.candidate != "Same" and abs(lag(found)["change"]) < 0.02
 
@@ -141,22 +136,7 @@ def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
 def test_faults_in_several_parameters_are_compared_at_equal_excess_error(short):
     other = find_scenario("kt_step-v1").override(SHORT)
     found = compared("rpem-forgetting[forgetting=0.99]", [short, other], seeds=3)
-    assert found.content["equal_noise"]["match"] == "excess" and found.verdict == "same"
-
-
-def test_it_is_said_what_each_side_got_and_drawn(short):
-    found = compared(Same, short, base="rpem-drift", seeds=3)
-    said = repr(found)
-    for side in (found.base, found.candidate):
-        assert side in said and side.startswith(
-            ("rpem-drift[scale=", "tests.experiments.test_equal_noise:Same[nu=")
-        )
-    assert "Tuned to the std of f_m of rpem-forgetting" in said
-    assert "Tuned to" in said and said in str(found) and "<table>" in found._repr_html_()
-    assert list(found.to_dataframe()["metric"]) == [r["metric"] for r in found.content["rows"]]
-    mpl.use("Agg")
-    ax = found.plot()
-    assert len(ax.get_yticklabels()) == 1
+    assert found.content["equal_noise"][0]["match"] == "excess" and found.verdict == "same"
 
 
 @pytest.mark.parametrize(
@@ -173,61 +153,14 @@ def test_who_cannot_be_matched_is_refused_with_the_reason(short, candidate, said
         compared(candidate, short, seeds=2)
 
 
-class Apart(Trials):
-    """Instead of runs: on `loud` no setting of the candidate is quiet enough, on `none` it has no
-    noise; elsewhere it grows with the knob."""
-
-    def _noises(self, scenario, text):
-        if text.startswith("rpem-forgetting"):
-            return {EXCESS: 1.0}
-        if scenario.name == "none":
-            return {}
-        quiet = 1e15 if scenario.name == "loud" else 30.0
-        return {EXCESS: quiet * parse(text).options["walk"]}
-
-
-class Changed:
-    """Instead of runs: everything is estimated, and several parameters change."""
-
-    def __init__(self, run, seeds):
-        pass
-
-    def changed(self, scenario, text):
-        return ["f_m", "k_T"]
-
-    def of(self, scenario, text):
-        return pd.DataFrame({"excess": [1.0]})
-
-
-@pytest.mark.parametrize("apart", ["loud", "none"])
-def test_one_scenario_that_cannot_be_matched_does_not_refuse_the_others(monkeypatch, apart):
-    fm = find_scenario("fm_step-v1")
-    where = [fm.override({"name": name}) for name in ("one", apart, "two")]
-    monkeypatch.setattr(equal_noise, "Runs", Changed)
-    monkeypatch.setattr(equal_noise, "Trials", Apart)
-    found = equal_noise.tuned("rpem-forgetting", "ekf", where, None, range(2))
-    assert found.left_out == [apart]
-    assert found.candidate.value == pytest.approx(1 / 30, rel=0.01)
-    with pytest.raises(FlexaxisError, match=r"--match-std.*ekf"):
-        equal_noise.tuned("rpem-forgetting", "ekf", where[1:2], None, range(2))
-
-
-def test_what_cannot_be_compared_at_equal_noise_is_refused(short):
-    other = find_scenario("kt_step-v1").override(SHORT)
-    with pytest.raises(FlexaxisError, match="no scenario has a fault in a parameter that both"):
-        compared(Still, other, seeds=2)
-    with pytest.raises(FlexaxisError, match=f"used for tuning .seeds 0 to {SEEDS[-1]}"):
-        compared(Same, short, seeds="10:20")
-
-
 def test_on_the_command_line(capsys, short_toml, tmp_path):
     words = ["compare", str(short_toml), "--base", "rpem-forgetting", "--candidate",
              "rpem-forgetting[forgetting=0.98, robust=5]", "--match-std", "--seeds", "3",
              "--jobs", "1", "-o", str(tmp_path / "out")]  # fmt: skip
     assert main([*words, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["equal_noise"]["match"] == "f_m" and told["unmatched"] == []
-    setting = told["equal_noise"]["candidate"]["setting"]
+    assert told["equal_noise"][0]["match"] == "f_m" and told["gaps"] == []
+    setting = told["equal_noise"][1]["setting"]
     assert "robust=5" in setting and "forgetting=0.99" in setting  # other options stay
     assert told["candidate"] == setting
     for name in ("report.html", "verdict.md"):

@@ -3,16 +3,14 @@
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy import stats
 
 from flexaxis.experiments.gate.gate import Comparison, check_margins, look_seeds
 from flexaxis.experiments.gate.pairs import pair, table
-from flexaxis.experiments.gate.report import as_dict, cells, markdown
-from flexaxis.experiments.gate.verdict import ALPHA, SHARES, decide, judge, judge_lost, overall
+from flexaxis.experiments.gate.report import as_dict, markdown
+from flexaxis.experiments.gate.verdict import ALPHA, SHARES, decide, judge, judge_lost, losses
 from flexaxis.experiments.scoring.intervals import holm_levels, sign_p
-from flexaxis.experiments.scoring.score_table import MARGINS
 
 SEEDS = range(1000, 1032)
 STEP = -math.log(0.95)
@@ -46,7 +44,8 @@ def side(seed=0, *, bias=0.0, seeds=SEEDS, scenario="s", **more):
 
 def compared(base, candidate, **margins):
     paired = pair(table(base), table(candidate), check_margins(margins))
-    return Comparison("a", "b", list(SEEDS), judge(paired), paired, check_margins(margins))
+    about = (judge(paired), losses(paired), paired, check_margins(margins))
+    return Comparison("a", "b", list(SEEDS), *about)
 
 
 def row(comparison, metric):
@@ -97,18 +96,11 @@ def test_words_are_those_of_the_textbook():
     assert seen == {"worse", "better", "slight", "same", "undecided"}
 
 
-def test_scores_that_cannot_differ_cost_the_others_nothing():
-    x = np.random.default_rng(0).normal(0.05, 0.06, (3, 32))
-    alone, together = judged(x), judged([*x, *np.zeros((20, 32))])
-    assert together["level"][:3].tolist() == alone["level"].tolist()
-    assert set(together["verdict"][3:]) == {"same"}
-
-
 def test_a_small_change_takes_many_runs():
     """On 0.9³² = 3.4 % of 32 runs, a failure of every tenth run does not show."""
     one = judged(np.full((1, 32), -STEP))
     assert one["verdict"][0] == "undecided" and one["reason"][0] == "few"
-    assert words(np.full((1, int(one["seeds_needed"][0])), -STEP)) == ["better"]
+    assert words(np.full((1, 48), -STEP)) == ["better"]
     assert set(words(np.full((4, 32), -STEP))) == {"better"}  # 128 runs say so
     assert words(np.full((1, 8), -0.5)) == ["better"]  # a large one does not
 
@@ -147,7 +139,7 @@ def test_an_equal_chance_of_losing_is_called_worse_or_better_seldom(number):
     said = [judge_lost(int(k), number - int(k), "diverged") for k in newly]
     chance = stats.binom.pmf(newly, number, 0.5)
     for word, level in (("worse", 0.0015), ("better", 0.0005)):
-        assert sum(c for c, (w, _) in zip(chance, said, strict=True) if w == word) <= level
+        assert sum(c for c, w in zip(chance, said, strict=True) if w == word) <= level
     assert sign_p(7, 3) == pytest.approx(stats.binomtest(7, 10, alternative="greater").pvalue)
 
 
@@ -159,7 +151,8 @@ def test_an_equal_chance_of_losing_is_called_worse_or_better_seldom(number):
 @pytest.mark.parametrize("way", ["diverged", "never_settled"])
 def test_lost_runs(way, lost, word, status):
     found = compared(side(), side(**{way: np.arange(32) < lost}))
-    assert (found.verdict, found.status(), found.newly_lost) == (word, status, lost)
+    assert (found.verdict, found.status()) == (word, status)
+    assert next(each for each in found.lost if each.way == way).newly == lost
     assert found.status(strict=True) == (3 if word == "undecided" else status)
     other = compared(side(**{way: np.arange(32) < lost}), side())
     assert other.verdict == ("better" if lost > 10 else "same")
@@ -168,13 +161,10 @@ def test_lost_runs(way, lost, word, status):
 def test_a_lost_run_counts_once_and_has_no_pair():
     gone = np.arange(32) < 20
     found = compared(side(never_settled=gone), side(diverged=gone, never_settled=gone))
-    assert row(found, "never_settled")["candidate"] == 0 and found.verdict == "worse"
+    assert found.lost[1].candidate == 0 and found.verdict == "worse"
     assert row(found, "lag")["pairs"] == 12
     alike = compared(side(diverged=gone), side(diverged=gone))
-    assert (
-        alike.verdict == "same"
-        and "the same 20 diverge on both sides" in as_dict(alike)["headline"]
-    )
+    assert alike.verdict == "same" and as_dict(alike)["headline"] == "SAME: 2 of 2 scores"
     assert compared(side(diverged=True), side(diverged=True)).verdict == "undecided"
 
 
@@ -187,17 +177,17 @@ def test_a_deviation_is_about_the_common_mean_and_a_grown_bias_is_worse():
              for r in rows]  # fmt: skip
     assert std["candidate"] == pytest.approx(stats.gmean(about)) and std["verdict"] == "same"
     before, after = (abs(np.mean([r["bias"] for r in rows])) for rows in (base, candidate))
-    assert bias["verdict"] == found.verdict == "worse" and bias["unit"] == "%"
+    assert bias["verdict"] == found.verdict == "worse"
     assert bias["change"] == pytest.approx(after - before)
     assert row(compared(candidate, base), "bias")["verdict"] == "not more"
 
 
-def test_scores_near_zero_are_compared_by_their_difference():
+def test_what_is_as_good_as_nothing_counts_as_the_least_that_matters():
     little = 0.02 + 0.001 * np.random.default_rng(4).standard_normal(32)
     found = compared(side(cross_talk=7e-6), side(cross_talk=little), cross_talk=0.02)
     one = row(found, "cross_talk")
-    assert one["unit"] == "%" and one["change"] == pytest.approx(little.mean() - 7e-6)
-    assert one["margin"] == pytest.approx(1e-3) and one["verdict"] == "worse"
+    assert one["change"] == pytest.approx(stats.gmean(little) / 1e-3 - 1)
+    assert one["base"] == pytest.approx(1e-3) and one["verdict"] == "worse"
     assert row(compared(side(), side(lag=1.5)), "lag")["change"] == pytest.approx(0.5)
 
 
@@ -206,21 +196,14 @@ def test_the_verdict_comes_first_and_large_changes_are_ratios():
     content = as_dict(compared(side(), side(lag=17 * scatter)))
     assert content["headline"] == "WORSE: lag of f_m at s is 16 times longer (14–18), same noise"
     (lag,) = (r for r in content["rows"] if r["metric"] == "lag")
-    assert lag["text"][4:] == ["×16", "×14 … ×18", "worse"] and content["rows"][0] == lag
+    assert lag["text"][4:] == ["16 times", "14 … 18 times", "worse"]
+    assert content["rows"][0] == lag
     assert len(content["legend"]) <= 5
     text = markdown(content)
     assert text.index("WORSE") < text.index("| scenario") < text.index(content["legend"][0])
-    assert as_dict(compared(side(), side()))["headline"] == "SAME: 2 of 2 scores agree"
+    assert as_dict(compared(side(), side()))["headline"] == "SAME: 2 of 2 scores"
     quick = as_dict(compared(side(), side(lag=0.7 * scatter)))
-    assert quick["headline"].startswith("BETTER: lag of f_m at s is 33 % shorter (24–41 %)")
-
-
-def test_cells_have_units_and_reasons():
-    lag = np.exp(0.03 + 0.06 * np.random.default_rng(1).standard_normal(32))
-    shown = as_dict(compared(side(), side(lag=lag)))
-    (row_,) = (r for r in shown["rows"] if r["metric"] == "lag")
-    assert shown["verdict"] == "undecided" and "seeds would decide" in shown["advice"][0]
-    assert cells(row_)[2] == "1 s" and cells(row_)[6].startswith("undecided (about ")
+    assert quick["headline"].startswith("BETTER: lag of f_m at s is 33 % shorter (24–41)")
 
 
 def test_what_one_side_lacks_is_never_the_same():
@@ -231,15 +214,15 @@ def test_what_one_side_lacks_is_never_the_same():
     assert "candidate lacks 32 cases of t" in as_dict(candidate_lacks)["headline"]
     more = side(seeds=range(1000, 1040))
     some = compared(more, more[:32])  # seeds of one side alone
-    assert not some.paired.lacking and some.verdict == "same"
+    assert not some.paired.gaps and some.verdict == "same"
 
 
 def test_a_changed_parameter_that_the_candidate_does_not_estimate():
     more = [r | {"parameter": "k_T"} for r in side()]
     found = compared(side() + more, more)
-    assert found.verdict == "undecided" and found.paired.missing == [("s", "f_m")]
+    assert found.verdict == "undecided" and found.paired.gaps[0].text.endswith("f_m at s")
     assert "the base estimates f_m too" in as_dict(found)["advice"][0]
-    with pytest.raises(ValueError, match="no run in common"):
+    with pytest.raises(ValueError, match="fewer than 2 runs in common"):
         compared(side(), more)
 
 
@@ -257,23 +240,6 @@ def test_looks_are_fixed_beforehand():
     looks = look_seeds(range(1000, 1008), 40)
     assert [len(look) for look in looks] == [8, 16, 32, 40] and looks[-1][-1] == 1039
     assert look_seeds(range(8), 0) == [list(range(8))]
-    for seeds, most, said in ((range(1), 0, "at least 2 seeds"), (range(8), 4, "--max-seeds 4")):
-        with pytest.raises(ValueError, match=said):
+    for seeds, most in ((range(1), 0), (range(8), 4)):
+        with pytest.raises(ValueError, match=r"at least 2 seeds.*--max-seeds"):
             look_seeds(seeds, most)
-
-
-@pytest.mark.parametrize("margins", [{"lagg": 0.02}, {"lag": 0.0}, {"lag": 2.0}, {"lag": math.nan}])
-def test_wrong_margins(margins):
-    with pytest.raises(ValueError, match="--margin"):
-        check_margins(margins)
-    assert check_margins({"t10": 0.1}) == {**MARGINS, "t10": 0.1}
-
-
-def test_one_word_for_all():
-    def said(*verdicts, lost="not more"):
-        rows = [("lag", v) for v in verdicts] + [("diverged", lost)]
-        return overall(pd.DataFrame(rows, columns=["metric", "verdict"]))
-
-    assert said("same", "better") == "better" and said("same", "slight") == "slight"
-    assert said("better", "undecided") == "undecided" and said("undecided", "worse") == "worse"
-    assert said("better", lost="undecided") == "undecided" and said() == "undecided"

@@ -50,7 +50,7 @@ def drawn(pool, random, *, swap=True, lose=(0.0, 0.0)):
     changes = np.stack(pool.scores["changes"])[:, seeds] * sign[place]
     changes[(base | candidate)[place]] = np.nan
     newly, regained = np.sum(candidate & ~base), np.sum(base & ~candidate)
-    lost = judge_lost(int(newly), int(regained), "diverged")[0]
+    lost = judge_lost(int(newly), int(regained), "diverged")
     return {lost, *decide(changes, *about)["verdict"]}
 
 

@@ -56,8 +56,7 @@ def test_innovations_are_white_at_the_truth_and_at_no_other_shares(drive):
 def test_every_drive_with_a_fault_has_a_bound_that_is_that_of_its_model():
     for name in find_suite("drives").scenarios:
         scenario = find_scenario(name)
-        assert true_model.describes(scenario) and (true_model.known_structure(scenario)
-                                                   or scenario.nuisance), name  # fmt: skip
+        assert true_model.describes(scenario), name
     scenario = find_scenario("erob80_50_fm_step-v1")
     (record,) = simulate(scenario, [0])
     without = scenario.override({"gear_friction.external_slow": 0.0})

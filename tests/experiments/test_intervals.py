@@ -8,10 +8,8 @@ import pytest
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.intervals import (
     by_seed,
-    log_interval,
     mean_interval,
     median_interval,
-    pseudo_values,
     spread_interval,
 )
 
@@ -36,20 +34,6 @@ def test_the_interval_of_a_mean_covers_the_mean(kind, n):
     else:
         draws, wanted = rng.lognormal(0.0, 0.5, (DRAWS, n)), math.exp(0.125)
     assert ALLOWED[0] <= coverage(mean_interval, draws, wanted) <= ALLOWED[1]
-
-
-@pytest.mark.parametrize("n", [8, 16])
-@pytest.mark.parametrize("kind", ["normal", "lognormal"])
-def test_the_interval_of_a_lag_covers_the_geometric_mean(kind, n):
-    rng = np.random.default_rng(n + 100)
-    if kind == "normal":
-        draws = rng.normal(1.0, 0.2, (DRAWS, n))
-        x = np.linspace(0.2, 1.8, 20001)  # four standard deviations, lags are positive
-        weight = np.exp(-0.5 * ((x - 1) / 0.2) ** 2)
-        wanted = math.exp(float(np.sum(weight * np.log(x)) / np.sum(weight)))
-    else:
-        draws, wanted = rng.lognormal(0.0, 0.5, (DRAWS, n)), 1.0
-    assert ALLOWED[0] <= coverage(log_interval, draws, wanted) <= ALLOWED[1]
 
 
 @pytest.mark.parametrize("n", [8, pytest.param(16, marks=pytest.mark.slow)])
@@ -83,17 +67,10 @@ def test_the_interval_of_a_median_covers_it_and_may_end_at_never():
     assert median_interval([1.0, 2.0, 3.0, *[np.inf] * 5])[1] is None
 
 
-@pytest.mark.parametrize("interval", [mean_interval, log_interval, median_interval])
+@pytest.mark.parametrize("interval", [mean_interval, median_interval])
 def test_of_fewer_than_five_nothing_is_said(interval):
     assert interval([1.0, 2.0, 3.0, 4.0]) is None
     assert spread_interval([1.0] * 4, [0.0, 1.0, 0.5, 0.2]) is None
-
-
-def test_equal_values_have_no_width_and_those_that_are_not_finite_none():
-    assert mean_interval([2.0] * 8) == [2.0, 2.0]
-    assert log_interval([5.0] * 8) == pytest.approx([5.0, 5.0])
-    assert spread_interval([0.0] * 8, [0.0] * 8) == [0.0, 0.0]
-    assert mean_interval([1.0, 2.0, 3.0, 4.0, np.nan]) is None
 
 
 def test_a_run_that_does_not_scatter_at_all_leaves_an_interval_one_can_read():
@@ -102,12 +79,6 @@ def test_a_run_that_does_not_scatter_at_all_leaves_an_interval_one_can_read():
     assert 0.0 <= low < 0.95 < high < 3.0
     low, high = spread_interval([0.0] * 7 + [1.0], [0.0] * 8)
     assert low == 0.0 and high < 3.0
-
-
-def test_pseudo_values_of_a_mean_are_the_values_and_of_a_variance_take_its_bias_out():
-    x = np.random.default_rng(1).standard_normal(12)
-    np.testing.assert_allclose(pseudo_values(lambda i: x[i].mean(), 12), x, atol=1e-12)
-    assert pseudo_values(lambda i: x[i].var(), 12).mean() == pytest.approx(x.var(ddof=1))
 
 
 def test_levels_of_points_are_no_draws():
@@ -171,10 +142,10 @@ def test_intervals_over_a_swept_axis_cover_what_they_are_for(n, alike, apart):
 @pytest.mark.parametrize("n", [8, 16])
 @pytest.mark.parametrize(("alike", "apart"), [(1.0, 0.0), (0.9, 0.2), (0.6, 1.0)])
 def test_the_interval_of_a_median_over_a_swept_axis_covers_it(n, alike, apart):
-    """Order statistics cannot be exact, and with 8 seeds miss in 1 of 128 where points agree."""
+    """Order statistics cannot be exact: where points agree, 8 seeds have 93 %, the second of 8."""
     rng, draws, inside = np.random.default_rng(n), 1500, 0
     seeds, points = np.tile(np.arange(n), 5), np.repeat(np.arange(5), n)
     for _ in range(draws):
         low, high = median_interval(sum(swept(n, 5, alike, apart, rng)), seeds, points)
         inside += low <= 0.0 <= high
-    assert 0.93 <= inside / draws <= 0.999
+    assert 0.92 <= inside / draws <= 0.98

@@ -57,28 +57,6 @@ def test_identify_agrees_with_an_independent_fit(identified):
     assert found["delay"] == pytest.approx(0.115e-3, abs=0.01e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("filtered", [(), ("--highpass", "5")], ids=["as it is", "highpass"])
-@pytest.mark.parametrize("kind", ["held", "smooth", None])
-def test_a_wrong_number_is_never_one_with_status_0(kind, filtered, tmp_path, capsys):
-    lines = [line for line in MAP.splitlines() if not line.startswith("torque_is")]
-    lines += [] if kind is None else [f'torque_is = "{kind}"']
-    (tmp_path / "map.toml").write_text(
-        "\n".join(sorted(lines, key=lambda line: "{" in line)), encoding="utf-8"
-    )
-    words = ["identify", DATA, "--map", tmp_path / "map.toml", "--model", "two_mass", "--json"]
-    status = main([str(w) for w in (*words, "-o", tmp_path / "axis.toml", *filtered)])
-    told = json.loads(capsys.readouterr().out)
-    wrong = [
-        name
-        for name, value in REFERENCE.items()
-        if abs(told["estimates"][name]["value"] / value - 1) > 0.02
-    ]
-    assert status == (1 if told["warnings"] else 0)
-    assert not wrong or status == 1, (wrong, told["estimates"])
-    assert status == 0 or all("--" in text or "flexaxis" in text for text in told["warnings"])
-
-
 def test_track_settles_within_two_seconds(identified, capsys):
     import h5netcdf
 

@@ -140,20 +140,6 @@ def test_noise_model_finds_the_autoregression():
     assert len(noise_model(np.random.default_rng(1).standard_normal(20_000), 30)) == 1
 
 
-def test_gaps_are_marked_and_estimators_survive_them(columns, tmp_path, capsys):
-    keep = np.ones(len(columns["t"]), bool)
-    keep[3000:3600] = False  # .6 s are not in the log
-    u, phi = columns["u"].copy(), columns["phi"].copy()
-    phi[5000:5050] = np.nan  # and an encoder that says nothing for a while
-    data = {"time": columns["t"], "torque": u, "angle": phi}
-    log = write_csv(tmp_path / "log.csv", {k: v[keep] for k, v in data.items()})
-    record = import_log(log, {}).record
-    assert len(record.time) == len(keep)
-    assert not record.valid[3000:3601].any() and not record.valid[5000:5051].any()
-    assert record.valid.sum() == len(keep) - 601 - 51
-    assert np.isfinite(record.increment).all()
-
-
 def test_resampling_keeps_the_mean_torque_and_the_motion(columns, tmp_path, capsys):
     """To 500 Hz: a slow sine is kept, a torque above the new Nyquist frequency is gone."""
     t = columns["t"]

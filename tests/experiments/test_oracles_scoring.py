@@ -10,28 +10,11 @@ from flexaxis.experiments.scoring import bounds
 from flexaxis.experiments.scoring.bounds import limits
 from flexaxis.experiments.scoring.score_table import undefined
 from flexaxis.experiments.scoring.summary import columns_of, of_trajectories, pool_columns
-from flexaxis.experiments.scoring.windows import windows
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")
 T = 0.005
-
-
-@pytest.mark.parametrize(("counts", "angle"), [(2048, 0.0), (2048, 1e-3), (0, 1e-3)])
-def test_the_noise_of_increments_is_that_of_a_rounded_angle(counts, angle):
-    """Two readings make an increment, so it has the variance of both."""
-    rng = np.random.default_rng(0)
-    true = np.cumsum(rng.normal(0, 0.5, 400_000))  # many counts from sample to sample
-    read = true + angle * rng.standard_normal(len(true))
-    if counts:
-        read = np.round(read * counts / (2 * np.pi)) * 2 * np.pi / counts
-    found = np.var(np.diff(read - true) / T)
-    scenario = find_scenario("coarse_encoder_fm_step-v1").override(
-        {"encoder.counts": counts, "noise.angle": angle}
-    )
-    # 400 000 correlated samples know a variance to 0.3 % (one standard deviation)
-    assert bounds.noise_variance(scenario) == pytest.approx(found, rel=0.01)
 
 
 def driven(parameters, x, u):
@@ -82,12 +65,6 @@ def test_the_lag_on_the_bound_is_that_of_the_mean_modulus_of_a_normal_error(jump
     assert limit.bound["100"] == pytest.approx(by_hand[100, 2] / size, rel=1e-6)
 
 
-@pytest.mark.parametrize("deviation", [0.3, 30.0])
-def test_the_lag_bound_of_one_deviation(deviation):
-    expected = T * 40 * min(1.0, halfnorm(scale=deviation / 2.0).mean())
-    assert bounds.lag_bound(np.full(40, deviation), 2.0, period=0.005) == pytest.approx(expected)
-
-
 @pytest.mark.parametrize(("start", "seconds"), [(1.0, 5.0), (1.2, 3.0), (1.5, 0.0)])
 def test_doing_nothing_is_staying_at_what_one_was_told(jump, start, seconds):
     """Told 1.2 of what becomes 1.5: 0.3 off for 5 s, by a fault of 0.5."""
@@ -116,24 +93,3 @@ def test_efficiency_is_a_ratio_of_deviations():
     pooled = of_trajectories(errors, bound, period=T)
     assert pooled["rmse"]["20"] == pytest.approx(np.sqrt(0.1), rel=1e-6)
     assert pooled["efficiency"] == {"20": pytest.approx(np.sqrt(2), rel=1e-6)}
-
-
-@pytest.mark.parametrize(
-    ("scenario", "sizes"),
-    [
-        ("fm_step-v1", [0.025]),
-        ("repair-v1", [0.05, 0.05]),  # doubled, and back: from .1, not from .05
-        ("ja_step-v1", [1 / 0.8 - 1 / 0.88]),  # estimated is the inverse
-        ("three_faults-v1", [0.025, 1 / 0.8 - 1 / 0.88, 0.1]),
-    ],
-)
-def test_a_fault_is_as_large_as_what_it_changes(scenario, sizes):
-    found = [window.D for window in windows(find_scenario(scenario), NAMES)]
-    assert found == pytest.approx(sizes, rel=1e-9)
-
-
-def test_a_fault_after_a_drift_is_as_large_as_it_then_is():
-    """f_m falls by 30 % from 5 s on, with 20 s to 63 %, and half of what is left comes on top."""
-    fault = windows(find_scenario("warming_fm_step-v1"), NAMES)[-1]
-    left = 0.05 * (0.7 + 0.3 * np.exp(-25 / 20))
-    assert pytest.approx(left / 2, rel=1e-3) == fault.D

@@ -216,7 +216,7 @@ def test_several_axes_of_one_file_and_some_of_its_rows(tmp_path):
     rows = zip(*columns.values(), strict=True)
     lines = [",".join(columns), *(",".join(f"{v:.9g}" for v in row) for row in rows)]
     (tmp_path / "log.csv").write_text("\n".join(lines))
-    words = "--time t --torque u_{} --speed v_{} --axis 2 --rows".split()
+    words = ["--time", "t", "--torque", "u_{}", "--speed", "v_{}", "--axis", "2", "--rows"]
     assert main(["import", str(tmp_path / "log.csv"), *words, "100:900"]) == 0
     record = load_record(tmp_path / "log.nc")
     assert len(record.time) == 800

@@ -221,9 +221,7 @@ def test_shares_are_what_one_counts_by_hand():
 
 
 def test_the_page_of_a_comparison_stands_alone():
-    x = np.arange(3.0)
-    worst = {"time": x, "truth": x, "base": x, "candidate": x, "parameter": "f_m"}
-    html = page.comparison(VERDICT, worst)
+    html = page.comparison(VERDICT)
     assert html.index("WORSE: lag") < html.index("<svg role") < html.index("<table")
     assert "a&lt;b&gt;" in html and "a<b>" not in html
     assert len(ids(html)) == len(set(ids(html)))

@@ -1,17 +1,11 @@
 """What estimators are told of an axis and asked about it, and how what they answer is scored."""
 
-import json
-
 import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue.card import in_a_line, reference_card
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.cli import main
-from flexaxis.experiments.reporting.terminal import default_table
-from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.estimators import Spec, build, parse
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.nominal import design_torque
@@ -22,10 +16,8 @@ from flexaxis.experiments.scoring.parameter_names import (
 )
 from flexaxis.experiments.scoring.score_table import rows
 from flexaxis.experiments.scoring.scores import Track
-from flexaxis.experiments.scoring.summary import pool_rows
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import parse_scenario
-from flexaxis.sim.simulate import simulate
 
 LINEAR = ("k_T", "1/J_a", "f_m")
 DRY = "friction.coulomb = 0.1\n"
@@ -82,66 +74,12 @@ def test_who_is_not_told_has_no_entry_and_nobody_is_told_a_law():
 OWN_LOOPS = {"glr"}
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in OWN_LOOPS)) for n in REGISTRY]
-)
-def test_every_estimator_is_as_ever_where_it_is_told_more_than_it_knows(name):
-    scenario = made(ASKED + "told = { poles = 24, torque_limit = 1.75 }\n", FAULT)
-    told, plain = build(parse(name), scenario), build(parse(name), made(DRY))
-    assert list(told.names)[:3] == list(LINEAR)
-    rng = np.random.default_rng(1)
-    u, y = rng.normal(size=(2, 30))
-    if tuple(told.names) == LINEAR and name != "oracle-reset":  # which is told of the fault besides
-        first = [np.array([e.step(a, b) for a, b in zip(u, y, strict=True)]) for e in (told, plain)]
-        assert np.array_equal(*first)
-
-
-def test_noise_is_told_where_the_scenario_says_so_and_options_go_before():
-    assert build(spec("Asks"), made(SHEET)).noise == 0.2
-    assert build(spec("Asks"), made()).noise is None
-    assert build(parse(f"{__name__}:Asks[noise = 0.3]"), made(SHEET)).noise == 0.3
-    rpem = build(parse("rpem-forgetting"), made("told.noise = 0.2\n"))
-    assert rpem.noise_variance == pytest.approx(0.04)
-
-
 def test_only_who_has_laws_is_asked_for_them():
     assert build(spec("Asks"), made(ASKED)).asked == LINEAR
     assert build(spec("Tracks"), made(ASKED)).asked == (*LINEAR, "f_c")
     assert build(spec("Tracks"), made(DRY)).asked == LINEAR
     with pytest.raises(EstimatorError, match=r"`laws`.*identifies only f_c: leave"):
         build(parse("rpem-forgetting"), made(DRY + 'identify = ["f_c"]\n'))
-
-
-@pytest.mark.slow
-def test_rows_are_of_what_is_estimated_and_has_a_truth():
-    scenario = made(ASKED, FAULT)
-    (record,) = simulate(scenario, [0])
-    linear = {row["parameter"]: row for row in run_case(scenario, record, spec("Asks")).rows}
-    assert list(linear) == list(LINEAR) and not any(row["changed"] for row in linear.values())
-    more = {row["parameter"]: row for row in run_case(scenario, record, spec("Tracks")).rows}
-    assert list(more) == [*LINEAR, "f_c"]  # there is no c_sin, and of f_s there is none
-    assert more["f_c"]["changed"] and more["f_c"]["lag"] == pytest.approx(2.0)
-    assert more["f_c"]["bias"] == pytest.approx(0, abs=1e-12)
-    assert more["f_c"]["excess"] == linear["f_m"]["excess"]
-    assert more["f_c"]["nees"] == pytest.approx(0, abs=1e-12)  # of the four alone
-    besides = made(DRY)  # f_c is scored where it is known, whatever is asked for
-    (record,) = simulate(besides, [0])
-    assert [r["parameter"] for r in run_case(besides, record, spec("Tracks")).rows][3:] == ["f_c"]
-    plain = made()
-    (record,) = simulate(plain, [0])
-    assert len(run_case(plain, record, spec("Tracks")).rows) == 3
-    with pytest.raises(EstimatorError, match=r"estimates f_c, but x has k_T, .*: nothing of it"):
-        build(spec("Dry"), plain)
-
-
-def test_who_does_not_estimate_what_changes_is_shown_as_well():
-    scenario = made(ASKED, FAULT)
-    (record,) = simulate(scenario, [0])
-    cases = [run_case(scenario, record, spec(name)) for name in ("Asks", "Tracks")]
-    table = default_table([row for case in cases for row in pool_rows(case.rows, scenario)])
-    estimators, parameters = zip(*((c[1].text, c[2].text) for _, c in table.rows), strict=True)
-    assert [name.split(":")[-1] for name in estimators] == ["Asks"] * 3 + ["Tracks"]
-    assert list(parameters) == [*LINEAR, "f_c"]
 
 
 def test_q_is_of_the_linear_parameters_of_identify():
@@ -163,38 +101,6 @@ def test_a_level_of_friction_near_zero_loses_no_run_and_one_far_above_does():
         assert found[0]["diverged"] == lost, factor
     assert found[3]["std"] == pytest.approx(900.0)
     assert started_theta(asked, names)[3] == 0.1
-
-
-@pytest.mark.parametrize(("value", "lost"), [(100.0, False), (np.nan, True)])
-def test_who_is_told_nothing_of_friction_begins_anywhere(value, lost):
-    scenario = made(ASKED).override({"burn_in": 2.0})
-    names = (*LINEAR, "f_c")
-    for last, late in ((400, lost), (650, True)):  # 2 s, and more than 1 s after them
-        theta = theta_over_time(scenario, names)
-        theta[:last, 3] = value
-        found = rows(Track(scenario, names, theta, scenario.true_parameters()))
-        assert found[0]["diverged"] == late
-    theta = theta_over_time(scenario, names)
-    theta[:400, 0] = 100.0  # of the axis itself it is told
-    assert rows(Track(scenario, names, theta, scenario.true_parameters()))[0]["diverged"]
-
-
-def test_the_truth_of_what_a_record_does_not_know_is_left_out(tmp_path, capsys):
-    path = simulate(made(DRY), [0])[0].save(tmp_path / "run.nc")
-    known = {"k_T": 1.0, "1/J_a": 1.25, "f_m": 0.05, "f_c": 0.1}
-    command = ["estimate", str(path), "--estimator", f"{__name__}:Tracks", "--json"]
-    assert main([*command, "-o", str(tmp_path / "again.nc")]) == 0
-    assert json.loads(capsys.readouterr().out)["truth"] == pytest.approx(known)
-    assert main([*command[:-1], "-o", str(tmp_path / "again.nc")]) == 0
-    assert "c_sin" in capsys.readouterr().out
-
-
-def test_the_card_says_what_is_told():
-    card = reference_card(made(SHEET))
-    assert card["data sheet"].startswith("told 24 periods of cogging a turn; told a limit of 1.75")
-    assert card["unmodelled"] == "told k_g × 1.1"
-    assert "told noise of 0.2" in in_a_line(made(SHEET))
-    assert reference_card(made())["data sheet"] == "nothing"
 
 
 def test_nothing_of_the_laws_shows_in_the_torque_that_estimators_are_offered():

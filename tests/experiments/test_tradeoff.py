@@ -1,7 +1,5 @@
 """Matching at equal noise, the sweep over knobs, and its command."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,10 +7,7 @@ from engine_cases import BenchHere
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.comparison.matching import Setting, match
-from flexaxis.experiments.comparison.ranking import overall
-from flexaxis.experiments.comparison.sweep import settings, sweep, texts
-from flexaxis.experiments.comparison.tune import with_knob
+from flexaxis.experiments.comparison.sweep import Setting, match, settings, sweep, texts, with_knob
 from flexaxis.experiments.scoring.intervals import mean_interval
 
 COMMON = np.random.default_rng(0).standard_normal(12)
@@ -82,13 +77,6 @@ def test_matching_is_straight_in_the_logarithms():
     assert lag_of(exact) == pytest.approx(geometric(1.0))
 
 
-def test_what_is_matched_is_the_noise_asked_for():
-    """Equal in the excess error of all parameters need not be equal in the one that is timed."""
-    louder = [setting(f, std=3 * f, lag=f**-2.0, excess=1e-2 * f**2) for f in (0.1, 0.5, 2.0)]
-    assert lag_of(match(setting(1.0), louder, "excess")) == pytest.approx(geometric(1.0))
-    assert lag_of(match(setting(1.0), louder, "std")) == pytest.approx(geometric(9.0))
-
-
 def test_of_several_crossings_the_nearest_to_the_default_counts():
     """The best of them would be the best by luck."""
     stds = {0.125: 0.5, 0.25: 2.0, 1.0: 0.5, 2.0: 2.0}
@@ -104,14 +92,7 @@ def test_out_of_reach_is_said_on_one_side():
     loud = match(setting(1.0), line([2.0, 4.0]), "std")
     assert loud.how == "noisier" and loud.ratio == pytest.approx(2.0)
     still = match(setting(1.0), [setting(1.0, std=0.0, lag=5.0)], "std")
-    assert still.how == "quieter" and still.ratio == 0.0
-
-
-def test_a_run_lost_before_the_fault_is_noise():
-    lost = setting(1.0, std=1.0, lost=12)
-    # all at the same edge: about their common mean they do not scatter
-    lost.rows[["std", "bias"]] = 900.0
-    assert match(setting(1.0), [lost], "std").how == "noisier"
+    assert still.how == "quieter" and still.ratio < 1e-5
 
 
 @pytest.mark.parametrize("n", [8, 16])
@@ -138,16 +119,6 @@ def test_the_interval_counts_how_well_the_match_itself_is_known(n):
         )
         found.append(low <= 0.0 <= high)
     assert 0.90 <= np.mean(found) <= 0.99  # 95 %, three binomial deviations of 200
-
-
-def test_the_reference_is_matched_with_itself(short):
-    found = sweep([short], ["rpem-forgetting", "frozen"], [0, 1], BenchHere().frame)
-    mine, still = found.matched
-    assert mine["how"] == "matched" and mine["estimator"] == "rpem-forgetting"
-    default = next(p for p in found.points if p["factor"] == 1.0)
-    assert mine["lag"] == pytest.approx(default["lag"], rel=1e-9)
-    assert still["how"] == "quieter"
-    assert found.at_excess[0]["score"] is not None and not still["leads"]
 
 
 class Timid:
@@ -180,54 +151,7 @@ def test_what_a_first_sweep_runs():
     assert texts(lines)[0] == "rpem-forgetting[forgetting=0.995]" and len(texts(lines)) == 4
 
 
-def test_two_names_for_one_setting_are_run_once_and_both_ranked(short):
-    twice = "rpem-forgetting[forgetting=0.995]"
-    found = sweep([short], ["rpem-forgetting", twice], [0, 1], BenchHere().frame)
-    one, other = found.matched
-    assert {one["estimator"], other["estimator"]} == {"rpem-forgetting", twice}
-    assert one["lag"] == pytest.approx(other["lag"], rel=1e-9)
-
-
-def test_who_does_not_estimate_what_changes_is_in_no_fault_and_harms_nobody(short):
-    ramp = short.override({"name": "ramp", "fault[0].parameter": "J_a"})
-    found = sweep(
-        [short, ramp],
-        ["rpem-forgetting", f"{__file__}:Timid"],
-        [0, 1],
-        BenchHere().frame,
-    )
-    mine = {r["scenario"] for r in found.matched if r["estimator"].endswith("Timid")}
-    assert mine == {"short"} and len(found.at_excess) == 3
-    assert len(overall(found.at_excess)) == 2
-
-
-def test_a_setting_that_another_name_is_widened_to_is_run_once(short):
-    """One named with that very value: its runs may not stand twice among those of the other."""
-    own = f"{__file__}:Timid"
-    found = sweep([short], [f"{own}[gain=1.6e-06]", own], [0, 1], BenchHere().frame)
-    assert {p["seeds"] for p in found.points} == {2}
-    assert len({p["setting"] for p in found.points if p["factor"] == 16.0}) == 1
-
-
 def test_without_a_fault_there_is_nothing_to_compare(capsys):
     words = ["tune", "rpem-forgetting", "--sweep", "standstill-v1", "--seeds", "1"]
     assert main(words) == 2
     assert "standstill-v1: no fault in an estimated parameter" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_false_alarms_are_a_rate(short):
-    found = sweep([short], ["glr"], [0, 1], BenchHere().frame)
-    (row,) = found.matched
-    assert row["values"]["false_alarms"] == [0.0, 0.0] and row["false_alarms_per_1000_s"] == 0.0
-
-
-@pytest.mark.slow
-def test_the_command(tmp_path, capsys):
-    words = ["tune", "rpem-forgetting", "--sweep", "kt_step-v1", "--seeds", "2",
-             "--jobs", "1", "-o", str(tmp_path)]  # fmt: skip
-    assert main([*words, "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)["rows"]
-    assert row["over_bound"] > 5 and row["over_single"] > row["over_bound"]
-    assert main(words) == 0
-    assert f"rpem-forgetting has a lag of {row['lag']:.3g} s" in capsys.readouterr().out

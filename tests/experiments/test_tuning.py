@@ -4,6 +4,8 @@ import json
 import re
 import tomllib
 
+import numpy as np
+import pandas as pd
 import pytest
 from acceptance.units import CHANGES
 from engine_cases import BenchHere
@@ -11,18 +13,14 @@ from engine_cases import BenchHere
 from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import at_equal_noise, tuned, tunings
-from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.comparison.sweep import TURNS
+from flexaxis.experiments.comparison.sweep import TURNS, with_knob
 from flexaxis.experiments.comparison.tune import (
-    ROUNDS,
     TOLERANCE,
     Trials,
-    knob_of,
     match_noise,
-    with_knob,
 )
-from flexaxis.experiments.running.estimators import build, parse
+from flexaxis.experiments.running.estimators import parse
 from flexaxis.sim.parameters import preset
 
 PAPER = {"rpem-forgetting", "rpem-drift"}
@@ -40,13 +38,17 @@ def test_tuning_finds_the_reference_itself_and_its_equal(capsys, tmp_path, monke
     assert "no knob" in capsys.readouterr().err
 
 
+def logs(**noises):
+    return np.log(pd.Series(noises))
+
+
 class Powers(Trials):
     """Instead of runs: noise goes as the root of 1−λ."""
 
     def noises(self, setting):
         options = parse(setting).options
         quiet = 1.0 if setting.startswith("rpem") else 2.0
-        return {"f_m": 1.0, "excess": quiet * (1 - options["forgetting"]) ** 0.5}
+        return logs(f_m=1.0, excess=quiet * (1 - options["forgetting"]) ** 0.5)
 
 
 def test_secants_find_the_match():
@@ -58,7 +60,7 @@ def test_secants_find_the_match():
 def test_no_match_and_wrong_words_are_said(capsys):
     class Flat(Powers):
         def noises(self, setting):
-            return {"excess": 1.0 if setting.startswith("rpem") else 2.0}
+            return logs(excess=1.0 if setting.startswith("rpem") else 2.0)
 
     with pytest.raises(ValueError, match=r"no setting of its knob.*last one tried.* is ekf"):
         match_noise("ekf", Flat(range(1), BenchHere().frame))
@@ -99,20 +101,6 @@ def own(tmp_path):
     return lambda name: f"{tmp_path / 'own.py'}:{name}"
 
 
-class Grows(Trials):
-    """Instead of runs: noise is a power of one option; `quiet` times the reference's at 1."""
-
-    quiet, option, power = 1.0, "low", 0.5
-
-    def noises(self, setting):
-        if setting.startswith("rpem"):
-            return {"excess": 1.0}
-        value = parse(setting).options[self.option]
-        assert self.option != "lam" or 0 < value < 1, setting
-        speed = 1 - value if self.option == "lam" else value
-        return {"excess": self.quiet * speed**self.power}
-
-
 @pytest.mark.parametrize("factor", [*TURNS, 99.0, 101.0])
 def test_a_forgetting_factor_by_any_name_stays_below_one(own, factor):
     """Nobody is asked for 1.99, or 0."""
@@ -125,62 +113,6 @@ def test_an_option_is_turned_as_its_class_says(own):
     assert parse(with_knob(own("Mine"), 2.0)).options == {"lam": 0.98}
     assert parse(with_knob(own("Window"), 2.0)).options == {"low": 0.05}
     assert parse(with_knob(own("Called"), 2.0)).options == {"low": 0.2, "lam": 0.98}
-
-
-def test_a_path_is_straight_in_the_logarithms_and_ends(own):
-    assert parse(with_knob(own("Along"), 1.0)).options == {"low": 0.2, "high": 1.0}
-    turned = parse(with_knob(own("Along"), 2.0)).options
-    assert turned == pytest.approx({"low": 0.8, "high": 2**0.5})
-    assert with_knob(own("Along"), 5.0) is None and with_knob(own("Along"), 0.2) is None
-
-
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("Outside", "from 2 to 4, and does not hold 1"),
-        ("Strange", "the same options at each"),
-        ("Elsewhere", r"'lov' is no option.*did you mean 'low'"),
-        ("Negative", "numbers above 0"),
-        ("Words", r"cannot be read.*1-lam"),
-    ],
-)
-def test_a_knob_that_is_none_is_said_to_be_so(own, name, said):
-    with pytest.raises(ValueError, match=f"own.py:{name}: its `knob`.*{said}"):
-        with_knob(own(name), 2.0)
-
-
-@pytest.mark.parametrize(
-    ("name", "option", "quiet"),
-    [("Mine", "lam", 20.0), ("Along", "low", 0.9), ("Called", "low", 7.0)],
-)
-def test_a_path_is_matched_at_equal_noise(own, name, option, quiet):
-    trials = type("Own", (Grows,), {"quiet": quiet, "option": option})(range(1), BenchHere().frame)
-    found = match_noise(own(name), trials)
-    knob = knob_of(own(name))
-    assert abs(found.ratio - 1) < TOLERANCE and found.knob == knob.label
-    assert parse(found.setting).options == pytest.approx(knob.at(knob.position(found.value)))
-
-
-@pytest.mark.parametrize(
-    ("name", "quiet", "last"),
-    [("Along", 1e3, "low=0.1,high=1]"), ("Along", 1e-3, "low=3.2,high=2]"), ("Window", 1, "low=")],
-)
-def test_a_knob_is_turned_within_its_range_and_budget(own, name, quiet, last):
-    """An end that is too noisy, or too quiet, is the last that is tried."""
-    asked = []
-
-    class Counted(Grows):
-        def noises(self, setting):
-            asked.append(setting)
-            return super().noises(setting)
-
-    Counted.quiet = quiet
-    with pytest.raises(ValueError, match=r"no setting of its knob.*within") as error:
-        match_noise(own(name), Counted(range(1), BenchHere().frame))
-    assert last in str(error.value) and last in asked[-1]
-    assert 2 <= len(asked) - 1 <= ROUNDS
-    lows = [parse(text).options["low"] for text in asked[1:]]
-    assert all(0.1 / 1024 <= low <= 3.2 for low in lows)
 
 
 def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, capsys):
@@ -224,11 +156,9 @@ def axis(name="n1", **changes):
     return three_mass(preset(name).as_dict() | changes)
 
 
-def forgetting_of(estimator):
-    """At rest nothing is learnt: P/λ is all that a sample does."""
-    before = estimator.P[0, 0]
-    estimator.step(0.0, 0.0)
-    return before / estimator.P[0, 0]
+def estimates(model, **options):
+    made = REGISTRY["cusum-reset"].factory(model, 0.005, P0=[1e-4] * 3, **options)
+    return made.run(*np.random.default_rng(0).standard_normal((2, 200)))
 
 
 HERE = [
@@ -245,48 +175,8 @@ def test_a_tuned_knob_is_applied_on_its_axis_in_any_units(model):
     expected = at_equal_noise("cusum-reset").value
     assert tuned("cusum-reset", model, 0.005, THREE) == expected != 0.995
     assert tuned("cusum-reset", model, 0.005, THREE[::-1]) == expected
-    made = REGISTRY["cusum-reset"].factory(model, 0.005, P0=[1e-4] * 3)
-    assert forgetting_of(made) == pytest.approx(expected, rel=1e-12)
-    made = REGISTRY["cusum-reset"].factory(model, 0.005, P0=[1e-4] * 3, forgetting=0.999)
-    assert forgetting_of(made) == pytest.approx(0.999, rel=1e-12), "what is said goes before"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("model", "period", "identify"),
-    [
-        *((model, 0.005, THREE) for model in ELSEWHERE),
-        (axis(), 0.002, THREE),
-        (axis(), 0.01, THREE),
-        (axis(), 0.005, ("k_T", "f_m")),
-        (axis(), 0.005, ("k_T", "J_a", "f_m")),
-    ],
-)
-def test_and_on_no_other(model, period, identify):
-    assert tuned("cusum-reset", model, period, identify) is None
-    options = {"identify": identify, "P0": [1e-4] * len(identify)}
-    made = REGISTRY["cusum-reset"].factory(model, period, **options)
-    assert REGISTRY["cusum-reset"].default == 0.995
-    assert forgetting_of(made) == pytest.approx(1 - period, rel=1e-12), "1 s of memory"
-
-
-def test_an_axis_without_friction_is_another():
-    model = axis(f_m=0.0, f_g=0.0, f_a=0.0)  # its motor never stops
-    assert tuned("cusum-reset", model, 0.005, THREE) is None
-
-
-def test_the_knob_of_a_scenario_is_that_of_its_axis():
-    for name, value in (("paper_nominal-v1", 0.994125), ("n2_nominal-v1", 0.995)):
-        assert forgetting_of(build(parse("cusum-reset"), find_scenario(name))) == pytest.approx(
-            value
-        )
-
-
-def test_show_says_where_a_knob_is_tuned(capsys):
-    assert main(["show", "ekf"]) == 0
-    text = capsys.readouterr().out
-    assert "walk = 0.001162" in text
-    assert "tuned for n1 at 5 ms, k_T, 1/J_a, f_m, noise 0.1 rad/s" in text
+    np.testing.assert_allclose(estimates(model), estimates(model, forgetting=expected), rtol=1e-9)
+    assert not np.allclose(estimates(model), estimates(model, forgetting=0.999), rtol=1e-6)
 
 
 @pytest.mark.slow

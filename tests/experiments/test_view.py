@@ -56,15 +56,6 @@ def test_the_best_way_that_there_is(bare, libraries, way):
     assert bare(*libraries) == way
 
 
-@pytest.mark.parametrize("name", ["DISPLAY", "WAYLAND_DISPLAY"])
-def test_a_display_is_used(bare, name):
-    assert bare("EGL", **{name: ":0"}) is None
-
-
-def test_who_has_chosen_is_left_alone(bare):
-    assert bare("EGL", MUJOCO_GL="glfw") == "glfw"
-
-
 def test_no_way_at_all_is_said(bare):
     with pytest.raises(FlexaxisError, match="neither libEGL nor libOSMesa is installed"):
         bare()

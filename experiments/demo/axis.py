@@ -1,0 +1,137 @@
+"""The axis as it runs: plant and loop; faults, friction, noise and excitation may change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.scoring.parameter_names import true_theta
+from flexaxis.sim.parameters import AxisParameters, preset
+from flexaxis.sim.plant.plant import Plant
+from flexaxis.sim.scenario import scenario_from
+from flexaxis.sim.streams import stream
+from flexaxis.sim.tables.controller import Controller, ControllerConfig
+from flexaxis.sim.tables.excitation import Multisine
+from flexaxis.sim.tables.nonlinear import substeps
+from flexaxis.sim.tables.sensors import NoiseConfig
+from flexaxis.sim.timing import PERIOD
+
+Array = NDArray[np.float64]
+
+FRICTION: Mapping[str, Mapping[str, Any]] = {
+    "none": {},
+    "Coulomb 0.1 N m": {"friction": {"coulomb": 0.1}},
+    "static curve": {"static_friction": {"f_c": 0.1, "f_s": 0.1, "alpha": 2.0, "beta": 5.0}},
+    "LuGre": {
+        "lugre": {
+            "coulomb": 0.1, "static": 0.2, "stribeck": 0.5, "stiffness": 100.0, "damping": 0.3
+        }
+    },
+}  # fmt: skip
+"""Laws of dry friction by name, as tables of a scenario; the rms of the torque is 0.85 N m."""
+
+EXCITATION = ("on", "stop-and-go", "off")
+SPELL = 10.0
+"""Time that the axis moves, and then stands, in stop-and-go [s]."""
+
+
+class LiveAxis:
+    """The nominal axis in its closed loop, advanced by any number of samples at a time.
+
+    Parameters
+    ----------
+    seed : int
+        Of reference phases and noise: the same seed and the same actions give the same run.
+
+    Attributes
+    ----------
+    nominal, parameters : AxisParameters
+        Without a fault, and as they act now.
+    scenario : Scenario
+        The laws of friction that act now.
+    samples : int
+        Simulated so far.
+    noise : float
+        Standard deviation of the measured speed [rad/s].
+    excitation : {"on", "stop-and-go", "off"}
+        Whether the reference moves; otherwise it keeps its value.
+    """
+
+    def __init__(self, *, seed: int = 0) -> None:
+        self.nominal = self.parameters = preset("n1")
+        self.noise = NoiseConfig().speed
+        self.excitation = EXCITATION[0]
+        self.samples = self._moved = 0
+        self._signal = Multisine().one_period(stream("demo", seed, "excitation"), PERIOD)
+        self._white = stream("demo", seed, "noise.speed")
+        self._controller = Controller(ControllerConfig(), 1, period=PERIOD)
+        self._plant: Any = None
+        self.set_friction("none")
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.samples * PERIOD
+
+    @property
+    def excited(self) -> bool:
+        """Whether the reference moves in the next sample."""
+        going = self.time // SPELL % 2 == 0
+        return self.excitation == "on" or (self.excitation == "stop-and-go" and going)
+
+    @property
+    def angles(self) -> Array:
+        """Motor, gear and arm angle (3,) [rad]."""
+        angles: Array = self._plant.angles[0].copy()
+        return angles
+
+    @property
+    def state(self) -> Array:
+        """Twist of gear and arm [rad], speed of motor, gear and arm [rad/s], (5,)."""
+        motor, gear, arm = self.angles
+        return np.array([self.parameters.r * motor - gear, gear - arm, *self._plant.speeds[0]])
+
+    @property
+    def values(self) -> Array:
+        """Parameters (P,) that act now, as `Scenario.parameter_names`."""
+        return np.array([*self.parameters.values(), *self.scenario.laws.values()])
+
+    def theta(self, names: Sequence[str]) -> Array:
+        """Return the true values (p,) of estimated parameters; f_c is 0 without dry friction."""
+        values = {"f_c": 0.0} | self.parameters.as_dict() | self.scenario.laws
+        return true_theta(names, np.array([*values.values()]), tuple(values))
+
+    def set_factors(self, factors: Mapping[str, float]) -> None:
+        """Set parameters to factors times nominal, and all others to nominal."""
+        values = {n: v * factors.get(n, 1.0) for n, v in self.nominal.as_dict().items()}
+        parameters = AxisParameters(**values)
+        self._plant.set_parameters([parameters])
+        self.parameters = parameters
+
+    def set_friction(self, kind: str) -> None:
+        """Let another law of `FRICTION` act from now on; angles and speeds stay."""
+        content = {"name": "live", "duration": 1.0, "preset": "n1", **FRICTION[kind]}
+        self.scenario = scenario_from(content, source="live axis")
+        laws, old = [*self.scenario.nonlinear.values()], self._plant
+        self._plant = Plant(
+            [self.parameters], period=PERIOD, substeps=substeps(laws, PERIOD), nonlinear=laws
+        )
+        if old is not None:
+            self._plant.angles[:], self._plant.speeds[:] = old.angles, old.speeds
+
+    def advance(self, samples: int) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Simulate some samples; return torque [N m], measured speed [rad/s] and excitation."""
+        torque, speed = np.empty((2, samples))
+        excited = np.empty(samples, bool)
+        for k in range(samples):
+            excited[k] = self.excited
+            speed[k] = self._plant.speed_m[0]
+            self._moved += int(excited[k])
+            reference = self._signal[[(self._moved - 1) % len(self._signal)]]
+            torque[k] = self._controller.torque(reference, self._plant.angle_m)[0]
+            self._plant.step(torque[k : k + 1])
+            self.samples += 1
+        return torque, speed + self.noise * self._white.standard_normal(samples), excited
