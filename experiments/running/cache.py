@@ -61,10 +61,6 @@ class RecordCache:
         """Return the files, the least recently used first."""
         return sorted(self.folder.glob("*.nc"), key=lambda path: path.stat().st_mtime_ns)
 
-    def size(self) -> int:
-        """Return the size of all entries [bytes]."""
-        return sum(path.stat().st_size for path in self.entries())
-
     def evict(self, limit: int) -> int:
         """Remove the least recently used entries down to a size [bytes]; return how many."""
         total, removed = 0, 0

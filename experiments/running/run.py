@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
@@ -13,7 +14,8 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Any, Self
 
 import pandas as pd
@@ -117,7 +119,8 @@ class Runner:
         limit = TIME_LIMIT if time_limit is None else time_limit
         if not (jobs >= 1 and 0 < limit < float("inf")):
             raise FlexaxisError(f"jobs {jobs}, time limit {limit} s: give finite numbers above 0")
-        self._logs = TemporaryDirectory(prefix="flexaxis-", ignore_cleanup_errors=True)
+        self._logs = mkdtemp(prefix="flexaxis-")
+        weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
         self._workers: Sequence[Any] = (
             [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
@@ -208,9 +211,7 @@ class Runner:
         while running or queue:
             while queue and free:
                 worker, unit = free.pop(), queue.popleft()
-                log = (
-                    f"{self._logs.name}/{id(worker)}" if isinstance(worker, Worker) else os.devnull
-                )
+                log = f"{self._logs}/{id(worker)}" if isinstance(worker, Worker) else os.devnull
                 future = worker.submit(run_unit, unit, replace(options, log=log))
                 running[future] = worker, unit, log
             done, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)  # hears Ctrl-C
