@@ -224,7 +224,7 @@ class PipeEstimator:
         start, p, place = struct.unpack("<16sII", self._ask(HEAD + head, 24))
         if start != HEAD:
             raise EstimatorError(f"the program answered {start!r}: docs/pipes.md has the header")
-        self.names = np.frombuffer(self._ask(b"", 32 * p), "S32").astype(str).tolist()
+        self.names = tuple(np.frombuffer(self._ask(b"", 32 * p), "S32").astype(str).tolist())
         self.output = signals[place]
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:

@@ -33,6 +33,6 @@ def test_the_command_writes_what_the_estimator_gives(short, record, tmp_path, ca
 def test_a_log_without_a_scenario_needs_one(short, record, tmp_path):
     log = Record(time=record.time, torque=record.torque, speed=record.speed)
     source = log.save(tmp_path / "log.nc")
-    with pytest.raises(RecordError, match="does not say its scenario"):
+    with pytest.raises(RecordError, match="does not contain its scenario"):
         fx.estimate(source, "frozen")
     assert not fx.estimate(source, "frozen", scenario=short).truth
