@@ -93,6 +93,17 @@ def json_table(path: Path, refuse: Refusal) -> dict[str, Any]:
     return content
 
 
+def summary_of(folder: Path) -> dict[str, Any]:
+    """Return what summary.json of a run says.
+
+    Raises
+    ------
+    OutputError
+        If it is missing: the run is not finished.
+    """
+    return json_table(folder / SUMMARY, OutputError)
+
+
 def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
     """Refuse to overwrite an input, before anything is computed.
 

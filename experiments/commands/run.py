@@ -8,7 +8,7 @@ from typing import Any
 import flexaxis as fx
 from flexaxis.experiments.catalogue.find import check_names
 from flexaxis.experiments.commands.options import Args, answer, command
-from flexaxis.experiments.files import REPORT, check_file, check_not_input
+from flexaxis.experiments.files import REPORT, check_file, check_not_input, summary_of
 from flexaxis.sim.errors import FlexaxisError
 
 ENGINE = ("-o", "--jobs", "--dask", "--shard", "--from", "--overwrite", "--time-limit",
@@ -129,7 +129,9 @@ def _results(args: Args, results: Any, missing: int = 0) -> int:
     from flexaxis.experiments.reporting.words import failures_in_words
 
     whole = args.shards or args.shard == (1, 1)
-    content = results.summary if whole and not results.axes else {"rows": results.pooled()}
+    content = (
+        summary_of(results.folder) if whole and not results.axes else {"rows": results.pooled()}
+    )
     failures = content.get("failures") or results.failures.to_dict("records")
     lines = [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
     lines += [f"{missing} cases are in no shard"] * bool(missing)

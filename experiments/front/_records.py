@@ -182,7 +182,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     -------
     dict
         ``folder`` (set by the environment variable FLEXAXIS_CACHE), ``records`` (their number),
-        ``megabytes``, ``limit`` [MB] (set by FLEXAXIS_CACHE_LIMIT), and ``removed``.
+        ``megabytes``, ``limit`` [MB], and ``removed``.
 
     Examples
     --------
@@ -192,6 +192,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     """
     store = default_cache()
     removed = store.evict(-1) if clear else 0
-    size, limit = (round(bytes_ / 1024**2, 1) for bytes_ in (store.size(), store.limit))
-    return {"folder": store.folder, "records": len(store.entries()), "megabytes": size,
+    sizes = [path.stat().st_size for path in store.entries()]
+    size, limit = (round(bytes_ / 1024**2, 1) for bytes_ in (sum(sizes), store.limit))
+    return {"folder": store.folder, "records": len(sizes), "megabytes": size,
             "limit": limit, "removed": removed}  # fmt: skip

@@ -17,6 +17,7 @@ from flexaxis.experiments.files import (
     REPORT,
     SUMMARY,
     optional_package,
+    summary_of,
     write_json,
     write_text,
 )
@@ -134,7 +135,7 @@ def finish(results: Results, runner: Runner) -> None:
 def write_report(results: Results, path: Path) -> None:
     """Write the report of a study, or of a run from its summary.json."""
     html = (study_report.render(results) if results.axes
-            else run_report.render(results, results.summary))  # fmt: skip
+            else run_report.render(results, summary_of(results.folder or Path())))  # fmt: skip
     write_text(path, html)
 
 
