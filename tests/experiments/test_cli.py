@@ -94,7 +94,7 @@ MISTAKES = [
     (["run", "fm_step", "--estimator", "ekf[nois=1]"], "Did you mean 'noise'?"),
     (["run", "fm_step", "--estimator", "rpem-forgetting[forgetting=1.2]"], "(0, 1]"),
     (["run", "fm_step", "--seeds", "5:5"], "give a number of seeds"),
-    (["run", "fm_step", "--jobs", "0"], "number of processes"),
+    (["run", "fm_step", "--jobs", "0"], "finite numbers above 0"),
     (["run", "fm_step", "--shard", "3/2"], "--shard"),
     (["estimate", "ther.nc"], "Did you mean 'there.nc'?"),
     (["estimate", "there.nc", "--estimator", "mien.py:Mine"], "there.nc"),
