@@ -107,6 +107,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from flexaxis.experiments.running.user_code import EstimatorCrash, describe, is_of_the_machine
 
     progress.QUIET.set(args.quiet)
+    progress.LINE.set(args.line)
     warnings.formatwarning = lambda message, *_, **__: f"flexaxis: {message}\n"
     try:
         return int(args.main(args))

@@ -55,34 +55,32 @@ def compare(args: Args) -> int:
     result = fx.compare(
         args.base, args.candidate, scenarios=one_or_more(args.names) or "gate", runs=runs,
         seeds=args.seeds, max_seeds=args.max_seeds, match_std=args.match_std, margins=margins,
-        folder=folder, command=args.line, **work(args),
+        folder=folder, **work(args),
     )  # fmt: skip
-    status = result.strict_status if args.strict else result.status
+    status = 3 if args.strict and result.verdict == "undecided" else result.status
     return answer(args, result.content, status, result, f"report: {result.content['report']}")
 
 
-@command("judge", "estimators", "--match", "--sweep", "--seeds", "--save", "-o", "--jobs",
+@command("judge", "estimators", "--sweep", "--seeds", "--save", "-o", "--jobs",
          "--overwrite", "--time-limit")  # fmt: skip
 def tune(args: Args) -> int:
     r"""Find the setting at which an estimator is as noisy as the reference, or sweep settings.
 
     An estimator is tuned on the nominal axis without a fault, started at the truth; the reference
     is rpem-forgetting at its default. What is matched is the excess prediction error, one number
-    for all parameters, or with --match the standard deviation of one of them. A match takes at most
-    12 settings, from 1/1024 to 1024 times the usual one.
+    for all parameters. A match takes at most 12 settings, from 1/1024 to 1024 times the usual one.
 
     With --sweep each estimator runs at many settings instead, and the lags after the faults of some
     scenarios are compared at equal noise, beside the bound.
 
     example:
       flexaxis tune ekf
-      flexaxis tune ekf --match f_m
       flexaxis tune --save estimators/tuned.toml
       flexaxis tune rpem-forgetting glr --sweep fm_step kt_step
     """
     check_names(args.sweep or ())
     table = fx.tune(
-        *args.estimators, match=args.match, scenarios=args.sweep, seeds=args.seeds,
+        *args.estimators, scenarios=args.sweep, seeds=args.seeds,
         folder=args.output or Path("results/tune"), file=args.save, **work(args),
     )  # fmt: skip
     lines = []

@@ -12,7 +12,6 @@ import flexaxis as fx
 from flexaxis.experiments.catalogue import find as catalogue
 from flexaxis.experiments.catalogue.find import GROUPS
 from flexaxis.experiments.commands.options import Args, answer, command
-from flexaxis.sim.errors import FlexaxisError
 
 MOST = 60  # lines that `list` prints
 
@@ -86,7 +85,7 @@ def show(args: Args) -> int:
     return answer(args, content, 0, *lines, "", scenario.to_toml().rstrip())
 
 
-@command("teach", "lesson", "--estimator", "--seed", "--speed", "--exaggerate", "--port",
+@command("teach", "lesson", "--estimator", "--seed", "--speed", "--port",
          "--no-browser")  # fmt: skip
 def demo(args: Args) -> int:
     """Break a live axis in the browser, and watch which estimator detects it first.
@@ -106,11 +105,9 @@ def demo(args: Args) -> int:
     """
     from flexaxis.experiments.demo.serve import serve
 
-    if args.speed is not None and not 0.05 <= args.speed <= 50:
-        raise FlexaxisError(f"--speed {args.speed:g}: give a factor from 0.05 to 50")
     serve(
-        args.estimator or (), lesson=args.lesson, seed=args.seed, speed=args.speed or 1.0,
-        exaggerate=args.exaggerate, port=args.port, browser=not args.no_browser,
+        args.estimator or (), lesson=args.lesson, seed=args.seed, speed=args.speed,
+        port=args.port, browser=not args.no_browser,
     )  # fmt: skip
     return 0
 

@@ -112,8 +112,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--sweep 16).",
     "--seed N": ("Random seed: the same number gives the same run (default: 0).", ZERO),
     "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's, or 0).", WHOLE),
-    "--scenario SCENARIO": "Scenario of a record that does not contain its own: a name or a TOML "
-    "path (default: the record's).",
     # how they are run
     "--jobs N": ("Number of worker processes; results do not depend on it (default: one per core, "
                  "here %(default)s).", {"type": int, "default": os.cpu_count() or 1}),
@@ -126,12 +124,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--overwrite": "Remove what the folder holds first (default: keep it, and run what is "
     "missing).",
     "--time-limit S": ("Longest time of one run of your own code [s] (default: 600).", NUMBER),
-    "--no-cache": "Simulate every record and keep none (default: simulated records are kept for "
-    "the next run).",
     "--dry-run": "Print the variants, the time on this machine and the disk space, and stop "
     "(default: run).",
-    "--no-covariance": "Save estimates without covariance, which is several times faster on long "
-    "records (default: with it).",
     # what to list
     "--group GROUP": ("Only scenarios of a group, such as steps (default: all).", {"default": ""}),
     "--find TEXT": ("Only lines with this text (default: all).", {"default": ""}),
@@ -146,10 +140,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--match-std": "Tune both to the same noise first, and compare the lag alone (default: compare "
     "them as they are).",
     "--strict": "Exit with status 3 if the verdict is undecided (default: 0).",
-    "import: --strict": "Exit with status 1 if a check says that estimates are spoilt (default: "
-    "0).",
-    "--match NAME": ("Quantity to match: excess (the excess prediction error), or the parameter "
-                     "whose std is matched (default: excess).", {"default": "excess"}),
     "--sweep SUITE|SCENARIO": (
         "Compare the lag at equal noise on these scenarios, over many settings (default: tune on "
         "the nominal axis).", {"nargs": "+"},
@@ -186,8 +176,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--false-alarms P": ("Probability that many logs without a change show one (default: 0.01).",
                          {"type": float, "default": 0.01}),
     # the live axis
-    "--exaggerate X": ("Magnification of the joint twist in the picture (default: 100).",
-                       {"type": float, "default": 100.0}),
     "--port N": ("Port of the page (default: 8080, or the next free one).", WHOLE),
     "--no-browser": "Print the address only (default: open a browser).",
     # where to
@@ -196,7 +184,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "study: -o DIR": ("Folder for rows and report (default: results/NAME).", PATH),
     "compare: -o DIR": ("Folder for rows, verdict and report (default: results/compare).", PATH),
     "tune: -o DIR": ("Folder for rows (default: results/tune).", PATH),
-    "report: -o FILE": ("File for the report (default: report.html in the folder).", PATH),
     "simulate: -o FILE": ("File for the record or log (default: SCENARIO-SEED.nc or .csv).", PATH),
     "estimate: -o FILE": ("File for the estimates (default: RECORD-estimates.nc).", PATH),
     "import: -o REC.nc": ("File for the record (default: LOG.nc, or LOG-imported.nc).", PATH),
@@ -205,7 +192,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "track: -o EST.nc": ("File for the estimates (default: LOG-track.nc).", PATH),
     "paper: -o DIR": ("Folder for figures and claims (default: results/paper).", PATH),
     **LOG_OPTIONS,
-    "demo: --speed X": ("Multiple of real time, 0.05 to 50 (default: 1).", NUMBER),
+    "demo: --speed X": ("Multiple of real time (default: 1).", {"type": float, "default": 1.0}),
 }  # fmt: skip
 """Every option: its name and what it takes, then its help, and keywords of `add_argument`.
 

@@ -11,8 +11,7 @@ from flexaxis.experiments.commands.options import Args, answer, command
 from flexaxis.experiments.files import REPORT, check_file, check_not_input
 from flexaxis.sim.errors import FlexaxisError
 
-ENGINE = ("-o", "--jobs", "--dask", "--shard", "--from", "--overwrite", "--time-limit",
-          "--no-cache")  # fmt: skip
+ENGINE = ("-o", "--jobs", "--dask", "--shard", "--from", "--overwrite", "--time-limit")
 
 
 def one_or_more(names: list[str]) -> Any:
@@ -22,9 +21,8 @@ def one_or_more(names: list[str]) -> Any:
 
 def work(args: Args) -> dict[str, Any]:
     """Return how cases are run, as for `fx.benchmark`."""
-    names = ("jobs", "dask", "overwrite", "time_limit")
-    options = {name: getattr(args, name) for name in names if name in args}
-    return options | {"cache": not getattr(args, "no_cache", False)}
+    names = ("jobs", "dask", "shard", "overwrite", "time_limit")
+    return {name: getattr(args, name) for name in names if name in args}
 
 
 @command("run", "names", "--estimator", "--seeds", *ENGINE)
@@ -56,7 +54,7 @@ def run(args: Args) -> int:
     check_not_input(args.names, folder)
     results = fx.benchmark(
         args.estimator, scenarios=one_or_more(args.names), seeds=args.seeds, folder=folder,
-        shard=args.shard, command=args.line, **work(args),
+        **work(args),
     )  # fmt: skip
     return _results(args, results)
 
@@ -107,7 +105,7 @@ def study(args: Args) -> int:
         words += "".join(f"; not timed: {text}" for text in known["not_timed"])
         return answer(args, known, 0, *lines, words)
     results = fx.study(
-        args.file, folder=folder, shard=args.shard, command=args.line, **work(args)
+        args.file, folder=folder, **work(args)
     )  # fmt: skip
     return _results(args, results)
 
@@ -144,17 +142,15 @@ def _results(args: Args, results: Any, missing: int = 0) -> int:
     return answer(args, content, status, *lines, f"report: {path}" if whole else path)
 
 
-@command("run", "folder", "-o")
+@command("run", "folder")
 def report(args: Args) -> int:
     """Write report.html again from the results in a folder.
 
     example:
       flexaxis report results/smoke
     """
-    path = args.output or args.folder / REPORT
-    results = fx.load(args.folder)
-    check_not_input(args.folder.glob("s*"), path)
-    return answer(args, {"report": results.report(path)}, 0, f"report: {path}")
+    path = fx.load(args.folder).report()
+    return answer(args, {"report": path}, 0, f"report: {path}")
 
 
 @command("run", "scenario", "--seed", "-o", *("--as-log", "--units", "--jitter", "--gaps",
@@ -195,7 +191,7 @@ def simulate(args: Args) -> int:
     return answer(args, content | {"import": line}, 0, f"import it by: {line}", path)
 
 
-@command("run", "record", "--estimator", "--scenario", "--no-covariance", "-o")
+@command("run", "record", "--estimator", "-o")
 def estimate(args: Args) -> int:
     """Run an estimator on a record and save the estimates over time.
 
@@ -210,12 +206,11 @@ def estimate(args: Args) -> int:
     check_file(args.record)
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")
     code = args.estimator.partition(":")[0]
-    check_not_input((args.record, args.scenario, code), path)
-    result = fx.estimate(args.record, args.estimator, scenario=args.scenario)
-    result.save(path, covariance=not args.no_covariance)
+    check_not_input((args.record, code), path)
+    result = fx.estimate(args.record, args.estimator)
+    result.save(path)
     errors = result.table["error [%]"].dropna()
     words = ", ".join(f"{name} {error:+.2f} %" for name, error in errors.items())
-    truth = {name: float(values[-1]) for name, values in result.truth.items()}
-    content = {"path": path, "estimator": result.estimator, "last": result.last, "truth": truth}
+    content = {"path": path, "estimator": result.estimator, **result.table.to_dict()}
     end = f"At the end {result.estimator} is off by: {words or 'unknown, the record has no truth'}."
     return answer(args, content, 0, result.table, end, path)

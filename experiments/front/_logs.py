@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from flexaxis._records import panels
+from flexaxis._records import draw
 from flexaxis.experiments.logs import pages
 from flexaxis.experiments.logs import track as tracking
 from flexaxis.experiments.logs.axis_file import find_axis
@@ -19,6 +19,7 @@ from flexaxis.experiments.logs.importing import Imported, import_any
 from flexaxis.experiments.logs.many import find_logs, identify_many
 from flexaxis.experiments.logs.validate import validate as validated
 from flexaxis.experiments.running.estimators import parse
+from flexaxis.sim.record import Record
 
 Log = Any  # a path, a record, or what `import_log` returned
 
@@ -72,9 +73,7 @@ class LogResult:
             One for each of its panels; new ones by default.
         """
         shown = self.page.charts[chart]
-        axes = panels(ax, len(shown.panels))
-        shown.draw(axes=axes)
-        return axes
+        return draw(shown.panels, ax, x=shown.x, **shown.options)
 
     def __repr__(self) -> str:
         lines = [f"{MARKS[one.kind]} {one.sentence}" for one in self.page.remarks]
@@ -85,31 +84,26 @@ def _read(log: Log, options: Mapping[str, Any] | None) -> Imported:
     """Return the record of a log and its checks; print what spoils estimates."""
     if not isinstance(log, str | Path):
         return Imported(getattr(log, "record", log), ())
-    columns, treated = _split(options)
-    with waiting(f"reading {log}"):
-        found = import_any(Path(log), columns, **treated)
+    found = import_any(Path(log), **(options or {}))
     say_problems(Path(log), found.checks)
     return found
 
 
-def _split(options: Mapping[str, Any] | None) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return which columns to read, and what is done to them."""
-    columns = dict(options or {})
-    return columns, {name: columns.pop(name, None) for name in ("resample", "burn_in")}
+def _name(record: Record) -> str:
+    """Return the name of the log that a record was made from."""
+    return record.versions.get("log") or str(record)
 
 
 def _axis(model: Any) -> Any:
     return find_axis(str(model)) if isinstance(model, str | Path) else getattr(model, "axis", model)
 
 
-def import_log(path: str | Path, *, command: str = "", **columns: Any) -> LogResult:
+def import_log(path: str | Path, **columns: Any) -> LogResult:
     """Read a log, and check it before any estimator does; `flexaxis import` in Python.
 
     Parameters
     ----------
     path : str or Path
-    command : str
-        The line that does it again, for the page.
     **columns
         Columns (``torque="current"``), ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``,
         ``torque_is``; ``resample`` [Hz] and ``burn_in`` [s].
@@ -117,7 +111,7 @@ def import_log(path: str | Path, *, command: str = "", **columns: Any) -> LogRes
     found = _read(path, columns)
     checks = [check.told() for check in found.checks]
     table = pd.DataFrame(checks).set_index("name")[["verdict", "value", "unit"]]
-    page = pages.import_page(found, Path(path).name, command)
+    page = pages.import_page(found, Path(path).name)
     return LogResult(
         found, page, {"checks": checks}, table, record=found.record, write=found.record.save
     )
@@ -133,7 +127,6 @@ def identify(
     covariates: Sequence[str] = (),
     false_alarms: float = 0.01,
     columns: Mapping[str, Any] | None = None,
-    command: str = "",
     **options: Any,
 ) -> LogResult:
     """Identify an axis from its log, or from many; `flexaxis identify` in Python.
@@ -157,8 +150,6 @@ def identify(
         Probability that many logs without a change show one.
     columns : mapping, optional
         How to read a log, as the options of `import_log`.
-    command : str
-        The line that does it again, for the page.
     **options
         ``free, friction, gravity, delay, highpass`` as of
         `flexaxis.experiments.logs.identify.identify`.
@@ -168,33 +159,28 @@ def identify(
     laws = {name: values.pop(name) for name in {*values} - {*axis.model.parameters}}
     axis = replace(axis.having(values), known=axis.known or bool(values.keys() & start.keys()))
     if isinstance(log, str | Path) and Path(log).is_dir():
-        names, treated = _split(columns)
         with waiting(f"identifying the logs of {log}"):
             many = identify_many(
-                find_logs(Path(log)), axis, names, covariates=covariates,
-                free=options.get("free", ()), false_alarms=false_alarms, **treated,
+                find_logs(Path(log)), axis, columns or {}, covariates=covariates,
+                free=options.get("free", ()), false_alarms=false_alarms,
             )  # fmt: skip
         title = f"{axis.model.name} in {len(many.table)} logs"
         content = {"logs": many.table.to_dict("index"), "remarks": texts_of(many.findings, *MARKS)}
         return LogResult(
-            many, pages.many_page(many, title, command), content, many.table, many.status,
+            many, pages.many_page(many, title), content, many.table, many.status,
             write=many.table.to_csv,
         )  # fmt: skip
     record = _read(log, columns).record
     with waiting(f"identifying {axis.model.name}"):
         found = fitted(record, axis, fix=tuple(fix), given=laws, **options)
     other = None if validate is None else validated(_read(validate, columns).record, found.axis)
-    title = f"{found.axis.model.name} from {_name(log)}"
-    page = pages.identification_page(found, record.period, other, title, command)
+    title = f"{found.axis.model.name} from {_name(record)}"
+    page = pages.identification_page(found, record.period, other, title)
     content = pages.content(found, other)
     return LogResult(
         found, page, content, pd.DataFrame(found.estimates, ["value", "sd"]).T,
         int(bool(content["warnings"])), record, found.axis, found.axis.save,
     )  # fmt: skip
-
-
-def _name(log: Log) -> str:
-    return Path(log).name if isinstance(log, str | Path) else "a record"
 
 
 def track(
@@ -205,7 +191,6 @@ def track(
     *,
     start: float = 1.0,
     columns: Mapping[str, Any] | None = None,
-    command: str = "",
 ) -> LogResult:
     """Follow parameters along a log by a recursive estimator; `flexaxis track` in Python.
 
@@ -219,7 +204,7 @@ def track(
         By default ekf, or glr for an axis with dry friction.
     start : float
         Initial estimate as a multiple of the identified value.
-    columns, command
+    columns
         As for `identify`.
     """
     known = _axis(axis)
@@ -230,8 +215,7 @@ def track(
     values = {"last": found.last, "nominal": found.nominal, "ratio": found.last / found.nominal}
     table = pd.DataFrame(values, found.names)
     page = pages.track_page(
-        found, spec.text, problems=texts_of(read.checks, "problem"), log=_name(log),
-        command=command,
+        found, spec.text, problems=texts_of(read.checks, "problem"), log=_name(read.record)
     )  # fmt: skip
     content = table.to_dict() | {
         "fit": found.fit,

@@ -27,6 +27,7 @@ from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.running.case import Options, Outcome, run_unit
 from flexaxis.experiments.running.estimators import Misfit, Spec, build, parse
+from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.store import CSV, ROWS, Store
 from flexaxis.experiments.running.study import Study, Unit, describe, missing, units
@@ -105,8 +106,8 @@ class Runner:
         Of one run of a user's estimator [s].
     overwrite : bool
         Whether to remove the rows of the folder first.
-    advance : callable, optional
-        Called with the number of cases done since the last call.
+    shard : (int, int)
+        Number of the part that is run, from 1, and of all parts.
 
     Attributes
     ----------
@@ -126,7 +127,7 @@ class Runner:
     def __init__(
         self, folder: Path | None = None, *, jobs: int = 1, executor: Executor | None = None,
         cache: RecordCache | None = None, time_limit: float | None = None,
-        overwrite: bool = False, advance: Callable[[int], object] = lambda cases: None,
+        overwrite: bool = False, shard: tuple[int, int] = (1, 1),
     ) -> None:  # fmt: skip
         if not (isinstance(jobs, int) and jobs > 0):
             raise FlexaxisError(f"jobs {jobs!r}: give a number of processes, 1 or more")
@@ -139,9 +140,9 @@ class Runner:
         self._workers: Sequence[Any] = (
             [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
         )
-        self._advance, self.done = advance, 0
+        self.done = 0
         self.remarks: list[tuple[str, str]] = []
-        self._folder, self._overwrite = folder, overwrite
+        self._folder, self._overwrite, self.shard = folder, overwrite, shard
 
     @cached_property
     def store(self) -> Store:
@@ -159,7 +160,7 @@ class Runner:
                 worker.end()
 
     def run(
-        self, study: Study, *, shard: tuple[int, int] = (1, 1), traces: bool = False,
+        self, study: Study, *, traces: bool = False,
         about: Mapping[str, Any] | None = None,
     ) -> Results:  # fmt: skip
         """Run what is missing of a study and return its results.
@@ -167,8 +168,6 @@ class Runner:
         Parameters
         ----------
         study : Study
-        shard : (int, int)
-            Number of this shard, from 1, and of all shards.
         traces : bool
             Whether to keep what figures of single runs need; cases without it are run again.
         about : mapping, optional
@@ -186,7 +185,7 @@ class Runner:
         plan, stored = units(study), self._folder and (self._folder / ROWS).exists()
         is_open = "store" in vars(self) or (stored and not self._overwrite)
         kept = self.store.done(traced=traces) if is_open else set[str]()
-        todo = list(missing(plan[shard[0] - 1 :: shard[1]], kept))
+        todo = list(missing(plan[self.shard[0] - 1 :: self.shard[1]], kept))
         pairs = {
             (unit.base, setting.text): (unit.scenario, setting.spec)
             for unit in todo for setting in unit.settings
@@ -198,13 +197,14 @@ class Runner:
         if about is not None:
             self.store.set_study(description)
         lost, reason = sum(len(unit.cases()) for unit in todo), "unknown reason"
-        for outcome in self._outcomes(todo, replace(self._options, traces=traces)):
-            self.store.add(outcome.cases)
-            lost -= len(outcome.cases)
-            self.done += len(outcome.cases)
-            self.remarks += outcome.remarks
-            reason = next(iter(outcome.missing), reason)
-            self._advance(len(outcome.cases))
+        with progress(f"{lost} cases", lost) as advance:
+            for outcome in self._outcomes(todo, replace(self._options, traces=traces)):
+                self.store.add(outcome.cases)
+                lost -= len(outcome.cases)
+                self.done += len(outcome.cases)
+                self.remarks += outcome.remarks
+                reason = next(iter(outcome.missing), reason)
+                advance(len(outcome.cases))
         if lost:
             raise NotRun(
                 f"{lost} cases were not run: {reason}. What is done is kept, and the same command "

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.catalogue.find import Suite
 from flexaxis.experiments.comparison import sweep
-from flexaxis.experiments.comparison.ranking import faults_of, overall, widest
+from flexaxis.experiments.comparison.ranking import REFERENCE, faults_of, overall, widest
 from flexaxis.experiments.files import (
     REPORT,
     SUMMARY,
@@ -25,7 +26,7 @@ from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
 from flexaxis.experiments.running.cache import default_cache, keep_nominal_runs
 from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
-from flexaxis.experiments.running.progress import progress
+from flexaxis.experiments.running.progress import LINE, remark
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.store import CSV, ROWS, Store
@@ -37,21 +38,18 @@ FAILURE = ("scenario", "estimator", "seed", "error")
 
 @contextmanager
 def working(
-    cases: int, folder: str | Path | None = None, *, jobs: int = 1, dask: str | None = None,
-    cache: bool = True, overwrite: bool = False, time_limit: float | None = None,
-) -> Iterator[Runner]:  # fmt: skip
-    """Give a runner with progress; warn of estimates that are not finite."""
+    folder: str | Path | None = None, *, dask: str | None = None, cache: bool = True, **options: Any
+) -> Iterator[Runner]:
+    """Give a runner with its options; warn of estimates that are not finite."""
     with ExitStack() as stack:
-        executor, kept = None, default_cache() if cache else None
+        kept = default_cache() if cache else None
         stack.enter_context(keep_nominal_runs(kept))
         if dask:
             client = stack.enter_context(optional_package("distributed").Client(dask))
-            executor, jobs = client.get_executor(retries=2), sum(client.nthreads().values())
-        advance = stack.enter_context(progress(f"{cases} cases at most", cases))
-        runner = stack.enter_context(Runner(
-            Path(folder) if folder else None, jobs=jobs, executor=executor,
-            cache=kept, overwrite=overwrite, time_limit=time_limit, advance=advance,
-        ))  # fmt: skip
+            options["executor"] = client.get_executor(retries=2)
+            options["jobs"] = sum(client.nthreads().values())
+        place = Path(folder) if folder else None
+        runner = stack.enter_context(Runner(place, cache=kept, **options))
         yield runner
     for estimator, where in dict(reversed(runner.remarks)).items():
         warnings.warn(
@@ -61,15 +59,40 @@ def working(
         )
 
 
+def benchmark(
+    suite: Suite, estimators: Sequence[str], seeds: Sequence[int], runner: Runner
+) -> Results:
+    """Run a suite; the estimators of a user run where the references of the suite do.
+
+    Parameters
+    ----------
+    suite : Suite
+        As from `select`.
+    estimators : sequence of str
+        Those of the suite if empty; scenarios that one of them cannot read are left out.
+    seeds : sequence of int
+    runner : Runner
+    """
+    own, swept, turned = suite.scenarios, suite.swept_scenarios, suite.swept_estimators
+    if estimators:
+        left_out = runner.misfits([*own, *swept], estimators)
+        for name, reason in left_out.items():
+            remark(f"{name} is left out: {reason}")
+        own = [s for s in own if s.name not in left_out] or own  # running them says why
+        swept = [s for s in swept if s.name not in left_out]
+        turned = [*dict.fromkeys([REFERENCE, *estimators])]
+    texts = tuple(estimators or suite.estimators)
+    wanted = Study(suite.name, tuple(own), texts, tuple(seeds))
+    return run(wanted, runner, swept=(swept, turned))
+
+
 def run(
     study: Study,
     runner: Runner,
     *,
     swept: tuple[Sequence[Scenario], Sequence[str]] = ((), ()),
-    command: str = "",
-    shard: tuple[int, int] = (1, 1),
 ) -> Results:
-    """Run what is missing of a study; a folder gets its summary and report.
+    """Run what is missing of a study; a folder gets its summary and report, a shard gets none.
 
     Parameters
     ----------
@@ -78,10 +101,6 @@ def run(
     runner : Runner
     swept : (sequence of Scenario, sequence of str)
         Where to compare which estimators at equal noise, for the report of a run.
-    command : str
-        The line that runs it again, for the report.
-    shard
-        As in `Runner.run`. A shard has no report: `merge` puts shards together first.
 
     Raises
     ------
@@ -89,9 +108,9 @@ def run(
         As from `Runner.run`.
     """
     tradeoff = {"scenarios": [s.resolved() for s in swept[0]], "estimators": list(swept[1])}
-    about = {"title": study.name, "command": command, "tradeoff": tradeoff}
-    results = runner.run(study, shard=shard, traces=not study.axes, about=about)
-    if results.folder and shard == (1, 1):
+    about = {"title": study.name, "command": LINE.get(), "tradeoff": tradeoff}
+    results = runner.run(study, traces=not study.axes, about=about)
+    if results.folder and runner.shard == (1, 1):
         finish(results, runner)
     return results
 

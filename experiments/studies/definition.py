@@ -15,7 +15,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running import estimators as specs
-from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_option, units
+from flexaxis.experiments.running.study import ALL, Point, Study, is_option, units
 from flexaxis.experiments.running.user_code import names_code
 from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
@@ -101,17 +101,16 @@ Dotted = Annotated[dict[str, Any], BeforeValidator(_flat)]
 class StudyFile(Config):
     """The keys of a study file; docs/studies.md explains each."""
 
-    name: Word
+    name: Word = "study"
     scenario: Words
     estimators: Words
     seeds: Annotated[tuple[int, ...], BeforeValidator(_numbers), Field(strict=False)]
     override: Dotted = Field(default_factory=dict)
     sweep: Dotted = Field(default_factory=dict)
     streams: Literal["common", "own"] = "common"
-    twins: bool = True
 
 
-BLANK = {"name": "study", "scenario": (), "estimators": (), "seeds": 1}
+BLANK = {"scenario": (), "estimators": (), "seeds": 1}
 """What stands for a missing or wrong key while the others are checked."""
 
 
@@ -124,8 +123,8 @@ def load_study(path: str | Path) -> Study:
         With one line for each problem, naming file and key.
     """
     path = Path(path)
-    content = read_toml(path, StudyError)
-    return study_from({"name": path.stem} | content, source=str(path), folder=path.parent)
+    content = {"name": path.stem} | read_toml(path, StudyError)
+    return study_from(content, source=str(path), folder=path.parent)
 
 
 def study_from(
@@ -176,7 +175,7 @@ def study_from(
     axes = {key: values for key, values in file.sweep.items() if key not in wrong_axes}
     study = Study(
         file.name, tuple(known["scenario"]), tuple(known["estimators"]), file.seeds, tuple(axes),
-        (*_grid(axes), *_twins(file, axes)), file.streams,
+        tuple(_grid(axes)), file.streams,
     )  # fmt: skip
     try:
         units(study)
@@ -197,16 +196,6 @@ def _grid(axes: Mapping[str, Any]) -> list[Point]:
     [{'a': 1, 'b': 3}, {'a': 2, 'b': 3}]
     """
     return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
-
-
-def _twins(file: StudyFile, axes: Mapping[str, Any]) -> Iterator[Point]:
-    """Yield the points with a fault of no size (factor 1) in its place, each once.
-
-    On the same streams they are the fault-free twins: what is found there is a false alarm.
-    """
-    for size in filter(SIZE.fullmatch, axes):
-        if file.twins and file.streams == "common" and 1.0 not in axes[size]:
-            yield from _grid({**axes, size: [1.0]})
 
 
 def _sweep_problems(file: StudyFile) -> Iterator[tuple[str, str]]:

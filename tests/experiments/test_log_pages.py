@@ -20,7 +20,7 @@ def test_a_page_of_a_long_log_is_small_says_what_is_wrong_and_has_its_spike(tmp_
         Finding("ok", "none", "units"),
         Finding("problem", "turned <", "signs", 3.0, "%", "-x"),
     )
-    page = import_page(Imported(record, checks), "a.csv", "flexaxis import a.csv")
+    page = import_page(Imported(record, checks), "a.csv")
     assert page.finding.kind == "problem" and "signs" in page.finding.text
     page.write(tmp_path / "log.html")
     html = (tmp_path / "log.html").read_text(encoding="utf-8")

@@ -18,7 +18,6 @@ FILE = """\
 scenario = "short.toml"
 estimators = ["rpem-forgetting", "frozen"]
 seeds = 2
-twins = false
 [override]
 duration = 4.0
 "fault[0].at" = 2.5
@@ -101,7 +100,7 @@ def study_of(sweep, **more):
 
 def test_points_that_define_the_same_run_are_one():
     every = missing(units(study_of({"fault[0].factor": [1.5, 2.0, 1.5]})), set())
-    assert len({unit.scenario.hash for unit in every}) == 3  # and the twin
+    assert len({unit.scenario.hash for unit in every}) == 2
 
 
 def test_quotes_around_dotted_keys_are_optional(tmp_path):
