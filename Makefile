@@ -26,7 +26,7 @@ help:
 	@echo "make test-browser  the demo in Chromium, where that is installed"
 	@echo "make check      ruff, formatting, type checker, architecture test"
 	@echo "make docs-tables  the measured tables of the documentation (half an hour)"
-	@echo "make docs-speed  those of docs/speed.md, measured on this machine (half an hour)"
+	@echo "make docs-speed  those of docs/speed.md, measured on this machine (minutes)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
 	@echo "make site       the documentation as pages that need no network: results/site/docs/index.html"
 	@echo "make dist       wheel and source archive of the last commit, the same bytes wherever: dist/"
@@ -57,7 +57,7 @@ format: $(VENV)/.check
 docs-tables: $(VENV)/.test
 	$(BIN)/python docs/results.py
 
-docs-speed: $(VENV)/.peers
+docs-speed: $(VENV)/.test
 	$(BIN)/python docs/speed.py
 
 notebooks: $(VENV)/.test
@@ -75,8 +75,7 @@ $(VENV)/.test: EXTRA := [test]
 $(VENV)/.check: EXTRA := [check]
 $(VENV)/.browser: EXTRA := [test,docs]
 $(VENV)/.docs: EXTRA := [docs]
-$(VENV)/.peers: EXTRA := [peers]
-$(VENV)/.core $(VENV)/.test $(VENV)/.check $(VENV)/.browser $(VENV)/.docs $(VENV)/.peers: pyproject.toml | $(VENV)/pyvenv.cfg
+$(VENV)/.core $(VENV)/.test $(VENV)/.check $(VENV)/.browser $(VENV)/.docs: pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "flexaxis: installing into $(VENV) (a minute or two the first time)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".$(EXTRA)" || \
 	  { echo "flexaxis: installation failed; pip's message is above. A connection to a package index is needed once."; exit 1; }
@@ -92,5 +91,5 @@ $(VENV)/pyvenv.cfg:
 	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 clean:
-	rm -rf $(VENV) .venv-peers results build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) results build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

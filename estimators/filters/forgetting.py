@@ -86,7 +86,13 @@ def _divide(P, factor):
 
 
 def forgetful_filter(
-    design: Design, rule: int, *, robust: float, ceiling: float, **more: float
+    design: Design,
+    rule: int,
+    *,
+    robust: float,
+    ceiling: float,
+    correct: bool = False,
+    **more: float,
 ) -> CompiledFilter:
     """
     Make a prediction-error method with a rule of its own in the place of eq. (9) or (10).
@@ -96,8 +102,8 @@ def forgetful_filter(
     design : Design
     rule : int
         Of the above.
-    robust, ceiling, **more
+    robust, ceiling, correct, **more
         As for `flexaxis.estimators.filters.prediction_error.recursion`.
     """
-    start = recursion(design, robust=robust, ceiling=ceiling, rule=rule, **more)
+    start = recursion(design, robust=robust, ceiling=ceiling, correct=correct, rule=rule, **more)
     return CompiledFilter(LOOP, start, design, read_claim)

@@ -5,7 +5,6 @@ A mode is a joint filter; what differs between modes has a row for each, the fir
 one.
 """
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -80,7 +79,7 @@ def modes_in(block, at):
     )
 
 
-def modes_of(arrays: Mapping[str, NDArray], count: int) -> Memory:
+def modes_of(arrays: dict[str, NDArray], count: int) -> Memory:
     """Return so many modes that begin as one joint filter, from the arrays of that."""
     own = ("now", "theta", "X", "P", "G", "GP", "gain", "drift")
     one = arrays | {"now": arrays["now"][0]}

@@ -77,7 +77,8 @@ def acting(
             if parameter in identify:
                 record["value"][r], record["parameter"][r] = 1.0, identify.index(parameter)
             else:
-                record["value"][r] = nominal.get(parameter, parameter)
+                value = nominal[parameter] if isinstance(parameter, str) else parameter
+                record["value"][r] = value
         drive.append([law.drive.get(state, 0.0) for state in states])
     own = memory - len(states)
     inputs = [law.drive.get(INPUT, 0.0) for law in laws]

@@ -142,7 +142,7 @@ def _numba() -> Any:
             ours = SOURCES in Path(path).parents
             return Path(path).parent.name if ours else usual(path)
 
-        _CacheLocator.get_suitable_cache_subpath = staticmethod(place)
+        _CacheLocator.get_suitable_cache_subpath = staticmethod(place)  # type: ignore[method-assign]
     typeof_impl.register(Compiled)(lambda value, _: numba.types.Dispatcher(value.dispatcher))
     return numba
 

@@ -52,16 +52,16 @@ class Memory:
         self.at, self._content = state
         words = np.atleast_1d(self._content).view(np.float64)
         self.block = words.reshape((*self._content.shape, -1))
-        if "now" in self._content.dtype.names:
+        self._names = frozenset(self._content.dtype.names or ())
+        if "now" in self._names:
             now = self._content["now"]
             self._now = now[..., 0] if now.shape[-1] == 1 else now
 
     def __getitem__(self, name: str) -> Any:
-        known = self._content.dtype.names
-        return self._content[name] if name in known else self._now[name][()]
+        return self._content[name] if name in self._names else self._now[name][()]
 
     def __setitem__(self, name: str, value: Any) -> None:
-        (self._content if name in self._content.dtype.names else self._now)[name] = value
+        (self._content if name in self._names else self._now)[name] = value
 
     def __deepcopy__(self, memo: object) -> "Memory":
         return self.copy()

@@ -14,6 +14,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.rows import copy
 from flexaxis.estimators.models.simulation import any_sample, simulation, simulation_in
+from flexaxis.estimators.offline.coulomb import dry, follow, is_dry
 from flexaxis.estimators.offline.delay import delay_slope, delayed
 from flexaxis.estimators.signals import find_signal
 
@@ -78,6 +79,8 @@ class Course:
     beside : (m, N) array
         What acts beside the torque in proportion to a gain each, such as the sine of a measured
         angle.
+    dry : bool
+        Whether the law is Coulomb friction, of which reversals are met exactly.
     """
 
     model: Parametrization
@@ -89,6 +92,7 @@ class Course:
     begins: tuple[int, ...] = (0,)
     resting: bool = False
     beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    dry: bool = False
 
     @property
     def p(self) -> int:
@@ -115,7 +119,7 @@ class Course:
     @property
     def coarsens(self) -> bool:
         """Whether there are laws that are solved in steps."""
-        return self.model.forces > 0
+        return self.model.forces > 0 and not self.dry
 
     def fastest(self, theta: Array) -> float:
         """Return the greatest |pole| of the linear part, in radians a sample; inf if it is none."""
@@ -143,26 +147,50 @@ class Course:
             slopes[:m] = self.beside
             torque = torque + z[p : p + m] @ self.beside
         width = max(place.stop - place.start for place in self.states)
-        further, offset = m + width + 2, self.offset
+        further = m + width + 2
         found = np.zeros((1 + self.q, len(torque)))
         ends = [*self.begins[1:], len(torque) - 1]
         for begin, end, place in zip(self.begins, ends, self.states, strict=True):
-            usual, fine = self._simulations(z[:p], further, coarse=coarse)
-            X, own, last = usual["X"], place.stop - place.start, p + further
-            X[list(self.free)[:own], 0], X[offset, 0] = z[place], z[-2]
-            X[list(self.free)[:own], 1 + p + m + np.arange(own)] = 1.0
-            X[offset, last - 1] = 1.0
-            rows = np.zeros((end - begin, X.shape[1]))
-            _along(
-                usual.block, usual.at, fine.block, fine.at, np.zeros_like(X),
-                np.zeros((2, self.model.forces)), torque[begin:end],
-                np.ascontiguousarray(slopes[:, begin:end]),
-                np.array([offset, 1 + p, last]), rows,
-            )  # fmt: skip
+            here = slice(begin, end)
+            steps = self._exact if self.dry else self._stepped
+            rows = steps(z, place, torque[here], slopes[:, here], further, coarse=coarse)
+            own, last = place.stop - place.start, p + further
             lanes = [*range(1 + p + m + own), last - 1, last]
             to = [*range(1 + p + m), *range(1 + place.start, 1 + place.stop), self.q - 1, self.q]
-            found[to, begin + 1 : end + 1] = rows.T[lanes]
+            found[to, begin + 1 : end + 1] = rows[lanes]
         return found[0], found[1:]
+
+    def _exact(
+        self, z: Array, place: slice, u: Array, slopes: Array, further: int, *, coarse: bool
+    ) -> Array:  # fmt: skip
+        """Return output and derivatives (lanes, N) of a stretch under Coulomb friction."""
+        p, own, last = self.p, place.stop - place.start, self.p + further
+        X = np.zeros((1 + last, self.model.n + 1))
+        X[0, list(self.free)[:own]], X[0, self.offset] = z[place], z[-2]
+        X[1 + p + self.m + np.arange(own), list(self.free)[:own]] = 1.0
+        X[last - 1, self.offset] = 1.0
+        u, slopes = np.append(u, 0.0), np.hstack([slopes, np.zeros((len(slopes), 1))])
+        rubbed = dry(self.model, z[:p], self.period)
+        return follow(rubbed, X, u, slopes, self.offset, 0, 1 + p)[:, 1:]
+
+    def _stepped(
+        self, z: Array, place: slice, u: Array, slopes: Array, further: int, *, coarse: bool
+    ) -> Array:  # fmt: skip
+        """Return output and derivatives (lanes, N) of a stretch, laws solved in steps."""
+        p, m, offset = self.p, self.m, self.offset
+        usual, fine = self._simulations(z[:p], further, coarse=coarse)
+        X, own, last = usual["X"], place.stop - place.start, p + further
+        X[list(self.free)[:own], 0], X[offset, 0] = z[place], z[-2]
+        X[list(self.free)[:own], 1 + p + m + np.arange(own)] = 1.0
+        X[offset, last - 1] = 1.0
+        rows = np.zeros((len(u), X.shape[1]))
+        _along(
+            usual.block, usual.at, fine.block, fine.at, np.zeros_like(X),
+            np.zeros((2, self.model.forces)), u,
+            np.ascontiguousarray(slopes),
+            np.array([offset, 1 + p, last]), rows,
+        )  # fmt: skip
+        return rows.T
 
     def _simulations(self, theta: Array, further: int, *, coarse: bool) -> tuple[Memory, Memory]:
         """Return the model for samples in which friction is smooth, and for those in which not."""
@@ -217,7 +245,8 @@ def course(
     torque = np.ascontiguousarray(u, float)
     more = np.zeros((0, len(torque))) if beside is None else beside
     offset = len(model.states)
-    return Course(chosen, free, offset, torque, period, smooth, tuple(begins), resting, more)
+    alone = is_dry(chosen, period)
+    return Course(chosen, free, offset, torque, period, smooth, tuple(begins), resting, more, alone)
 
 
 def _own(model: Parametrization) -> list[int]:

@@ -6,16 +6,15 @@ neighbouring settings as well, and its lag is read off where it is exactly as no
 there (`flexaxis.experiments.comparison.sweep`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
+from flexaxis.experiments.comparison.matching import Noise
 from flexaxis.experiments.comparison.ranking import MATCHED
-from flexaxis.experiments.comparison.sweep import Noise, Run, Runs
+from flexaxis.experiments.comparison.sweep import Run, Runs
 from flexaxis.experiments.comparison.tune import EXCESS, Tuned
 from flexaxis.experiments.gate.pairs import SIDES, Gap, Paired
 from flexaxis.sim.scenario import Scenario

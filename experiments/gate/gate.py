@@ -1,7 +1,5 @@
 """Compare a candidate with a base: run both on common seeds, and add seeds until it is decided."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

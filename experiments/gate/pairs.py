@@ -1,7 +1,5 @@
 """Pair the scores of base and candidate, run by run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -10,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.comparison.sweep import SPREADS
+from flexaxis.experiments.comparison.matching import SPREADS
 from flexaxis.experiments.scoring.score_table import METRICS, SCORES
 from flexaxis.sim.errors import FlexaxisError
 

@@ -1,7 +1,5 @@
 """A comparison in words, with the verdict first: for the terminal, Markdown, JSON and a page."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict

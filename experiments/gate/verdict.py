@@ -1,7 +1,5 @@
 """The rules: what can be said of each score, and of the runs that were lost."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -40,6 +40,7 @@ LEAST_GAIN = 0.01  # part by which the error of a simulation is to fall, to be w
 SURE = 3.0  # standard deviations of a level of friction, below which it is none
 RIGHT = 1.1  # times its noise, that a simulation leaves where the model is right
 NOTHING = 1e-3  # of the motion, of which no more is said
+STEPS = 1e-3  # of a parameter of a law, that solving it in steps is off: 0.24 % at 50 Hz
 
 
 @dataclass(frozen=True)
@@ -193,6 +194,9 @@ def deviations_of(setup: Setup, fitted: Fitted) -> Array:
     free, spread = np.diag(fitted.covariance) > 0, np.zeros(len(fitted.z))
     spread[free] = jackknife(fitted.slopes[free], fitted.white, fitted.good)[1]
     steps = discretisation(setup.problem(), fitted)
+    for i, name in enumerate(setup.names):
+        if name in setup.model.law_parameters:
+            steps[i] = max(steps[i], STEPS * abs(fitted.z[i]))
     return np.hypot(np.maximum(fitted.deviations, spread), steps)
 
 

@@ -126,6 +126,8 @@ def coarse_tick(time: Array, signals: Mapping[str, Array]) -> float:
     signals move farther over a longer step.
     """
     steps = np.diff(time)
+    if not steps.any():  # the same stamp in every row
+        return 0.0
     least, still = steps.min(), np.mean(steps == 0)
     tick = float(np.median(steps[steps > 0])) if still > SMALL else float(np.ptp(steps))
     grid = np.linspace(time[0], time[-1], len(time))

@@ -33,6 +33,7 @@ def fig3(e: Evidence) -> Figure:
     return curves(
         {"amplitude [N m]": [Series(x=omega, y=amplitude, role="data", label="torque")]},
         x=FREQUENCY,
+        limits={"amplitude [N m]": (0.0, 0.18)},
         marks=[(peak, "peak of the paper") for peak in PEAKS],
         spans=[(0.0, 70.0, f"{low_energy(e):.1f} % of the energy")],
     )
@@ -69,7 +70,7 @@ def fig5(e: Evidence) -> Figure:
         {"|G_θ|²": gains, "torque² [N² m²]": [torque]},
         x=FREQUENCY,
         logs=["|G_θ|²"],
-        limits={"|G_θ|²": (1e-6, 1e8), FREQUENCY: (0.0, 220.0)},
+        limits={"|G_θ|²": (1e-6, 1e8), FREQUENCY: (0, 220), "torque² [N² m²]": (0, 0.03)},
     )
 
 

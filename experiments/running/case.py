@@ -114,14 +114,11 @@ class Outcome:
         Why cases were not run through no fault of their estimators.
     simulated : int
         Records that were not in the cache.
-    remarks : list of (str, str)
-        Estimators of users that returned values that are not finite, and where.
     """
 
     cases: list[Done] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     simulated: int = 0
-    remarks: list[tuple[str, str]] = field(default_factory=list)
 
 
 def run_unit(unit: Unit, options: Options) -> Outcome:
@@ -165,10 +162,6 @@ def _run(
         if not error:
             result = run_case(unit.scenario, record, setting.spec, options)
             lines, trace = result.rows, pack(result) if options.traces else None
-            finite = np.isfinite(result.theta).all(axis=1)  # type: ignore[arg-type]
-            if setting.spec.is_users and not finite.all():
-                where = f"on {unit.scenario.name}, seed {seed}, sample {int(np.argmin(finite))}"
-                outcome.remarks.append((setting.text, where))
     except EstimatorError as raised:
         if is_of_the_machine(raised):
             outcome.missing.append(str(raised))
@@ -189,10 +182,9 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
     EstimatorError
         If the estimator raises an exception, or returns what it must not.
     """
-    drawn, program = scenario.drawn(record.seed or 0), spec.text.startswith(PIPE)
-    clock = time.perf_counter if program else time.thread_time
-    watched = spec.is_users and not program  # a program has its own time for an answer
-    with ended_after(options.time_limit if watched else None, options.log):
+    drawn = scenario.drawn(record.seed or 0)
+    clock = time.perf_counter if spec.text.startswith(PIPE) else time.thread_time
+    with ended_after(options.time_limit if spec.is_users else None, options.log):
         estimator = build(spec, drawn)
         start = clock()
         theta, claimed, innovations = follow(spec.text, estimator, drawn, record)

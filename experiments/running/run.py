@@ -113,8 +113,6 @@ class Runner:
     ----------
     done : int
         Cases run so far.
-    remarks : list of (str, str)
-        Estimators of users that returned values that are not finite, and where.
 
     Raises
     ------
@@ -141,7 +139,6 @@ class Runner:
             [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
         )
         self.done = 0
-        self.remarks: list[tuple[str, str]] = []
         self._folder, self._overwrite, self.shard = folder, overwrite, shard
 
     @cached_property
@@ -202,7 +199,6 @@ class Runner:
                 self.store.add(outcome.cases)
                 lost -= len(outcome.cases)
                 self.done += len(outcome.cases)
-                self.remarks += outcome.remarks
                 reason = next(iter(outcome.missing), reason)
                 advance(len(outcome.cases))
         if lost:

@@ -61,13 +61,12 @@ class Study:
     streams: str = "common"
 
     def __post_init__(self) -> None:
-        for key, what in (("name", "the same name"), ("hash", "the same content")):
+        for key in ("name", "hash"):
             count = Counter(getattr(scenario, key) for scenario in self.scenarios)
-            twice = [s.name for s in self.scenarios if count[getattr(s, key)] > 1]
-            if twice:
+            if twice := [s.name for s in self.scenarios if count[getattr(s, key)] > 1]:
                 raise StudyError(
-                    f"{self.name}: the scenarios {' and '.join(twice)} have {what}, so their "
-                    "results could not be told apart: rename one, or leave it out"
+                    f"{self.name}: the scenarios {' and '.join(twice)} have the same {key}, so "
+                    "their results could not be told apart: rename one, or leave it out"
                 )
 
     @property

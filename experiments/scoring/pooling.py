@@ -25,7 +25,7 @@ from flexaxis.experiments.scoring.intervals import (
     spread_interval,
     t_interval,
 )
-from flexaxis.experiments.scoring.scores import finite, rms, settling
+from flexaxis.experiments.scoring.scores import finite
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -202,23 +202,3 @@ def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Arr
 def spread_at_a_time(theta: ArrayLike) -> Array:
     """Return the standard deviation (…) of runs (S, M, …) at one time, pooled over the M times."""
     return np.sqrt(np.var(np.asarray(theta), axis=0, ddof=1).mean(axis=0))
-
-
-def settles(relative: Sequence[NDArray[np.float32]], level: float, period: float) -> float | None:
-    """Return when the median run comes inside ±level of θ̃/D and stays [s], or None."""
-    if not len(relative):
-        return None
-    return settling(np.median(np.stack(relative).astype(float), axis=0), level, period)
-
-
-def rmse(relative: Sequence[NDArray[np.float32]], at: Sequence[int]) -> dict[str, float]:
-    """Return the root mean square of θ̃/D over the runs, n samples after onset, by n."""
-    if not len(relative):
-        return {}
-    runs = np.stack(relative).astype(float)
-    return {str(n): float(rms(runs[:, n])) for n in at if n < runs.shape[1]}
-
-
-def efficiency(errors: Mapping[str, float], bound: Mapping[str, float] | None) -> dict[str, float]:
-    """Return rmse over the pooled bound with all unknown, n samples after onset; 1 is on it."""
-    return {n: error / bound[n] for n, error in errors.items() if bound and n in bound}

@@ -11,7 +11,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pooling
-from flexaxis.experiments.scoring.bounds import RMSE_AT
 from flexaxis.experiments.scoring.curves import CURVE_STEP, Detail, detail_of, later, shifted
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import by_seed, mean_interval, pseudo_values
@@ -210,28 +209,4 @@ def excess(by_name: Mapping[str, pooling.Columns], scenario: Scenario) -> dict[s
     return {
         "excess": finite(max(0.0, statistic(slice(None)))),
         "excess_interval": within and [max(0.0, end) for end in within],
-    }
-
-
-def of_trajectories(
-    relative: Sequence[NDArray[np.float32]], bound: Mapping[str, float] | None, *, period: float
-) -> dict[str, Any]:
-    """Return what is pooled of whole trajectories: `t63`, `t90`, `rmse`, `efficiency`.
-
-    Parameters
-    ----------
-    relative : sequence of ndarray
-        θ̃/D of the runs.
-    bound : mapping of str to float, optional
-        The pooled bound, by samples after onset.
-    period : float
-        Sampling period [s].
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        errors = pooling.rmse(relative, RMSE_AT)
-    return {
-        "t63": pooling.settles(relative, 0.37, period),
-        "t90": pooling.settles(relative, 0.10, period),
-        "rmse": errors,
-        "efficiency": pooling.efficiency(errors, bound),
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
@@ -51,12 +50,6 @@ def working(
         place = Path(folder) if folder else None
         runner = stack.enter_context(Runner(place, cache=kept, **options))
         yield runner
-    for estimator, where in dict(reversed(runner.remarks)).items():
-        warnings.warn(
-            f"{estimator} returned an estimate that is not finite, first {where}: such a run "
-            "counts as diverged",
-            stacklevel=4,  # the line of the user
-        )
 
 
 def benchmark(

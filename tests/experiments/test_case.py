@@ -59,12 +59,11 @@ def test_a_failed_case_is_a_run_lost_at_its_first_sample(tmp_path, cache):
     assert (scores["lost_at"] == 0).all()
 
 
-def test_nan_is_a_diverged_run_and_a_remark(tmp_path, cache):
+def test_nan_is_a_diverged_run(tmp_path, cache):
     found = outcome_of(f"{user_file(tmp_path)}:Nan", cache)
     scores = dict(zip(NUMBERS, found.cases[0].numbers.T, strict=True))
     assert scores["diverged"].all()
     assert not scores["failed"].any()
-    assert "sample 200" in found.remarks[0][1]
 
 
 def test_a_missing_package_leaves_no_row(tmp_path, cache):

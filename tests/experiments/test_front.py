@@ -150,9 +150,9 @@ def test_an_own_class_estimates(short):
         fx.estimate(record, Ends)
 
 
-def test_an_estimate_that_is_not_finite_is_a_warning(short):
-    with pytest.warns(UserWarning, match=r"Lost returned an estimate that is not finite"):
-        results = fx.benchmark(Lost, scenarios=short, seeds=1)
+def test_an_estimate_that_is_not_finite_counts_as_diverged(short):
+    assert np.isnan(fx.estimate(fx.simulate(short), Lost).last["f_m"])
+    results = fx.benchmark(Lost, scenarios=short, seeds=1)
     assert results.to_dataframe()["diverged"].all()
 
 

@@ -9,7 +9,6 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring import bounds
 from flexaxis.experiments.scoring.bounds import limits
 from flexaxis.experiments.scoring.score_table import undefined
-from flexaxis.experiments.scoring.summary import columns_of, of_trajectories, pool_columns
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.simulate import simulate
 
@@ -84,12 +83,3 @@ def row(bound):
         "bound": {"20": bound},
         "cost": {"us_per_sample": 1.0},
     }
-
-
-def test_efficiency_is_a_ratio_of_deviations():
-    """Errors .2 and .4 are .1 in the mean square; bounds .1 and .3 are .05: the ratio is √2."""
-    errors = [np.full(30, error, np.float32) for error in (0.2, -0.4)]
-    bound = pool_columns(columns_of([row(0.1), row(0.3)]))["bound"]
-    pooled = of_trajectories(errors, bound, period=T)
-    assert pooled["rmse"]["20"] == pytest.approx(np.sqrt(0.1), rel=1e-6)
-    assert pooled["efficiency"] == {"20": pytest.approx(np.sqrt(2), rel=1e-6)}

@@ -14,7 +14,6 @@ import pytest
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running import user_code
 from flexaxis.experiments.running.estimators import build, parse
 from flexaxis.experiments.running.user_code import PipeEstimator
 from flexaxis.sim.simulate import simulate
@@ -161,13 +160,6 @@ def test_programs_that_fail_later(program, old, new, message):
         for _ in range(2):
             time.sleep(0.2)
             estimator.run(np.ones(5), np.ones(5))
-
-
-def test_a_program_that_is_silent_is_stopped(program, monkeypatch):
-    estimator = started(program(("for u, y in zip(samples[::2]", "for u, y in zip(samples[2::2]")))
-    monkeypatch.setattr(user_code, "PATIENCE", 0.5)
-    with pytest.raises(EstimatorError, match=r"wrote 64 of 80 bytes.*silent for 0\.5 s"):
-        estimator.run(np.ones(5), np.ones(5))
 
 
 def test_its_files_decide_about_its_cases(program):

@@ -11,7 +11,7 @@ from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.pooling import spread
 from flexaxis.experiments.scoring.score_table import SCORES, rows, undefined
 from flexaxis.experiments.scoring.scores import Track
-from flexaxis.experiments.scoring.summary import of_trajectories, pool_rows
+from flexaxis.experiments.scoring.summary import pool_rows
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")
@@ -86,14 +86,6 @@ def test_the_pooled_std_is_that_of_an_estimate_at_any_time(time_constant):
     found = spread([r["std"] for r in of_all], [r["bias"] for r in of_all])
     # 2 %, within three standard deviations: a run holds 5 s/τ independent values, at least one
     assert found == pytest.approx(2.0, rel=3 / np.sqrt(2 * RUNS * max(1.0, 5 / time_constant)))
-
-
-def test_settling_times_of_the_median_run():
-    relative = np.exp(-np.arange(400) * 0.005 / 0.5).astype(np.float32)
-    row = of_trajectories([relative] * 3, None, period=0.005)
-    assert row["t63"] == pytest.approx(0.5 * np.log(1 / 0.37), abs=0.005)
-    assert row["t90"] == pytest.approx(0.5 * np.log(10), abs=0.005)
-    assert row["rmse"]["100"] == pytest.approx(np.exp(-1))
 
 
 def test_the_excess_error_is_that_of_the_prediction():
