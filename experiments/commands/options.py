@@ -77,10 +77,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         "physical fault (default: the groups of scenarios, and the suites).",
         {"nargs": "?", "choices": ("scenarios", "suites", "estimators", "faults")},
     ),
-    "file STUDY.toml": (
-        "Definition of the study; docs/studies.md has every key (required without --from).",
-        {"nargs": "?", **PATH},
-    ),
+    "file STUDY.toml": ("Definition of the study; docs/studies.md has every key.", PATH),
     "record RECORD.nc": ("Record, as simulate or import writes it.", PATH),
     "folder DIR": ("Folder of a run or a study.", PATH),
     "path FILE.py|c|m": ("File to write: Python (.py), C (.c) or GNU Octave (.m).", PATH),

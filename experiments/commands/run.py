@@ -11,7 +11,7 @@ from flexaxis.experiments.commands.options import Args, answer, command
 from flexaxis.experiments.files import REPORT, check_file, check_not_input
 from flexaxis.sim.errors import FlexaxisError
 
-ENGINE = ("-o", "--jobs", "--dask", "--shard", "--from", "--overwrite", "--time-limit")
+ENGINE = ("-o", "--jobs", "--dask", "--shard", "--overwrite", "--time-limit")
 
 
 def one_or_more(names: list[str]) -> Any:
@@ -25,7 +25,7 @@ def work(args: Args) -> dict[str, Any]:
     return {name: getattr(args, name) for name in names if name in args}
 
 
-@command("run", "names", "--estimator", "--seeds", *ENGINE)
+@command("run", "names", "--estimator", "--seeds", "--from", *ENGINE)
 def run(args: Args) -> int:
     r"""Run estimators on scenarios over many seeds, score them, and write a report.
 
@@ -46,7 +46,13 @@ def run(args: Args) -> int:
       flexaxis run --from shard1 shard2 -o results/whole
     """
     if args.shards:
-        return _merged(args)
+        if args.output is None:
+            raise FlexaxisError("--from: name the folder of the whole with -o DIR")
+        check_not_input(args.shards, args.output)
+        from flexaxis.experiments.studies.benchmark import merge
+
+        results, missing = merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
+        return _results(args, fx.load(results.folder), missing)
     if not args.names:
         raise FlexaxisError("name a suite or a scenario, such as smoke; `flexaxis list` shows them")
     check_names(args.names)
@@ -81,12 +87,8 @@ def study(args: Args) -> int:
       flexaxis study docs/examples/friction_steps.toml --dry-run
       flexaxis study docs/examples/friction_steps.toml -o results/friction --jobs 4
       flexaxis study docs/examples/friction_steps.toml -o /net/friction3 --shard 3/100
-      flexaxis study --from /net/friction* -o results/friction
+      flexaxis run --from /net/friction* -o results/friction
     """
-    if args.shards:
-        return _merged(args)
-    if args.file is None:
-        raise FlexaxisError("name the study's TOML file; docs/studies.md has every key")
     check_file(args.file)
     folder = args.output or Path("results", args.file.stem)
     check_not_input([args.file], folder)
@@ -99,10 +101,9 @@ def study(args: Args) -> int:
                  for each in known["variants"]]  # fmt: skip
         words = (
             f"{len(lines)} variants, {known['cases']} cases, {known['to_run']} to run: about "
-            f"{known['seconds'] / args.jobs / 60:.1f} min on {args.jobs} processes, "
-            f"{known['megabytes']:.1f} MB in {folder}"
+            f"{known['seconds'] / args.jobs / 60:.1f} min on {args.jobs} processes, without "
+            f"estimators of your own; {known['megabytes']:.1f} MB in {folder}"
         )
-        words += "".join(f"; not timed: {text}" for text in known["not_timed"])
         return answer(args, known, 0, *lines, words)
     results = fx.study(
         args.file, folder=folder, **work(args)
@@ -110,35 +111,23 @@ def study(args: Args) -> int:
     return _results(args, results)
 
 
-def _merged(args: Args) -> int:
-    """Put shards together, and report."""
-    if args.output is None:
-        raise FlexaxisError("--from: name the folder of the whole with -o DIR")
-    check_not_input(args.shards, args.output)
-    from flexaxis.experiments.studies.benchmark import merge
-
-    results, missing = merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
-    return _results(args, fx.load(results.folder), missing)
-
-
 def _results(args: Args, results: Any, missing: int = 0) -> int:
     """Print scores, failures and the path of the report."""
     from flexaxis.experiments.reporting.terminal import show_run
     from flexaxis.experiments.reporting.words import failures_in_words
 
-    whole = args.shards or args.shard == (1, 1)
+    whole, failures = args.shard == (1, 1), results.failures.to_dict("records")
     content = results.summary if whole and not results.axes else {"rows": results.pooled()}
-    failures = content.get("failures") or results.failures.to_dict("records")
     lines = [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
     lines += [f"{missing} cases are in no shard"] * bool(missing)
-    if whole and not results.axes and not args.json:
-        show_run(content)
-    elif whole:
+    if whole and results.axes:
         lines.insert(0, repr(results))
+    elif whole and not args.json:
+        show_run(content)
     crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
     status = 70 if crashed else int(bool(failures or missing))
     path = results.folder / REPORT if whole else results.folder
-    content = content | {"report": path, "cases": results.cases, "missing": missing}
+    content |= {"report": path, "cases": results.cases, "missing": missing}
     return answer(args, content, status, *lines, f"report: {path}" if whole else path)
 
 

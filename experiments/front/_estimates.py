@@ -70,7 +70,7 @@ class Estimate:
     @property
     def last(self) -> dict[str, float]:
         """Last estimate by name."""
-        return dict(zip(self.names, self.theta[-1].tolist(), strict=True))
+        return dict(self.to_dataframe().iloc[-1])
 
     @cached_property
     def covariance(self) -> Array | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +51,10 @@ class LogResult:
     page: pages.LogPage
     content: dict[str, Any]
     table: pd.DataFrame
+    write: Callable[[Path], object]
     status: int = 0
     record: Any = None
     axis: Any = None
-    write: Callable[[Path], object] = field(default=lambda path: None)
 
     def save(self, path: str | Path) -> Path:
         """Write the record, axis or estimates, and the page beside it; return the page."""
@@ -112,9 +113,7 @@ def import_log(path: str | Path, **columns: Any) -> LogResult:
     checks = [check.told() for check in found.checks]
     table = pd.DataFrame(checks).set_index("name")[["verdict", "value", "unit"]]
     page = pages.import_page(found, Path(path).name)
-    return LogResult(
-        found, page, {"checks": checks}, table, record=found.record, write=found.record.save
-    )
+    return LogResult(found, page, {"checks": checks}, table, found.record.save, record=found.record)
 
 
 def identify(
@@ -167,8 +166,8 @@ def identify(
         title = f"{axis.model.name} in {len(many.table)} logs"
         content = {"logs": many.table.to_dict("index"), "remarks": texts_of(many.findings, *MARKS)}
         return LogResult(
-            many, pages.many_page(many, title), content, many.table, many.status,
-            write=many.table.to_csv,
+            many, pages.many_page(many, title), content, many.table, many.table.to_csv,
+            many.status,
         )  # fmt: skip
     record = _read(log, columns).record
     with waiting(f"identifying {axis.model.name}"):
@@ -178,8 +177,8 @@ def identify(
     page = pages.identification_page(found, record.period, other, title)
     content = pages.content(found, other)
     return LogResult(
-        found, page, content, pd.DataFrame(found.estimates, ["value", "sd"]).T,
-        int(bool(content["warnings"])), record, found.axis, found.axis.save,
+        found, page, content, pd.DataFrame(found.estimates, ["value", "sd"]).T, found.axis.save,
+        int(bool(content["warnings"])), record, found.axis,
     )  # fmt: skip
 
 
@@ -210,8 +209,7 @@ def track(
     known = _axis(axis)
     spec = parse(estimator or tracking.default_estimator(known))
     read = _read(log, columns)
-    with waiting(f"tracking {', '.join(parameters)}"):
-        found = tracking.track(read.record, known, spec, identify=parameters, start=start)
+    found = tracking.track(read.record, known, spec, identify=parameters, start=start)
     values = {"last": found.last, "nominal": found.nominal, "ratio": found.last / found.nominal}
     table = pd.DataFrame(values, found.names)
     page = pages.track_page(
@@ -219,12 +217,11 @@ def track(
     )  # fmt: skip
     content = table.to_dict() | {
         "fit": found.fit,
-        "residual": {"correlation": found.correlation},
         "alarms": found.alarms.tolist(),
         "changes": [vars(change) for change in found.changes],
         "doubts": texts_of(found.findings, "problem"),
     }
     return LogResult(
-        found, page, content, table, found.status, read.record, known,
-        lambda path: found.save(path, estimator=spec.text),
+        found, page, content, table, partial(found.save, estimator=spec.text), found.status,
+        read.record, known,
     )  # fmt: skip

@@ -26,7 +26,7 @@ from flexaxis.experiments.running import results as engine
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.estimators import parse, text_of
 from flexaxis.experiments.studies import benchmark as studies
-from flexaxis.experiments.studies.definition import load_study, seeds_of, study_from
+from flexaxis.experiments.studies.definition import load_study, seeds_of, study_from, texts_of
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -41,12 +41,6 @@ SHOWN = (
 """The columns of a table of pooled scores, with the axes of a study."""
 
 
-def texts_of(estimators: Estimators) -> list[str]:
-    """Return one estimator, or several, as text."""
-    one = isinstance(estimators, str) or callable(estimators)
-    return list(map(text_of, [estimators] if one else estimators))  # type: ignore[arg-type]
-
-
 class Results(engine.Results):
     """Results with their figure; rows, selections and tables are those of every folder."""
 
@@ -56,7 +50,7 @@ class Results(engine.Results):
 
         If nothing changed, the scores of all parameters.
         """
-        rows = self.scores("scenario", "estimator", *self.axes)
+        rows = self.scores()
         changed = rows[rows["changed"].astype(bool)]
         return (rows if changed.empty else changed)[[*self.axes, *SHOWN]].reset_index(drop=True)
 
@@ -77,15 +71,14 @@ class Results(engine.Results):
         if key := x or next(iter(self.axes), ""):
             return draw(ax=ax, **over_axis(self, key, "lag"))
         axes = axes_for(ax, 1)
-        rows = self.scores("scenario", "estimator").query("changed")
-        figures.lag_against_noise(rows, axes=axes)
+        figures.lag_against_noise(self.scores().query("changed"), axes=axes)
         return axes[0]
 
-    def report(self, path: Place = None) -> Path:
-        """Write the report, by default to report.html in the folder; return its path."""
-        target = Path(path or (self.folder or Path()) / REPORT)
-        studies.write_report(self, target)
-        return target
+    def report(self) -> Path:
+        """Write report.html to the folder, or here if there is none; return its path."""
+        path = (self.folder or Path()) / REPORT
+        studies.write_report(self, path)
+        return path
 
     def __repr__(self) -> str:
         text = f"{self.cases} cases, {len(self.failures)} of them failed"
@@ -167,10 +160,8 @@ def study(
     StudyError
         With one line for each problem.
     """
-    if isinstance(definition, str | Path):
-        wanted = load_study(definition)
-    else:
-        wanted = study_from(definition | {"estimators": texts_of(definition.get("estimators", ()))})
+    is_file = isinstance(definition, str | Path)
+    wanted = load_study(definition) if is_file else study_from(definition)
     with studies.working(folder, **work) as runner:
         results = studies.run(wanted, runner)
     return Results(runner.store, results.study)
@@ -328,14 +319,13 @@ def tune(
     span = f"{numbers[0]}:{numbers[-1] + 1}"
     with studies.working(folder, **work) as runner:
         for name in names:
-            tuned, problem = None, ""
+            tuned, line = None, {"estimator": name, "problem": ""}
             try:
                 tuned = match_noise(name, Trials(numbers, runner.rows))
+                line |= asdict(tuned)
             except FlexaxisError as error:
-                if len(names) == 1:
-                    raise
-                problem = str(error)
-            lines.append({"estimator": name, "problem": problem} | (asdict(tuned) if tuned else {}))
+                line["problem"] = str(error)
+            lines.append(line)
             if file:
                 save(Path(file), name, tuned, command=f"flexaxis tune {name} --seeds {span}")
     return pd.DataFrame(lines)

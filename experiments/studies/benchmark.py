@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 from importlib.metadata import version
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +25,13 @@ from flexaxis.experiments.files import (
 from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
 from flexaxis.experiments.running.cache import default_cache, keep_nominal_runs
-from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
+from flexaxis.experiments.running.case import Options, run_unit
 from flexaxis.experiments.running.progress import LINE, remark
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.store import CSV, ROWS, Store
 from flexaxis.experiments.running.study import Study, missing, units
 from flexaxis.sim.scenario import Scenario, scenario_from
-
-FAILURE = ("scenario", "estimator", "seed", "error")
 
 
 @contextmanager
@@ -132,9 +131,7 @@ def finish(results: Results, runner: Runner) -> None:
     """Write the report of finished cases; for a run, compare at equal noise and pool first."""
     assert results.folder is not None
     if not results.axes:
-        swept = _sweep(results, runner)
-        study, failures = results.study, results.failures.to_dict("records")
-        failures += swept.pop("failures") if swept else []
+        study = results.study
         summary = {
             "title": study["title"],
             "command": study["command"],
@@ -143,8 +140,8 @@ def finish(results: Results, runner: Runner) -> None:
             "scenarios": {e["definition"]["name"]: e for e in study["scenarios"]},
             "estimators": {text: _describe(text) for text in study["estimators"]},
             "rows": results.pooled("scenario", "estimator"),
-            "failures": [{key: row[key] for key in FAILURE} for row in failures],
-            "tradeoff": swept,
+            "failures": results.failures.to_dict("records"),
+            "tradeoff": _sweep(results, runner),
         }
         write_json(results.folder / SUMMARY, summary)
     write_report(results, results.folder / REPORT)
@@ -163,7 +160,7 @@ def _describe(text: str) -> str:
 
 
 def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
-    """Return the points of the trade-off figure, the lags at equal noise, and what failed."""
+    """Return the points of the trade-off figure, and the lags at equal noise."""
     wanted, seeds = results.study["tradeoff"], results.study["seeds"]
     if not wanted["scenarios"]:
         return None
@@ -176,11 +173,8 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
         drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
         runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
     left_out = [name for name in wanted["estimators"] if name not in able]
-    texts = sweep.texts(sweep.settings(left_out)) if left_out else []
-    failed = runner.run(Study("sweep", tuple(scenarios), tuple(texts), tuple(seeds))).failures
     return asdict(result) | {
         "left_out": left_out,
-        "failures": failed.to_dict("records"),
         "overall": overall(result.at_excess),
         "definitions": {s.name: s.resolved() for s in scenarios},
     }
@@ -193,28 +187,26 @@ def plan(study: Study, folder: Path) -> dict[str, Any]:
     -------
     dict
         ``variants`` (a dict of swept values each), ``cases``, ``to_run`` (those that the folder
-        lacks), ``seconds`` of one core, ``megabytes`` of their rows, and ``not_timed``, the
-        estimators of users, which are not run.
+        lacks), ``seconds`` of one core, of estimators of users none, and ``megabytes`` of their
+        rows.
     """
     every = units(study)
     done = Store.read(folder).done() if (folder / ROWS).exists() else set[str]()
     to_run = sum(len(unit.cases()) for unit in missing(every, done))
-    known = [setting for setting in every[0].settings if not setting.spec.is_users]
-    one = replace(every[0], settings=tuple(known), seeds=study.seeds[:1])
+    settings = tuple(each for each in every[0].settings if not each.spec.is_users)
+    one = replace(every[0], settings=settings, seeds=study.seeds[:1])
     run_unit(one, Options())  # compiles
     start = time.process_time()
     run_unit(one, Options())
-    seconds = (time.process_time() - start) / max(1, len(known))
-    variants = {unit.scenario.hash: {"scenario": unit.base, **unit.axes} for unit in every}
-    numbers = len(NUMBERS) * len(one.scenario.identify)
+    seconds = (time.process_time() - start) / max(1, len(settings))
+    variants = product([s.name for s in study.scenarios], study.points)
     return {
-        "variants": list(variants.values()),
-        "cases": sum(len(unit.cases()) for unit in every),
+        "variants": [{"scenario": name, **point} for name, point in variants],
+        "cases": study.cases,
         "to_run": to_run,
         "seconds": seconds * to_run,
-        "megabytes": BYTES * numbers * to_run / 1e6,
-        "not_timed": [s.text for s in every[0].settings if s.spec.is_users],
+        "megabytes": BYTES * to_run / 1e6,
     }
 
 
-BYTES = 20  # of a number: in SQLite and as text in scores.csv
+BYTES = 4000  # of a case: in SQLite and as text in scores.csv

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, ValidationInfo
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running import estimators as specs
-from flexaxis.experiments.running.study import ALL, Point, Study, is_option, units
+from flexaxis.experiments.running.study import ALL, Study, is_option, units
 from flexaxis.experiments.running.user_code import names_code
 from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
@@ -75,6 +74,12 @@ def seeds_of(seeds: Any, default: int) -> tuple[int, ...]:
     return tuple(dict.fromkeys(map(seed_of, seeds)))
 
 
+def texts_of(estimators: Any) -> tuple[str, ...]:
+    """Return one estimator, or several, as text; classes have the text of their names."""
+    one = isinstance(estimators, str) or callable(estimators)
+    return tuple(dict.fromkeys(map(specs.text_of, [estimators] if one else estimators)))
+
+
 def _one_or_more(value: Any) -> Any:
     return (value,) if isinstance(value, str) else value
 
@@ -94,19 +99,36 @@ def _flat(value: Any) -> Any:
     return result
 
 
-Words = Annotated[tuple[str, ...], BeforeValidator(_one_or_more), Field(strict=False)]
+def _estimator(text: str) -> str:
+    """Check a text; code of users is not imported before it is run."""
+    specs.written_options(text) if names_code(text) else specs.parse(text)
+    return text
+
+
+def _scenario(name: str, info: ValidationInfo) -> Scenario:
+    beside = info.context / name
+    return find_scenario(str(beside if beside.is_file() else name))
+
+
 Dotted = Annotated[dict[str, Any], BeforeValidator(_flat)]
+Axes = Annotated[dict[str, Annotated[list[Any], Field(min_length=1)]], BeforeValidator(_flat)]
 
 
 class StudyFile(Config):
     """The keys of a study file; docs/studies.md explains each."""
 
     name: Word = "study"
-    scenario: Words
-    estimators: Words
-    seeds: Annotated[tuple[int, ...], BeforeValidator(_numbers), Field(strict=False)]
+    scenario: Annotated[
+        tuple[Annotated[Any, AfterValidator(_scenario)], ...],
+        BeforeValidator(_one_or_more),
+        Field(strict=False),
+    ]
+    estimators: Annotated[
+        tuple[Annotated[str, AfterValidator(_estimator)], ...], BeforeValidator(texts_of)
+    ]
+    seeds: Annotated[tuple[int, ...], BeforeValidator(_numbers)]
     override: Dotted = Field(default_factory=dict)
-    sweep: Dotted = Field(default_factory=dict)
+    sweep: Axes = Field(default_factory=dict)
     streams: Literal["common", "own"] = "common"
 
 
@@ -147,65 +169,30 @@ def study_from(
     """
     problems: list[tuple[object, str]] = []
     try:
-        file = StudyFile.model_validate(dict(content))
+        file = StudyFile.model_validate(dict(content), context=folder)
     except ValidationError as error:
         # An unknown key comes first: it is mostly a missing one, misspelt.
         problems += sorted(explain(error, StudyFile), key=lambda each: each[1] == "is missing")
         wrong = {item["loc"][0] for item in error.errors()}
         right = {key: value for key, value in content.items() if key not in wrong}
-        file = StudyFile.model_validate(BLANK | right)
-    known: dict[str, list[Any]] = {"scenario": [], "estimators": []}
-
-    def scenario(name: str) -> Scenario:
-        beside = folder / name
-        return find_scenario(str(beside if beside.is_file() else name)).override(file.override)
-
-    def estimator(text: str) -> str:  # code of users is not imported before it is run
-        specs.written_options(text) if names_code(text) else specs.parse(text)
-        return text
-
-    for key, find in (("scenario", scenario), ("estimators", estimator)):
-        for name in dict.fromkeys(getattr(file, key)):
-            try:
-                known[key].append(find(name))
-            except (ScenarioError, EstimatorError) as error:
-                problems += [(key, line) for line in str(error).splitlines()]
-    wrong_axes = dict(_sweep_problems(file))
-    problems += [(f"sweep.{key}", text) for key, text in wrong_axes.items()]
-    axes = {key: values for key, values in file.sweep.items() if key not in wrong_axes}
-    study = Study(
-        file.name, tuple(known["scenario"]), tuple(known["estimators"]), file.seeds, tuple(axes),
-        tuple(_grid(axes)), file.streams,
-    )  # fmt: skip
-    try:
-        units(study)
-    except StudyError as error:
-        problems += [("sweep", line.split("sweep: ")[-1]) for line in str(error).splitlines()]
-    if problems:
-        lines = (f"{source}: {key}: {text}" for key, text in problems)
-        raise StudyError("\n".join(dict.fromkeys(lines)))
-    return study
-
-
-def _grid(axes: Mapping[str, Any]) -> list[Point]:
-    """Return every combination of values, the last axis fastest.
-
-    Examples
-    --------
-    >>> _grid({"a": [1, 2], "b": [3]})
-    [{'a': 1, 'b': 3}, {'a': 2, 'b': 3}]
-    """
-    return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
-
-
-def _sweep_problems(file: StudyFile) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with an axis, by its key."""
+        file = StudyFile.model_validate(BLANK | right, context=folder)
+    axes = {}
     for key, values in file.sweep.items():
         first = re.split(r"[.\[]", key)[0]
-        if not (first in Scenario.model_fields or is_option(key, file.estimators)):
-            names = [ALL, *(text.partition("[")[0].strip() for text in file.estimators)]
-            options = [f"{name}.{key.rpartition('.')[2]}" for name in names]
-            hint = did_you_mean(key, options) or did_you_mean(first, Scenario.model_fields)
-            yield key, f"neither a key of a scenario nor an option of an estimator.{hint}"
-        elif not (isinstance(values, list) and values):
-            yield key, f"must be an array of values, not {values}"
+        if first in Scenario.model_fields or is_option(key, file.estimators):
+            axes[key] = values
+        elif file.estimators:
+            hint = did_you_mean(first, [*file.estimators, ALL, *Scenario.model_fields])
+            problems.append((f"sweep.{key}", f"neither of a scenario nor of an estimator.{hint}"))
+    points = tuple(dict(zip(axes, values, strict=True)) for values in product(*axes.values()))
+    try:
+        scenarios = tuple(each.override(file.override) for each in file.scenario)
+        study = Study(file.name, scenarios, file.estimators, file.seeds, tuple(axes), points,
+                      file.streams)  # fmt: skip
+        units(study)
+    except (StudyError, ScenarioError) as error:
+        problems.append(("sweep" if axes else "override", str(error).split("sweep: ")[-1]))
+    if problems:
+        lines = [f"{source}: {key}: {t}" for key, text in problems for t in text.splitlines()]
+        raise StudyError("\n".join(dict.fromkeys(lines)))
+    return study

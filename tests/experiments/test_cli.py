@@ -108,7 +108,6 @@ MISTAKES = [
     (["report", "missing"], "missing"),
     (["import", "nothing.csv"], "nothing.csv"),
     (["check", "frozn"], "Did you mean 'frozen'"),
-    (["tune", "frozen"], "no knob"),
     (["new", "sub/x.py"], "sub/x.py has no such folder"),
     (["new", "my-estimator.py"], "a file that Python can import"),
     (["simulate", "fm_step", "--seed", "-1"], "seed -1: give a whole number"),
@@ -337,7 +336,7 @@ REFUSED = [
     ["import", "rec.nc", "--map", "map.toml", "-o", "map.toml"],
     ["identify", "rec.nc", "--model", "axis.toml", "-o", "axis.toml"],
     ["track", "rec.nc", "--identify", "k_T", "--model", "axis.toml", "-o", "axis.toml"],
-    ["study", "--from", "part", "-o", "part"],
+    ["run", "--from", "part", "-o", "part"],
     ["study", "study.toml", "-o", "study.toml"],
     ["compare", "part", "part/../part", "-o", "part"],
 ]
