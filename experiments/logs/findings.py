@@ -82,4 +82,5 @@ def waiting(doing: str) -> AbstractContextManager[Any]:
     """Show on a terminal that something goes on; nothing in a file."""
     from rich.console import Console
 
-    return nullcontext() if is_quiet() else Console(stderr=True).status(doing)
+    quiet = is_quiet() or not sys.stderr.isatty()
+    return nullcontext() if quiet else Console(stderr=True).status(doing)

@@ -193,9 +193,10 @@ def deviations_of(setup: Setup, fitted: Fitted) -> Array:
     """Return standard deviations (q,): for white residuals or over pieces, and of solving laws."""
     free, spread = np.diag(fitted.covariance) > 0, np.zeros(len(fitted.z))
     spread[free] = jackknife(fitted.slopes[free], fitted.white, fitted.good)[1]
-    steps = discretisation(setup.problem(), fitted)
+    problem = setup.problem()
+    steps = discretisation(problem, fitted)
     for i, name in enumerate(setup.names):
-        if name in setup.model.law_parameters:
+        if problem.course.coarsens and name in setup.model.law_parameters:
             steps[i] = max(steps[i], STEPS * abs(fitted.z[i]))
     return np.hypot(np.maximum(fitted.deviations, spread), steps)
 

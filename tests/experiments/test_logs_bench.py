@@ -62,7 +62,7 @@ def test_track_settles_within_two_seconds(identified, capsys):
 
     status, told = track(capsys, *identified, "ekf")
     assert status == 0 and told["changes"] == []
-    with h5netcdf.File(told["estimates"]) as file:
+    with h5netcdf.File(told["path"]) as file:
         time, theta = file["time"][:], file["theta"][:]
     wanted = [1.0, 1 / REFERENCE["J_l"], REFERENCE["k"]]
     late = theta[time - time[0] >= 2.0] / wanted
