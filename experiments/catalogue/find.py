@@ -118,8 +118,7 @@ def _unknown(name: str) -> str:
     if name in suite_names():
         return f"{name} is a suite: name one of its scenarios; `flexaxis show {name}` lists them"
     if name.endswith(".toml"):
-        near = did_you_mean(Path(name).name, [path.name for path in Path(name).parent.glob("*")])
-        return f"{name}: no such file.{near}"
+        return f"{name}: no such file"
     short = [scenario.removesuffix("-v1") for scenario in scenario_names()]
     hint = did_you_mean(name, [*suite_names(), *scenario_names(), *short])
     return (

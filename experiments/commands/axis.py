@@ -31,7 +31,7 @@ def _saved(args: Args, result: Any, path: Path) -> int:
     return answer(args, content, result.status, result, path, f"report: {page}")
 
 
-@command("your own axis", "log", "-o", *READING)
+@command("log", "-o", *READING)
 def import_(args: Args) -> int:
     """Make a record of your own log, and check whether it is plausible.
 
@@ -52,7 +52,7 @@ def import_(args: Args) -> int:
     return _saved(args, result, path)
 
 
-@command("your own axis", "log", "--model", "--free", "--fix", "--start", "--delay", "--friction",
+@command("log", "--model", "--free", "--fix", "--start", "--delay", "--friction",
          "--gravity", "--highpass", "--validate", "--covariate", "--false-alarms", "-o",
          *READING)  # fmt: skip
 def identify(args: Args) -> int:
@@ -89,7 +89,7 @@ def identify(args: Args) -> int:
     return _saved(args, result, path)
 
 
-@command("your own axis", "log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
+@command("log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
 def track(args: Args) -> int:
     """Run an estimator over a log of your axis: estimates, residuals, changes, alarms.
 

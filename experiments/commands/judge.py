@@ -8,12 +8,12 @@ from pathlib import Path
 import flexaxis as fx
 from flexaxis.experiments.catalogue.find import check_names
 from flexaxis.experiments.commands.options import Args, answer, command
-from flexaxis.experiments.commands.run import one_or_more, work
+from flexaxis.experiments.commands.run import work
 from flexaxis.experiments.files import check_not_input, write_text
 from flexaxis.sim.errors import FlexaxisError
 
 
-@command("judge", "names", "--base", "--candidate", "--seeds", "--max-seeds", "--margin",
+@command("names", "--base", "--candidate", "--seeds", "--max-seeds", "--margin",
          "--match-std", "--strict", "-o", "--jobs", "--overwrite", "--time-limit")  # fmt: skip
 def compare(args: Args) -> int:
     r"""Say whether an estimator got better or worse, with an exit status.
@@ -46,14 +46,14 @@ def compare(args: Args) -> int:
             )
         check_names(args.names)
     margins = {}
-    for text in filter(None, ",".join(args.margin).split(",")):
-        score, _, share = text.strip().partition("=")
+    for text in filter(None, args.margin.split(",")):
+        score, _, share = text.partition("=")
         try:
-            margins[score] = float(share.removesuffix("%")) / (100 if "%" in share else 1)
+            margins[score.strip()] = float(share.removesuffix("%")) / 100
         except ValueError:
-            raise FlexaxisError(f"--margin {text}: give a share, as in lag=2%") from None
+            raise FlexaxisError(f"--margin {text}: give percent, as in lag=2%") from None
     result = fx.compare(
-        args.base, args.candidate, scenarios=one_or_more(args.names) or "gate", runs=runs,
+        args.base, args.candidate, scenarios=args.names or "gate", runs=runs,
         seeds=args.seeds, max_seeds=args.max_seeds, match_std=args.match_std, margins=margins,
         folder=folder, **work(args),
     )  # fmt: skip
@@ -61,7 +61,7 @@ def compare(args: Args) -> int:
     return answer(args, result.content, status, result, f"report: {result.content['report']}")
 
 
-@command("judge", "estimators", "--sweep", "--seeds", "--save", "-o", "--jobs",
+@command("estimators", "--sweep", "--seeds", "--save", "-o", "--jobs",
          "--overwrite", "--time-limit")  # fmt: skip
 def tune(args: Args) -> int:
     r"""Find the setting at which an estimator is as noisy as the reference, or sweep settings.
@@ -99,7 +99,7 @@ def tune(args: Args) -> int:
     return answer(args, {"rows": table.to_dict("records")}, status, *lines)
 
 
-@command("judge", "estimator")
+@command("estimator")
 def check(args: Args) -> int:
     """Check that an estimator keeps the rules that its scores rely on.
 
@@ -132,7 +132,7 @@ TEMPLATES = {
 """The files to write by suffix; the first one gets the name that was given."""
 
 
-@command("judge", "path")
+@command("path")
 def new(args: Args) -> int:
     """Write a working template of an own estimator, to be changed.
 
@@ -152,9 +152,8 @@ def new(args: Args) -> int:
             f"{path}: give a file that Python can import, such as my_estimator.py, or one in C or "
             "Octave, such as my_estimator.c or my_estimator.m"
         )
-    if path.exists() or not path.parent.is_dir():
-        problem = "exists already; give another name" if path.exists() else "has no such folder"
-        raise FlexaxisError(f"{path} {problem}")
+    if path.exists():
+        raise FlexaxisError(f"{path} exists already; give another name")
     home = files("flexaxis.experiments.check") / "templates"
     for name in TEMPLATES[path.suffix]:
         text = (home / name).read_text(encoding="utf-8")

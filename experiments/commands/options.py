@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from flexaxis.experiments.logs.options import LOG_OPTIONS
 
@@ -16,30 +16,21 @@ Args = argparse.Namespace
 Main = Callable[[Args], int]
 
 
-class Command(NamedTuple):
-    """A command: what it is for, its options, and the function that runs it."""
-
-    group: str
-    options: tuple[str, ...]
-    main: Main
+COMMANDS: dict[str, tuple[Main, tuple[str, ...]]] = {}
+"""The function and the options of each command."""
 
 
-COMMANDS: dict[str, Command] = {}
-
-
-def command(group: str, *options: str) -> Callable[[Main], Main]:
+def command(*options: str) -> Callable[[Main], Main]:
     """Register a function as the command of its name; its docstring is the help.
 
     Parameters
     ----------
-    group : str
-        Its place in `flexaxis --help`.
     *options : str
         As in `OPTIONS`.
     """
 
     def register(main: Main) -> Main:
-        COMMANDS[main.__name__.rstrip("_")] = Command(group, options, main)
+        COMMANDS[main.__name__.rstrip("_")] = main, options
         return main
 
     return register
@@ -132,7 +123,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                       ZERO),
     "--margin SCORE=%[,…]": (
         "Relative change of a score that does not matter; scores are lag, std, t10, std_after, "
-        "cross_talk and excess (default: lag=2%%,std=2%%).", SEVERAL,
+        "cross_talk and excess (default: lag=2%%,std=2%%).", {"default": ""},
     ),
     "--match-std": "Tune both to the same noise first, and compare the lag alone (default: compare "
     "them as they are).",
@@ -206,7 +197,7 @@ def add_options(parser: argparse.ArgumentParser, name: str) -> None:
         option, _, metavar = words.partition(" ")
         if only in ("", name):
             declared[option] = metavar, value
-    for option in (*COMMANDS[name].options, "-q", "--traceback", "--json"):
+    for option in (*COMMANDS[name][1], "-q", "--traceback", "--json"):
         metavar, value = declared[option]
         text, more = (value, {}) if isinstance(value, str) else value
         takes = {"metavar": metavar} if metavar else {"action": "store_true"}

@@ -14,18 +14,13 @@ from flexaxis.sim.errors import FlexaxisError
 ENGINE = ("-o", "--jobs", "--dask", "--shard", "--overwrite", "--time-limit")
 
 
-def one_or_more(names: list[str]) -> Any:
-    """Return a name alone as it is."""
-    return names[0] if len(names) == 1 else names
-
-
 def work(args: Args) -> dict[str, Any]:
     """Return how cases are run, as for `fx.benchmark`."""
     names = ("jobs", "dask", "shard", "overwrite", "time_limit")
     return {name: getattr(args, name) for name in names if name in args}
 
 
-@command("run", "names", "--estimator", "--seeds", "--from", *ENGINE)
+@command("names", "--estimator", "--seeds", "--from", *ENGINE)
 def run(args: Args) -> int:
     r"""Run estimators on scenarios over many seeds, score them, and write a report.
 
@@ -59,13 +54,13 @@ def run(args: Args) -> int:
     folder = args.output or Path("results", Path(args.names[0]).stem)
     check_not_input(args.names, folder)
     results = fx.benchmark(
-        args.estimator, scenarios=one_or_more(args.names), seeds=args.seeds, folder=folder,
+        args.estimator, scenarios=args.names, seeds=args.seeds, folder=folder,
         **work(args),
     )  # fmt: skip
     return _results(args, results)
 
 
-@command("run", "file", "--dry-run", *ENGINE)
+@command("file", "--dry-run", *ENGINE)
 def study(args: Args) -> int:
     r"""Sweep keys of scenarios, faults and estimators over many seeds, resumable.
 
@@ -131,7 +126,7 @@ def _results(args: Args, results: Any, missing: int = 0) -> int:
     return answer(args, content, status, *lines, f"report: {path}" if whole else path)
 
 
-@command("run", "folder")
+@command("folder")
 def report(args: Args) -> int:
     """Write report.html again from the results in a folder.
 
@@ -142,7 +137,7 @@ def report(args: Args) -> int:
     return answer(args, {"report": path}, 0, f"report: {path}")
 
 
-@command("run", "scenario", "--seed", "-o", *("--as-log", "--units", "--jitter", "--gaps",
+@command("scenario", "--seed", "-o", *("--as-log", "--units", "--jitter", "--gaps",
          "--counts"))  # fmt: skip
 def simulate(args: Args) -> int:
     """Simulate a scenario and save the record: what was measured, and the truth.
@@ -162,8 +157,7 @@ def simulate(args: Args) -> int:
 
     check_names([args.scenario])
     style, ending = style_of(args), args.as_log or "nc"
-    name = Path(args.scenario).stem
-    path = args.output or Path(f"{name}-{args.seed}.{ending}")
+    path = args.output or Path(f"{Path(args.scenario).stem}-{args.seed}.{ending}")
     if style != LogStyle() and not args.as_log:
         raise FlexaxisError("--units, --jitter, --gaps and --counts are for a log: add --as-log")
     if path.suffix != f".{ending}":
@@ -171,7 +165,7 @@ def simulate(args: Args) -> int:
     check_not_input([args.scenario], path)
     spare_foreign(path)
     record = fx.simulate(args.scenario, seed=args.seed)
-    content = {"path": path, "hash": record.hash, "seed": args.seed, "samples": len(record.time)}
+    content = {"path": path, "hash": record.hash}
     if not args.as_log:
         record.save(path)
         return answer(args, content, 0, path)
@@ -180,7 +174,7 @@ def simulate(args: Args) -> int:
     return answer(args, content | {"import": line}, 0, f"import it by: {line}", path)
 
 
-@command("run", "record", "--estimator", "-o")
+@command("record", "--estimator", "-o")
 def estimate(args: Args) -> int:
     """Run an estimator on a record and save the estimates over time.
 

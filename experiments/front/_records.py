@@ -178,20 +178,19 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``folder`` (set by the environment variable FLEXAXIS_CACHE), ``records`` (their number) and
+        ``folder`` (set by the environment variable FLEXAXIS_CACHE) and
         ``megabytes``; FLEXAXIS_CACHE_LIMIT sets the limit [MB].
 
     Examples
     --------
     >>> import flexaxis as fx
     >>> sorted(fx.cache())
-    ['folder', 'megabytes', 'records']
+    ['folder', 'megabytes']
     """
     store = default_cache()
     if clear:
         store.evict(-1)
-    records, size = len(store.entries()), store.size() / 1024**2
-    return {"folder": store.folder, "records": records, "megabytes": round(size, 1)}
+    return {"folder": store.folder, "megabytes": round(store.size() / 1024**2, 1)}
 
 
 class Sample(NamedTuple):
@@ -281,9 +280,6 @@ class Axis:
         if self._k:
             increment = (read["angle"] - self.sample.angle) / period
         return Sample(self._k * period, **read, increment=increment)
-
-    def __repr__(self) -> str:
-        return f"Axis {self.scenario.name} at {self.sample.time:g} of {self.scenario.duration:g} s"
 
 
 def make_axis(

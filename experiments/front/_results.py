@@ -189,7 +189,7 @@ class Comparison:
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a pandas DataFrame, a line a score."""
-        return pd.DataFrame(self.content["rows"]).drop(columns="text")
+        return pd.DataFrame(self.content["rows"])
 
     def plot(self, *, ax: Any = None) -> Any:
         """Draw the change of each score with its interval, and the margin that matters.
@@ -259,8 +259,9 @@ def compare(
     sides = [text_of(each) if each else "" for each in (base, candidate)]
     if runs:
         numbers = seeds_of(seeds, 0) if seeds else None
-        old, new = map(Path, runs)
-        result = gate.compare_runs(old, new, margins=checked, estimators=sides, seeds=numbers)
+        result = gate.compare_runs(
+            *map(Path, runs), margins=checked, estimators=sides, seeds=numbers
+        )
     else:
         suite = select(scenarios, default=gate.SUITE)
         numbers = seeds_of(seeds, suite.seeds)

@@ -13,11 +13,10 @@ import pandas as pd
 
 from flexaxis.experiments.files import (
     SUMMARY,
-    OutputError,
     StudyError,
-    json_table,
     new_file,
     optional_package,
+    read_json,
 )
 from flexaxis.experiments.running.case import NUMBERS
 from flexaxis.experiments.running.store import Store
@@ -220,7 +219,7 @@ class Results:
         return {seed: trace for seed, trace in known.items() if seed in seeds}
 
     @property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Any:
         """What summary.json says.
 
         Raises
@@ -228,7 +227,7 @@ class Results:
         OutputError
             If it is missing: the run is not finished.
         """
-        return json_table((self.folder or Path()) / SUMMARY, OutputError)
+        return read_json((self.folder or Path()) / SUMMARY)
 
     def to_csv(self, path: str | Path) -> None:
         """Write the rows as CSV; a column that is defined in no row is there and empty."""
