@@ -113,7 +113,3 @@ def main(argv: Sequence[str] | None = None) -> int:
     for line in text.splitlines():
         print(f"flexaxis: {line}", file=sys.stderr)
     return answer(args, {"error": text}, status) if args.json else status
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -119,8 +119,7 @@ def _unknown(name: str) -> str:
         return f"{name} is a suite: name one of its scenarios; `flexaxis show {name}` lists them"
     if name.endswith(".toml"):
         return f"{name}: no such file"
-    short = [scenario.removesuffix("-v1") for scenario in scenario_names()]
-    hint = did_you_mean(name, [*suite_names(), *scenario_names(), *short])
+    hint = did_you_mean(name, [*suite_names(), *scenario_names()])
     return (
         f"unknown scenario {name!r}.{hint} `flexaxis list` shows the catalogue; a path to a TOML "
         "file works too"

@@ -8,6 +8,7 @@ from typing import Any
 import flexaxis as fx
 from flexaxis.experiments.commands.options import Args, answer, command
 from flexaxis.experiments.files import check_file, check_not_input
+from flexaxis.experiments.logs.findings import waiting
 from flexaxis.experiments.logs.options import READING, assignments, tables_of
 
 
@@ -81,11 +82,12 @@ def identify(args: Args) -> int:
         name: getattr(args, name)
         for name in ("free", "delay", "friction", "gravity", "highpass", "validate", "false_alarms")
     }
-    result = fx.identify(
-        args.log, args.model, start=assignments("start", args.start),
-        fix=assignments("fix", args.fix), covariates=args.covariate, columns=tables_of(args),
-        **options,
-    )  # fmt: skip
+    with waiting(f"identifying {args.model}"):
+        result = fx.identify(
+            args.log, args.model, start=assignments("start", args.start),
+            fix=assignments("fix", args.fix), covariates=args.covariate, columns=tables_of(args),
+            **options,
+        )  # fmt: skip
     return _saved(args, result, path)
 
 

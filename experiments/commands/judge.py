@@ -61,41 +61,33 @@ def compare(args: Args) -> int:
     return answer(args, result.content, status, result, f"report: {result.content['report']}")
 
 
-@command("estimators", "--sweep", "--seeds", "--save", "-o", "--jobs",
+@command("estimators", "--seeds", "--save", "-o", "--jobs",
          "--overwrite", "--time-limit")  # fmt: skip
 def tune(args: Args) -> int:
-    r"""Find the setting at which an estimator is as noisy as the reference, or sweep settings.
+    r"""Find the setting at which an estimator is as noisy as the reference.
 
     An estimator is tuned on the nominal axis without a fault, started at the truth; the reference
     is rpem-forgetting at its default. What is matched is the excess prediction error, one number
     for all parameters. A match takes at most 12 settings, from 1/1024 to 1024 times the usual one.
 
-    With --sweep each estimator runs at many settings instead, and the lags after the faults of some
-    scenarios are compared at equal noise, beside the bound.
-
     example:
       flexaxis tune ekf
       flexaxis tune --save estimators/tuned.toml
-      flexaxis tune rpem-forgetting glr --sweep fm_step kt_step
     """
-    check_names(args.sweep or ())
     table = fx.tune(
-        *args.estimators, scenarios=args.sweep, seeds=args.seeds,
-        folder=args.output or Path("results/tune"), file=args.save, **work(args),
+        *args.estimators, seeds=args.seeds or "0:16", folder=args.output or Path("results/tune"),
+        file=args.save, **work(args),
     )  # fmt: skip
     lines = []
     for row in table.to_dict("records"):
-        if args.sweep:
-            lag = f"{row['lag']:.3g} s" if row["lag"] else "no common noise"
-            lines.append(f"{row['scenario']}: {row['estimator']} has a lag of {lag}")
-        elif row["problem"]:
+        if row["problem"]:
             lines.append(f"{row['estimator']} is not matched: {row['problem']}")
         else:
             lines.append(
                 f"{row['setting']} is as noisy as rpem-forgetting: {row['ratio']:.3f} times its "
                 f"{row['match']}."
             )
-    status = 0 if args.sweep else int(table["problem"].astype(bool).any())
+    status = int(table["problem"].astype(bool).any())
     return answer(args, {"rows": table.to_dict("records")}, status, *lines)
 
 
@@ -118,8 +110,7 @@ def check(args: Args) -> int:
     for each in rules:
         lines.append(f"{each['rule']:<24} {words[each['holds']]:<15} {each['seen']}")
     broken = [each for each in rules if each["holds"] is False]
-    lines += [f"\n{each['rule']}: {each['reason']}\n  hint: {each['hint']}"
-              for each in broken if not each["raised"]]  # fmt: skip
+    lines += [f"\n{each['rule']}: {each['reason']}\n  hint: {each['hint']}" for each in broken]
     lines += [f"{len(broken)} of {len(rules)} rules are broken." if broken else "All rules hold."]
     return answer(args, {"rules": rules}, int(bool(broken)), *lines)
 
@@ -159,11 +150,10 @@ def new(args: Args) -> int:
         text = (home / name).read_text(encoding="utf-8")
         target = path if name.startswith("my_") else path.with_name(name)
         write_text(target, text.replace("my_estimator", path.stem))
-    old, binary = path.with_name(f"old{path.suffix}"), path.with_suffix("")
     text = {".py": "{}:Mine", ".m": "'pipe:octave-cli -q {}'", ".c": "pipe:./{}"}[path.suffix]
-    before, now = (text.format(p.with_suffix("") if p.suffix == ".c" else p) for p in (old, path))
-    lines = [f"cc -O2 -o {binary} {path} -lm"] * (path.suffix == ".c")
-    lines += [f"flexaxis check {now}", f"cp {path} {old}",
-              f"flexaxis compare --base {before} --candidate {now} fm_step"]  # fmt: skip
+    now = text.format(path.with_suffix("") if path.suffix == ".c" else path)
+    lines = [f"cc -O2 -o {path.with_suffix('')} {path} -lm"] * (path.suffix == ".c")
+    lines += [f"flexaxis check {now}",
+              f"flexaxis compare --base rpem-forgetting --candidate {now} fm_step"]  # fmt: skip
     words = f"{path} estimates the motor friction f_m. Change it, then:"
     return answer(args, {"path": path, "next": lines}, 0, words, *(f"  {each}" for each in lines))

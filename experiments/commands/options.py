@@ -96,8 +96,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "to 4999 (default: the number of the suite, 8 for single scenarios).",
     "compare: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: the number of "
     "the suite, 32 for single scenarios; all common ones of finished runs).",
-    "tune: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: 0:16; with "
-    "--sweep 16).",
+    "tune: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: 0:16).",
     "--seed N": ("Random seed: the same number gives the same run (default: 0).", ZERO),
     "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's, or 0).", WHOLE),
     # how they are run
@@ -128,10 +127,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--match-std": "Tune both to the same noise first, and compare the lag alone (default: compare "
     "them as they are).",
     "--strict": "Exit with status 3 if the verdict is undecided (default: 0).",
-    "--sweep SUITE|SCENARIO": (
-        "Compare the lag at equal noise on these scenarios, over many settings (default: tune on "
-        "the nominal axis).", {"nargs": "+"},
-    ),
     "--save FILE.toml": ("Write the settings to this file, too (default: print them).", PATH),
     # logs of a real axis
     "--model MODEL": ("Model: one_mass, two_mass, three_mass, or a TOML file (default: "
@@ -224,10 +219,7 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
         text = json.dumps({**head, **content, **head}, default=_plain)
         finite = json.loads(text, parse_constant=lambda name: None)
         lines = (json.dumps(finite, ensure_ascii=False),)
-    try:
-        print(*lines, sep="\n", flush=True)
-    except BrokenPipeError:  # the reader has seen enough, as with `| head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    print(*lines, sep="\n", flush=True)
     return status
 
 

@@ -91,11 +91,11 @@ def study(args: Args) -> int:
         from flexaxis.experiments.studies.benchmark import plan
         from flexaxis.experiments.studies.definition import load_study
 
-        known = plan(load_study(args.file), folder)
+        known = plan(load_study(args.file))
         lines = [", ".join(f"{key} = {value}" for key, value in each.items())
                  for each in known["variants"]]  # fmt: skip
         words = (
-            f"{len(lines)} variants, {known['cases']} cases, {known['to_run']} to run: about "
+            f"{len(lines)} variants, {known['cases']} cases: about "
             f"{known['seconds'] / args.jobs / 60:.1f} min on {args.jobs} processes, without "
             f"estimators of your own; {known['megabytes']:.1f} MB in {folder}"
         )

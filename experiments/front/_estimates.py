@@ -63,11 +63,6 @@ class Estimate:
     _innovations: Array | None
 
     @property
-    def time(self) -> Array:
-        """Sample times (N,) [s]."""
-        return self.record.time
-
-    @property
     def last(self) -> dict[str, float]:
         """Last estimate by name."""
         return dict(self.to_dataframe().iloc[-1])
@@ -111,15 +106,15 @@ class Estimate:
             if band and self.covariance is not None:
                 two = 2 * np.sqrt(self.covariance[:, i, i])
             low, high = y - two, y + two
-            curves = [Series(estimator=self.estimator, x=self.time, y=y, low=low, high=high)]
+            curves = [Series(estimator=self.estimator, x=self.record.time, y=y, low=low, high=high)]
             if ax is None and name in self.truth:  # axes of the caller have it already
-                curves.insert(0, Series(role="truth", x=self.time, y=self.truth[name]))
+                curves.insert(0, Series(role="truth", x=self.record.time, y=self.truth[name]))
             panels[f"{name} [{_unit(name)}]"] = curves
         return draw(panels, ax, self.record.definition)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a pandas DataFrame: a line a sample, a column a parameter, time [s] as index."""
-        index = pd.Index(self.time, name="time")
+        index = pd.Index(self.record.time, name="time")
         return pd.DataFrame(self.theta, index, self.names)
 
     @property
@@ -141,7 +136,7 @@ class Estimate:
         """
         about = {"estimator": self.estimator, "record_hash": self.record.hash}
         write_estimates(
-            Path(path), self.time, self.theta, self.names, about, covariance=self.covariance
+            Path(path), self.record.time, self.theta, self.names, about, covariance=self.covariance
         )
 
     def __repr__(self) -> str:
@@ -202,8 +197,8 @@ def estimate(
     made = build(spec, known)
     if getattr(shown, made.output, None) is None:
         raise EstimatorError(f"{spec.text} reads {made.output!r}, which the record lacks")
-    happened = shown.definition or known  # the covariance is kept before the record's fault
-    theta, claimed, innovations = follow(spec.text, made, happened, shown)
+    # The covariance is kept before the record's fault.
+    theta, claimed, innovations = follow(spec.text, made, shown.definition or known, shown)
     findings, names = getattr(made, "findings", None), tuple(made.names)
     return Estimate(spec.text, names, theta, shown, known, findings, claimed, innovations)
 

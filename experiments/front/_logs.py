@@ -14,13 +14,12 @@ from flexaxis._records import draw
 from flexaxis.experiments.logs import pages
 from flexaxis.experiments.logs import track as tracking
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.findings import MARKS, say_problems, texts_of, waiting
+from flexaxis.experiments.logs.findings import MARKS, say_problems, texts_of
 from flexaxis.experiments.logs.identify import identify as fitted
 from flexaxis.experiments.logs.importing import Imported, import_any
 from flexaxis.experiments.logs.many import find_logs, identify_many
 from flexaxis.experiments.logs.validate import validate as validated
 from flexaxis.experiments.running.estimators import parse
-from flexaxis.sim.record import Record
 
 Log = Any  # a path, a record, or what `import_log` returned
 
@@ -90,11 +89,6 @@ def _read(log: Log, options: Mapping[str, Any] | None) -> Imported:
     return found
 
 
-def _name(record: Record) -> str:
-    """Return the name of the log that a record was made from."""
-    return record.versions.get("log") or str(record)
-
-
 def _axis(model: Any) -> Any:
     return find_axis(str(model)) if isinstance(model, str | Path) else getattr(model, "axis", model)
 
@@ -158,11 +152,10 @@ def identify(
     laws = {name: values.pop(name) for name in {*values} - {*axis.model.parameters}}
     axis = replace(axis.having(values), known=axis.known or bool(values.keys() & start.keys()))
     if isinstance(log, str | Path) and Path(log).is_dir():
-        with waiting(f"identifying the logs of {log}"):
-            many = identify_many(
-                find_logs(Path(log)), axis, columns or {}, covariates=covariates,
-                free=options.get("free", ()), false_alarms=false_alarms,
-            )  # fmt: skip
+        many = identify_many(
+            find_logs(Path(log)), axis, columns or {}, covariates=covariates,
+            free=options.get("free", ()), false_alarms=false_alarms,
+        )  # fmt: skip
         title = f"{axis.model.name} in {len(many.table)} logs"
         content = {"logs": many.table.to_dict("index"), "remarks": texts_of(many.findings, *MARKS)}
         return LogResult(
@@ -170,10 +163,9 @@ def identify(
             many.status,
         )  # fmt: skip
     record = _read(log, columns).record
-    with waiting(f"identifying {axis.model.name}"):
-        found = fitted(record, axis, fix=tuple(fix), given=laws, **options)
+    found = fitted(record, axis, fix=tuple(fix), given=laws, **options)
     other = None if validate is None else validated(_read(validate, columns).record, found.axis)
-    title = f"{found.axis.model.name} from {_name(record)}"
+    title = f"{found.axis.model.name} from {record.versions.get('log', 'a record')}"
     page = pages.identification_page(found, record.period, other, title)
     content = pages.content(found, other)
     return LogResult(
@@ -213,7 +205,8 @@ def track(
     values = {"last": found.last, "nominal": found.nominal, "ratio": found.last / found.nominal}
     table = pd.DataFrame(values, found.names)
     page = pages.track_page(
-        found, spec.text, problems=texts_of(read.checks, "problem"), log=_name(read.record)
+        found, spec.text, problems=texts_of(read.checks, "problem"),
+        log=read.record.versions.get("log", "a record"),
     )  # fmt: skip
     content = table.to_dict() | {
         "fit": found.fit,

@@ -61,7 +61,7 @@ class Recording(Record):
         for name in signals or ("torque", output):
             if name not in self.signals:
                 raise FlexaxisError(unknown("signal", name, self.signals))
-            one = Series(role="data", label=str(self), x=self.time, y=getattr(self, name))
+            one = Series(role="data", x=self.time, y=getattr(self, name))
             panels[f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]"] = [one]
         return draw(panels, ax, self.definition)
 

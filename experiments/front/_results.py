@@ -14,7 +14,6 @@ from flexaxis._records import axes_for, draw
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import select
 from flexaxis.experiments.check import check as rules
-from flexaxis.experiments.comparison import sweep
 from flexaxis.experiments.comparison.tune import Trials, match_noise, save
 from flexaxis.experiments.files import REPORT
 from flexaxis.experiments.gate import gate
@@ -82,8 +81,9 @@ class Results(engine.Results):
 
     def __repr__(self) -> str:
         text = f"{self.cases} cases, {len(self.failures)} of them failed"
-        table = self.table.assign(lag_interval=self.table["lag_interval"].map(between))
-        return f"{text}\n{table.to_string(index=False, float_format='{:.3g}'.format)}"
+        words, number = {"lag_interval": between}, "{:.3g}".format
+        table = self.table.to_string(index=False, formatters=words, float_format=number)
+        return f"{text}\n{table}"
 
 
 def benchmark(
@@ -278,25 +278,21 @@ def compare(
 
 def tune(
     *estimators: str,
-    scenarios: Scenarios | None = None,
-    seeds: Seeds = None,
+    seeds: Seeds = "0:16",
     folder: Place = None,
     file: Place = None,
     **work: Any,
 ) -> pd.DataFrame:
-    """Find the settings at which estimators are as noisy as rpem-forgetting, or sweep them.
+    """Find the settings at which estimators are as noisy as rpem-forgetting.
 
-    Without scenarios each is tuned on the nominal axis without a fault. With scenarios each runs at
-    many settings, and the lags after their faults are compared at equal noise.
+    Each is tuned on the nominal axis without a fault.
 
     Parameters
     ----------
     *estimators : str
         All registered ones with a tuning parameter by default.
-    scenarios : str, Path, Scenario, or several of them, optional
-        Where to sweep.
     seeds
-        As for `benchmark`; 0 to 15 by default, for a sweep 1000 to 1015.
+        As for `benchmark`.
     folder : str or Path, optional
         Where rows are kept.
     file : str or Path, optional
@@ -308,27 +304,21 @@ def tune(
     -------
     DataFrame
         A line an estimator: ``setting, knob, value, match, ratio`` (of its noise to the
-        reference), and ``problem`` if there is no such setting; of a sweep a line a fault and
-        estimator, with ``lag, lag_interval, over_bound, std_after``.
+        reference), and ``problem`` if there is no such setting.
     """
-    names, lines = list(estimators) or [n for n, entry in REGISTRY.items() if entry.knob], []
-    numbers = seeds_of(seeds or (None if scenarios else "0:16"), 16)
-    if scenarios:
-        with studies.working(folder, **work) as runner:
-            swept = sweep.sweep(select(scenarios).scenarios, names, numbers, runner.rows)
-        return pd.DataFrame(swept.matched).drop(columns="values")
-    span = f"{numbers[0]}:{numbers[-1] + 1}"
+    names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []
     with studies.working(folder, **work) as runner:
+        trials = Trials(seeds_of(seeds, 16), runner.rows)
         for name in names:
             tuned, line = None, {"estimator": name, "problem": ""}
             try:
-                tuned = match_noise(name, Trials(numbers, runner.rows))
+                tuned = match_noise(name, trials)
                 line |= asdict(tuned)
             except FlexaxisError as error:
                 line["problem"] = str(error)
             lines.append(line)
             if file:
-                save(Path(file), name, tuned, command=f"flexaxis tune {name} --seeds {span}")
+                save(Path(file), name, tuned)
     return pd.DataFrame(lines)
 
 

@@ -29,8 +29,8 @@ from flexaxis.experiments.running.case import Options, run_unit
 from flexaxis.experiments.running.progress import LINE, remark
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
-from flexaxis.experiments.running.store import CSV, ROWS, Store
-from flexaxis.experiments.running.study import Study, missing, units
+from flexaxis.experiments.running.store import CSV
+from flexaxis.experiments.running.study import Study, units
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 
@@ -180,21 +180,18 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
     }
 
 
-def plan(study: Study, folder: Path) -> dict[str, Any]:
+def plan(study: Study) -> dict[str, Any]:
     """Return what a study would run, timed on one seed of its first variant.
 
     Returns
     -------
     dict
-        ``variants`` (a dict of swept values each), ``cases``, ``to_run`` (those that the folder
-        lacks), ``seconds`` of one core, of estimators of users none, and ``megabytes`` of their
-        rows.
+        ``variants`` (a dict of swept values each), ``cases``, ``seconds`` of one core, of
+        estimators of users none, and ``megabytes`` of their rows.
     """
-    every = units(study)
-    done = Store.read(folder).done() if (folder / ROWS).exists() else set[str]()
-    to_run = sum(len(unit.cases()) for unit in missing(every, done))
-    settings = tuple(each for each in every[0].settings if not each.spec.is_users)
-    one = replace(every[0], settings=settings, seeds=study.seeds[:1])
+    first = units(study)[0]
+    settings = tuple(each for each in first.settings if not each.spec.is_users)
+    one = replace(first, settings=settings, seeds=study.seeds[:1])
     run_unit(one, Options())  # compiles
     start = time.process_time()
     run_unit(one, Options())
@@ -203,9 +200,8 @@ def plan(study: Study, folder: Path) -> dict[str, Any]:
     return {
         "variants": [{"scenario": name, **point} for name, point in variants],
         "cases": study.cases,
-        "to_run": to_run,
-        "seconds": seconds * to_run,
-        "megabytes": BYTES * to_run / 1e6,
+        "seconds": seconds * study.cases,
+        "megabytes": BYTES * study.cases / 1e6,
     }
 
 

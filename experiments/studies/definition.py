@@ -45,7 +45,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
         seeds = range(int(first), int(last)) if colon else range(FIRST, FIRST + int(text))
     except ValueError:
         seeds = range(0)
-    if not seeds or seeds[0] < 0 or seeds[-1] >= 2**63 or len(seeds) > MOST:
+    if not seeds or seeds[0] < 0 or len(seeds) > MOST:
         raise FlexaxisError(
             f"seeds {text!r}: give a number of seeds, such as 8, or a range from:to, such as "
             f"1000:1030 (the last is not included), at most {MOST}"
@@ -61,7 +61,7 @@ def seed_of(seed: Any) -> int:
     return int(seed)
 
 
-def seeds_of(seeds: Any, default: int) -> tuple[int, ...]:
+def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
     """Return seeds: a number of them from 1000 on, a range as text, or those listed.
 
     Examples
@@ -84,18 +84,16 @@ def _one_or_more(value: Any) -> Any:
     return (value,) if isinstance(value, str) else value
 
 
-def _numbers(value: Any) -> Any:
-    return parse_seeds(str(value))
-
-
 def _flat(value: Any) -> Any:
     """Return nested tables as dotted keys: a key may be written with or without quotes."""
     if not isinstance(value, Mapping):
         return value
     result: dict[str, Any] = {}
     for key, inner in value.items():
-        whole = not isinstance(inner, Mapping)
-        result |= {key: inner} if whole else {f"{key}.{k}": v for k, v in _flat(inner).items()}
+        if isinstance(inner, Mapping):
+            result |= {f"{key}.{k}": v for k, v in _flat(inner).items()}
+        else:
+            result[key] = inner
     return result
 
 
@@ -126,7 +124,7 @@ class StudyFile(Config):
     estimators: Annotated[
         tuple[Annotated[str, AfterValidator(_estimator)], ...], BeforeValidator(texts_of)
     ]
-    seeds: Annotated[tuple[int, ...], BeforeValidator(_numbers)]
+    seeds: Annotated[tuple[int, ...], BeforeValidator(seeds_of)]
     override: Dotted = Field(default_factory=dict)
     sweep: Axes = Field(default_factory=dict)
     streams: Literal["common", "own"] = "common"

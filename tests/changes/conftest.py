@@ -86,6 +86,7 @@ def apply(hunk, home):
 def patched(place, hunks):
     """Put a copy of the folders that some patches touch, with these, below a folder."""
     package = place / "flexaxis"
+    shutil.copytree(ROOT / "experiments" / "front", package)
     # A folder that is not copied is found where it is installed, with what was compiled for it.
     for folder in FOLDERS & {Path(hunk.path).parts[0] for hunk in hunks}:
         shutil.copytree(ROOT / folder, package / folder,

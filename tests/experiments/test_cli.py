@@ -278,7 +278,7 @@ def test_a_fault_study_from_the_command_line_to_its_artefacts(capsys, short_toml
     monkeypatch.chdir(short_toml.parent)
     Path("sizes.toml").write_text(STUDY, encoding="utf-8")
     status, out, _ = flexaxis(capsys, "study", "sizes.toml", "--dry-run")
-    assert status == 0 and "4 variants, 16 cases, 16 to run: about" in out
+    assert status == 0 and "4 variants, 16 cases: about" in out
     assert "fault[0].factor = 1.2, friction.coulomb = 0.05" in out and "MB in" in out
     assert not Path("results").exists()
     status, out, _ = flexaxis(capsys, "study", "sizes.toml", "--jobs", 1)
@@ -286,9 +286,11 @@ def test_a_fault_study_from_the_command_line_to_its_artefacts(capsys, short_toml
     assert status == 0 and path == "report: results/sizes/report.html"
     assert sum("frozen" in line for line in table) == sum("ekf" in line for line in table) == 4
     assert Path(path.removeprefix("report: ")).stat().st_size > 5000
-    status, out, _ = flexaxis(capsys, "study", "sizes.toml", "--dry-run", "--json")
-    told = json.loads(out)
-    assert (told["to_run"], told["cases"], told["seconds"]) == (0, 16, 0)
+    before = Path("results/sizes/scores.sqlite").read_bytes()
+    assert flexaxis(capsys, "study", "sizes.toml", "--jobs", 1)[1] == out
+    assert Path("results/sizes/scores.sqlite").read_bytes() == before
+    told = json.loads(flexaxis(capsys, "study", "sizes.toml", "--dry-run", "--json")[1])
+    assert told["cases"] == 16 and told["seconds"] > 0
 
 
 # ---------------------------------------------------------------- json and files

@@ -119,7 +119,7 @@ def test_a_study_from_the_command_line(study_toml, tmp_path, capsys):
     words = ["study", study_toml, "-o"]
     status, out, _ = flexaxis(capsys, *words, tmp_path / "a", "--dry-run", "--json")
     assert status == 0
-    assert json.loads(out)["to_run"] == 12
+    assert json.loads(out)["cases"] == 16
     assert not (tmp_path / "a").exists()
     assert flexaxis(capsys, *words, tmp_path / "a", "--jobs", 2)[0] == 0
     whole = Results.load(tmp_path / "a")

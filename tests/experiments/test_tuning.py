@@ -128,7 +128,7 @@ def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, 
     assert (before["estimator"], plain["estimator"]) == ("variable-forgetting", "cusum-reset")
     assert (plain["model"], plain["period"], plain["noise"]) == ("n1", 0.005, 0.1)
     assert plain["identify"] == ["k_T", "1/J_a", "f_m"]
-    assert plain["command"] == "flexaxis tune cusum-reset --seeds 0:2"
+    assert plain["command"].startswith("flexaxis tune cusum-reset --seeds 0:2")
 
 
 def test_the_registry_has_what_was_tuned():
