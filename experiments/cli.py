@@ -47,8 +47,8 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return what was typed; refuse an option or word that the parser does not have."""
         parsed, rest = super().parse_known_args(args, namespace)
-        for word in rest:
-            option = word.partition("=")[0]
+        if rest:
+            option = rest[0].partition("=")[0]
             self.error(f"unknown {option!r}.{did_you_mean(option, self._option_string_actions)}")
         return parsed, rest
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 from collections.abc import Iterable, Iterator
@@ -41,9 +40,8 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        full = error.errno in {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-        reason = f"{path}: cannot be written: {error.strerror or error}. Choose another place"
-        raise OutputError(f"{reason} with -o{', or free some space' * full}") from error
+        reason = f"{path}: cannot be written: {error.strerror or error}"
+        raise OutputError(f"{reason}. Free some space, or choose another place with -o") from error
 
 
 def make_folder(path: Path) -> None:

@@ -55,11 +55,6 @@ def _parts(scenario: Scenario) -> dict[str, list[str]]:
     sensors += ["controller sees what is measured"] * (s.feedback == "measured")
     unmodelled = [table.in_words() for table in tables if not table.exact]
     unmodelled += [f"told {name} × {factor:g}" for name, factor in s.told_factors.items()]
-    words = {
-        "poles": "told {:g} periods of cogging a turn",
-        "torque_limit": "told a limit of {:g} N m",
-        "noise": "told noise of {:g}",
-    }
     axis = s.preset if s.model == "three_mass" else s.model
     return {
         "axis": [axis + (f", start {s.start:g}" if s.start != 1 else "")],
@@ -67,7 +62,7 @@ def _parts(scenario: Scenario) -> dict[str, list[str]]:
         "sampled": [f"every {1000 * s.period:g} ms"],
         "sensors": sensors,
         "unmodelled": unmodelled,
-        "data sheet": [words[name].format(value) for name, value in s.data_sheet.items()],
+        "data sheet": [f"told {name} = {value:g}" for name, value in s.data_sheet.items()],
         "excitation": [s.excitation.in_words()],
     }
 

@@ -202,8 +202,8 @@ def track(
     spec = parse(estimator or tracking.default_estimator(known))
     read = _read(log, columns)
     found = tracking.track(read.record, known, spec, identify=parameters, start=start)
-    values = {"last": found.last, "nominal": found.nominal, "ratio": found.last / found.nominal}
-    table = pd.DataFrame(values, found.names)
+    table = pd.DataFrame({"last": found.last, "nominal": found.nominal}, found.names)
+    table["ratio"] = table["last"] / table["nominal"]
     page = pages.track_page(
         found, spec.text, problems=texts_of(read.checks, "problem"),
         log=read.record.versions.get("log", "a record"),

@@ -50,7 +50,7 @@ class Results(engine.Results):
         If nothing changed, the scores of all parameters.
         """
         rows = self.scores()
-        changed = rows[rows["changed"].astype(bool)]
+        changed = rows.query("changed")
         return (rows if changed.empty else changed)[[*self.axes, *SHOWN]].reset_index(drop=True)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
@@ -111,8 +111,7 @@ def benchmark(
         compared at equal noise, too. Without it the rows are in memory.
     **work
         ``jobs`` (processes, 1 by default), ``shard`` (number of the part to run, and of all parts),
-        ``dask`` (address of a scheduler), ``cache`` (whether
-        simulated records are kept, True by default), ``overwrite`` (whether to remove what
+        ``dask`` (address of a scheduler), ``overwrite`` (whether to remove what
         `folder` holds, False by default), ``time_limit`` (for a run of your own code, 600 s by
         default).
 
@@ -183,9 +182,9 @@ class Comparison:
     status: int
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Any:
         """The one word: worse, undecided, better, slight or same."""
-        return str(self.content["verdict"])
+        return self.content["verdict"]
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a pandas DataFrame, a line a score."""

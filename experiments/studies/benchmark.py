@@ -36,11 +36,11 @@ from flexaxis.sim.scenario import Scenario, scenario_from
 
 @contextmanager
 def working(
-    folder: str | Path | None = None, *, dask: str | None = None, cache: bool = True, **options: Any
+    folder: str | Path | None = None, *, dask: str | None = None, **options: Any
 ) -> Iterator[Runner]:
-    """Give a runner with its options; warn of estimates that are not finite."""
+    """Give a runner with its options, on this machine or a Dask cluster."""
     with ExitStack() as stack:
-        kept = default_cache() if cache else None
+        kept = default_cache()
         stack.enter_context(keep_nominal_runs(kept))
         if dask:
             client = stack.enter_context(optional_package("distributed").Client(dask))

@@ -27,32 +27,6 @@ FIRST = 1000
 MOST = 100_000  # seeds
 
 
-def parse_seeds(text: str) -> tuple[int, ...]:
-    """Return the seeds of "N" (1000 … 1000+N−1) or "A:B" (A … B−1).
-
-    Raises
-    ------
-    FlexaxisError
-        If it is neither, or has too many seeds.
-
-    Examples
-    --------
-    >>> parse_seeds("3"), parse_seeds("5:7")
-    ((1000, 1001, 1002), (5, 6))
-    """
-    first, colon, last = text.partition(":")
-    try:
-        seeds = range(int(first), int(last)) if colon else range(FIRST, FIRST + int(text))
-    except ValueError:
-        seeds = range(0)
-    if not seeds or seeds[0] < 0 or len(seeds) > MOST:
-        raise FlexaxisError(
-            f"seeds {text!r}: give a number of seeds, such as 8, or a range from:to, such as "
-            f"1000:1030 (the last is not included), at most {MOST}"
-        )
-    return tuple(seeds)
-
-
 def seed_of(seed: Any) -> int:
     """Return the number of a run; refuse what is no whole number from 0 to 2^63 − 1."""
     whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
@@ -62,16 +36,32 @@ def seed_of(seed: Any) -> int:
 
 
 def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
-    """Return seeds: a number of them from 1000 on, a range as text, or those listed.
+    """Return seeds: a number N of them (1000 … 1000+N−1), a range "A:B" (A … B−1), or those listed.
+
+    Raises
+    ------
+    FlexaxisError
+        If it is nothing of these, or has too many seeds.
 
     Examples
     --------
-    >>> seeds_of(2, 8), seeds_of("5:7", 8), seeds_of(range(3), 8)
+    >>> seeds_of(2), seeds_of("5:7"), seeds_of(range(3))
     ((1000, 1001), (5, 6), (0, 1, 2))
     """
-    if seeds is None or isinstance(seeds, str | int | float):
-        return parse_seeds(str(default if seeds is None else seeds))
-    return tuple(dict.fromkeys(map(seed_of, seeds)))
+    if not (seeds is None or isinstance(seeds, str | int | float)):
+        return tuple(dict.fromkeys(map(seed_of, seeds)))
+    text = str(default if seeds is None else seeds)
+    first, colon, last = text.partition(":")
+    try:
+        result = range(int(first), int(last)) if colon else range(FIRST, FIRST + int(text))
+    except ValueError:
+        result = range(0)
+    if not result or result[0] < 0 or len(result) > MOST:
+        raise FlexaxisError(
+            f"seeds {text!r}: give a number of seeds, such as 8, or a range from:to, such as "
+            f"1000:1030 (the last is not included), at most {MOST}"
+        )
+    return tuple(result)
 
 
 def texts_of(estimators: Any) -> tuple[str, ...]:
