@@ -81,8 +81,15 @@ def write_json(path: Path, content: Any) -> None:
     write_text(path, text + "\n")
 
 
-def read_json(path: Path) -> Any:
-    """Return the content of a JSON file; an OutputError if there is none."""
+def summary_of(folder: Path) -> Any:
+    """Return what summary.json of a run says.
+
+    Raises
+    ------
+    OutputError
+        If it is missing: the run is not finished.
+    """
+    path = folder / SUMMARY
     return json_value(read_text(path, OutputError), source=str(path), refuse=OutputError)
 
 

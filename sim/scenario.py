@@ -284,7 +284,8 @@ class Scenario(Config):
         # numbers and arrays of NumPy as Python's own
         changes = {key: getattr(x, "tolist", lambda x=x: x)() for key, x in changes.items()}
         set_keys(content, changes, source=self.name)
-        if content.get("friction", {}).get("coulomb") == 0 and len(content["friction"]) <= 2:
+        friction = content.get("friction") or {}  # a change to None takes it out
+        if friction.get("coulomb") == 0 and len(friction) <= 2:
             del content["friction"]  # a sweep says "none" by 0; the other key is the kind
         if "name" not in changes:
             content["name"] = self.name + suffix(changes)

@@ -319,4 +319,4 @@ def _subject(spec: Spec, store: RecordCache | None) -> Subject:
         with suppress(EstimatorError):
             build(spec, scenario)
             break
-    return Subject(spec, scenario, records(scenario, [0], store)[0][0])  # tells why it is neither
+    return Subject(spec, scenario, records(scenario, [0], store)[0])  # tells why it is neither

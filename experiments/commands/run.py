@@ -8,7 +8,7 @@ from typing import Any
 import flexaxis as fx
 from flexaxis.experiments.catalogue.find import check_names
 from flexaxis.experiments.commands.options import Args, answer, command
-from flexaxis.experiments.files import REPORT, check_file, check_not_input
+from flexaxis.experiments.files import REPORT, check_file, check_not_input, summary_of
 from flexaxis.sim.errors import FlexaxisError
 
 ENGINE = ("-o", "--jobs", "--dask", "--shard", "--overwrite", "--time-limit")
@@ -112,7 +112,8 @@ def _results(args: Args, results: Any, missing: int = 0) -> int:
     from flexaxis.experiments.reporting.words import failures_in_words
 
     whole, failures = args.shard == (1, 1), results.failures.to_dict("records")
-    content = results.summary if whole and not results.axes else {"rows": results.pooled()}
+    is_run = whole and not results.axes
+    content = summary_of(results.folder) if is_run else {"rows": results.pooled()}
     lines = [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
     lines += [f"{missing} cases are in no shard"] * bool(missing)
     if whole and results.axes:

@@ -190,7 +190,8 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     store = default_cache()
     if clear:
         store.evict(-1)
-    return {"folder": store.folder, "megabytes": round(store.size() / 1024**2, 1)}
+    size = sum(path.stat().st_size for path in store.entries())
+    return {"folder": store.folder, "megabytes": round(size / 1024**2, 1)}
 
 
 class Sample(NamedTuple):

@@ -160,9 +160,9 @@ def study(
         With one line for each problem.
     """
     is_file = isinstance(definition, str | Path)
-    wanted = load_study(definition) if is_file else study_from(definition)
+    planned = load_study(definition) if is_file else study_from(definition)
     with studies.working(folder, **work) as runner:
-        results = studies.run(wanted, runner)
+        results = studies.run(planned, runner)
     return Results(runner.store, results.study)
 
 

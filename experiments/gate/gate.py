@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from flexaxis.experiments.comparison.tune import Tuned, equally_noisy
+from flexaxis.experiments.files import summary_of
 from flexaxis.experiments.gate.equal_noise import SEEDS, at_equal_noise
 from flexaxis.experiments.gate.pairs import SIDES, Gap, Paired, pair, table
 from flexaxis.experiments.gate.verdict import (
@@ -216,7 +217,7 @@ def compare_runs(
                 f"--candidate. It holds: {', '.join(texts)}"
             )
         names += chosen
-        versions.append(results.summary["versions"])
+        versions.append(summary_of(folder)["versions"])
         sides.append(table(frame[frame["estimator"] == names[-1]]))
     old, new = (dict(zip(side["scenario"], side["hash"], strict=True)) for side in sides)
     if versions[0] != versions[1] or any(old[name] != new[name] for name in old.keys() & new):

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from flexaxis.experiments.running.progress import is_quiet
+from flexaxis.experiments.running.progress import QUIET
 
 ROUNDING = 1e-6  # of whatever unit a value has: less is that of numbers in a computer
 Kind = Literal["problem", "note", "info", "ok"]
@@ -82,5 +82,5 @@ def waiting(doing: str) -> AbstractContextManager[Any]:
     """Show on a terminal that something goes on; nothing in a file."""
     from rich.console import Console
 
-    quiet = is_quiet() or not sys.stderr.isatty()
+    quiet = QUIET.get() or not sys.stderr.isatty()
     return nullcontext() if quiet else Console(stderr=True).status(doing)

@@ -121,7 +121,7 @@ class Evidence:
         """Return the records of one of `scenarios`."""
         number = self.sizes.get(group, self.sizes["others"])
         seeds = range(self.first, self.first + number)
-        return records(self.scenarios[group], seeds, self._store)[0]
+        return records(self.scenarios[group], seeds, self._store)
 
     @cached_property
     def reference(self) -> Array:

@@ -41,8 +41,6 @@ class RecordCache:
                 signals = {name: values[()] for name, values in file.items()}
             os.utime(path)  # used just now
             return record_of(scenario, seed, signals)
-        except FileNotFoundError:
-            return None
         except (OSError, TypeError, ValueError):
             path.unlink(missing_ok=True)
             return None
@@ -63,16 +61,12 @@ class RecordCache:
         """Return the files, the least recently used first."""
         return sorted(self.folder.glob("*.nc"), key=lambda path: path.stat().st_mtime_ns)
 
-    def size(self) -> int:
-        """Return the size of all entries [bytes]."""
-        return sum(path.stat().st_size for path in self.entries())
-
-    def evict(self, limit: int | None = None) -> int:
+    def evict(self, limit: int) -> int:
         """Remove the least recently used entries down to a size [bytes]; return how many."""
         total, removed = 0, 0
         for path in self.entries()[::-1]:
             total += path.stat().st_size
-            if total > (self.limit if limit is None else limit):
+            if total > limit:
                 path.unlink(missing_ok=True)
                 removed += 1
         return removed
@@ -87,29 +81,28 @@ def default_cache() -> RecordCache:
     """Return the user's cache: the folder FLEXAXIS_CACHE, else one in the user's cache folder."""
     from flexaxis.estimators.models.compiler import user_cache
 
-    folder = os.environ.get("FLEXAXIS_CACHE")
-    return RecordCache(Path(folder) if folder else user_cache() / "flexaxis" / "records")
+    usual = user_cache() / "flexaxis" / "records"
+    return RecordCache(Path(os.environ.get("FLEXAXIS_CACHE") or usual))
 
 
-def records(
-    scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None
-) -> tuple[list[Record], int]:
-    """Return the records of some seeds, and how many of them had to be simulated.
+def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None) -> list[Record]:
+    """Return the records of some seeds, simulated where they are not kept.
 
     A kept record is equal to a simulated one to the last bit.
     """
-    known = {seed: cache.get(scenario, seed) if cache else None for seed in seeds}
+    if cache is None:
+        return simulate(scenario, seeds)
+    known = {seed: cache.get(scenario, seed) for seed in seeds}
     missing = [seed for seed, record in known.items() if record is None]
     made = simulate(scenario, missing) if missing else []
-    if cache and made:
-        for record in made:
-            cache.put(scenario, record)
-        with suppress(FileNotFoundError):  # another process evicts, too
-            cache.evict()
+    for record in made:
+        cache.put(scenario, record)
+    with suppress(FileNotFoundError):  # another process evicts, too
+        cache.evict(cache.limit)
     known |= dict(zip(missing, made, strict=True))
-    return [record for record in known.values() if record], len(made)
+    return [record for record in known.values() if record]
 
 
 def keep_nominal_runs(cache: RecordCache | None) -> AbstractContextManager[None]:
     """Keep the nominal runs that are simulated inside, too: each serves many scenarios."""
-    return nominal_runs(lambda scenario: records(scenario, [0], cache)[0][0].torque)
+    return nominal_runs(lambda scenario: records(scenario, [0], cache)[0].torque)

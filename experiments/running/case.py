@@ -5,11 +5,10 @@ from __future__ import annotations
 import io
 import json
 import os
-import platform
 import time
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,6 @@ from flexaxis.experiments.running.user_code import (
     is_of_the_machine,
     reported,
 )
-from flexaxis.experiments.scoring.curves import Detail
 from flexaxis.experiments.scoring.parameter_names import known_names
 from flexaxis.experiments.scoring.recovered import tracking
 from flexaxis.experiments.scoring.score_table import columns, rows, undefined
@@ -88,9 +86,8 @@ class Done:
         JSON of what was named for each fault.
     error : str or None
         Why the case failed.
-    host : str
     trace : bytes or None
-        A case without its rows, as from `pack`.
+        What its figures are drawn from, as from `pack`.
     """
 
     id: str
@@ -99,79 +96,52 @@ class Done:
     numbers: Array
     isolation: str | None
     error: str | None
-    host: str
     trace: bytes | None = None
 
 
-@dataclass
-class Outcome:
-    """What became of a unit.
-
-    Attributes
-    ----------
-    cases : list of Done
-    missing : list of str
-        Why cases were not run through no fault of their estimators.
-    simulated : int
-        Records that were not in the cache.
-    """
-
-    cases: list[Done] = field(default_factory=list)
-    missing: list[str] = field(default_factory=list)
-    simulated: int = 0
+Outcome = list[Done | str]
+"""What became of the cases of a unit; a text says why one was not run: it was not its estimator."""
 
 
 def run_unit(unit: Unit, options: Options) -> Outcome:
     """Run the cases of a unit."""
-    outcome = Outcome()
-    seeds = list(dict.fromkeys(seed for _, _, seed in unit.cases()))
     # One thread, so that rows are equal to the last bit wherever they are made.
     with threadpool_limits(1), keep_nominal_runs(options.cache), warnings.catch_warnings():
         warnings.filterwarnings("ignore", category=UserWarning, module="flexaxis")
-        known = _records(unit.scenario, seeds, options.cache, outcome)
-        for case in unit.cases():
-            _run(unit, case, known[case[2]], options, outcome)
-    return outcome
+        seeds = list(dict.fromkeys(seed for _, _, seed in unit.cases()))
+        known = _records(unit.scenario, seeds, options.cache)
+        return [_run(unit, case, known[case[2]], options) for case in unit.cases()]
 
 
 def _records(
-    scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None, outcome: Outcome
+    scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None
 ) -> dict[int, Record | str]:
     """Return the records of some seeds, or why there is none; one that stops a batch is alone."""
     try:
-        made, simulated = records(scenario, seeds, cache)
+        return dict(zip(seeds, records(scenario, seeds, cache), strict=True))
     except SimulationError as error:
         if len(seeds) == 1:
             return {seeds[0]: f"SimulationError: {error}"}
-        alone = [_records(scenario, [seed], cache, outcome) for seed in seeds]
-        return {seed: record for each in alone for seed, record in each.items()}
-    outcome.simulated += simulated
-    return dict(zip(seeds, made, strict=True))
+        return {seed: _records(scenario, [seed], cache)[seed] for seed in seeds}
 
 
-def _run(
-    unit: Unit, case: PlannedCase, record: Record | str, options: Options, outcome: Outcome
-) -> None:
-    """Run a case, and add its rows to an outcome."""
+def _run(unit: Unit, case: PlannedCase, record: Record | str, options: Options) -> Done | str:
+    """Return a case that was run, or why it was not through no fault of its estimator."""
     _, setting, seed = case
-    error, trace = unit.error or None, None
     if isinstance(record, str):  # nobody can run it: one row without scores
-        outcome.cases.append(_row(unit, case, [undefined()], record))
-        return
+        return _done(unit, case, [undefined()], record)
+    error = unit.error
     try:
         if not error:
             result = run_case(unit.scenario, record, setting.spec, options)
-            lines, trace = result.rows, pack(result) if options.traces else None
+            return _done(unit, case, result.rows, None, pack(result) if options.traces else None)
     except EstimatorError as raised:
         if is_of_the_machine(raised):
-            outcome.missing.append(str(raised))
-            return
+            return str(raised)
         error = f"{type(raised).__name__}: {raised}"
-    if error:  # a run lost at its first sample
-        assert record.true_parameters is not None
-        drawn = unit.scenario.drawn(seed)
-        lines = rows(failed_track(drawn, record.true_parameters, record.torque))
-    outcome.cases.append(_row(unit, case, lines, error, trace))
+    assert record.true_parameters is not None
+    lost = failed_track(unit.scenario.drawn(seed), record.true_parameters, record.torque)
+    return _done(unit, case, rows(lost), error)  # a run lost at its first sample
 
 
 def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = Options()) -> Case:
@@ -198,7 +168,7 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
     cost = {"us_per_sample": 1e6 * seconds / len(theta), "seconds": seconds}
     identity = {"scenario": scenario.name, "hash": scenario.hash, "estimator": spec.text,
                 "seed": record.seed}  # fmt: skip
-    return scored(track, estimator=spec.text, written=scenario, identity=identity, cost=cost)
+    return scored(track, written=scenario, identity=identity, cost=cost)
 
 
 def follow(
@@ -273,15 +243,14 @@ def track_of(  # noqa: PLR0917
     """
     assert record.true_parameters is not None
     names = known_names(scenario, estimated)
-    place, p = [list(estimated).index(name) for name in names], len(estimated)
-    if len(place) < p and np.shape(claimed) == (p, p):
+    place = [list(estimated).index(name) for name in names]
+    if np.shape(claimed) == (len(estimated), len(estimated)):
         claimed = np.asarray(claimed)[np.ix_(place, place)]
     known = {"claimed": claimed, "innovations": innovations, "findings": findings}
-    truth = record.true_parameters
-    return Track(scenario, names, theta[:, place], truth, record.torque, **known)
+    return Track(scenario, names, theta[:, place], record.true_parameters, record.torque, **known)
 
 
-def _row(
+def _done(
     unit: Unit, case: PlannedCase, lines: Sequence[Mapping[str, Any]], error: str | None,
     trace: bytes | None = None,
 ) -> Done:  # fmt: skip
@@ -295,8 +264,7 @@ def _row(
         onset = first_onset(unit.scenario.drawn(seed)) * unit.scenario.period
         numbers[:, NUMBERS.index("onset")] = onset
     isolation = None if named is None else json.dumps(named)
-    about_text = json.dumps(about, ensure_ascii=False)
-    return Done(name, about_text, seed, numbers, isolation, error, platform.node(), trace)
+    return Done(name, json.dumps(about), seed, numbers, isolation, error, trace)
 
 
 def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
@@ -307,20 +275,12 @@ def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
 
 def pack(case: Case) -> bytes:
     """Return what the figures of a case need, as the bytes of an .npz file."""
-    about = [case.estimator, case.names, list(case.relative), list(case.detail.findings)]
-    arrays: dict[str, Any] = {f"of {name}": values for name, values in case.relative.items()}
-    if case.detail.residual is not None:
-        arrays["residual"] = case.detail.residual
     buffer = io.BytesIO()
-    np.savez(buffer, about=np.array(json.dumps(about)), curve=case.curve, near=case.detail.near,
-             **arrays)  # fmt: skip
+    np.savez(buffer, names=case.names, curve=case.curve, near=case.near)
     return buffer.getvalue()
 
 
 def unpack(content: bytes) -> Case:
     """Return the case that `pack` was given, without rows."""
-    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-        estimator, names, changed, findings = json.loads(str(stored["about"]))
-        detail = Detail(stored["near"], stored.get("residual"), tuple(findings))
-        relative = {name: stored[f"of {name}"] for name in changed}
-        return Case(estimator, tuple(names), stored["curve"], relative, detail)
+    with np.load(io.BytesIO(content)) as stored:
+        return Case(tuple(stored["names"].tolist()), stored["curve"], stored["near"])

@@ -61,8 +61,8 @@ def run_on(
 
 
 def write_estimates(
-    path: Path, times: Any, theta: Any, names: Sequence[str], about: Mapping[str, Any], *,
-    covariance: Array | None = None, deviation: Array | None = None,
+    path: Path, times: Any, theta: Any, names: Sequence[str], about: Mapping[str, Any],
+    **claimed: Array | None,
 ) -> None:  # fmt: skip
     """Write estimates as NetCDF-4: ``time``, ``theta`` (time, estimate), and what is claimed.
 
@@ -76,8 +76,8 @@ def write_estimates(
     names : sequence of str
     about : mapping
         Attributes of the file.
-    covariance : ndarray (N, p, p), optional
-    deviation : ndarray (N, p), optional
+    **claimed : ndarray or None
+        ``covariance`` (N, p, p) or ``deviation`` (N, p).
 
     Raises
     ------
@@ -88,7 +88,7 @@ def write_estimates(
 
     dimensions = ("time", "estimate", "estimate_2")
     data: dict[str, Any] = {"theta": (dimensions[:2], theta, {"long_name": "estimates, SI units"})}
-    for name, values in (("covariance", covariance), ("deviation", deviation)):
+    for name, values in claimed.items():
         if values is not None:
             words = {"long_name": f"{name} that the estimator claims"}
             data[name] = (dimensions[: values.ndim], values, words)

@@ -98,20 +98,19 @@ class Spec:
 
     @cached_property
     def digest(self) -> str | None:
-        """Digest of the code of a user, None for an estimator of the registry.
+        """Digest of the code of a user, None for an estimator of the registry or an entry point.
 
         It covers the file, the words of a command that are files, or the source of a class of
         this session.
         """
         if self.session is not None:
-            return _short(_source(self.session))
-        if not names_code(self.text):
+            content = _source(self.session)
+        elif names_code(self.text):
+            files = filter(Path.is_file, map(Path, _words(self.name)))
+            content = b"".join(map(Path.read_bytes, files))
+        else:
             return None
-        return _short(b"".join(path.read_bytes() for path in _files_of(self.name)))
-
-
-def _short(content: bytes) -> str:
-    return sha256(content).hexdigest()[:SHORT]
+        return sha256(content).hexdigest()[:SHORT]
 
 
 def _source(make: Factory) -> bytes:
@@ -121,16 +120,11 @@ def _source(make: Factory) -> bytes:
         return bytes(cloudpickle.dumps(make))
 
 
-def _files_of(name: str) -> list[Path]:
-    """Return the files of a user's estimator that decide what it does."""
+def _words(name: str) -> list[str]:
+    """Return the words of a command, or the file of a class."""
     if name.startswith(PIPE):
-        paths = [Path(word) for word in shlex.split(name.removeprefix(PIPE))]
-    elif file := code_file(name):
-        paths = [Path(file)]
-    else:
-        spec = find_spec(name.rpartition(":")[0])
-        paths = [Path(spec.origin)] if spec and spec.origin else []
-    return [path for path in paths if path.is_file()]
+        return shlex.split(name.removeprefix(PIPE))
+    return [code_file(name) or getattr(find_spec(name.rpartition(":")[0]), "origin", None) or ""]
 
 
 _session: dict[str, Factory] = {}
@@ -174,7 +168,7 @@ def parse(text: str) -> Spec:
             "list` shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
         )
     if name in REGISTRY:
-        _check_options(spec)
+        keywords(spec)
     return spec
 
 
@@ -217,24 +211,28 @@ def with_options(text: str, options: Mapping[str, Any]) -> str:
 
 
 def _written(value: Any) -> str:
-    plain = value.tolist() if isinstance(value, np.generic | np.ndarray) else value
-    return f"{plain:.12g}" if isinstance(plain, float) else json.dumps(plain, default=repr)
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    return json.dumps(value, default=lambda numpys: numpys.tolist())
 
 
-def keywords(make: Factory, name: str = "") -> set[str]:
-    """Return what a constructor takes by keyword besides nominal values and period."""
-    parameters = list(inspect.signature(make).parameters.values())[2:]
-    return {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
+def keywords(spec: Spec) -> set[str]:
+    """Return what a constructor takes by keyword besides nominal values and period.
 
-
-def _check_options(spec: Spec) -> None:
-    known = keywords(spec.make, spec.name)
+    Raises
+    ------
+    EstimatorError
+        If an option of the text is not among them.
+    """
+    parameters = list(inspect.signature(spec.make).parameters.values())[2:]
+    known = {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
     for key in spec.options:
         if key not in known:
             raise EstimatorError(
                 f"{spec.name} has no option {key!r}.{did_you_mean(key, known)} "
                 f"It has: {', '.join(sorted(known)) or 'none'}"
             )
+    return known
 
 
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
@@ -250,8 +248,7 @@ def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Est
     EstimatorCrash
         If its constructor raises anything else.
     """
-    _check_options(spec)
-    names = keywords(spec.make, spec.name)
+    names = keywords(spec)
     known = {key: value for key, value in known.items() if key in names} | dict(spec.options)
     with reported(spec.text, "when it was made", refusing=True):
         try:
@@ -282,7 +279,8 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
         If its constructor raises anything else.
     """
     check_model(scenario)
-    nominal, known = started_nominal(scenario), _known(spec, scenario)
+    nominal = started_nominal(scenario)
+    known = _known(spec, scenario, nominal)
     if spec.is_users:
         estimator = make_estimator(spec, nominal, scenario.period, **known)
     else:
@@ -303,12 +301,11 @@ def _registered(key: bytes) -> Any:
     return estimator
 
 
-def _known(spec: Spec, scenario: Scenario) -> dict[str, Any]:
+def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict[str, Any]:
     """Return what an estimator is given besides nominal values and period, by keyword."""
     from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
 
-    entry = REGISTRY.get(spec.name, spec.make)
-    laws = bool(getattr(entry, "laws", False))
+    laws = bool(getattr(REGISTRY.get(spec.name, spec.make), "laws", False))
     identify = tuple(n for n in scenario.identify if laws or n not in LAW_NAMES)
     if not identify:
         raise Misfit(
@@ -320,34 +317,25 @@ def _known(spec: Spec, scenario: Scenario) -> dict[str, Any]:
         known["noise"] = noise
     if spec.name == "oracle-reset":  # the baseline that is told when
         known["onsets"] = tuple(event.index for event in scenario.events())
-    if "torque" in keywords(spec.make, spec.name) and "P0" not in spec.options:
+    if "torque" in keywords(spec) and "P0" not in spec.options:
+        model = MODELS[scenario.model].factory(nominal)
         if laws:  # friction is of the size of the torque
             known["torque"] = design_torque(scenario)
-        elif spec.is_users or not _has_prior(scenario, identify):
+        elif spec.is_users or stored_P(model, identify, scenario.period, forgetting=None) is None:
             known["torque"] = nominal_torque(scenario)
     return known
-
-
-def _has_prior(scenario: Scenario, identify: tuple[str, ...]) -> bool:
-    """Return whether P(0) is stored with the estimators."""
-    model = MODELS[scenario.model].factory(started_nominal(scenario))
-    return stored_P(model, identify, scenario.period, forgetting=None) is not None
 
 
 def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
     """Refuse an estimator that cannot read a scenario, or whose estimates cannot be scored."""
     names, besides = tuple(estimator.names), (*LAW_NAMES, *ESTIMATED_ONLY)
-    if names != scenario.identify:
-        problems = estimated_problems(names, scenario, key="names", besides=besides)
-        if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
-            raise EstimatorError("\n".join(lines))
-    if not known_names(scenario, names):
+    problems = estimated_problems(names, scenario, key="names", besides=besides)
+    if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
+        raise EstimatorError("\n".join(lines))
+    if estimator.output != scenario.output or not known_names(scenario, names):
         raise Misfit(
-            f"{text} estimates {', '.join(names)}, but {scenario.name} has "
-            f"{', '.join(scenario.parameter_names)}: nothing of it could be scored"
-        )
-    if estimator.output != scenario.output:
-        raise Misfit(
-            f"{text} reads {estimator.output!r}, but {scenario.name} gives {scenario.output!r}: "
-            "set its `output` to that, or leave the scenario out"
+            f"{text} reads {estimator.output!r} and estimates {', '.join(names)}, but "
+            f"{scenario.name} gives {scenario.output!r} and has "
+            f"{', '.join(scenario.parameter_names)}: set its `output` to that, or leave the "
+            "scenario out"
         )

@@ -21,22 +21,17 @@ def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
     A terminal shows a bar with the remaining time until it is done; elsewhere nothing is shown.
     """
     from rich.console import Console
-    from rich.progress import Progress, TimeElapsedColumn
+    from rich.progress import Progress
 
-    console, columns = Console(stderr=True), (*Progress.get_default_columns(), TimeElapsedColumn())
-    hidden = not console.is_terminal or is_quiet()
+    console = Console(stderr=True)
+    hidden = not console.is_terminal or QUIET.get()
     with Progress(
-        *columns, console=console, speed_estimate_period=600, transient=True, disable=hidden
+        console=console, speed_estimate_period=600, transient=True, disable=hidden
     ) as bar:
         yield partial(bar.advance, bar.add_task(what, total=total or 1))
 
 
-def is_quiet() -> bool:
-    """Return whether neither progress nor remarks are wanted."""
-    return QUIET.get()
-
-
 def remark(text: str) -> None:
     """Print what is neither a result nor an error to stderr, unless --quiet."""
-    if not is_quiet():
+    if not QUIET.get():
         print(text, file=sys.stderr)

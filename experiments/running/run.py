@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
-import tempfile
 import threading
 import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Any, Self
 
 import pandas as pd
@@ -25,24 +24,21 @@ from loky import ProcessPoolExecutor
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.case import Options, Outcome, run_unit
+from flexaxis.experiments.running.case import Done, Options, Outcome, run_unit
 from flexaxis.experiments.running.estimators import Misfit, Spec, build, parse
 from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.store import CSV, ROWS, Store
+from flexaxis.experiments.running.store import CSV, Store
 from flexaxis.experiments.running.study import Study, Unit, describe, missing, units
 from flexaxis.experiments.running.user_code import (
     TIME_LIMIT,
     EstimatorCrash,
     ended_after,
-    is_of_the_machine,
     why_it_ended,
 )
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
-Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
-"""``run(scenarios, estimators, seeds)``: rows of these cases, as `Runner.rows` gives them."""
 Pair = tuple[Scenario, Spec]
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
@@ -54,7 +50,7 @@ class Worker:
     """One process that runs one unit at a time, and can be replaced alone."""
 
     def __init__(self) -> None:
-        self._pool = _pool(1)
+        self._pool = _pool()
 
     def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
         """Hand work to the process, which is started if there is none."""
@@ -67,18 +63,17 @@ class Worker:
     def end(self) -> None:
         """End the process and what it started."""
         self._pool.shutdown(wait=True, kill_workers=True)
-        self._pool = _pool(1)
+        self._pool = _pool()
 
 
-def _pool(jobs: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(jobs, initializer=_start, initargs=(os.getpid(),), env=ENVIRONMENT)
+def _pool() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(1, initializer=_start, initargs=(os.getpid(),), env=ENVIRONMENT)
 
 
 def _start(parent: int) -> None:
     """Prepare a worker: Ctrl-C is for the parent, stdout for results, and no orphan stays."""
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_IGN)
-    sys.stdout.flush()
     os.dup2(2, 1)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
@@ -109,11 +104,6 @@ class Runner:
     shard : (int, int)
         Number of the part that is run, from 1, and of all parts.
 
-    Attributes
-    ----------
-    done : int
-        Cases run so far.
-
     Raises
     ------
     StudyError
@@ -127,18 +117,15 @@ class Runner:
         cache: RecordCache | None = None, time_limit: float | None = None,
         overwrite: bool = False, shard: tuple[int, int] = (1, 1),
     ) -> None:  # fmt: skip
-        if not (isinstance(jobs, int) and jobs > 0):
-            raise FlexaxisError(f"jobs {jobs!r}: give a number of processes, 1 or more")
         limit = TIME_LIMIT if time_limit is None else time_limit
-        if not 0 < limit < float("inf"):
-            raise FlexaxisError(f"a time limit of {limit!r} s: give a finite number above 0")
-        self._logs = tempfile.mkdtemp(prefix="flexaxis-")
+        if not (jobs >= 1 and 0 < limit < float("inf")):
+            raise FlexaxisError(f"jobs {jobs}, time limit {limit} s: give finite numbers above 0")
+        self._logs = mkdtemp(prefix="flexaxis-")
         weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
         self._workers: Sequence[Any] = (
             [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
         )
-        self.done = 0
         self._folder, self._overwrite, self.shard = folder, overwrite, shard
 
     @cached_property
@@ -179,28 +166,27 @@ class Runner:
         KeyboardInterrupt
             After Ctrl-C: what is stored is kept, and the same call runs what is missing.
         """
-        plan, stored = units(study), self._folder and (self._folder / ROWS).exists()
-        is_open = "store" in vars(self) or (stored and not self._overwrite)
-        kept = self.store.done(traced=traces) if is_open else set[str]()
-        todo = list(missing(plan[self.shard[0] - 1 :: self.shard[1]], kept))
+        plan = units(study)
+        part = plan[self.shard[0] - 1 :: self.shard[1]]
+        todo = list(missing(part, self.store.done(traced=traces)))
         pairs = {
-            (unit.base, setting.text): (unit.scenario, setting.spec)
+            setting.text: (unit.scenario, setting.spec)
             for unit in todo for setting in unit.settings
             if setting.spec.options or setting.spec.is_users
         }  # fmt: skip
-        for _, error in self._problems([*pairs.values()]):  # before anything is run
+        for error in self._problems([*pairs.values()]).values():  # before anything is run
             raise error
         description = describe(study, plan) | dict(about or {})
         if about is not None:
-            self.store.set_study(description)
+            self.store.tell(study=description)
         lost, reason = sum(len(unit.cases()) for unit in todo), "unknown reason"
         with progress(f"{lost} cases", lost) as advance:
             for outcome in self._outcomes(todo, replace(self._options, traces=traces)):
-                self.store.add(outcome.cases)
-                lost -= len(outcome.cases)
-                self.done += len(outcome.cases)
-                reason = next(iter(outcome.missing), reason)
-                advance(len(outcome.cases))
+                cases = [case for case in outcome if isinstance(case, Done)]
+                self.store.add(cases)
+                lost -= len(cases)
+                reason = next((case for case in outcome if isinstance(case, str)), reason)
+                advance(len(cases))
         if lost:
             raise NotRun(
                 f"{lost} cases were not run: {reason}. What is done is kept, and the same command "
@@ -216,8 +202,7 @@ class Runner:
         traces: bool = False,
     ) -> pd.DataFrame:  # fmt: skip
         """Return the rows (`Results.frame`) of some cases; those that are missing are run."""
-        texts = tuple(dict.fromkeys(estimators))
-        study = Study("cases", tuple(scenarios), texts, tuple(seeds))
+        study = Study("cases", tuple(scenarios), tuple(estimators), tuple(seeds))
         return self.run(study, traces=traces).frame
 
     def _outcomes(self, todo: Iterable[Unit], options: Options) -> Iterator[Outcome]:
@@ -244,70 +229,49 @@ class Runner:
     ) -> Outcome:
         """Run the cases of a unit alone after a worker died; one that dies alone has failed."""
         if not isinstance(error, BrokenExecutor) and type(error).__name__ != "KilledWorker":
-            raise StudyError(f"{unit}: {type(error).__name__}: {error}") from error
+            raise StudyError(
+                f"{unit.scenario.name}, seeds {unit.seeds}: {type(error).__name__}: {error}"
+            ) from error
         if isinstance(worker, Worker):
             worker.end()
-        reason = why_it_ended(log, self._options.time_limit)
-        if not unit.alone:
-            queue.extendleft(unit.one_by_one()[::-1])
-        elif not unit.settings[0].spec.is_users:  # memory ran out, or it was killed
-            return Outcome(missing=[f"{unit}: {reason}"])
-        else:
-            text = f"EstimatorCrash: {unit.settings[0].text} crashed on {unit.scenario.name}, seed "
-            queue.appendleft(replace(unit, error=f"{text}{unit.seeds[0]}: {reason}"))
-        return Outcome()
+        reason, cases = why_it_ended(log, self._options.time_limit), unit.cases()
+        _, setting, seed = cases[0]
+        if len(cases) > 1:
+            alone = [replace(unit, settings=(each,), seeds=(k,)) for _, each, k in cases]
+            queue.extendleft(alone[::-1])
+        elif setting.spec.is_users:
+            text = f"EstimatorCrash: {setting.text} crashed on {unit.scenario.name}, seed {seed}: "
+            queue.appendleft(replace(unit, error=text + reason))
+        else:  # memory ran out, or it was killed
+            return [f"{unit.scenario.name}, seed {seed}: {reason}"]
+        return []
 
     def misfits(self, scenarios: Sequence[Scenario], texts: Sequence[str]) -> dict[str, str]:
         """Return the scenarios that some estimators cannot read, with the reason, by name."""
         problems = self._problems([(each, parse(text)) for each in scenarios for text in texts])
-        return {name: str(error) for name, error in problems if isinstance(error, Misfit)}
+        return {name: str(e) for name, e in problems.items() if isinstance(e, Misfit)}
 
-    def _problems(self, pairs: Sequence[Pair]) -> Sequence[tuple[str, EstimatorError]]:
-        """Return the names of scenarios for which estimators cannot be made, and the errors."""
+    def _problems(self, pairs: Sequence[Pair]) -> Mapping[str, EstimatorError]:
+        """Return the errors with which estimators cannot be made, by name of the scenario."""
         with suppress(BrokenExecutor):  # the cases will show which one ends its process
             if pairs:
                 work = self._workers[0].submit(_problems, pairs, self._options)
                 return work.result()  # type: ignore[no-any-return]
-        return ()
+        return {}
 
 
-def _problems(pairs: Sequence[Pair], options: Options) -> list[tuple[str, EstimatorError]]:
-    problems = []
+def _problems(pairs: Sequence[Pair], options: Options) -> dict[str, EstimatorError]:
+    problems = {}
     for scenario, spec in pairs:
         try:
             with ended_after(options.time_limit, options.log):
                 build(spec, scenario)
         except EstimatorError as error:
-            if not is_of_the_machine(error):
-                problems.append((scenario.name, error))
+            problems[scenario.name] = error
     return problems
 
 
 def check_failures(frame: pd.DataFrame) -> None:
-    """Raise the error of the first case that failed.
-
-    Raises
-    ------
-    EstimatorCrash, EstimatorError, StudyError
-    """
-    for error in frame["error"].dropna().head(1):
-        kind, _, text = error.partition(": ")
-        kinds = {"EstimatorCrash": EstimatorCrash, "EstimatorError": EstimatorError}
-        raise kinds.get(kind, StudyError)(text)
-
-
-def parallel(work: Callable[[Any], Any], tasks: Sequence[Any], *, jobs: int = 1) -> Iterator[Any]:
-    """Yield what a function makes of each task, in any order, on worker processes.
-
-    Parameters
-    ----------
-    work : callable
-        Must travel by pickle.
-    tasks : sequence
-    jobs : int
-    """
-    pool = _pool(jobs)
-    try:
-        yield from (done.result() for done in as_completed([pool.submit(work, t) for t in tasks]))
-    finally:
-        pool.shutdown(kill_workers=True)
+    """Raise the error of the first case that failed as an `EstimatorCrash`."""
+    for error in frame["error"].dropna():
+        raise EstimatorCrash(error.partition(": ")[2])

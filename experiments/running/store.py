@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -34,15 +34,24 @@ from flexaxis.sim.simulate import versions
 ROWS, CSV = "scores.sqlite", "scores.csv"
 WAIT = 600.0  # s for another process that writes
 SHARED = ("scenario", "estimator", "setting", "hash", "seconds", "axes", "parameters")
-TRUTHS = ("changed", "diverged", "failed")  # that are defined in every row
 SCHEMA = """
 PRAGMA synchronous = NORMAL;
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT);
 CREATE TABLE IF NOT EXISTS variants (id INTEGER PRIMARY KEY, about TEXT UNIQUE);
 CREATE TABLE IF NOT EXISTS cases (id TEXT PRIMARY KEY, variant INTEGER, seed INTEGER,
-    isolation TEXT, error TEXT, host TEXT, numbers BLOB);
+    isolation TEXT, error TEXT, numbers BLOB);
 CREATE INDEX IF NOT EXISTS in_order ON cases (variant, seed);
 CREATE TABLE IF NOT EXISTS traces (id TEXT PRIMARY KEY, content BLOB);
+"""
+TAKE = """
+BEGIN;
+INSERT OR IGNORE INTO variants (about) SELECT about FROM other.variants;
+INSERT OR IGNORE INTO cases
+    SELECT c.id, mine.id, seed, isolation, error, numbers FROM other.cases c
+    JOIN other.variants v ON v.id = variant JOIN variants mine ON mine.about = v.about;
+INSERT OR IGNORE INTO traces SELECT id, content FROM other.traces;
+COMMIT;
+DETACH other;
 """
 
 
@@ -80,8 +89,8 @@ class Store:
         with self._reported():
             self._db = sqlite3.connect(self._path, WAIT, check_same_thread=False)
             self._db.executescript(SCHEMA)
-        if self._meta("columns") is None:
-            self._set(columns=NUMBERS, made_with=made_with())
+        if self.told("columns") is None:
+            self.tell(columns=NUMBERS, made_with=made_with())
 
     @classmethod
     def read(cls, folder: Path) -> Store:
@@ -99,10 +108,6 @@ class Store:
             )
         return cls(folder)
 
-    def close(self) -> None:
-        """Close the file."""
-        self._db.close()
-
     def check(self) -> None:
         """Refuse to add rows to those of other code.
 
@@ -110,11 +115,9 @@ class Store:
         ------
         StudyError
         """
-        known = made_with()
+        old, now = self.told("made_with"), made_with()
         differ = [
-            f"{key} {value}, now {known.get(key)}"
-            for key, value in self._meta("made_with").items()
-            if known.get(key) != value
+            f"{key} {old[key]}, now {now.get(key)}" for key in old if old[key] != now.get(key)
         ]
         if differ:
             raise StudyError(
@@ -123,21 +126,14 @@ class Store:
                 "--overwrite"
             )
 
-    @property
-    def study(self) -> dict[str, Any] | None:
-        """The study that was asked for last, as `set_study` took it."""
-        return self._meta("study")  # type: ignore[no-any-return]
-
-    def set_study(self, content: Mapping[str, Any]) -> None:
-        """Keep what was asked for."""
-        self._set(study=content)
-
-    def _meta(self, key: str) -> Any:
+    def told(self, key: str) -> Any:
+        """Return what was told about the rows, such as the ``study`` asked for last, or None."""
         with self._reported():
             query = "SELECT value FROM meta WHERE key = ?"
             return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
 
-    def _set(self, **content: Any) -> None:
+    def tell(self, **content: Any) -> None:
+        """Keep something about the rows, in place of what is kept under that name."""
         with self._reported(), self._db:
             lines = [(key, json.dumps(value, allow_nan=False)) for key, value in content.items()]
             self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", lines)
@@ -154,33 +150,29 @@ class Store:
             for case in cases:
                 self._db.execute("INSERT OR IGNORE INTO variants (about) VALUES (?)", (case.about,))
                 self._db.execute(
-                    "INSERT OR IGNORE INTO cases SELECT ?, id, ?, ?, ?, ?, ? FROM variants "
+                    "INSERT OR IGNORE INTO cases SELECT ?, id, ?, ?, ?, ? FROM variants "
                     "WHERE about = ?",
-                    (case.id, case.seed, case.isolation, case.error, case.host,
-                     case.numbers, case.about),
-                )  # fmt: skip
+                    (case.id, case.seed, case.isolation, case.error, case.numbers, case.about),
+                )
                 if case.trace is not None:
                     line = case.id, case.trace
                     self._db.execute("INSERT OR IGNORE INTO traces VALUES (?, ?)", line)
 
-    def take(self, folder: Path) -> int:
-        """Add the cases of another folder; return how many it has.
+    def take(self, folder: Path) -> None:
+        """Add the cases of another folder.
 
         Raises
         ------
         StudyError
             If it has none, or other code made them.
         """
-        with closing(Store.read(folder)) as other:
-            other.check()
-            lines = other._db.execute(
-                "SELECT c.id, about, seed, numbers, isolation, error, host, content FROM cases c "
-                "JOIN variants v ON v.id = variant LEFT JOIN traces t ON t.id = c.id"
-            ).fetchall()
-            self.add(Done(*line) for line in lines)
-            if self.study is None:
-                self.set_study(other.study or {})
-        return len(lines)
+        other = Store.read(folder)
+        other.check()
+        with self._reported(), self._db:
+            self._db.execute("ATTACH ? AS other", (other._path,))
+            self._db.executescript(TAKE)
+        if self.told("study") is None:
+            self.tell(study=other.told("study"))
 
     def variants(self) -> dict[int, dict[str, Any]]:
         """Return what the cases of each estimator on each scenario share, by its number."""
@@ -196,9 +188,8 @@ class Store:
         chosen : mapping
             Some of `variants`, in the order of the rows.
         """
-        names = self._meta("columns")
-        texts, cases, numbers = ("case", "seed", "isolation", "error", "cost.host"), [], bytearray()
-        query = ("SELECT id, seed, isolation, error, host, numbers FROM cases "
+        names, cases, numbers = self.told("columns"), [], bytearray()
+        query = ("SELECT id, seed, isolation, error, numbers FROM cases "
                  "WHERE variant = ? ORDER BY seed")  # fmt: skip
         with self._reported():
             for key in chosen:
@@ -206,11 +197,11 @@ class Store:
                     cases.append((key, *case))
                     numbers += content
         about = pd.DataFrame(chosen.values(), [*chosen], SHARED)
-        table = pd.DataFrame(cases, columns=["variant", *texts]).join(about, "variant")
-        table = table.explode("parameters", ignore_index=True)
+        table = pd.DataFrame(cases, columns=["variant", "case", "seed", "isolation", "error"])
+        table = table.join(about, "variant").explode("parameters", ignore_index=True)
         matrix = np.frombuffer(numbers).reshape(-1, len(names))
         table = pd.concat([table, pd.DataFrame(matrix, columns=names)], axis=1)
-        truths = {name: table[name] > 0 for name in TRUTHS}
+        truths = {name: table[name] > 0 for name in ("changed", "diverged", "failed")}
         return table.assign(**truths).rename(columns={"parameters": "parameter"})
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
@@ -230,8 +221,6 @@ class Store:
         try:
             yield
         except sqlite3.OperationalError as error:
-            with suppress(sqlite3.Error):
-                self._db.rollback()
             full = "full" in str(error) or "disk I/O" in str(error)
             kind, advice = (NotRun, ": free some space") if full else (OutputError, "")
             raise kind(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -62,8 +61,8 @@ class Study:
 
     def __post_init__(self) -> None:
         for key in ("name", "hash"):
-            count = Counter(getattr(scenario, key) for scenario in self.scenarios)
-            if twice := [s.name for s in self.scenarios if count[getattr(s, key)] > 1]:
+            every = [getattr(scenario, key) for scenario in self.scenarios]
+            if twice := [s.name for s in self.scenarios if every.count(getattr(s, key)) > 1]:
                 raise StudyError(
                     f"{self.name}: the scenarios {' and '.join(twice)} have the same {key}, so "
                     "their results could not be told apart: rename one, or leave it out"
@@ -72,8 +71,7 @@ class Study:
     @property
     def cases(self) -> int:
         """Number of cases, at most."""
-        sizes = map(len, (self.scenarios, self.estimators, self.seeds, self.points))
-        return math.prod(sizes)
+        return math.prod(map(len, (self.scenarios, self.estimators, self.seeds, self.points)))
 
     @property
     def block(self) -> int:
@@ -123,8 +121,6 @@ class Unit:
     seeds : tuple of int
     done : frozenset of str
         Cases that are not to be run.
-    alone : bool
-        Whether it is one case, run alone after a worker died on its unit.
     error : str
         If there is one, the case is known to fail and is not run.
     """
@@ -135,7 +131,6 @@ class Unit:
     settings: tuple[Setting, ...]
     seeds: tuple[int, ...]
     done: frozenset[str] = frozenset()
-    alone: bool = False
     error: str = ""
 
     def cases(self) -> list[PlannedCase]:
@@ -145,17 +140,6 @@ class Unit:
             for setting, seed in product(self.settings, self.seeds)
         )
         return [case for case in every if case[0] not in self.done]
-
-    def one_by_one(self) -> list[Unit]:
-        """Return a unit for each case."""
-        return [
-            replace(self, settings=(setting,), seeds=(seed,), alone=True)
-            for _, setting, seed in self.cases()
-        ]
-
-    def __str__(self) -> str:
-        names = ", ".join(setting.text for setting in self.settings)
-        return f"{names} on {self.scenario.name}, seed {', '.join(map(str, self.seeds))}"
 
 
 def case_id(scenario_hash: str, setting: Setting, seed: int) -> str:
@@ -246,6 +230,7 @@ def labels(unit: Unit, setting: Setting) -> dict[str, Any]:
         "scenario": unit.base,
         "estimator": setting.estimator,
         "axes": {**unit.axes, **setting.axes},
+        "changes": unit.axes,
     }
 
 
@@ -258,16 +243,16 @@ def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
     every : sequence of Unit
         As from `units`.
     """
-    variants: dict[Any, dict[str, Any]] = {}
-    for unit in every:
-        for setting in unit.settings:
-            variants.setdefault((unit.scenario.hash, setting.text), labels(unit, setting))
+    variants = {
+        (unit.scenario.hash, setting.text): labels(unit, setting)
+        for unit in every for setting in unit.settings
+    }  # fmt: skip
     return {
         "name": study.name,
         "scenarios": [{"hash": s.hash, "definition": s.resolved()} for s in study.scenarios],
-        "estimators": list(study.estimators),
-        "seeds": list(study.seeds),
-        "axes": list(study.axes),
+        "estimators": study.estimators,
+        "seeds": study.seeds,
+        "axes": study.axes,
         "streams": study.streams,
         "variants": list(variants.values()),
     }

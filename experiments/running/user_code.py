@@ -69,8 +69,7 @@ def load_class(text: str) -> Callable[..., Any]:
         file = code_file(text)
         home = _module_of(Path(file).resolve()) if file else importlib.import_module(module)
     if not hasattr(home, name):
-        classes = [key for key, value in vars(home).items() if isinstance(value, type)]
-        raise EstimatorError(f"{text}: {module} has no {name!r}.{did_you_mean(name, classes)}")
+        raise EstimatorError(f"{text}: {module} has no {name!r}.{did_you_mean(name, dir(home))}")
     return getattr(home, name)  # type: ignore[no-any-return]
 
 
@@ -186,8 +185,7 @@ def why_it_ended(log: str, seconds: float) -> str:
     )
 
 
-HEAD = struct.pack("<8sII", b"FLEXAXIS", 1, 0x01020304)  # version and byte order
-BLOCK = 2048  # samples in flight: fewer bytes than a pipe holds, so neither side waits
+HEAD = b"FLEXAXIS\1\0\0\0\4\3\2\1"  # version 1, and a number whose bytes are in this order
 
 
 class PipeEstimator:
@@ -215,16 +213,15 @@ class PipeEstimator:
 
     def __init__(
         self, command: str, nominal: Mapping[str, float], period: float, *,
-        identify: Sequence[str], output: str = "speed",
+        identify: Sequence[str], output: str,
     ) -> None:  # fmt: skip
-        signals, words = tuple(SIGNALS), shlex.split(command)
+        words, signals = shlex.split(command), tuple(SIGNALS)
         self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         weakref.finalize(self, _end, self._process)
-        sizes = signals.index(output), len(nominal), len(identify)
-        values = np.array([*nominal.items()], [("name", "S32"), ("value", "<f8")])
-        head = HEAD + struct.pack("<dIII", period, *sizes)
-        head += values.tobytes() + np.array(identify, "S32").tobytes()
-        start, p, place = struct.unpack("<16sII", self._ask(head, 24))
+        head = struct.pack("<dIII", period, signals.index(output), len(nominal), len(identify))
+        head += np.array([*nominal.items()], "S32,<f8").tobytes()
+        head += np.array(identify, "S32").tobytes()
+        start, p, place = struct.unpack("<16sII", self._ask(HEAD + head, 24))
         if start != HEAD:
             raise EstimatorError(f"the program answered {start!r}: docs/pipes.md has the header")
         self.names = tuple(np.frombuffer(self._ask(b"", 32 * p), "S32").astype(str).tolist())
@@ -232,13 +229,13 @@ class PipeEstimator:
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
         """Return θ[k] (p,) of u[k] and y[k]; None is a gap, and is sent as NaN."""
-        return self.run([u], [np.nan if y is None else y])[0]
+        return self.run([u], np.array([y], float))[0]
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: Any = True) -> NDArray[np.float64]:
         """Return θ (N, p) of u and y (N,)."""
         samples, answer = np.column_stack([u, np.where(valid, y, np.nan)]), b""
-        for first in range(0, len(samples), BLOCK):
-            part = samples[first : first + BLOCK]
+        # Samples in flight have fewer bytes than a pipe holds, so neither side waits.
+        for part in np.split(samples, range(2048, len(samples), 2048)):
             size = len(part) * len(self.names) * 8
             answer += self._ask(struct.pack("<Q", len(part)) + part.tobytes(), size)
         return np.frombuffer(answer, "<f8").reshape(len(samples), -1)

@@ -19,7 +19,6 @@ from flexaxis.experiments.scoring.parameter_names import (
     known_names,
     nominal_theta,
     physical,
-    started_theta,
     true_theta,
 )
 from flexaxis.experiments.scoring.windows import Window, quiet, windows
@@ -247,21 +246,6 @@ def settling(relative: Array, level: float, period: float) -> float | None:
 def rms(values: Array) -> Any:
     """Return the root mean square along the first axis."""
     return np.sqrt(np.mean(np.square(values), axis=0))
-
-
-def relative_error(track: Track) -> dict[str, Array]:
-    """Return θ̃/D (n,), signed, in the first window of each changed parameter.
-
-    Without a fault, and started off the truth, it is θ̃ over the initial error from the first
-    sample to the last: the convergence of the estimates.
-    """
-    scenario, names = track.scenario, track.names
-    if not scenario.events() and scenario.start != 1.0:
-        start = started_theta(scenario, names)
-        moved = [i for i in range(len(names)) if start[i] != track.nominal[i]]
-        return {names[i]: track.error[:, i] / abs(start[i] - track.nominal[i]) for i in moved}
-    first = {names[i]: track.relative(i)[:1] for i in range(len(names))}
-    return {name: errors[0] for name, errors in first.items() if errors}
 
 
 def finite(value: float) -> float | None:

@@ -11,12 +11,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pooling
-from flexaxis.experiments.scoring.curves import CURVE_STEP, Detail, detail_of, later, shifted
+from flexaxis.experiments.scoring.curves import CURVE_STEP, later, near_fault, shifted
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import by_seed, mean_interval, pseudo_values
 from flexaxis.experiments.scoring.score_table import SCORES, rows
 from flexaxis.experiments.scoring.score_table import columns as kinds
-from flexaxis.experiments.scoring.scores import Track, finite, relative_error
+from flexaxis.experiments.scoring.scores import Track, finite
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -37,46 +37,35 @@ class Case:
 
     Attributes
     ----------
-    estimator : str
-        As typed.
     names : tuple of str
         Estimated parameters.
     curve : ndarray (M, p)
         Every tenth estimate over its nominal value.
-    relative : dict of str to ndarray (n,)
-        θ̃/D in the first scored window of each changed parameter.
-    detail : Detail
-        What else there is to draw of it.
+    near : ndarray (W, p)
+        Every estimate about the first fault (`near_fault`), over its nominal value; (0, p) where
+        there is none.
     rows : list of dict
         Scores, one row for each parameter, as they are kept.
     theta : ndarray (N, p) or None
         All estimates.
     """
 
-    estimator: str
     names: tuple[str, ...]
     curve: NDArray[np.float32]
-    relative: Mapping[str, NDArray[np.float32]]
-    detail: Detail
+    near: NDArray[np.float32]
     rows: Sequence[dict[str, Any]] = ()
     theta: NDArray[np.float64] | None = None
 
 
 def scored(
-    track: Track,
-    *,
-    estimator: str,
-    identity: Mapping[str, Any],
-    cost: Mapping[str, Any],
+    track: Track, *, identity: Mapping[str, Any], cost: Mapping[str, Any],
     written: Scenario | None = None,
-) -> Case:
+) -> Case:  # fmt: skip
     """Return the case of a track: its rows, and what its figures are made of.
 
     Parameters
     ----------
     track : Track
-    estimator : str
-        As typed.
     identity, cost : mapping
         What stands in each row before and after the scores.
     written : Scenario, optional
@@ -84,13 +73,12 @@ def scored(
     """
     late = later(track.scenario, written or track.scenario)
     with np.errstate(over="ignore", invalid="ignore"):  # a lost run may hold anything
-        relative = relative_error(track)
+        shape = shifted(track.theta, late)[::CURVE_STEP] / track.nominal
+        near = track.theta[near_fault(track.scenario)] / track.nominal
         return Case(
-            estimator=estimator,
             names=track.names,
-            curve=(shifted(track.theta, late)[::CURVE_STEP] / track.nominal).astype(np.float32),
-            relative={name: error.astype(np.float32) for name, error in relative.items()},
-            detail=detail_of(track, late),
+            curve=shape.astype(np.float32),
+            near=near.astype(np.float32),
             rows=[dict(identity) | row | {"cost": dict(cost)} for row in rows(track)],
             theta=track.theta,
         )

@@ -19,6 +19,7 @@ from flexaxis.experiments.files import (
     REPORT,
     SUMMARY,
     optional_package,
+    summary_of,
     write_json,
     write_text,
 )
@@ -74,8 +75,8 @@ def benchmark(
         swept = [s for s in swept if s.name not in left_out]
         turned = [*dict.fromkeys([REFERENCE, *estimators])]
     texts = tuple(estimators or suite.estimators)
-    wanted = Study(suite.name, tuple(own), texts, tuple(seeds))
-    return run(wanted, runner, swept=(swept, turned))
+    study = Study(suite.name, tuple(own), texts, tuple(seeds))
+    return run(study, runner, swept=(swept, turned))
 
 
 def run(
@@ -150,7 +151,7 @@ def finish(results: Results, runner: Runner) -> None:
 def write_report(results: Results, path: Path) -> None:
     """Write the report of a study, or of a run from its summary.json."""
     html = (study_report.render(results) if results.axes
-            else run_report.render(results, results.summary))  # fmt: skip
+            else run_report.render(results, summary_of(results.folder or Path())))  # fmt: skip
     write_text(path, html)
 
 

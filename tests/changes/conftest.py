@@ -85,12 +85,11 @@ def apply(hunk, home):
 
 def patched(place, hunks):
     """Put a copy of the folders that some patches touch, with these, below a folder."""
-    package = place / "flexaxis"
-    shutil.copytree(ROOT / "experiments" / "front", package)
+    package, skipped = place / "flexaxis", shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "experiments" / "front", package, ignore=skipped)  # `import flexaxis`
     # A folder that is not copied is found where it is installed, with what was compiled for it.
     for folder in FOLDERS & {Path(hunk.path).parts[0] for hunk in hunks}:
-        shutil.copytree(ROOT / folder, package / folder,
-                        ignore=shutil.ignore_patterns("__pycache__"))  # fmt: skip
+        shutil.copytree(ROOT / folder, package / folder, ignore=skipped)
     for hunk in hunks:
         apply(hunk, package)
 

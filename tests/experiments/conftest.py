@@ -88,18 +88,19 @@ def stored():
             cases.setdefault(row["case"], []).append(each | row)
         store = Store(folder)
         content = {"name": "s", "axes": list(axes), "estimators": [], "scenarios": []} | study
-        store.set_study(content)
+        store.tell(study=content)
         for case, lines in cases.items():
             first = lines[0]
             about = {
                 "scenario": first["base"], "estimator": first["method"], "code": None,
                 "setting": first["estimator"], "hash": first["hash"], "axes": first["axes"],
+                "changes": first["axes"],
                 "seconds": first["seconds"], "parameters": [line["parameter"] for line in lines],
             }  # fmt: skip
             numbers = numbers_of(lines)
             named = first["isolation"] and json.dumps(first["isolation"])
             store.add([Done(case, json.dumps(about), first["seed"], numbers, named,
-                            first["error"], "here")])  # fmt: skip
+                            first["error"])])  # fmt: skip
         return Results(store, content)
 
     return write

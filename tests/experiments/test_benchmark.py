@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from engine_cases import runner_here, user_file
 
+from flexaxis.experiments.files import summary_of
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.studies.benchmark import run
@@ -19,7 +20,7 @@ def test_a_folder_holds_rows_summary_and_report(short, tmp_path):
     results = benchmark(short, runner_here(tmp_path))
     names = {"scores.sqlite", "scores.csv", "summary.json", "report.html"}
     assert {path.name for path in tmp_path.iterdir()} == names
-    rows = results.summary["rows"]
+    rows = summary_of(results.folder)["rows"]
     frame = Results.load(tmp_path).frame
     for row in rows:
         some = frame[(frame["estimator"] == row["estimator"])
@@ -32,14 +33,14 @@ def test_a_folder_holds_rows_summary_and_report(short, tmp_path):
 
 def test_a_swept_knob_is_matched_at_equal_noise(short, tmp_path):
     names = ["rpem-forgetting", "rpem-drift"]
-    runner, swept = runner_here(tmp_path), ([short], names)
-    results = benchmark(short, runner, swept=swept)
-    assert runner.done >= 3 * (2 + 5 + 1)  # the reference is among the settings
-    assert [row["estimator"] for row in results.summary["tradeoff"]["matched"]] == names
+    done, swept = [], ([short], names)
+    results = benchmark(short, runner_here(tmp_path, advance=done.append), swept=swept)
+    assert sum(done) >= 3 * (2 + 5 + 1)  # the reference is among the settings
+    assert [row["estimator"] for row in summary_of(results.folder)["tradeoff"]["matched"]] == names
     assert set(Results.load(tmp_path).frame["estimator"]) == {"rpem-forgetting", "frozen"}
-    again = runner_here(tmp_path)
-    benchmark(short, again, swept=swept)
-    assert not again.done
+    done.clear()
+    benchmark(short, runner_here(tmp_path, advance=done.append), swept=swept)
+    assert not done
 
 
 def test_an_estimator_that_fails_is_lost_and_the_others_are_reported(short, tmp_path):

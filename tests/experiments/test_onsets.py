@@ -81,7 +81,7 @@ def test_a_record_is_that_of_its_own_scenario_whatever_the_batch(tmp_path):
         assert list(changes) == [event.index for event in own.events()]
     store = RecordCache(tmp_path)
     for _ in range(2):  # simulated, and from the cache
-        (kept,), _ = records(scenario, [2], store)
+        (kept,) = records(scenario, [2], store)
         assert kept.scenario == batch[2].scenario
         assert np.array_equal(kept.true_parameters, batch[2].true_parameters)
     path = batch[1].save(tmp_path / "record.nc")
@@ -90,12 +90,13 @@ def test_a_record_is_that_of_its_own_scenario_whatever_the_batch(tmp_path):
 
 def test_no_estimator_is_told_the_onset(short):
     """What a constructor gets is the same whenever the fault comes."""
-    known = [estimators._known(parse("glr"), short.drawn(seed)) for seed in range(2)]
+    drawn = [short.drawn(seed) for seed in range(2)]
+    nominal = [started_nominal(each) for each in drawn]
+    assert nominal[0] == nominal[1]
+    known = [estimators._known(parse("glr"), each, nominal[0]) for each in drawn]
     assert known[0].keys() == known[1].keys()
     for name, value in known[0].items():
         assert np.array_equal(value, known[1][name])
-    nominal = [started_nominal(short.drawn(seed)) for seed in range(2)]
-    assert nominal[0] == nominal[1]
 
 
 def test_scores_are_those_of_the_drawn_scenario(short):

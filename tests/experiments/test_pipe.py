@@ -63,7 +63,7 @@ def program(tmp_path):
 
 
 def started(command, **more):
-    known = {"identify": ["f_m"]} | more
+    known = {"identify": ["f_m"], "output": "speed"} | more
     return PipeEstimator(command, {"k_T": 1.0, "f_m": 0.05}, 0.005, **known)
 
 
@@ -142,9 +142,9 @@ FIRST = [
     ("period, output, v", "print('{}' * 20, flush=True)\nperiod, output, v", r"answered b'\{\}"),
     ('"<IIII", version, mark', '">IIII", version, mark', "docs/pipes.md has the header"),
     ('"<IIII", version, mark', '"<IIII", 2, mark', "docs/pipes.md has the header"),
-    ('.ljust(32, b"\\0"))', ")\nsys.exit()", "wrote 35 of 64 bytes"),
+    ('.ljust(32, b"\\0"))', ")\nsys.exit()", "ended after 35 of 64 bytes"),
 ]  # fmt: skip
-LATER = [("for u, y", "sys.exit('no luck')\n    for u, y", "wrote 0 of 80 bytes")]
+LATER = [("for u, y", "sys.exit('no luck')\n    for u, y", "ended after 0 of 80 bytes")]
 
 
 @pytest.mark.parametrize(("old", "new", "message"), FIRST, ids=range(len(FIRST)))

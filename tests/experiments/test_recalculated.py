@@ -7,6 +7,7 @@ import pytest
 from engine_cases import nested
 from scipy import stats
 
+from flexaxis.experiments.files import summary_of
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
@@ -96,7 +97,7 @@ def test_a_hundred_pooled_numbers_are_what_the_rows_say(short, tmp_path):
         found = run(study, runner)
     rows = nested(Results.load(tmp_path / "out").frame)
     compared = 0
-    for pooled in found.summary["rows"]:
+    for pooled in summary_of(found.folder)["rows"]:
         key = ("scenario", "estimator", "parameter", "changed")
         mine = [row for row in rows if all(row[k] == pooled[k] for k in key)]
         for name, wanted in again(mine).items():
@@ -106,4 +107,4 @@ def test_a_hundred_pooled_numbers_are_what_the_rows_say(short, tmp_path):
             assert said == pytest.approx(wanted, rel=1e-9, abs=rounding), (pooled, name)
             compared += 2 if name.endswith("_interval") else 1
     assert compared > 100
-    assert {row["failed"] for row in found.summary["rows"]} > {0}
+    assert {row["failed"] for row in summary_of(found.folder)["rows"]} > {0}

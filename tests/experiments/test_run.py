@@ -14,7 +14,7 @@ from engine_cases import short, small_study, user_file
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.run import Runner, parallel
+from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.store import ROWS, Store
 from flexaxis.experiments.running.study import Study
 
@@ -78,10 +78,11 @@ def test_a_worker_that_dies_or_never_ends_loses_one_case(tmp_path):
 
 
 def test_an_estimator_that_cannot_be_made_stops_the_run_before_it_begins(tmp_path):
-    with Runner() as runner, pytest.raises(EstimatorError, match="forgetting"):
+    done = []
+    with Runner(advance=done.append) as runner, pytest.raises(EstimatorError, match="forgetting"):
         names = ("frozen", "rpem-forgetting[forgetting=2.0]")
         runner.run(Study("wrong", (short(),), names, (0,)))
-    assert not runner.done
+    assert not done
 
 
 SCRIPT = """
@@ -119,7 +120,3 @@ def test_a_run_that_is_killed_or_stopped_resumes_with_every_row_once(tmp_path):
     frame = Results.load(tmp_path / "rows").frame
     assert len(frame) == 2 * 8 * 3
     assert not frame.duplicated(["case", "parameter"]).any()
-
-
-def test_parallel_gives_every_result():
-    assert sorted(parallel(abs, [-3, 1, -2], jobs=2)) == [1, 2, 3]
