@@ -168,14 +168,14 @@ class Runner:
         """
         plan = units(study)
         part = plan[self.shard[0] - 1 :: self.shard[1]]
-        todo = list(missing(part, self.store.done(traced=traces)))
         pairs = {
             setting.text: (unit.scenario, setting.spec)
-            for unit in todo for setting in unit.settings
+            for unit in part for setting in unit.settings
             if setting.spec.options or setting.spec.is_users
         }  # fmt: skip
         for error in self._problems([*pairs.values()]).values():  # before anything is run
             raise error
+        todo = list(missing(part, self.store.done(traced=traces)))
         description = describe(study, plan) | dict(about or {})
         if about is not None:
             self.store.tell(study=description)

@@ -92,7 +92,7 @@ MISTAKES = [
     (["run", "fm_step", "--estimator", "ekf[nois=1]"], "Did you mean 'noise'?"),
     (["run", "fm_step", "--estimator", "rpem-forgetting[forgetting=1.2]"], "(0, 1]"),
     (["run", "fm_step", "--seeds", "5:5"], "give a number of seeds"),
-    (["run", "fm_step", "--jobs", "0"], "number of processes"),
+    (["run", "fm_step", "--jobs", "0"], "numbers above 0"),
     (["run", "fm_step", "--shard", "3/2"], "--shard"),
     (["estimate", "ther.nc"], "Did you mean 'there.nc'?"),
     (["estimate", "there.nc", "--estimator", "mien.py:Mine"], "there.nc"),
@@ -286,9 +286,9 @@ def test_a_fault_study_from_the_command_line_to_its_artefacts(capsys, short_toml
     assert status == 0 and path == "report: results/sizes/report.html"
     assert sum("frozen" in line for line in table) == sum("ekf" in line for line in table) == 4
     assert Path(path.removeprefix("report: ")).stat().st_size > 5000
-    before = Path("results/sizes/scores.sqlite").read_bytes()
+    before = Path("results/sizes/scores.csv").read_bytes()  # with the time of each case
     assert flexaxis(capsys, "study", "sizes.toml", "--jobs", 1)[1] == out
-    assert Path("results/sizes/scores.sqlite").read_bytes() == before
+    assert Path("results/sizes/scores.csv").read_bytes() == before
     told = json.loads(flexaxis(capsys, "study", "sizes.toml", "--dry-run", "--json")[1])
     assert told["cases"] == 16 and told["seconds"] > 0
 
