@@ -115,24 +115,11 @@ def dry(model: Parametrization, theta: Array, period: float) -> _Dry:
     factor = float(laws.records["value"][0, COULOMB])
     options = parts, order, period / parts
     sense = -float(np.sign(generator[0, speed, n - 1]))
+    level = factor * float(theta[which]) if which >= 0 else factor
     return _Dry(
-        row,
-        column,
-        slides,
-        sticks,
-        sliding,
-        sticking,
-        output,
-        generator[0, speed].copy(),
-        speed,
-        n - 1,
-        sense,
-        factor * float(theta[which]) if which >= 0 else factor,
-        1 + which,
-        factor,
-        np.array(model.reset, np.int64),
-        *options,
-    )
+        row, column, slides, sticks, sliding, sticking, output, generator[0, speed].copy(), speed,
+        n - 1, sense, level, 1 + which, factor, np.array(model.reset, np.int64), *options,
+    )  # fmt: skip
 
 
 def _sampled(blocks: Array, period: float) -> Array:

@@ -219,7 +219,10 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
         text = json.dumps({**head, **content, **head}, default=_plain)
         finite = json.loads(text, parse_constant=lambda name: None)
         lines = (json.dumps(finite, ensure_ascii=False),)
-    print(*lines, sep="\n", flush=True)
+    try:
+        print(*lines, sep="\n", flush=True)
+    except BrokenPipeError:  # the reader has seen enough, as with `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     return status
 
 

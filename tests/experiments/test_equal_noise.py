@@ -86,7 +86,7 @@ def lag(found):
 def test_an_estimator_against_itself_with_another_knob_is_the_same(short):
     """The knob that was set is turned, so that both are one setting."""
     found = compared("rpem-forgetting[forgetting=0.98]", short)
-    assert found.verdict == "same" and found.base == found.candidate
+    assert found.verdict == "same" and found.content["base"] == found.content["candidate"]
     assert lag(found)["change"] == 0
 
 
@@ -129,7 +129,7 @@ def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
 
     monkeypatch.setattr(tune, "match_noise", wrong)
     found = compared(Same, short)
-    assert found.candidate != "Same" and abs(lag(found)["change"]) < 0.02
+    assert found.content["candidate"] != "Same" and abs(lag(found)["change"]) < 0.02
 
 
 @pytest.mark.slow

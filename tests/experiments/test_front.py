@@ -213,7 +213,7 @@ def test_a_study_from_keys(short_toml):
         ({"seeds": [1.5]}, "seed 1.5"),
         ({"seeds": 0}, "seeds '0': give a number"),
         ({"time_limit": 0}, "above 0"),
-        ({"jobs": 0}, "numbers above 0"),
+        ({"jobs": 0}, "finite numbers above 0"),
     ],
 )
 def test_a_benchmark_of_nothing(short, wrong, words):
