@@ -26,9 +26,6 @@ from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
 WRONG_USE, CRASH, INTERRUPTED = 2, 70, 130
 
-GROUPS = ("look", "run", "judge", "your own axis", "teach")
-"""What commands are for, in the order of the help."""
-
 EPILOG = """\
 first steps:
   flexaxis run smoke                       a first benchmark, with a report
@@ -50,8 +47,8 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return what was typed; refuse an option or word that the parser does not have."""
         parsed, rest = super().parse_known_args(args, namespace)
-        for word in rest:
-            option = word.partition("=")[0]
+        if rest:
+            option = rest[0].partition("=")[0]
             self.error(f"unknown {option!r}.{did_you_mean(option, self._option_string_actions)}")
         return parsed, rest
 
@@ -67,27 +64,19 @@ def parser() -> Parser:
     """Return the parser of the command line."""
     for module in iter_modules(home.__path__):
         import_module(f"{home.__name__}.{module.name}")
-    lines = ["Benchmark recursive identification of a geared, flexible robot axis."]
-    for group in GROUPS:
-        lines += ["", f"{group}:"]
-        lines += [f"  {name:<10} {summary(name)}" for name, each in COMMANDS.items()
-                  if each.group == group]  # fmt: skip
     style: Any = {"allow_abbrev": False, "formatter_class": argparse.RawDescriptionHelpFormatter}
-    top = Parser(prog="flexaxis", description="\n".join(lines), epilog=EPILOG, **style)
+    words = "Benchmark recursive identification of a geared, flexible robot axis."
+    top = Parser(prog="flexaxis", description=words, epilog=EPILOG, **style)
     top.add_argument("--version", action="version", version=f"flexaxis {version('flexaxis')}",
                      help="Print the version and stop.")  # fmt: skip
-    subs = top.add_subparsers(dest="command", metavar="COMMAND", required=True,
-                              help="One of the commands above.")  # fmt: skip
-    for name, each in COMMANDS.items():
-        sub = subs.add_parser(name, description=getdoc(each.main), **style)
+    subs = top.add_subparsers(dest="command", metavar="COMMAND", required=True, title="commands",
+                              help="What to do.")  # fmt: skip
+    for name, (main, _) in COMMANDS.items():
+        text = str(getdoc(main))
+        sub = subs.add_parser(name, help=text.partition("\n")[0], description=text, **style)
         add_options(sub, name)
-        sub.set_defaults(main=each.main)
+        sub.set_defaults(main=main)
     return top
-
-
-def summary(name: str) -> str:
-    """Return the first line of the help of a command."""
-    return str(COMMANDS[name].main.__doc__).partition("\n")[0]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -107,6 +96,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from flexaxis.experiments.running.user_code import EstimatorCrash, describe, is_of_the_machine
 
     progress.QUIET.set(args.quiet)
+    progress.LINE.set(args.line)
     warnings.formatwarning = lambda message, *_, **__: f"flexaxis: {message}\n"
     try:
         return int(args.main(args))
@@ -123,7 +113,3 @@ def main(argv: Sequence[str] | None = None) -> int:
     for line in text.splitlines():
         print(f"flexaxis: {line}", file=sys.stderr)
     return answer(args, {"error": text}, status) if args.json else status
-
-
-if __name__ == "__main__":
-    sys.exit(main())

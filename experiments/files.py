@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 from collections.abc import Iterable, Iterator
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
-from flexaxis.sim.files import Refusal, atomic, json_value, read_text
+from flexaxis.sim.files import atomic, json_value, read_text
 
 REPORT, SUMMARY = "report.html", "summary.json"
 SHORT = 12
@@ -41,9 +40,8 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        full = error.errno in {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-        reason = f"{path}: cannot be written: {error.strerror or error}. Choose another place"
-        raise OutputError(f"{reason} with -o{', or free some space' * full}") from error
+        reason = f"{path}: cannot be written: {error.strerror or error}"
+        raise OutputError(f"{reason}. Free some space, or choose another place with -o") from error
 
 
 def make_folder(path: Path) -> None:
@@ -54,8 +52,6 @@ def make_folder(path: Path) -> None:
     OutputError
         If it cannot be made, or is a file.
     """
-    if path.exists() and not path.is_dir():
-        raise OutputError(f"{path} is a file, but a folder is needed: choose another with -o")
     with writing(path):
         path.mkdir(parents=True, exist_ok=True)
 
@@ -85,15 +81,7 @@ def write_json(path: Path, content: Any) -> None:
     write_text(path, text + "\n")
 
 
-def json_table(path: Path, refuse: Refusal) -> dict[str, Any]:
-    """Return the table in a JSON file; `refuse` makes the error from a message."""
-    content = json_value(read_text(path, refuse), source=str(path), refuse=refuse)
-    if not isinstance(content, dict):
-        raise refuse(f"{path}: holds no table")
-    return content
-
-
-def summary_of(folder: Path) -> dict[str, Any]:
+def summary_of(folder: Path) -> Any:
     """Return what summary.json of a run says.
 
     Raises
@@ -101,7 +89,8 @@ def summary_of(folder: Path) -> dict[str, Any]:
     OutputError
         If it is missing: the run is not finished.
     """
-    return json_table(folder / SUMMARY, OutputError)
+    path = folder / SUMMARY
+    return json_value(read_text(path, OutputError), source=str(path), refuse=OutputError)
 
 
 def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
@@ -136,10 +125,7 @@ def check_file(path: Path) -> None:
 
 def is_same(one: Path, other: Path) -> bool:
     """Return whether two paths are one file, also where a part does not exist yet."""
-    try:
-        return os.path.samefile(one, other)
-    except OSError:  # at least one does not exist
-        return one.resolve() == other.resolve()
+    return one.resolve() == other.resolve()
 
 
 def optional_package(name: str) -> Any:

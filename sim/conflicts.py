@@ -46,6 +46,7 @@ _WORDS = {
     "model_type": "must be a table",
     "model_attributes_type": "must be a table",
     "tuple_type": "must be an array",
+    "list_type": "must be an array",
     "too_short": "must have at least one entry",
     "string_pattern_mismatch": "must be one word, without blanks, slashes and unseen characters",
 }

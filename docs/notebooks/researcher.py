@@ -44,7 +44,6 @@ results = fx.study(
         "seeds": 2,
         "override": {"duration": 15.0},
         "sweep": {"fault[0].factor": factors, "friction.coulomb": levels},
-        "twins": False,  # no runs without a fault beside them
     }
 )
 results

@@ -75,7 +75,7 @@ plt.show()
 
 # %%
 names = ("k_T", "1/J_a", "f_m")
-model = three_mass(fx.make_axis("fm_step-v1").parameters)
+model = three_mass(fx.make_axis("fm_step-v1").scenario.nominal.as_dict())
 
 
 def identified(u, y, forgetting):

@@ -12,9 +12,6 @@ from flexaxis.estimators.registry import REGISTRY, Entry
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.sim.scenario import Scenario
 
-# What most scenarios have, and a line need not say.
-_USUAL = Scenario(name="usual", duration=20.0)
-
 
 def reference_card(scenario: Scenario) -> dict[str, str]:
     """Return what to know of a scenario before reading its results, by heading."""
@@ -25,14 +22,8 @@ def reference_card(scenario: Scenario) -> dict[str, str]:
         "tests": scenario.card,
         "group": scenario.group or "none",
         "expected": scenario.difficulty or "unknown",
-        "axis": _axis(scenario),
-        "happens": "; ".join([happens(scenario), *_drawn(scenario)]),
-        "excitation": scenario.excitation.in_words(),
-        "unmodelled": "; ".join(_unmodelled(scenario)) or "nothing",
-        "sensors": "; ".join(_sensors(scenario)) or "ideal",
-        "sampled": _sampled(scenario),
-        "data sheet": "; ".join(_data_sheet(scenario)) or "nothing",
-        "read": scenario.output,
+        "happens": happens(scenario),
+        **{heading: "; ".join(texts) or "nothing" for heading, texts in _parts(scenario).items()},
         "estimated": ", ".join(scenario.identify),
         "bound": f"defined for {names}" if names else "none, so no score: see lag, std and alarms",
     }
@@ -45,68 +36,35 @@ def happens(scenario: Scenario) -> str:
     estimated = {physical(name)[0] for name in scenario.identify}
     if scenario.fault and not estimated & {fault.parameter for fault in scenario.fault}:
         words.append("not estimated")
+    if scenario.onset_spread is not None:
+        words.append(f"onset drawn by seed, ± {scenario.onset_spread:g} s")
     return "; ".join(words) or "no fault"
-
-
-def in_words_of_spread(spread: float) -> str:
-    """Return how an onset is drawn."""
-    return f"onset drawn by seed, ± {spread:g} s"
 
 
 def in_a_line(scenario: Scenario) -> str:
     """Return what happens in a scenario, and what about it is not as in most."""
-    usual = _parts(_USUAL)
-    parts = (part for part in _parts(scenario) if part not in usual)
-    return "; ".join([happens(scenario), *parts, *_drawn(scenario)])
+    usual = _parts(Scenario(name="usual", duration=20.0))
+    parts = (t for name, texts in _parts(scenario).items() for t in texts if t not in usual[name])
+    return "; ".join([happens(scenario), *parts])
 
 
-def _drawn(scenario: Scenario) -> list[str]:
-    return [] if scenario.onset_spread is None else [in_words_of_spread(scenario.onset_spread)]
-
-
-def _parts(scenario: Scenario) -> list[str]:
-    return [
-        _axis(scenario),
-        scenario.output,
-        _sampled(scenario),
-        *_sensors(scenario),
-        *_unmodelled(scenario),
-        *_data_sheet(scenario),
-        scenario.excitation.in_words(),
-    ]
-
-
-def _axis(scenario: Scenario) -> str:
-    axis = scenario.preset if scenario.model == _USUAL.model else scenario.model
-    return axis + (f", start {scenario.start:g}" if scenario.start != 1 else "")
-
-
-def _sampled(scenario: Scenario) -> str:
-    return f"every {1000 * scenario.period:g} ms"
-
-
-def _sensors(scenario: Scenario) -> list[str]:
-    """Return what lies between axis and log and is no mismatch."""
-    words = [table.in_words() for table in scenario.tables.values() if table.exact]
-    if scenario.feedback == "measured":
-        words.append("controller sees what is measured")
-    return [text for text in words if text]
-
-
-def _unmodelled(scenario: Scenario) -> list[str]:
-    """Return what the linear model, as told, does not know of axis, loop and log."""
-    words = [table.in_words() for table in scenario.tables.values() if not table.exact]
-    return words + [f"told {name} × {x:g}" for name, x in scenario.told_factors.items()]
-
-
-def _data_sheet(scenario: Scenario) -> list[str]:
-    """Return what estimators are told besides parameters."""
-    words = {
-        "poles": "told {:g} periods of cogging a turn",
-        "torque_limit": "told a limit of {:g} N m",
-        "noise": "told noise of {:g}",
+def _parts(scenario: Scenario) -> dict[str, list[str]]:
+    """Return what a scenario is made of, by heading; the sensors include no mismatch."""
+    s, tables = scenario, scenario.tables.values()
+    sensors = [words for table in tables if table.exact and (words := table.in_words())]
+    sensors += ["controller sees what is measured"] * (s.feedback == "measured")
+    unmodelled = [table.in_words() for table in tables if not table.exact]
+    unmodelled += [f"told {name} × {factor:g}" for name, factor in s.told_factors.items()]
+    axis = s.preset if s.model == "three_mass" else s.model
+    return {
+        "axis": [axis + (f", start {s.start:g}" if s.start != 1 else "")],
+        "read": [s.output],
+        "sampled": [f"every {1000 * s.period:g} ms"],
+        "sensors": sensors,
+        "unmodelled": unmodelled,
+        "data sheet": [f"told {name} = {value:g}" for name, value in s.data_sheet.items()],
+        "excitation": [s.excitation.in_words()],
     }
-    return [words[name].format(value) for name, value in scenario.data_sheet.items()]
 
 
 def options(entry: Entry) -> dict[str, tuple[Any, str]]:

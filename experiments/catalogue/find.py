@@ -6,12 +6,12 @@ Nothing heavy is imported before a name is known to be right, so that a typo is 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean, unknown
 
@@ -63,41 +63,18 @@ Line = dict[str, str]
 
 @dataclass(frozen=True)
 class Suite:
-    """A named group: which scenarios, which estimators, how many seeds.
+    """Which scenarios, which estimators, how many seeds; scenarios are names, or as `select` finds.
 
     `swept_scenarios` and `swept_estimators` are those that are compared at equal noise.
     """
 
     name: str
     card: str
-    scenarios: tuple[str, ...]
-    estimators: tuple[str, ...]
+    scenarios: Sequence[Any]
+    estimators: Sequence[str]
     seeds: int
-    swept_scenarios: tuple[str, ...] = ()
-    swept_estimators: tuple[str, ...] = ()
-
-
-class Selection(NamedTuple):
-    """What names of suites and scenarios stand for.
-
-    Attributes
-    ----------
-    scenarios : list of Scenario
-        Each once, in the order of the names.
-    estimators : list of str
-        Those of the named suites.
-    seeds : int
-        The largest number of seeds of a named suite.
-    swept_scenarios : list of Scenario
-    swept_estimators : list of str
-        What the named suites compare at equal noise.
-    """
-
-    scenarios: list[Scenario]
-    estimators: list[str]
-    seeds: int
-    swept_scenarios: list[Scenario]
-    swept_estimators: list[str]
+    swept_scenarios: Sequence[Any] = ()
+    swept_estimators: Sequence[str] = ()
 
 
 def names_in(folder: str) -> list[str]:
@@ -141,10 +118,8 @@ def _unknown(name: str) -> str:
     if name in suite_names():
         return f"{name} is a suite: name one of its scenarios; `flexaxis show {name}` lists them"
     if name.endswith(".toml"):
-        near = did_you_mean(Path(name).name, [path.name for path in Path(name).parent.glob("*")])
-        return f"{name}: no such file.{near}"
-    short = [scenario.removesuffix("-v1") for scenario in scenario_names()]
-    hint = did_you_mean(name, [*suite_names(), *scenario_names(), *short])
+        return f"{name}: no such file"
+    hint = did_you_mean(name, [*suite_names(), *scenario_names()])
     return (
         f"unknown scenario {name!r}.{hint} `flexaxis list` shows the catalogue; a path to a TOML "
         "file works too"
@@ -198,25 +173,15 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
 
 
 def find_suite(name: str) -> Suite:
-    """Return a suite by its name, with "all" written out.
-
-    Raises
-    ------
-    FlexaxisError
-        If there is no such suite.
-    """
+    """Return a suite by its name, with "all" written out."""
     from flexaxis.estimators.registry import REGISTRY
 
-    if name not in suite_names():
-        raise FlexaxisError(f"unknown suite {name!r}.{did_you_mean(name, suite_names())}")
     table = _tables(f"suites/{name}.toml")
-    swept = table.get("tradeoff", {"scenarios": [], "estimators": []})
-    own, others = (tuple(REGISTRY if t["estimators"] == "all" else t["estimators"])
+    swept = table.get("tradeoff", {"scenarios": (), "estimators": ()})
+    own, others = ([*REGISTRY] if t["estimators"] == "all" else t["estimators"]
                    for t in (table, swept))  # fmt: skip
-    scenarios = tuple(_members(table))
-    return Suite(
-        name, table["card"], scenarios, own, table["seeds"], tuple(swept["scenarios"]), others
-    )
+    return Suite(name, table["card"], _members(table), own, table["seeds"], swept["scenarios"],
+                 others)  # fmt: skip
 
 
 def _members(table: dict[str, Any]) -> list[str]:
@@ -232,8 +197,8 @@ def _members(table: dict[str, Any]) -> list[str]:
     return [drawn[name] if drawn[name] in hashes() else name for name in names]
 
 
-def select(names: Any, *, default: str = "smoke") -> Selection:
-    """Turn names of suites and scenarios into scenarios, with the suites' estimators and seeds.
+def select(names: Any, *, default: str = "smoke") -> Suite:
+    """Turn names of suites and scenarios into scenarios, with the estimators of the first suite.
 
     Parameters
     ----------
@@ -245,37 +210,23 @@ def select(names: Any, *, default: str = "smoke") -> Selection:
     Raises
     ------
     ScenarioError
-        With one line for each name or file that is wrong.
+        With one line for each name that is wrong, or for each problem of a file.
     """
-    chosen, wanted = [], list[Any]()
-    for name in names if isinstance(names, list | tuple | set) else [names]:
-        suite = [find_suite(name)] if name in suite_names() else []
-        chosen += suite
-        wanted += suite[0].scenarios if suite else [name]
-    result: dict[str, Scenario] = {}
-    problems: list[str] = []
-    for name in wanted:
-        try:
-            scenario = find_scenario(str(name)) if isinstance(name, str | Path) else name
-        except ScenarioError as error:
-            problems += error.problems
-            continue
-        if result.setdefault(scenario.name, scenario).hash != scenario.hash:
-            problems.append(
-                f"{name}: the name {scenario.name!r} is also that of another scenario of this run; "
-                "give each scenario its own `name`"
-            )
-    if problems or not result:
-        raise ScenarioError(*(problems or ["name at least one scenario, such as fm_step"]))
-    sources = chosen or [find_suite(default)]
-    swept = dict.fromkeys(name for suite in chosen for name in suite.swept_scenarios)
-    return Selection(
-        scenarios=list(result.values()),
-        estimators=list(dict.fromkeys(e for suite in sources for e in suite.estimators)),
-        seeds=max(suite.seeds for suite in sources),
-        swept_scenarios=[find_scenario(name) for name in swept],
-        swept_estimators=list(dict.fromkeys(e for s in chosen for e in s.swept_estimators)),
-    )
+    names = names if isinstance(names, list | tuple | set) else [names]
+    texts = [str(name) for name in names if isinstance(name, str | Path)]
+    check_names(texts)
+    suites = {name: find_suite(name) for name in texts if name in suite_names()}
+    result: dict[Any, Scenario] = {}
+    for name in names:
+        for each in suites[name].scenarios if str(name) in suites else [name]:
+            scenario = find_scenario(str(each)) if isinstance(each, str | Path) else each
+            result.setdefault((scenario.name, scenario.hash), scenario)
+    if not result:
+        raise ScenarioError("name at least one scenario, such as fm_step")
+    first = (*suites.values(), find_suite(default))[0]
+    swept = [find_scenario(name) for name in first.swept_scenarios] if suites else []
+    name = ", ".join(getattr(each, "name", str(each)) for each in names)
+    return replace(first, name=name, scenarios=[*result.values()], swept_scenarios=swept)
 
 
 def scenarios(*, group: str = "", find: str = "") -> list[Line]:

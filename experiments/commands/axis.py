@@ -8,6 +8,7 @@ from typing import Any
 import flexaxis as fx
 from flexaxis.experiments.commands.options import Args, answer, command
 from flexaxis.experiments.files import check_file, check_not_input
+from flexaxis.experiments.logs.findings import waiting
 from flexaxis.experiments.logs.options import READING, assignments, tables_of
 
 
@@ -24,14 +25,14 @@ def _target(args: Args, default: str, *inputs: Any) -> Path:
     return path
 
 
-def _saved(args: Args, result: Any, path: Path, status: int) -> int:
+def _saved(args: Args, result: Any, path: Path) -> int:
     """Save the result and its page, and print them."""
     page = result.save(path)
     content = result.content | {"path": path, "report": page}
-    return answer(args, content, status, result, path, f"report: {page}")
+    return answer(args, content, result.status, result, path, f"report: {page}")
 
 
-@command("your own axis", "log", "-o", "--strict", *READING)
+@command("log", "-o", *READING)
 def import_(args: Args) -> int:
     """Make a record of your own log, and check whether it is plausible.
 
@@ -48,12 +49,11 @@ def import_(args: Args) -> int:
 
     args.output = args.output or record_beside(args.log)
     path = _target(args, ".nc")
-    result = fx.import_log(args.log, command=args.line, **tables_of(args))
-    spoilt = "problem" in [check["verdict"] for check in result.content["checks"]]
-    return _saved(args, result, path, int(args.strict and spoilt))
+    result = fx.import_log(args.log, **tables_of(args))
+    return _saved(args, result, path)
 
 
-@command("your own axis", "log", "--model", "--free", "--fix", "--start", "--delay", "--friction",
+@command("log", "--model", "--free", "--fix", "--start", "--delay", "--friction",
          "--gravity", "--highpass", "--validate", "--covariate", "--false-alarms", "-o",
          *READING)  # fmt: skip
 def identify(args: Args) -> int:
@@ -82,15 +82,16 @@ def identify(args: Args) -> int:
         name: getattr(args, name)
         for name in ("free", "delay", "friction", "gravity", "highpass", "validate", "false_alarms")
     }
-    result = fx.identify(
-        args.log, args.model, start=assignments("start", args.start),
-        fix=assignments("fix", args.fix), covariates=args.covariate, columns=tables_of(args),
-        command=args.line, **options,
-    )  # fmt: skip
-    return _saved(args, result, path, result.status)
+    with waiting(f"identifying {args.model}"):
+        result = fx.identify(
+            args.log, args.model, start=assignments("start", args.start),
+            fix=assignments("fix", args.fix), covariates=args.covariate, columns=tables_of(args),
+            **options,
+        )  # fmt: skip
+    return _saved(args, result, path)
 
 
-@command("your own axis", "log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
+@command("log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
 def track(args: Args) -> int:
     """Run an estimator over a log of your axis: estimates, residuals, changes, alarms.
 
@@ -108,5 +109,5 @@ def track(args: Args) -> int:
     path = _target(args, "-track.nc", args.model, code)
     names = list(dict.fromkeys(",".join(args.identify).split(",")))
     result = fx.track(args.log, args.model, names, args.estimator, start=args.start,
-                      columns=tables_of(args), command=args.line)  # fmt: skip
-    return _saved(args, result, path, result.status)
+                      columns=tables_of(args))  # fmt: skip
+    return _saved(args, result, path)

@@ -8,12 +8,12 @@ from pathlib import Path
 import flexaxis as fx
 from flexaxis.experiments.catalogue.find import check_names
 from flexaxis.experiments.commands.options import Args, answer, command
-from flexaxis.experiments.commands.run import one_or_more, work
+from flexaxis.experiments.commands.run import work
 from flexaxis.experiments.files import check_not_input, write_text
 from flexaxis.sim.errors import FlexaxisError
 
 
-@command("judge", "names", "--base", "--candidate", "--seeds", "--max-seeds", "--margin",
+@command("names", "--base", "--candidate", "--seeds", "--max-seeds", "--margin",
          "--match-std", "--strict", "-o", "--jobs", "--overwrite", "--time-limit")  # fmt: skip
 def compare(args: Args) -> int:
     r"""Say whether an estimator got better or worse, with an exit status.
@@ -46,62 +46,52 @@ def compare(args: Args) -> int:
             )
         check_names(args.names)
     margins = {}
-    for text in filter(None, ",".join(args.margin).split(",")):
-        score, _, share = text.strip().partition("=")
+    for text in filter(None, args.margin.split(",")):
+        score, _, share = text.partition("=")
         try:
-            margins[score] = float(share.removesuffix("%")) / (100 if "%" in share else 1)
+            margins[score.strip()] = float(share.removesuffix("%")) / 100
         except ValueError:
-            raise FlexaxisError(f"--margin {text}: give a share, as in lag=2%") from None
+            raise FlexaxisError(f"--margin {text}: give percent, as in lag=2%") from None
     result = fx.compare(
-        args.base, args.candidate, scenarios=one_or_more(args.names) or "gate", runs=runs,
+        args.base, args.candidate, scenarios=args.names or "gate", runs=runs,
         seeds=args.seeds, max_seeds=args.max_seeds, match_std=args.match_std, margins=margins,
-        folder=folder, command=args.line, **work(args),
+        folder=folder, **work(args),
     )  # fmt: skip
-    status = result.strict_status if args.strict else result.status
+    status = 3 if args.strict and result.verdict == "undecided" else result.status
     return answer(args, result.content, status, result, f"report: {result.content['report']}")
 
 
-@command("judge", "estimators", "--match", "--sweep", "--seeds", "--save", "-o", "--jobs",
+@command("estimators", "--seeds", "--save", "-o", "--jobs",
          "--overwrite", "--time-limit")  # fmt: skip
 def tune(args: Args) -> int:
-    r"""Find the setting at which an estimator is as noisy as the reference, or sweep settings.
+    r"""Find the setting at which an estimator is as noisy as the reference.
 
     An estimator is tuned on the nominal axis without a fault, started at the truth; the reference
     is rpem-forgetting at its default. What is matched is the excess prediction error, one number
-    for all parameters, or with --match the standard deviation of one of them. A match takes at most
-    12 settings, from 1/1024 to 1024 times the usual one.
-
-    With --sweep each estimator runs at many settings instead, and the lags after the faults of some
-    scenarios are compared at equal noise, beside the bound.
+    for all parameters. A match takes at most 12 settings, from 1/1024 to 1024 times the usual one.
 
     example:
       flexaxis tune ekf
-      flexaxis tune ekf --match f_m
       flexaxis tune --save estimators/tuned.toml
-      flexaxis tune rpem-forgetting glr --sweep fm_step kt_step
     """
-    check_names(args.sweep or ())
     table = fx.tune(
-        *args.estimators, match=args.match, scenarios=args.sweep, seeds=args.seeds,
-        folder=args.output or Path("results/tune"), file=args.save, **work(args),
+        *args.estimators, seeds=args.seeds or "0:16", folder=args.output or Path("results/tune"),
+        file=args.save, **work(args),
     )  # fmt: skip
     lines = []
     for row in table.to_dict("records"):
-        if args.sweep:
-            lag = f"{row['lag']:.3g} s" if row["lag"] else "no common noise"
-            lines.append(f"{row['scenario']}: {row['estimator']} has a lag of {lag}")
-        elif row["problem"]:
+        if row["problem"]:
             lines.append(f"{row['estimator']} is not matched: {row['problem']}")
         else:
             lines.append(
                 f"{row['setting']} is as noisy as rpem-forgetting: {row['ratio']:.3f} times its "
                 f"{row['match']}."
             )
-    status = 0 if args.sweep else int(table["problem"].astype(bool).any())
+    status = int(table["problem"].astype(bool).any())
     return answer(args, {"rows": table.to_dict("records")}, status, *lines)
 
 
-@command("judge", "estimator")
+@command("estimator")
 def check(args: Args) -> int:
     """Check that an estimator keeps the rules that its scores rely on.
 
@@ -120,8 +110,7 @@ def check(args: Args) -> int:
     for each in rules:
         lines.append(f"{each['rule']:<24} {words[each['holds']]:<15} {each['seen']}")
     broken = [each for each in rules if each["holds"] is False]
-    lines += [f"\n{each['rule']}: {each['reason']}\n  hint: {each['hint']}"
-              for each in broken if not each["raised"]]  # fmt: skip
+    lines += [f"\n{each['rule']}: {each['reason']}\n  hint: {each['hint']}" for each in broken]
     lines += [f"{len(broken)} of {len(rules)} rules are broken." if broken else "All rules hold."]
     return answer(args, {"rules": rules}, int(bool(broken)), *lines)
 
@@ -134,7 +123,7 @@ TEMPLATES = {
 """The files to write by suffix; the first one gets the name that was given."""
 
 
-@command("judge", "path")
+@command("path")
 def new(args: Args) -> int:
     """Write a working template of an own estimator, to be changed.
 
@@ -154,19 +143,17 @@ def new(args: Args) -> int:
             f"{path}: give a file that Python can import, such as my_estimator.py, or one in C or "
             "Octave, such as my_estimator.c or my_estimator.m"
         )
-    if path.exists() or not path.parent.is_dir():
-        problem = "exists already; give another name" if path.exists() else "has no such folder"
-        raise FlexaxisError(f"{path} {problem}")
+    if path.exists():
+        raise FlexaxisError(f"{path} exists already; give another name")
     home = files("flexaxis.experiments.check") / "templates"
     for name in TEMPLATES[path.suffix]:
         text = (home / name).read_text(encoding="utf-8")
         target = path if name.startswith("my_") else path.with_name(name)
         write_text(target, text.replace("my_estimator", path.stem))
-    old, binary = path.with_name(f"old{path.suffix}"), path.with_suffix("")
     text = {".py": "{}:Mine", ".m": "'pipe:octave-cli -q {}'", ".c": "pipe:./{}"}[path.suffix]
-    before, now = (text.format(p.with_suffix("") if p.suffix == ".c" else p) for p in (old, path))
-    lines = [f"cc -O2 -o {binary} {path} -lm"] * (path.suffix == ".c")
-    lines += [f"flexaxis check {now}", f"cp {path} {old}",
-              f"flexaxis compare --base {before} --candidate {now} fm_step"]  # fmt: skip
+    now = text.format(path.with_suffix("") if path.suffix == ".c" else path)
+    lines = [f"cc -O2 -o {path.with_suffix('')} {path} -lm"] * (path.suffix == ".c")
+    lines += [f"flexaxis check {now}",
+              f"flexaxis compare --base rpem-forgetting --candidate {now} fm_step"]  # fmt: skip
     words = f"{path} estimates the motor friction f_m. Change it, then:"
     return answer(args, {"path": path, "next": lines}, 0, words, *(f"  {each}" for each in lines))

@@ -6,18 +6,16 @@ from collections import Counter
 from dataclasses import asdict
 from itertools import chain
 from pathlib import Path
-from shutil import get_terminal_size
 
 import flexaxis as fx
 from flexaxis.experiments.catalogue import find as catalogue
 from flexaxis.experiments.catalogue.find import GROUPS
 from flexaxis.experiments.commands.options import Args, answer, command
-from flexaxis.sim.errors import FlexaxisError
 
 MOST = 60  # lines that `list` prints
 
 
-@command("look", "kind", "--group", "--find", "--all")
+@command("kind", "--group", "--find", "--all")
 def list_(args: Args) -> int:
     """List scenarios, suites, estimators, and the scenario for each physical fault.
 
@@ -41,11 +39,11 @@ def list_(args: Args) -> int:
     }
     if kind := args.kind or (args.group and "scenarios"):
         content = {kind: content[kind]}
-    rows, width = list(chain(*content.values())), get_terminal_size((160, 24)).columns
-    names, lines = [next(iter(row.values())) for row in rows], []
+    rows, lines = list(chain(*content.values())), []
+    names = [next(iter(row.values())) for row in rows]
     for name, row in zip(names, rows, strict=True):
         *middle, text = (row[key] for key in [*row][1:] if key not in {"faults", "group"})
-        lines.append(f"{name:<{max(map(len, names))}} {' '.join(middle):<6} {text}"[:width])
+        lines.append(f"{name:<{max(map(len, names))}} {' '.join(middle):<6} {text}")
     if not lines:
         lines = [f"nothing has {args.find!r}"]
     if len(lines) > MOST and not args.all:
@@ -53,7 +51,7 @@ def list_(args: Args) -> int:
     return answer(args, content, 0, *lines)
 
 
-@command("look", "name")
+@command("name")
 def show(args: Args) -> int:
     """Show a scenario, a suite or an estimator with all its values.
 
@@ -69,13 +67,10 @@ def show(args: Args) -> int:
     from flexaxis.experiments.catalogue import card
 
     if args.name in REGISTRY:
-        entry, options = REGISTRY[args.name], card.options(REGISTRY[args.name])
-        knob = entry.turning and entry.turning.label
-        content = {"name": args.name, "summary": entry.summary, "options": options, "knob": knob}
+        summary, options = REGISTRY[args.name].summary, card.options(REGISTRY[args.name])
+        content = {"name": args.name, "summary": summary, "options": options}
         lines = [f"{name} = {default}\n    {text}" for name, (default, text) in options.items()]
-        tuned = f", tuned for {entry.tuning.axis}" if entry.tuning else ""
-        lines += [f"tuning parameter: {knob or 'none'}{tuned}"]
-        return answer(args, content, 0, f"{args.name}: {entry.summary}", *lines)
+        return answer(args, content, 0, f"{args.name}: {summary}", *lines)
     if args.name in catalogue.suite_names():
         content = asdict(catalogue.find_suite(args.name))
         return answer(args, content, 0, *(f"{key}: {value}" for key, value in content.items()))
@@ -86,7 +81,7 @@ def show(args: Args) -> int:
     return answer(args, content, 0, *lines, "", scenario.to_toml().rstrip())
 
 
-@command("teach", "lesson", "--estimator", "--seed", "--speed", "--exaggerate", "--port",
+@command("lesson", "--estimator", "--seed", "--speed", "--port",
          "--no-browser")  # fmt: skip
 def demo(args: Args) -> int:
     """Break a live axis in the browser, and watch which estimator detects it first.
@@ -106,16 +101,14 @@ def demo(args: Args) -> int:
     """
     from flexaxis.experiments.demo.serve import serve
 
-    if args.speed is not None and not 0.05 <= args.speed <= 50:
-        raise FlexaxisError(f"--speed {args.speed:g}: give a factor from 0.05 to 50")
     serve(
-        args.estimator or (), lesson=args.lesson, seed=args.seed, speed=args.speed or 1.0,
-        exaggerate=args.exaggerate, port=args.port, browser=not args.no_browser,
+        args.estimator or (), lesson=args.lesson, seed=args.seed, speed=args.speed,
+        port=args.port, browser=not args.no_browser,
     )  # fmt: skip
     return 0
 
 
-@command("teach", "-o")
+@command("-o")
 def paper(args: Args) -> int:
     """Reproduce the paper's figures and check its claims.
 

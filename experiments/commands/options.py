@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from flexaxis.experiments.logs.options import LOG_OPTIONS
 
@@ -16,30 +16,21 @@ Args = argparse.Namespace
 Main = Callable[[Args], int]
 
 
-class Command(NamedTuple):
-    """A command: what it is for, its options, and the function that runs it."""
-
-    group: str
-    options: tuple[str, ...]
-    main: Main
+COMMANDS: dict[str, tuple[Main, tuple[str, ...]]] = {}
+"""The function and the options of each command."""
 
 
-COMMANDS: dict[str, Command] = {}
-
-
-def command(group: str, *options: str) -> Callable[[Main], Main]:
+def command(*options: str) -> Callable[[Main], Main]:
     """Register a function as the command of its name; its docstring is the help.
 
     Parameters
     ----------
-    group : str
-        Its place in `flexaxis --help`.
     *options : str
         As in `OPTIONS`.
     """
 
     def register(main: Main) -> Main:
-        COMMANDS[main.__name__.rstrip("_")] = Command(group, options, main)
+        COMMANDS[main.__name__.rstrip("_")] = main, options
         return main
 
     return register
@@ -77,10 +68,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         "physical fault (default: the groups of scenarios, and the suites).",
         {"nargs": "?", "choices": ("scenarios", "suites", "estimators", "faults")},
     ),
-    "file STUDY.toml": (
-        "Definition of the study; docs/studies.md has every key (required without --from).",
-        {"nargs": "?", **PATH},
-    ),
+    "file STUDY.toml": ("Definition of the study; docs/studies.md has every key.", PATH),
     "record RECORD.nc": ("Record, as simulate or import writes it.", PATH),
     "folder DIR": ("Folder of a run or a study.", PATH),
     "path FILE.py|c|m": ("File to write: Python (.py), C (.c) or GNU Octave (.m).", PATH),
@@ -108,12 +96,9 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "to 4999 (default: the number of the suite, 8 for single scenarios).",
     "compare: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: the number of "
     "the suite, 32 for single scenarios; all common ones of finished runs).",
-    "tune: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: 0:16; with "
-    "--sweep 16).",
+    "tune: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: 0:16).",
     "--seed N": ("Random seed: the same number gives the same run (default: 0).", ZERO),
     "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's, or 0).", WHOLE),
-    "--scenario SCENARIO": "Scenario of a record that does not contain its own: a name or a TOML "
-    "path (default: the record's).",
     # how they are run
     "--jobs N": ("Number of worker processes; results do not depend on it (default: one per core, "
                  "here %(default)s).", {"type": int, "default": os.cpu_count() or 1}),
@@ -126,12 +111,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--overwrite": "Remove what the folder holds first (default: keep it, and run what is "
     "missing).",
     "--time-limit S": ("Longest time of one run of your own code [s] (default: 600).", NUMBER),
-    "--no-cache": "Simulate every record and keep none (default: simulated records are kept for "
-    "the next run).",
     "--dry-run": "Print the variants, the time on this machine and the disk space, and stop "
     "(default: run).",
-    "--no-covariance": "Save estimates without covariance, which is several times faster on long "
-    "records (default: with it).",
     # what to list
     "--group GROUP": ("Only scenarios of a group, such as steps (default: all).", {"default": ""}),
     "--find TEXT": ("Only lines with this text (default: all).", {"default": ""}),
@@ -141,19 +122,11 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                       ZERO),
     "--margin SCORE=%[,…]": (
         "Relative change of a score that does not matter; scores are lag, std, t10, std_after, "
-        "cross_talk and excess (default: lag=2%%,std=2%%).", SEVERAL,
+        "cross_talk and excess (default: lag=2%%,std=2%%).", {"default": ""},
     ),
     "--match-std": "Tune both to the same noise first, and compare the lag alone (default: compare "
     "them as they are).",
     "--strict": "Exit with status 3 if the verdict is undecided (default: 0).",
-    "import: --strict": "Exit with status 1 if a check says that estimates are spoilt (default: "
-    "0).",
-    "--match NAME": ("Quantity to match: excess (the excess prediction error), or the parameter "
-                     "whose std is matched (default: excess).", {"default": "excess"}),
-    "--sweep SUITE|SCENARIO": (
-        "Compare the lag at equal noise on these scenarios, over many settings (default: tune on "
-        "the nominal axis).", {"nargs": "+"},
-    ),
     "--save FILE.toml": ("Write the settings to this file, too (default: print them).", PATH),
     # logs of a real axis
     "--model MODEL": ("Model: one_mass, two_mass, three_mass, or a TOML file (default: "
@@ -186,8 +159,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--false-alarms P": ("Probability that many logs without a change show one (default: 0.01).",
                          {"type": float, "default": 0.01}),
     # the live axis
-    "--exaggerate X": ("Magnification of the joint twist in the picture (default: 100).",
-                       {"type": float, "default": 100.0}),
     "--port N": ("Port of the page (default: 8080, or the next free one).", WHOLE),
     "--no-browser": "Print the address only (default: open a browser).",
     # where to
@@ -196,7 +167,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "study: -o DIR": ("Folder for rows and report (default: results/NAME).", PATH),
     "compare: -o DIR": ("Folder for rows, verdict and report (default: results/compare).", PATH),
     "tune: -o DIR": ("Folder for rows (default: results/tune).", PATH),
-    "report: -o FILE": ("File for the report (default: report.html in the folder).", PATH),
     "simulate: -o FILE": ("File for the record or log (default: SCENARIO-SEED.nc or .csv).", PATH),
     "estimate: -o FILE": ("File for the estimates (default: RECORD-estimates.nc).", PATH),
     "import: -o REC.nc": ("File for the record (default: LOG.nc, or LOG-imported.nc).", PATH),
@@ -205,7 +175,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "track: -o EST.nc": ("File for the estimates (default: LOG-track.nc).", PATH),
     "paper: -o DIR": ("Folder for figures and claims (default: results/paper).", PATH),
     **LOG_OPTIONS,
-    "demo: --speed X": ("Multiple of real time, 0.05 to 50 (default: 1).", NUMBER),
+    "demo: --speed X": ("Multiple of real time (default: 1).", {"type": float, "default": 1.0}),
 }  # fmt: skip
 """Every option: its name and what it takes, then its help, and keywords of `add_argument`.
 
@@ -222,7 +192,7 @@ def add_options(parser: argparse.ArgumentParser, name: str) -> None:
         option, _, metavar = words.partition(" ")
         if only in ("", name):
             declared[option] = metavar, value
-    for option in (*COMMANDS[name].options, "-q", "--traceback", "--json"):
+    for option in (*COMMANDS[name][1], "-q", "--traceback", "--json"):
         metavar, value = declared[option]
         text, more = (value, {}) if isinstance(value, str) else value
         takes = {"metavar": metavar} if metavar else {"action": "store_true"}

@@ -11,23 +11,16 @@ from flexaxis.experiments.commands.options import Args, answer, command
 from flexaxis.experiments.files import REPORT, check_file, check_not_input, summary_of
 from flexaxis.sim.errors import FlexaxisError
 
-ENGINE = ("-o", "--jobs", "--dask", "--shard", "--from", "--overwrite", "--time-limit",
-          "--no-cache")  # fmt: skip
-
-
-def one_or_more(names: list[str]) -> Any:
-    """Return a name alone as it is."""
-    return names[0] if len(names) == 1 else names
+ENGINE = ("-o", "--jobs", "--dask", "--shard", "--overwrite", "--time-limit")
 
 
 def work(args: Args) -> dict[str, Any]:
     """Return how cases are run, as for `fx.benchmark`."""
-    names = ("jobs", "dask", "overwrite", "time_limit")
-    options = {name: getattr(args, name) for name in names if name in args}
-    return options | {"cache": not getattr(args, "no_cache", False)}
+    names = ("jobs", "dask", "shard", "overwrite", "time_limit")
+    return {name: getattr(args, name) for name in names if name in args}
 
 
-@command("run", "names", "--estimator", "--seeds", *ENGINE)
+@command("names", "--estimator", "--seeds", "--from", *ENGINE)
 def run(args: Args) -> int:
     r"""Run estimators on scenarios over many seeds, score them, and write a report.
 
@@ -48,20 +41,26 @@ def run(args: Args) -> int:
       flexaxis run --from shard1 shard2 -o results/whole
     """
     if args.shards:
-        return _merged(args)
+        if args.output is None:
+            raise FlexaxisError("--from: name the folder of the whole with -o DIR")
+        check_not_input(args.shards, args.output)
+        from flexaxis.experiments.studies.benchmark import merge
+
+        results, missing = merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
+        return _results(args, fx.load(results.folder), missing)
     if not args.names:
         raise FlexaxisError("name a suite or a scenario, such as smoke; `flexaxis list` shows them")
     check_names(args.names)
     folder = args.output or Path("results", Path(args.names[0]).stem)
     check_not_input(args.names, folder)
     results = fx.benchmark(
-        args.estimator, scenarios=one_or_more(args.names), seeds=args.seeds, folder=folder,
-        shard=args.shard, command=args.line, **work(args),
+        args.estimator, scenarios=args.names, seeds=args.seeds, folder=folder,
+        **work(args),
     )  # fmt: skip
     return _results(args, results)
 
 
-@command("run", "file", "--dry-run", *ENGINE)
+@command("file", "--dry-run", *ENGINE)
 def study(args: Args) -> int:
     r"""Sweep keys of scenarios, faults and estimators over many seeds, resumable.
 
@@ -83,12 +82,8 @@ def study(args: Args) -> int:
       flexaxis study docs/examples/friction_steps.toml --dry-run
       flexaxis study docs/examples/friction_steps.toml -o results/friction --jobs 4
       flexaxis study docs/examples/friction_steps.toml -o /net/friction3 --shard 3/100
-      flexaxis study --from /net/friction* -o results/friction
+      flexaxis run --from /net/friction* -o results/friction
     """
-    if args.shards:
-        return _merged(args)
-    if args.file is None:
-        raise FlexaxisError("name the study's TOML file; docs/studies.md has every key")
     check_file(args.file)
     folder = args.output or Path("results", args.file.stem)
     check_not_input([args.file], folder)
@@ -96,31 +91,19 @@ def study(args: Args) -> int:
         from flexaxis.experiments.studies.benchmark import plan
         from flexaxis.experiments.studies.definition import load_study
 
-        known = plan(load_study(args.file), folder)
+        known = plan(load_study(args.file))
         lines = [", ".join(f"{key} = {value}" for key, value in each.items())
                  for each in known["variants"]]  # fmt: skip
         words = (
-            f"{len(lines)} variants, {known['cases']} cases, {known['to_run']} to run: about "
-            f"{known['seconds'] / args.jobs / 60:.1f} min on {args.jobs} processes, "
-            f"{known['megabytes']:.1f} MB in {folder}"
+            f"{len(lines)} variants, {known['cases']} cases: about "
+            f"{known['seconds'] / args.jobs / 60:.1f} min on {args.jobs} processes, without "
+            f"estimators of your own; {known['megabytes']:.1f} MB in {folder}"
         )
-        words += "".join(f"; not timed: {text}" for text in known["not_timed"])
         return answer(args, known, 0, *lines, words)
     results = fx.study(
-        args.file, folder=folder, shard=args.shard, command=args.line, **work(args)
+        args.file, folder=folder, **work(args)
     )  # fmt: skip
     return _results(args, results)
-
-
-def _merged(args: Args) -> int:
-    """Put shards together, and report."""
-    if args.output is None:
-        raise FlexaxisError("--from: name the folder of the whole with -o DIR")
-    check_not_input(args.shards, args.output)
-    from flexaxis.experiments.studies.benchmark import merge
-
-    results, missing = merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
-    return _results(args, fx.load(results.folder), missing)
 
 
 def _results(args: Args, results: Any, missing: int = 0) -> int:
@@ -128,38 +111,34 @@ def _results(args: Args, results: Any, missing: int = 0) -> int:
     from flexaxis.experiments.reporting.terminal import show_run
     from flexaxis.experiments.reporting.words import failures_in_words
 
-    whole = args.shards or args.shard == (1, 1)
-    content = (
-        summary_of(results.folder) if whole and not results.axes else {"rows": results.pooled()}
-    )
-    failures = content.get("failures") or results.failures.to_dict("records")
+    whole, failures = args.shard == (1, 1), results.failures.to_dict("records")
+    is_run = whole and not results.axes
+    content = summary_of(results.folder) if is_run else {"rows": results.pooled()}
     lines = [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
     lines += [f"{missing} cases are in no shard"] * bool(missing)
-    if whole and not results.axes and not args.json:
-        show_run(content)
-    elif whole:
+    if whole and results.axes:
         lines.insert(0, repr(results))
+    elif whole and not args.json:
+        show_run(content)
     crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
     status = 70 if crashed else int(bool(failures or missing))
     path = results.folder / REPORT if whole else results.folder
-    content = content | {"report": path, "cases": results.cases, "missing": missing}
+    content |= {"report": path, "cases": results.cases, "missing": missing}
     return answer(args, content, status, *lines, f"report: {path}" if whole else path)
 
 
-@command("run", "folder", "-o")
+@command("folder")
 def report(args: Args) -> int:
     """Write report.html again from the results in a folder.
 
     example:
       flexaxis report results/smoke
     """
-    path = args.output or args.folder / REPORT
-    results = fx.load(args.folder)
-    check_not_input(args.folder.glob("s*"), path)
-    return answer(args, {"report": results.report(path)}, 0, f"report: {path}")
+    path = fx.load(args.folder).report()
+    return answer(args, {"report": path}, 0, f"report: {path}")
 
 
-@command("run", "scenario", "--seed", "-o", *("--as-log", "--units", "--jitter", "--gaps",
+@command("scenario", "--seed", "-o", *("--as-log", "--units", "--jitter", "--gaps",
          "--counts"))  # fmt: skip
 def simulate(args: Args) -> int:
     """Simulate a scenario and save the record: what was measured, and the truth.
@@ -179,8 +158,7 @@ def simulate(args: Args) -> int:
 
     check_names([args.scenario])
     style, ending = style_of(args), args.as_log or "nc"
-    name = Path(args.scenario).stem
-    path = args.output or Path(f"{name}-{args.seed}.{ending}")
+    path = args.output or Path(f"{Path(args.scenario).stem}-{args.seed}.{ending}")
     if style != LogStyle() and not args.as_log:
         raise FlexaxisError("--units, --jitter, --gaps and --counts are for a log: add --as-log")
     if path.suffix != f".{ending}":
@@ -188,7 +166,7 @@ def simulate(args: Args) -> int:
     check_not_input([args.scenario], path)
     spare_foreign(path)
     record = fx.simulate(args.scenario, seed=args.seed)
-    content = {"path": path, "hash": record.hash, "seed": args.seed, "samples": len(record.time)}
+    content = {"path": path, "hash": record.hash}
     if not args.as_log:
         record.save(path)
         return answer(args, content, 0, path)
@@ -197,7 +175,7 @@ def simulate(args: Args) -> int:
     return answer(args, content | {"import": line}, 0, f"import it by: {line}", path)
 
 
-@command("run", "record", "--estimator", "--scenario", "--no-covariance", "-o")
+@command("record", "--estimator", "-o")
 def estimate(args: Args) -> int:
     """Run an estimator on a record and save the estimates over time.
 
@@ -212,12 +190,11 @@ def estimate(args: Args) -> int:
     check_file(args.record)
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")
     code = args.estimator.partition(":")[0]
-    check_not_input((args.record, args.scenario, code), path)
-    result = fx.estimate(args.record, args.estimator, scenario=args.scenario)
-    result.save(path, covariance=not args.no_covariance)
+    check_not_input((args.record, code), path)
+    result = fx.estimate(args.record, args.estimator)
+    result.save(path)
     errors = result.table["error [%]"].dropna()
     words = ", ".join(f"{name} {error:+.2f} %" for name, error in errors.items())
-    truth = {name: float(values[-1]) for name, values in result.truth.items()}
-    content = {"path": path, "estimator": result.estimator, "last": result.last, "truth": truth}
+    content = {"path": path, "estimator": result.estimator, **result.table.to_dict()}
     end = f"At the end {result.estimator} is off by: {words or 'unknown, the record has no truth'}."
     return answer(args, content, 0, result.table, end, path)

@@ -22,6 +22,7 @@ from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.comparison.sweep import Run, Runs, Setting, knob_of, reference, setting
 from flexaxis.experiments.files import write_text
 from flexaxis.experiments.running.estimators import written_options
+from flexaxis.experiments.running.progress import LINE
 from flexaxis.experiments.running.run import check_failures
 from flexaxis.experiments.scoring.intervals import FLOOR
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
@@ -236,7 +237,7 @@ def _rounded(position: float, knob: Knob) -> float:
     return min(max(float(f"{position:.{DIGITS}g}"), knob.least), knob.most)
 
 
-def save(path: Path, name: str, found: Tuned | None, *, command: str = "") -> None:
+def save(path: Path, name: str, found: Tuned | None) -> None:
     """Write a setting to a file like estimators/tuned.toml, in place of the one it had.
 
     Parameters
@@ -246,8 +247,6 @@ def save(path: Path, name: str, found: Tuned | None, *, command: str = "") -> No
         The estimator.
     found : Tuned or None
         None removes the setting: what was found before is no match any more.
-    command : str
-        The line that finds it again.
     """
     known = read_toml(path, FlexaxisError) if path.exists() else {}
     tables = [table for table in known.get("tuned", []) if table["estimator"] != name]
@@ -255,7 +254,7 @@ def save(path: Path, name: str, found: Tuned | None, *, command: str = "") -> No
         at, ratio = tuning_scenario(), round(found.ratio, 4)
         about = Tuning(
             estimator=name, knob=found.knob, value=found.value, setting=found.setting,
-            match=found.match, ratio=ratio, command=command, model=at.preset,
+            match=found.match, ratio=ratio, command=LINE.get(), model=at.preset,
             identify=at.identify, period=at.period, noise=at.noise.speed,
         )  # fmt: skip
         tables.append(asdict(about))

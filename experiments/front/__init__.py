@@ -6,7 +6,6 @@ beside this one are thin; what they call lies in `flexaxis.sim`, `.estimators`, 
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any
@@ -41,10 +40,9 @@ __all__ = [
 ]
 
 _NAMES = {
-    "_axis": ("Axis", "Sample", "make_axis"),
     "_estimates": ("Estimate", "estimate", "score"),
     "_logs": ("LogResult", "identify", "import_log", "track"),
-    "_records": ("Recording", "cache", "load", "simulate"),
+    "_records": ("Axis", "Recording", "Sample", "cache", "load", "make_axis", "simulate"),
     "_results": ("Comparison", "Results", "benchmark", "check", "compare", "study", "tune"),
     "experiments.catalogue.find": ("scenarios",),
     "experiments.demo.view": ("view",),
@@ -56,9 +54,7 @@ def __getattr__(name: str) -> Any:
     if name in {"estimators", "experiments", "models_mjcf", "sim"}:
         return import_module(f"{__name__}.{name}")
     if name not in _HOME:
-        near = get_close_matches(name, __all__, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
     globals()[name] = result = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
     return result
 

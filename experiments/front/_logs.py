@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from flexaxis._records import panels
+from flexaxis._records import draw
 from flexaxis.experiments.logs import pages
 from flexaxis.experiments.logs import track as tracking
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.findings import MARKS, say_problems, texts_of, waiting
+from flexaxis.experiments.logs.findings import MARKS, say_problems, texts_of
 from flexaxis.experiments.logs.identify import identify as fitted
 from flexaxis.experiments.logs.importing import Imported, import_any
 from flexaxis.experiments.logs.many import find_logs, identify_many
@@ -49,10 +50,10 @@ class LogResult:
     page: pages.LogPage
     content: dict[str, Any]
     table: pd.DataFrame
+    write: Callable[[Path], object]
     status: int = 0
     record: Any = None
     axis: Any = None
-    write: Callable[[Path], object] = field(default=lambda path: None)
 
     def save(self, path: str | Path) -> Path:
         """Write the record, axis or estimates, and the page beside it; return the page."""
@@ -72,9 +73,7 @@ class LogResult:
             One for each of its panels; new ones by default.
         """
         shown = self.page.charts[chart]
-        axes = panels(ax, len(shown.panels))
-        shown.draw(axes=axes)
-        return axes
+        return draw(shown.panels, ax, x=shown.x, **shown.options)
 
     def __repr__(self) -> str:
         lines = [f"{MARKS[one.kind]} {one.sentence}" for one in self.page.remarks]
@@ -85,31 +84,21 @@ def _read(log: Log, options: Mapping[str, Any] | None) -> Imported:
     """Return the record of a log and its checks; print what spoils estimates."""
     if not isinstance(log, str | Path):
         return Imported(getattr(log, "record", log), ())
-    columns, treated = _split(options)
-    with waiting(f"reading {log}"):
-        found = import_any(Path(log), columns, **treated)
+    found = import_any(Path(log), **(options or {}))
     say_problems(Path(log), found.checks)
     return found
-
-
-def _split(options: Mapping[str, Any] | None) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return which columns to read, and what is done to them."""
-    columns = dict(options or {})
-    return columns, {name: columns.pop(name, None) for name in ("resample", "burn_in")}
 
 
 def _axis(model: Any) -> Any:
     return find_axis(str(model)) if isinstance(model, str | Path) else getattr(model, "axis", model)
 
 
-def import_log(path: str | Path, *, command: str = "", **columns: Any) -> LogResult:
+def import_log(path: str | Path, **columns: Any) -> LogResult:
     """Read a log, and check it before any estimator does; `flexaxis import` in Python.
 
     Parameters
     ----------
     path : str or Path
-    command : str
-        The line that does it again, for the page.
     **columns
         Columns (``torque="current"``), ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``,
         ``torque_is``; ``resample`` [Hz] and ``burn_in`` [s].
@@ -117,10 +106,8 @@ def import_log(path: str | Path, *, command: str = "", **columns: Any) -> LogRes
     found = _read(path, columns)
     checks = [check.told() for check in found.checks]
     table = pd.DataFrame(checks).set_index("name")[["verdict", "value", "unit"]]
-    page = pages.import_page(found, Path(path).name, command)
-    return LogResult(
-        found, page, {"checks": checks}, table, record=found.record, write=found.record.save
-    )
+    page = pages.import_page(found, Path(path).name)
+    return LogResult(found, page, {"checks": checks}, table, found.record.save, record=found.record)
 
 
 def identify(
@@ -133,7 +120,6 @@ def identify(
     covariates: Sequence[str] = (),
     false_alarms: float = 0.01,
     columns: Mapping[str, Any] | None = None,
-    command: str = "",
     **options: Any,
 ) -> LogResult:
     """Identify an axis from its log, or from many; `flexaxis identify` in Python.
@@ -157,8 +143,6 @@ def identify(
         Probability that many logs without a change show one.
     columns : mapping, optional
         How to read a log, as the options of `import_log`.
-    command : str
-        The line that does it again, for the page.
     **options
         ``free, friction, gravity, delay, highpass`` as of
         `flexaxis.experiments.logs.identify.identify`.
@@ -168,33 +152,26 @@ def identify(
     laws = {name: values.pop(name) for name in {*values} - {*axis.model.parameters}}
     axis = replace(axis.having(values), known=axis.known or bool(values.keys() & start.keys()))
     if isinstance(log, str | Path) and Path(log).is_dir():
-        names, treated = _split(columns)
-        with waiting(f"identifying the logs of {log}"):
-            many = identify_many(
-                find_logs(Path(log)), axis, names, covariates=covariates,
-                free=options.get("free", ()), false_alarms=false_alarms, **treated,
-            )  # fmt: skip
+        many = identify_many(
+            find_logs(Path(log)), axis, columns or {}, covariates=covariates,
+            free=options.get("free", ()), false_alarms=false_alarms,
+        )  # fmt: skip
         title = f"{axis.model.name} in {len(many.table)} logs"
         content = {"logs": many.table.to_dict("index"), "remarks": texts_of(many.findings, *MARKS)}
         return LogResult(
-            many, pages.many_page(many, title, command), content, many.table, many.status,
-            write=many.table.to_csv,
+            many, pages.many_page(many, title), content, many.table, many.table.to_csv,
+            many.status,
         )  # fmt: skip
     record = _read(log, columns).record
-    with waiting(f"identifying {axis.model.name}"):
-        found = fitted(record, axis, fix=tuple(fix), given=laws, **options)
+    found = fitted(record, axis, fix=tuple(fix), given=laws, **options)
     other = None if validate is None else validated(_read(validate, columns).record, found.axis)
-    title = f"{found.axis.model.name} from {_name(log)}"
-    page = pages.identification_page(found, record.period, other, title, command)
+    title = f"{found.axis.model.name} from {record.versions.get('log', 'a record')}"
+    page = pages.identification_page(found, record.period, other, title)
     content = pages.content(found, other)
     return LogResult(
-        found, page, content, pd.DataFrame(found.estimates, ["value", "sd"]).T,
-        int(bool(content["warnings"])), record, found.axis, found.axis.save,
+        found, page, content, pd.DataFrame(found.estimates, ["value", "sd"]).T, found.axis.save,
+        int(bool(content["warnings"])), record, found.axis,
     )  # fmt: skip
-
-
-def _name(log: Log) -> str:
-    return Path(log).name if isinstance(log, str | Path) else "a record"
 
 
 def track(
@@ -205,7 +182,6 @@ def track(
     *,
     start: float = 1.0,
     columns: Mapping[str, Any] | None = None,
-    command: str = "",
 ) -> LogResult:
     """Follow parameters along a log by a recursive estimator; `flexaxis track` in Python.
 
@@ -219,28 +195,26 @@ def track(
         By default ekf, or glr for an axis with dry friction.
     start : float
         Initial estimate as a multiple of the identified value.
-    columns, command
+    columns
         As for `identify`.
     """
     known = _axis(axis)
     spec = parse(estimator or tracking.default_estimator(known))
     read = _read(log, columns)
-    with waiting(f"tracking {', '.join(parameters)}"):
-        found = tracking.track(read.record, known, spec, identify=parameters, start=start)
-    values = {"last": found.last, "nominal": found.nominal, "ratio": found.last / found.nominal}
-    table = pd.DataFrame(values, found.names)
+    found = tracking.track(read.record, known, spec, identify=parameters, start=start)
+    table = pd.DataFrame({"last": found.last, "nominal": found.nominal}, found.names)
+    table["ratio"] = table["last"] / table["nominal"]
     page = pages.track_page(
-        found, spec.text, problems=texts_of(read.checks, "problem"), log=_name(log),
-        command=command,
+        found, spec.text, problems=texts_of(read.checks, "problem"),
+        log=read.record.versions.get("log", "a record"),
     )  # fmt: skip
     content = table.to_dict() | {
         "fit": found.fit,
-        "residual": {"correlation": found.correlation},
         "alarms": found.alarms.tolist(),
         "changes": [vars(change) for change in found.changes],
         "doubts": texts_of(found.findings, "problem"),
     }
     return LogResult(
-        found, page, content, table, found.status, read.record, known,
-        lambda path: found.save(path, estimator=spec.text),
+        found, page, content, table, partial(found.save, estimator=spec.text), found.status,
+        read.record, known,
     )  # fmt: skip

@@ -1,25 +1,29 @@
-"""A run of a scenario as a record with figures: `simulate`, `load`; and the `cache` of records."""
+"""Runs of a scenario: `simulate`, `load`, the `cache` of records, and `make_axis`.
+
+A record has its figure; an axis is stepped by hand, for a controller of one's own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.reporting import figures
-from flexaxis.experiments.reporting.figures import Series
+from flexaxis.experiments.reporting.figures import Series, around, curves
 from flexaxis.experiments.reporting.styles import SETTINGS
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.studies.definition import seed_of
 from flexaxis.sim.errors import FlexaxisError, unknown
+from flexaxis.sim.plant.loop import Changes, plant_of
 from flexaxis.sim.record import SIGNALS, Record, load_record
 from flexaxis.sim.scenario import Scenario, scenario_from
 from flexaxis.sim.simulate import simulate as run
+from flexaxis.sim.streams import stream
+from flexaxis.sim.tables.sensors import reading
 
 if TYPE_CHECKING:
     from flexaxis._results import Results
@@ -27,11 +31,6 @@ if TYPE_CHECKING:
 
 class Recording(Record):
     """A record with its figure and its tables; whatever takes a `Record` takes it."""
-
-    @classmethod
-    def of(cls, record: Record) -> Recording:
-        """Return a record as one that can be plotted."""
-        return cls(**{field.name: getattr(record, field.name) for field in fields(record)})
 
     @property
     def definition(self) -> Scenario | None:
@@ -57,15 +56,14 @@ class Recording(Record):
         -------
         Axes, or ndarray of Axes
         """
-        output = self.scenario.get("output", "")
-        usual = ("torque", output if output in self.signals else self.signals[-1])
-        curves = {}
-        for name in signals or usual:
+        output = self.scenario.get("output", self.signals[-1])
+        panels = {}
+        for name in signals or ("torque", output):
             if name not in self.signals:
                 raise FlexaxisError(unknown("signal", name, self.signals))
-            one = Series(role="data", label=str(self), x=self.time, y=getattr(self, name))
-            curves[f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]"] = [one]
-        return draw(curves, ax, self.definition)
+            one = Series(role="data", x=self.time, y=getattr(self, name))
+            panels[f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]"] = [one]
+        return draw(panels, ax, self.definition)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a pandas DataFrame: a line a sample, time [s] as index.
@@ -73,37 +71,36 @@ class Recording(Record):
         Columns are the signals, `valid` if samples are missing, and the true parameters as
         ``true_f_m``.
         """
-        columns = {name: getattr(self, name) for name in self.signals}
-        if self.valid is not None:
-            columns["valid"] = self.valid
-        if self.true_parameters is not None:
-            named = zip(self.parameter_names, self.true_parameters.T, strict=True)
-            columns |= {f"true_{name}": values for name, values in named}
-        return pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
+        known = {name: getattr(self, name) for name in (*SIGNALS, "valid")}
+        frame = pd.DataFrame(known).set_index("time")
+        names = [f"true_{name}" for name in self.parameter_names]
+        true = pd.DataFrame(self.true_parameters, frame.index, names)
+        return frame.join(true).dropna(axis="columns", how="all")
 
 
-def panels(axes: Any, count: int) -> list[Any]:
-    """Return axes to draw on, one below the other: those of the caller, or new ones."""
-    if axes is None:
+def axes_for(ax: Any, count: int) -> Any:
+    """Return an array of axes to draw on, one below the other: those of the caller, or new ones."""
+    if ax is None:
         from matplotlib import pyplot
 
         with pyplot.rc_context(SETTINGS):
             size = (8.0, 2.4 + 1.6 * count)
-            axes = pyplot.subplots(count, sharex=True, squeeze=False, figsize=size)[1]
-    return list(np.ravel(np.asarray(axes, object)))
+            ax = pyplot.subplots(count, sharex=True, squeeze=False, figsize=size)[1]
+    return np.ravel(np.asarray(ax, object))
 
 
-def draw(curves: Mapping[str, Sequence[Series]], axes: Any, scenario: Scenario | None) -> Any:
-    """Draw curves over time, a panel each; on new axes with faults and burn-in of a scenario.
+def draw(
+    panels: Mapping[str, Any], ax: Any, scenario: Scenario | None = None, *, x: str = "time [s]",
+    **options: Any,
+) -> Any:  # fmt: skip
+    """Draw curves, a panel each; on new axes with faults and burn-in of a scenario.
 
-    Axes of the caller have the truth already. One axes is returned as it is, several as an array.
+    One axes is returned as it is, several as an array.
     """
-    marks = figures.around(scenario) if scenario and axes is None else {}
-    shown = {name: [s for s in each if axes is None or s.role != "truth"]
-             for name, each in curves.items()}  # fmt: skip
-    result = panels(axes, len(curves))
-    figures.curves(shown, x="time [s]", axes=result, **marks)
-    return result[0] if len(result) == 1 else np.array(result, object)
+    marks = around(scenario) if scenario and ax is None else {}
+    axes = axes_for(ax, len(panels))
+    curves(panels, x=x, axes=axes, **marks, **options)
+    return axes[0] if len(axes) == 1 else axes
 
 
 def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: Any) -> Recording:
@@ -137,7 +134,7 @@ def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: An
     >>> record.torque.shape, record.period
     ((400,), 0.005)
     """
-    return Recording.of(run(changed(scenario, changes), [seed_of(seed)])[0])
+    return Recording(**vars(run(changed(scenario, changes), [seed_of(seed)])[0]))
 
 
 def changed(scenario: str | Path | Scenario, changes: Mapping[str, Any]) -> Scenario:
@@ -164,7 +161,7 @@ def load(path: str | Path) -> Recording | Results:
         from flexaxis._results import Results
 
         return Results.load(path)
-    return Recording.of(load_record(path))
+    return Recording(**vars(load_record(path)))
 
 
 def cache(*, clear: bool = False) -> dict[str, Any]:
@@ -181,18 +178,144 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``folder`` (set by the environment variable FLEXAXIS_CACHE), ``records`` (their number),
-        ``megabytes``, ``limit`` [MB], and ``removed``.
+        ``folder`` (set by the environment variable FLEXAXIS_CACHE) and
+        ``megabytes``; FLEXAXIS_CACHE_LIMIT sets the limit [MB].
 
     Examples
     --------
     >>> import flexaxis as fx
-    >>> fx.cache()["removed"]
-    0
+    >>> sorted(fx.cache())
+    ['folder', 'megabytes']
     """
     store = default_cache()
-    removed = store.evict(-1) if clear else 0
-    sizes = [path.stat().st_size for path in store.entries()]
-    size, limit = (round(bytes_ / 1024**2, 1) for bytes_ in (sum(sizes), store.limit))
-    return {"folder": store.folder, "records": len(sizes), "megabytes": size,
-            "limit": limit, "removed": removed}  # fmt: skip
+    if clear:
+        store.evict(-1)
+    size = sum(path.stat().st_size for path in store.entries())
+    return {"folder": store.folder, "megabytes": round(size / 1024**2, 1)}
+
+
+class Sample(NamedTuple):
+    """What is measured at a sample.
+
+    Attributes
+    ----------
+    time : float
+        [s].
+    angle, speed, increment : float
+        Motor angle [rad], motor speed [rad/s], and difference of angles over the period [rad/s].
+    """
+
+    time: float
+    angle: float
+    speed: float
+    increment: float
+
+
+class Axis:
+    """The axis of a scenario, with its faults and its sensors, and without its controller.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    seed : int
+        Of the noise.
+
+    Attributes
+    ----------
+    scenario : Scenario
+    sample : Sample
+        The latest; at first the axis is at rest.
+    """
+
+    def __init__(self, scenario: Scenario, *, seed: int = 0) -> None:
+        if scenario.delay.torque_ticks:
+            raise FlexaxisError(
+                f"{scenario.name} delays the torque, which an axis stepped by hand does not: hold "
+                "your own torque back, and leave `delay` out of the scenario"
+            )
+        seed = seed_of(seed)
+        self.scenario = scenario = scenario.drawn(seed)
+
+        def white(purpose: str) -> Any:
+            return stream(scenario.key, seed, purpose).standard_normal((scenario.samples, 1))
+
+        self._plant, self._changes, self._k = plant_of(scenario), Changes([scenario]), 0
+        self._read = {
+            name: reading(scenario.sensors.values(), name, white, period=scenario.period)
+            for name in ("angle", "speed")
+        }
+        self._disturbance = scenario.noise.on_torque(white)
+        self.sample = self._measure()
+
+    @property
+    def done(self) -> bool:
+        """Whether the scenario is over."""
+        return self._k >= self.scenario.samples - 1
+
+    def step(self, torque: float) -> Sample:
+        """Hold a torque [N m] for one period and return the sample at its end.
+
+        Raises
+        ------
+        FlexaxisError
+            If the scenario is over.
+        SimulationError
+            If the axis becomes unstable, or the torque is not finite.
+        """
+        if self.done:
+            raise FlexaxisError(
+                f"{self.scenario.name} is over after {self.scenario.duration:g} s: make a new "
+                "axis, or a longer one with duration=…"
+            )
+        more = 0.0 if self._disturbance is None else self._disturbance[self._k, 0]
+        self._plant.step(np.array([float(torque) + more]))
+        self._k += 1
+        self.sample = self._measure()
+        return self.sample
+
+    def _measure(self) -> Sample:
+        self._changes.make(self._plant, self._k)
+        true = {"angle": self._plant.angle_m, "speed": self._plant.speed_m}
+        read = {name: self._read[name](v[None, :].copy()).item() for name, v in true.items()}
+        period, increment = self.scenario.period, 0.0
+        if self._k:
+            increment = (read["angle"] - self.sample.angle) / period
+        return Sample(self._k * period, **read, increment=increment)
+
+
+def make_axis(
+    scenario: str | Path | Scenario = "fm_step-v1", *, seed: int = 0, **changes: Any
+) -> Axis:
+    """Return an axis to be stepped: ``sample = axis.step(torque)``.
+
+    Parameters
+    ----------
+    scenario : str, Path or Scenario
+        Its plant, faults and sensors; not its controller, which is yours.
+    seed : int
+        Of the noise.
+    **changes
+        As for `simulate`.
+
+    Returns
+    -------
+    Axis
+        At rest, at its first sample.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such scenario or key, or a value is not allowed.
+    FlexaxisError
+        If the scenario delays the torque: hold your own back.
+
+    Examples
+    --------
+    >>> import flexaxis as fx
+    >>> axis = fx.make_axis(duration=2.0, **{"fault[0].at": 1.0})
+    >>> while not axis.done:
+    ...     sample = axis.step(-0.2 * axis.sample.speed + 0.1)
+    >>> round(sample.time, 3)
+    1.995
+    """
+    return Axis(changed(scenario, changes), seed=seed)

@@ -10,12 +10,10 @@ from typing import Any
 import pandas as pd
 
 from flexaxis._estimates import EstimatorLike
-from flexaxis._records import panels
+from flexaxis._records import axes_for, draw
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import select
 from flexaxis.experiments.check import check as rules
-from flexaxis.experiments.comparison import sweep
-from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.comparison.tune import Trials, match_noise, save
 from flexaxis.experiments.files import REPORT
 from flexaxis.experiments.gate import gate
@@ -26,11 +24,9 @@ from flexaxis.experiments.reporting.tables import between
 from flexaxis.experiments.running import results as engine
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.estimators import parse, text_of
-from flexaxis.experiments.running.progress import remark
-from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.studies import benchmark as studies
-from flexaxis.experiments.studies.definition import load_study, seeds_of, study_from
-from flexaxis.sim.errors import FlexaxisError, unknown
+from flexaxis.experiments.studies.definition import load_study, seeds_of, study_from, texts_of
+from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
 Estimators = EstimatorLike | Iterable[EstimatorLike]
@@ -44,12 +40,6 @@ SHOWN = (
 """The columns of a table of pooled scores, with the axes of a study."""
 
 
-def texts_of(estimators: Estimators) -> list[str]:
-    """Return one estimator, or several, as text."""
-    one = isinstance(estimators, str) or callable(estimators)
-    return list(map(text_of, [estimators] if one else estimators))  # type: ignore[arg-type]
-
-
 class Results(engine.Results):
     """Results with their figure; rows, selections and tables are those of every folder."""
 
@@ -59,8 +49,8 @@ class Results(engine.Results):
 
         If nothing changed, the scores of all parameters.
         """
-        rows = self.scores("scenario", "estimator", *self.axes)
-        changed = rows[rows["changed"].astype(bool)]
+        rows = self.scores()
+        changed = rows.query("changed")
         return (rows if changed.empty else changed)[[*self.axes, *SHOWN]].reset_index(drop=True)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
@@ -71,33 +61,29 @@ class Results(engine.Results):
         x : str, optional
             A swept key; the first of the study by default.
         ax : matplotlib axes, optional
-            Where to draw; new ones by default.
+            One for each parameter that changes; new ones by default.
+
+        Returns
+        -------
+        Axes, or ndarray of Axes
         """
-        if x and x not in self.axes:
-            raise FlexaxisError(unknown("axis", x, self.axes) + " Leave it out for the first one")
-        axes = panels(ax, 1)
         if key := x or next(iter(self.axes), ""):
-            options = over_axis(self, key, "lag")
-            first = dict(list(options["panels"].items())[:1])
-            figures.curves(**options | {"panels": first, "axes": axes})
-        else:
-            rows = self.scores("scenario", "estimator").query("changed")
-            figures.lag_against_noise(rows, axes=axes)
+            return draw(ax=ax, **over_axis(self, key, "lag"))
+        axes = axes_for(ax, 1)
+        figures.lag_against_noise(self.scores().query("changed"), axes=axes)
         return axes[0]
 
-    def report(self, path: Place = None) -> Path:
-        """Write the report, by default to report.html in the folder; return its path."""
-        target = Path(path or (self.folder or Path()) / REPORT)
-        studies.write_report(self, target)
-        return target
+    def report(self) -> Path:
+        """Write report.html to the folder, or here if there is none; return its path."""
+        path = (self.folder or Path()) / REPORT
+        studies.write_report(self, path)
+        return path
 
     def __repr__(self) -> str:
         text = f"{self.cases} cases, {len(self.failures)} of them failed"
-        table = self.table.assign(lag_interval=self.table["lag_interval"].map(between))
-        return f"{text}\n{table.to_string(index=False, float_format='{:.3g}'.format)}"
-
-    def _repr_html_(self) -> str:
-        return self.table.to_html(index=False)
+        words, number = {"lag_interval": between}, "{:.3g}".format
+        table = self.table.to_string(index=False, formatters=words, float_format=number)
+        return f"{text}\n{table}"
 
 
 def benchmark(
@@ -106,8 +92,6 @@ def benchmark(
     scenarios: Scenarios = "smoke",
     seeds: Seeds = None,
     folder: Place = None,
-    shard: tuple[int, int] = (1, 1),
-    command: str = "",
     **work: Any,
 ) -> Results:
     """Run estimators on scenarios over many seeds, and score them.
@@ -125,13 +109,9 @@ def benchmark(
     folder : str or Path, optional
         Where to keep the rows, with summary.json and report.html; a suite's estimators are then
         compared at equal noise, too. Without it the rows are in memory.
-    shard : (int, int)
-        Number of the part to run, and of all parts.
-    command : str
-        The line that runs it again, for the report.
     **work
-        ``jobs`` (processes, 1 by default), ``dask`` (address of a scheduler), ``cache`` (whether
-        simulated records are kept, True by default), ``overwrite`` (whether to remove what
+        ``jobs`` (processes, 1 by default), ``shard`` (number of the part to run, and of all parts),
+        ``dask`` (address of a scheduler), ``overwrite`` (whether to remove what
         `folder` holds, False by default), ``time_limit`` (for a run of your own code, 600 s by
         default).
 
@@ -146,39 +126,27 @@ def benchmark(
         If a name is wrong, or an estimator cannot be made. One that fails on a record is a row
         with its error (`Results.failures`).
     """
-    suite, texts = select(scenarios), texts_of(estimators)
-    own, swept, numbers = suite.scenarios, suite.swept_scenarios, seeds_of(seeds, suite.seeds)
-    turned = [*dict.fromkeys([REFERENCE, *texts])] if texts else suite.swept_estimators
-    tried = sweep.texts(sweep.settings(turned)) if folder else []
-    cases = len(own) * len(texts or suite.estimators) + len(swept) * len(tried)
-    with studies.working(cases * len(numbers), folder, **work) as runner:
-        left_out = runner.misfits([*own, *swept], texts) if texts else {}
-        if not all(s.name in left_out for s in own):  # else running them says why
-            for name, reason in left_out.items():
-                remark(f"{name} is left out: {reason}")
-            own, swept = ([s for s in each if s.name not in left_out] for each in (own, swept))
-        title = scenarios if isinstance(scenarios, str) else ", ".join(s.name for s in own)
-        wanted = Study(title, tuple(own), tuple(texts or suite.estimators), numbers)
-        results = studies.run(wanted, runner, swept=(swept, turned), shard=shard, command=command)
+    suite = select(scenarios)
+    numbers, texts = seeds_of(seeds, suite.seeds), texts_of(estimators)
+    with studies.working(folder, **work) as runner:
+        results = studies.benchmark(suite, texts, numbers, runner)
     return Results(runner.store, results.study)
 
 
 def study(
-    definition: str | Path | Mapping[str, Any],
+    definition: str | Path | dict[str, Any],
     *,
     folder: Place = None,
-    shard: tuple[int, int] = (1, 1),
-    command: str = "",
     **work: Any,
 ) -> Results:
     """Run a study: estimators over values of any key of scenario, fault or estimator.
 
     Parameters
     ----------
-    definition : str, Path or mapping
+    definition : str, Path or dict
         A TOML file, or its keys: ``{"scenario": "fm_step-v1", "estimators": ["glr"], "seeds":
         20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``; classes may stand among the estimators.
-    folder, shard, command, **work
+    folder, **work
         As for `benchmark`.
 
     Returns
@@ -191,13 +159,10 @@ def study(
     StudyError
         With one line for each problem.
     """
-    if isinstance(definition, str | Path):
-        wanted = load_study(definition)
-    else:
-        texts = texts_of(definition.get("estimators", ()))
-        wanted = study_from({"name": "study"} | dict(definition) | {"estimators": texts})
-    with studies.working(wanted.cases, folder, **work) as runner:
-        results = studies.run(wanted, runner, shard=shard, command=command)
+    is_file = isinstance(definition, str | Path)
+    planned = load_study(definition) if is_file else study_from(definition)
+    with studies.working(folder, **work) as runner:
+        results = studies.run(planned, runner)
     return Results(runner.store, results.study)
 
 
@@ -209,22 +174,21 @@ class Comparison:
     ----------
     content : dict
         All that `flexaxis compare --json` prints: ``verdict, headline, advice, rows, legend`` …
-    status, strict_status : int
-        Exit status of the command: 0 no regression, 1 worse, 3 undecided; and with ``--strict``.
+    status : int
+        Exit status of the command: 0 no regression, 1 worse, 3 undecided.
     """
 
     content: dict[str, Any]
     status: int
-    strict_status: int
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Any:
         """The one word: worse, undecided, better, slight or same."""
-        return str(self.content["verdict"])
+        return self.content["verdict"]
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a pandas DataFrame, a line a score."""
-        return pd.DataFrame(self.content["rows"]).drop(columns="text")
+        return pd.DataFrame(self.content["rows"])
 
     def plot(self, *, ax: Any = None) -> Any:
         """Draw the change of each score with its interval, and the margin that matters.
@@ -233,7 +197,7 @@ class Comparison:
         ----------
         ax : matplotlib axes, optional
         """
-        axes = panels(ax, 1)[0]
+        axes = axes_for(ax, 1)[0]
         figures.verdict_intervals(self.content["rows"], axes=axes)
         return axes
 
@@ -245,8 +209,8 @@ class Comparison:
 
 
 def compare(
-    base: EstimatorLike | None = None,
-    candidate: EstimatorLike | None = None,
+    base: EstimatorLike = "",
+    candidate: EstimatorLike = "",
     *,
     scenarios: Scenarios = gate.SUITE,
     seeds: Seeds = None,
@@ -255,7 +219,6 @@ def compare(
     match_std: bool = False,
     margins: Mapping[str, float] | None = None,
     folder: Place = None,
-    command: str = "",
     **work: Any,
 ) -> Comparison:
     """Say whether a candidate is better or worse than a base, run on the same records.
@@ -279,8 +242,6 @@ def compare(
         Changes that do not matter, as shares: ``{"lag": 0.05}``; 2 % by default.
     folder : str or Path, optional
         Where to keep the rows, compare.json, verdict.md and report.html.
-    command : str
-        The line that does it again, for the report.
 
     Returns
     -------
@@ -294,49 +255,43 @@ def compare(
         be as noisy as the reference.
     """
     checked = gate.check_margins(margins or {})
-    sides = [each and text_of(each) for each in (base, candidate)]
+    sides = [text_of(each) if each else "" for each in (base, candidate)]
     if runs:
-        numbers = None if seeds is None else seeds_of(seeds, 0)
-        old, new = map(Path, runs)
-        result = gate.compare_runs(old, new, margins=checked, estimators=sides, seeds=numbers)
+        numbers = seeds_of(seeds, 0) if seeds else None
+        result = gate.compare_runs(
+            *map(Path, runs), margins=checked, estimators=sides, seeds=numbers
+        )
     else:
         suite = select(scenarios, default=gate.SUITE)
-        own, numbers = suite.scenarios, seeds_of(seeds, suite.seeds)
-        with studies.working(2 * len(own) * max(max_seeds, len(numbers)), folder, **work) as runner:
+        numbers = seeds_of(seeds, suite.seeds)
+        with studies.working(folder, **work) as runner:
             result = gate.compare(
-                *map(str, sides), own, numbers, runner, margins=checked,  # type: ignore[arg-type]
+                *sides, suite.scenarios, numbers, runner, margins=checked,
                 max_seeds=max_seeds, match_std=match_std,
             )  # fmt: skip
-    content = as_dict(result) | {"command": command}
+    content = as_dict(result)
     if folder:
         content["report"] = write(Path(folder), content)
-    return Comparison(content, result.status(), result.status(strict=True))
+    return Comparison(content, result.status())
 
 
 def tune(
     *estimators: str,
-    match: str = "excess",
-    scenarios: Scenarios | None = None,
-    seeds: Seeds = None,
+    seeds: Seeds = "0:16",
     folder: Place = None,
     file: Place = None,
     **work: Any,
 ) -> pd.DataFrame:
-    """Find the settings at which estimators are as noisy as rpem-forgetting, or sweep them.
+    """Find the settings at which estimators are as noisy as rpem-forgetting.
 
-    Without scenarios each is tuned on the nominal axis without a fault. With scenarios each runs at
-    many settings, and the lags after their faults are compared at equal noise.
+    Each is tuned on the nominal axis without a fault.
 
     Parameters
     ----------
     *estimators : str
         All registered ones with a tuning parameter by default.
-    match : str
-        What is made equal: ``"excess"`` prediction error, or the std of a parameter.
-    scenarios : str, Path, Scenario, or several of them, optional
-        Where to sweep.
     seeds
-        As for `benchmark`; 0 to 15 by default, for a sweep 1000 to 1015.
+        As for `benchmark`.
     folder : str or Path, optional
         Where rows are kept.
     file : str or Path, optional
@@ -348,30 +303,21 @@ def tune(
     -------
     DataFrame
         A line an estimator: ``setting, knob, value, match, ratio`` (of its noise to the
-        reference), and ``problem`` if there is no such setting; of a sweep a line a fault and
-        estimator, with ``lag, lag_interval, over_bound, std_after``.
+        reference), and ``problem`` if there is no such setting.
     """
-    names, lines = list(estimators) or [n for n, entry in REGISTRY.items() if entry.knob], []
-    if scenarios is not None:
-        own, numbers = select(scenarios).scenarios, seeds_of(seeds, 16)
-        most = len(sweep.texts(sweep.settings(names, factors=sweep.TURNS)))
-        with studies.working(most * len(own) * len(numbers), folder, **work) as runner:
-            swept = sweep.sweep(own, names, numbers, runner.rows)
-        return pd.DataFrame(swept.matched).drop(columns="values")
-    numbers = seeds_of("0:16" if seeds is None else seeds, 16)
-    span = f"{numbers[0]}:{numbers[-1] + 1}"
-    with studies.working(12 * len(names) * len(numbers), folder, **work) as runner:
+    names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []
+    with studies.working(folder, **work) as runner:
+        trials = Trials(seeds_of(seeds, 16), runner.rows)
         for name in names:
-            tuned, problem = None, ""
+            tuned, line = None, {"estimator": name, "problem": ""}
             try:
-                tuned = match_noise(name, Trials(numbers, runner.rows, match))
+                tuned = match_noise(name, trials)
+                line |= asdict(tuned)
             except FlexaxisError as error:
-                if len(names) == 1:
-                    raise
-                problem = str(error)
-            lines.append({"estimator": name, "problem": problem} | (asdict(tuned) if tuned else {}))
+                line["problem"] = str(error)
+            lines.append(line)
             if file:
-                save(Path(file), name, tuned, command=f"flexaxis tune {name} --seeds {span}")
+                save(Path(file), name, tuned)
     return pd.DataFrame(lines)
 
 

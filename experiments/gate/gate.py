@@ -73,17 +73,17 @@ class Comparison:
         short = "candidate" in sides or ("base" in sides and word in {SLIGHT, SAME})
         return UNDECIDED if short and word != WORSE else word
 
-    def status(self, *, strict: bool = False) -> int:
+    def status(self) -> int:
         """Return the exit status: 1 worse; 3 undecided; else 0.
 
-        Unless `strict`, undecided is 3 only where somebody must look: candidate runs are newly lost
-        or failed, or not there.
+        Undecided is 3 only where somebody must look: candidate runs are newly lost or failed, or
+        not there.
         """
         if self.verdict != UNDECIDED:
             return int(self.verdict == WORSE)
         failed = self.paired.failed
         newly = failed["candidate"] > failed["base"] or alarming(self.lost)
-        return 3 * (strict or newly or any(gap.must_look for gap in self.paired.gaps))
+        return 3 * (newly or any(gap.must_look for gap in self.paired.gaps))
 
 
 def compare(

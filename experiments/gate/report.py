@@ -15,6 +15,7 @@ from flexaxis.experiments.gate.pairs import KIND, SIDES
 from flexaxis.experiments.gate.verdict import ALPHA, BETTER, SAME, SILENT, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.reporting.page import comparison
 from flexaxis.experiments.reporting.tables import between, short
+from flexaxis.experiments.running.progress import LINE
 from flexaxis.experiments.scoring.score_table import METRICS
 
 Row = Mapping[str, Any]
@@ -74,7 +75,8 @@ def as_dict(c: Comparison) -> dict[str, Any]:
     margins = ", ".join(f"{name} {100 * margin:g} %" for name, margin in c.margins.items())
     about = {**vars(c), "seeds": len(c.seeds), "percent": 100 * ALPHA / c.looks, "margins": margins}
     return {
-        "verdict": c.verdict, "alpha": ALPHA / c.looks, "headline": headline(c, shown),
+        "verdict": c.verdict, "command": LINE.get(), "alpha": ALPHA / c.looks,
+        "headline": headline(c, shown),
         "advice": advice(c), "columns": COLUMNS,
         "rows": [row | {"text": cells(row)} for row in shown],
         "legend": [text.format(**about) for text in LEGEND[: 4 + (c.looks > 1)]],

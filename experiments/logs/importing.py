@@ -105,7 +105,9 @@ def _record(grid: Prepared, burn_in: float | None, told: dict[str, str]) -> Reco
     )
 
 
-def import_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Imported:
+def import_any(
+    path: Path, *, resample: float | None = None, burn_in: float | None = None, **tables: Any
+) -> Imported:
     """Return a record from a record file, or import a log with the options of `import_log`.
 
     A record that flexaxis wrote takes a burn-in, and has no columns and units to choose. It has
@@ -119,22 +121,17 @@ def import_any(path: Path, tables: Mapping[str, Any], **options: float | None) -
         If the record cannot be read.
     """
     if not is_record(path):
-        return import_log(path, tables, **options)
-    record, asked = load_record(path), {k: v for k, v in options.items() if v is not None}
-    burn_in = asked.pop("burn_in", record.burn_in)
-    if wrong := [name.replace("_", "-") for name in (*tables, *asked)]:
+        return import_log(path, tables, resample=resample, burn_in=burn_in)
+    record = load_record(path)
+    if wrong := [name.replace("_", "-") for name in (*tables, *["resample"] * bool(resample))]:
         log = record.versions.get("log", "a log of it")
         raise LogError(
             f"{path}: is a record that flexaxis wrote, with signals in SI on an even grid; "
             f"--{', --'.join(wrong)} are for logs: import {log} with them"
         )
+    burn_in = record.burn_in if burn_in is None else burn_in
     _check_burn_in(burn_in, len(record.time) * record.period)
     return Imported(replace(record, burn_in=burn_in), ())
-
-
-def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Record:
-    """Return a record as `import_any` does, without the findings."""
-    return import_any(path, tables, **options).record
 
 
 def _check_burn_in(burn_in: float, seconds: float) -> None:

@@ -18,7 +18,7 @@ from flexaxis.experiments.logs.files import made_of
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.fit import deviations_of
 from flexaxis.experiments.logs.identify import free_names, identify
-from flexaxis.experiments.logs.importing import read_any
+from flexaxis.experiments.logs.importing import import_any
 from flexaxis.experiments.logs.read import open_log
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
@@ -79,7 +79,6 @@ def identify_many(
     covariates: Sequence[str] = (),
     free: Sequence[str] = (),
     false_alarms: float = 0.01,
-    **treated: float | None,
 ) -> Many:
     """Estimate the parameters of an axis in each of many logs, and look for a change.
 
@@ -89,8 +88,8 @@ def identify_many(
         In the order of time.
     axis : Axis
         As identified, or a shipped model, which is then identified from the first log.
-    tables, **treated
-        How to read a log, as for `importing.import_log`.
+    tables : mapping
+        How to read a log, as for `importing.import_any`.
     covariates : sequence of str
         Columns of the logs, of which the mean is taken.
     free : sequence of str
@@ -102,7 +101,7 @@ def identify_many(
     findings: list[Finding] = []
     for path in logs:
         try:
-            record = read_any(path, tables, **treated)
+            record = import_any(path, **tables).record
             if not axis.known:
                 axis = identify(record, axis).axis
             known = [n for n in axis.deviation if n in axis.model.parameters]

@@ -23,6 +23,7 @@ from flexaxis.experiments.logs.validate import Validation
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.figures import Series, curves
 from flexaxis.experiments.reporting.tables import Cell, Table
+from flexaxis.experiments.running.progress import LINE
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -54,7 +55,7 @@ class LogPage:
 
     Attributes
     ----------
-    title, command : str
+    title : str
     finding : Finding
         The answer, in one sentence.
     remarks : sequence of Finding
@@ -63,7 +64,6 @@ class LogPage:
     """
 
     title: str
-    command: str
     finding: Finding
     remarks: Sequence[Finding]
     charts: Sequence[Chart]
@@ -72,7 +72,8 @@ class LogPage:
     def write(self, path: Path) -> None:
         """Write the page as one HTML file that needs no network."""
         drawn = [(page.drawn(chart.draw, chart.title), chart.words) for chart in self.charts]
-        content = vars(self) | {"figures": drawn, "marks": MARKS, "version": version("flexaxis")}
+        content = vars(self) | {"figures": drawn, "marks": MARKS, "version": version("flexaxis"),
+                                "command": LINE.get()}  # fmt: skip
         write_text(path, page.render("logs/templates/log.html", looks={}, **content))
 
 
@@ -98,7 +99,7 @@ def _gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
     return [(float(time[begin]), float(time[end - 1]), "not used") for begin, end in edges]
 
 
-def import_page(result: Imported, log: str, command: str) -> LogPage:
+def import_page(result: Imported, log: str) -> LogPage:
     """Return the page of an import."""
     checks, record = ordered(result.checks), result.record
     bad = ", ".join(one.name for one in checks if one.kind == "problem")
@@ -108,7 +109,7 @@ def import_page(result: Imported, log: str, command: str) -> LogPage:
     rows = [(one.name, one.measured, MARKS[one.kind], one.text, one.command) for one in checks]
     table = _table("Checks", ["checked", "measured", "", "in words", "what to type"], rows)
     told = [one for one in checks if one.kind in ("problem", "note")]
-    return LogPage(f"Import of {log}", command, finding, told, [log_chart(record)], [table])
+    return LogPage(f"Import of {log}", finding, told, [log_chart(record)], [table])
 
 
 def log_chart(record: Record) -> Chart:
@@ -124,7 +125,7 @@ def log_chart(record: Record) -> Chart:
 
 
 def identification_page(
-    result: Identification, period: float, other: Validation | None, title: str, command: str
+    result: Identification, period: float, other: Validation | None, title: str
 ) -> LogPage:
     """Return the page of an identification, with its simulation of another log if there is one."""
     findings = ordered(findings_of(result, other))
@@ -145,7 +146,7 @@ def identification_page(
         charts.append(_compared(title_of, other.time, other.measured, other.simulated, ok))
     finding = Finding("problem" if against else "ok", text)
     tables = [estimates_table(result), _table("Trust", ["what", "value"], facts(result, other))]
-    return LogPage(title, command, finding, findings, charts, tables)
+    return LogPage(title, finding, findings, charts, tables)
 
 
 def findings_of(result: Identification, other: Validation | None) -> list[Finding]:
@@ -217,9 +218,7 @@ def _compared(title: str, time: Array, y: Array, simulated: Array, ok: NDArray[n
     return Chart(title, "The liveliest piece, simulated from the torque alone.", "time [s]", panels)
 
 
-def track_page(
-    result: Tracked, estimator: str, *, problems: Sequence[str], log: str, command: str
-) -> LogPage:
+def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log: str) -> LogPage:
     """Return the page of an estimator on a record.
 
     Parameters
@@ -229,14 +228,14 @@ def track_page(
         As typed.
     problems : sequence of str
         What spoils estimates from this log.
-    log, command : str
+    log : str
         Name of the log, and the line that makes this again.
     """
     first, *more = result.findings
     told = [*(Finding("problem", f"the log: {text}") for text in problems), *more]
     finding = Finding("problem" if problems else first.kind, first.text)
     chart = estimates_chart(result, estimator)
-    return LogPage(f"{estimator} on {log}", command, finding, told, [chart], [last_table(result)])
+    return LogPage(f"{estimator} on {log}", finding, told, [chart], [last_table(result)])
 
 
 def last_table(result: Tracked) -> Table:
@@ -265,7 +264,7 @@ def estimates_chart(result: Tracked, estimator: str) -> Chart:
     return Chart("Estimates", words, "time [s]", panels, {"marks": marks, "spans": spans})
 
 
-def many_page(result: Many, title: str, command: str) -> LogPage:
+def many_page(result: Many, title: str) -> LogPage:
     """Return the page of many logs: one figure, one table."""
     table, k = result.table, np.arange(1.0, len(result.table) + 1)
     panels = {}
@@ -278,6 +277,6 @@ def many_page(result: Many, title: str, command: str) -> LogPage:
     chart = Chart("Estimates over the logs", words, "log", panels)
     rows = [[name, *row] for name, row in zip(table.index, table.to_numpy(), strict=True)]
     return LogPage(
-        title, command, result.findings[0], result.findings[1:], [chart],
+        title, result.findings[0], result.findings[1:], [chart],
         [_table("Estimates", ["log", *table.columns], rows)],
     )  # fmt: skip

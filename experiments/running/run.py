@@ -26,6 +26,7 @@ from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.running.case import Done, Options, Outcome, run_unit
 from flexaxis.experiments.running.estimators import Misfit, Spec, build, parse
+from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.store import CSV, Store
 from flexaxis.experiments.running.study import Study, Unit, describe, missing, units
@@ -100,8 +101,8 @@ class Runner:
         Of one run of a user's estimator [s].
     overwrite : bool
         Whether to remove the rows of the folder first.
-    advance : callable, optional
-        Called with the number of cases done since the last call.
+    shard : (int, int)
+        Number of the part that is run, from 1, and of all parts.
 
     Raises
     ------
@@ -114,7 +115,7 @@ class Runner:
     def __init__(
         self, folder: Path | None = None, *, jobs: int = 1, executor: Executor | None = None,
         cache: RecordCache | None = None, time_limit: float | None = None,
-        overwrite: bool = False, advance: Callable[[int], object] = lambda cases: None,
+        overwrite: bool = False, shard: tuple[int, int] = (1, 1),
     ) -> None:  # fmt: skip
         limit = TIME_LIMIT if time_limit is None else time_limit
         if not (jobs >= 1 and 0 < limit < float("inf")):
@@ -125,7 +126,7 @@ class Runner:
         self._workers: Sequence[Any] = (
             [executor] * 2 * jobs if executor else [Worker() for _ in range(jobs)]
         )
-        self._advance, self._folder, self._overwrite = advance, folder, overwrite
+        self._folder, self._overwrite, self.shard = folder, overwrite, shard
 
     @cached_property
     def store(self) -> Store:
@@ -143,7 +144,7 @@ class Runner:
                 worker.end()
 
     def run(
-        self, study: Study, *, shard: tuple[int, int] = (1, 1), traces: bool = False,
+        self, study: Study, *, traces: bool = False,
         about: Mapping[str, Any] | None = None,
     ) -> Results:  # fmt: skip
         """Run what is missing of a study and return its results.
@@ -151,8 +152,6 @@ class Runner:
         Parameters
         ----------
         study : Study
-        shard : (int, int)
-            Number of this shard, from 1, and of all shards.
         traces : bool
             Whether to keep what figures of single runs need; cases without it are run again.
         about : mapping, optional
@@ -168,24 +167,26 @@ class Runner:
             After Ctrl-C: what is stored is kept, and the same call runs what is missing.
         """
         plan = units(study)
-        todo = list(missing(plan[shard[0] - 1 :: shard[1]], self.store.done(traced=traces)))
+        part = plan[self.shard[0] - 1 :: self.shard[1]]
         pairs = {
             setting.text: (unit.scenario, setting.spec)
-            for unit in todo for setting in unit.settings
+            for unit in part for setting in unit.settings
             if setting.spec.options or setting.spec.is_users
         }  # fmt: skip
         for error in self._problems([*pairs.values()]).values():  # before anything is run
             raise error
+        todo = list(missing(part, self.store.done(traced=traces)))
         description = describe(study, plan) | dict(about or {})
         if about is not None:
             self.store.tell(study=description)
         lost, reason = sum(len(unit.cases()) for unit in todo), "unknown reason"
-        for outcome in self._outcomes(todo, replace(self._options, traces=traces)):
-            cases = [case for case in outcome if isinstance(case, Done)]
-            self.store.add(cases)
-            lost -= len(cases)
-            reason = next((case for case in outcome if isinstance(case, str)), reason)
-            self._advance(len(cases))
+        with progress(f"{lost} cases", lost) as advance:
+            for outcome in self._outcomes(todo, replace(self._options, traces=traces)):
+                cases = [case for case in outcome if isinstance(case, Done)]
+                self.store.add(cases)
+                lost -= len(cases)
+                reason = next((case for case in outcome if isinstance(case, str)), reason)
+                advance(len(cases))
         if lost:
             raise NotRun(
                 f"{lost} cases were not run: {reason}. What is done is kept, and the same command "

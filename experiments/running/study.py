@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -23,7 +22,6 @@ Point = dict[str, Any]
 """Values by dotted key."""
 ALL = "estimator"
 """Before the name of an option: that of every estimator."""
-SIZE = re.compile(r"fault\[(\d+)\]\.factor")
 SEEDS_PER_UNIT = 16  # enough to share the cost of a batch, few enough to see progress
 UNITS = 16  # at least, if there are enough records, so that many processes have work
 

@@ -7,12 +7,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 from importlib.metadata import version
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.catalogue.find import Suite
 from flexaxis.experiments.comparison import sweep
-from flexaxis.experiments.comparison.ranking import faults_of, overall, widest
+from flexaxis.experiments.comparison.ranking import REFERENCE, faults_of, overall, widest
 from flexaxis.experiments.files import (
     REPORT,
     SUMMARY,
@@ -24,35 +26,57 @@ from flexaxis.experiments.files import (
 from flexaxis.experiments.reporting import run as run_report
 from flexaxis.experiments.reporting import study as study_report
 from flexaxis.experiments.running.cache import default_cache, keep_nominal_runs
-from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
-from flexaxis.experiments.running.progress import progress
+from flexaxis.experiments.running.case import Options, run_unit
+from flexaxis.experiments.running.progress import LINE, remark
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
-from flexaxis.experiments.running.store import CSV, ROWS, Store
-from flexaxis.experiments.running.study import Study, missing, units
+from flexaxis.experiments.running.store import CSV
+from flexaxis.experiments.running.study import Study, units
 from flexaxis.sim.scenario import Scenario, scenario_from
-
-FAILURE = ("scenario", "estimator", "seed", "error")
 
 
 @contextmanager
 def working(
-    cases: int, folder: str | Path | None = None, *, jobs: int = 1, dask: str | None = None,
-    cache: bool = True, overwrite: bool = False, time_limit: float | None = None,
-) -> Iterator[Runner]:  # fmt: skip
-    """Give a runner with progress; warn of estimates that are not finite."""
+    folder: str | Path | None = None, *, dask: str | None = None, **options: Any
+) -> Iterator[Runner]:
+    """Give a runner with its options, on this machine or a Dask cluster."""
     with ExitStack() as stack:
-        executor, kept = None, default_cache() if cache else None
+        kept = default_cache()
         stack.enter_context(keep_nominal_runs(kept))
         if dask:
             client = stack.enter_context(optional_package("distributed").Client(dask))
-            executor, jobs = client.get_executor(retries=2), sum(client.nthreads().values())
-        advance = stack.enter_context(progress(f"{cases} cases at most", cases))
-        runner = stack.enter_context(Runner(
-            Path(folder) if folder else None, jobs=jobs, executor=executor,
-            cache=kept, overwrite=overwrite, time_limit=time_limit, advance=advance,
-        ))  # fmt: skip
+            options["executor"] = client.get_executor(retries=2)
+            options["jobs"] = sum(client.nthreads().values())
+        place = Path(folder) if folder else None
+        runner = stack.enter_context(Runner(place, cache=kept, **options))
         yield runner
+
+
+def benchmark(
+    suite: Suite, estimators: Sequence[str], seeds: Sequence[int], runner: Runner
+) -> Results:
+    """Run a suite; the estimators of a user run where the references of the suite do.
+
+    Parameters
+    ----------
+    suite : Suite
+        As from `select`.
+    estimators : sequence of str
+        Those of the suite if empty; scenarios that one of them cannot read are left out.
+    seeds : sequence of int
+    runner : Runner
+    """
+    own, swept, turned = suite.scenarios, suite.swept_scenarios, suite.swept_estimators
+    if estimators:
+        left_out = runner.misfits([*own, *swept], estimators)
+        for name, reason in left_out.items():
+            remark(f"{name} is left out: {reason}")
+        own = [s for s in own if s.name not in left_out] or own  # running them says why
+        swept = [s for s in swept if s.name not in left_out]
+        turned = [*dict.fromkeys([REFERENCE, *estimators])]
+    texts = tuple(estimators or suite.estimators)
+    study = Study(suite.name, tuple(own), texts, tuple(seeds))
+    return run(study, runner, swept=(swept, turned))
 
 
 def run(
@@ -60,10 +84,8 @@ def run(
     runner: Runner,
     *,
     swept: tuple[Sequence[Scenario], Sequence[str]] = ((), ()),
-    command: str = "",
-    shard: tuple[int, int] = (1, 1),
 ) -> Results:
-    """Run what is missing of a study; a folder gets its summary and report.
+    """Run what is missing of a study; a folder gets its summary and report, a shard gets none.
 
     Parameters
     ----------
@@ -72,10 +94,6 @@ def run(
     runner : Runner
     swept : (sequence of Scenario, sequence of str)
         Where to compare which estimators at equal noise, for the report of a run.
-    command : str
-        The line that runs it again, for the report.
-    shard
-        As in `Runner.run`. A shard has no report: `merge` puts shards together first.
 
     Raises
     ------
@@ -83,9 +101,9 @@ def run(
         As from `Runner.run`.
     """
     tradeoff = {"scenarios": [s.resolved() for s in swept[0]], "estimators": list(swept[1])}
-    about = {"title": study.name, "command": command, "tradeoff": tradeoff}
-    results = runner.run(study, shard=shard, traces=not study.axes, about=about)
-    if results.folder and shard == (1, 1):
+    about = {"title": study.name, "command": LINE.get(), "tradeoff": tradeoff}
+    results = runner.run(study, traces=not study.axes, about=about)
+    if results.folder and runner.shard == (1, 1):
         finish(results, runner)
     return results
 
@@ -114,9 +132,7 @@ def finish(results: Results, runner: Runner) -> None:
     """Write the report of finished cases; for a run, compare at equal noise and pool first."""
     assert results.folder is not None
     if not results.axes:
-        swept = _sweep(results, runner)
-        study, failures = results.study, results.failures.to_dict("records")
-        failures += swept.pop("failures") if swept else []
+        study = results.study
         summary = {
             "title": study["title"],
             "command": study["command"],
@@ -125,8 +141,8 @@ def finish(results: Results, runner: Runner) -> None:
             "scenarios": {e["definition"]["name"]: e for e in study["scenarios"]},
             "estimators": {text: _describe(text) for text in study["estimators"]},
             "rows": results.pooled("scenario", "estimator"),
-            "failures": [{key: row[key] for key in FAILURE} for row in failures],
-            "tradeoff": swept,
+            "failures": results.failures.to_dict("records"),
+            "tradeoff": _sweep(results, runner),
         }
         write_json(results.folder / SUMMARY, summary)
     write_report(results, results.folder / REPORT)
@@ -145,7 +161,7 @@ def _describe(text: str) -> str:
 
 
 def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
-    """Return the points of the trade-off figure, the lags at equal noise, and what failed."""
+    """Return the points of the trade-off figure, and the lags at equal noise."""
     wanted, seeds = results.study["tradeoff"], results.study["seeds"]
     if not wanted["scenarios"]:
         return None
@@ -158,45 +174,36 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
         drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
         runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
     left_out = [name for name in wanted["estimators"] if name not in able]
-    texts = sweep.texts(sweep.settings(left_out)) if left_out else []
-    failed = runner.run(Study("sweep", tuple(scenarios), tuple(texts), tuple(seeds))).failures
     return asdict(result) | {
         "left_out": left_out,
-        "failures": failed.to_dict("records"),
         "overall": overall(result.at_excess),
         "definitions": {s.name: s.resolved() for s in scenarios},
     }
 
 
-def plan(study: Study, folder: Path) -> dict[str, Any]:
+def plan(study: Study) -> dict[str, Any]:
     """Return what a study would run, timed on one seed of its first variant.
 
     Returns
     -------
     dict
-        ``variants`` (a dict of swept values each), ``cases``, ``to_run`` (those that the folder
-        lacks), ``seconds`` of one core, ``megabytes`` of their rows, and ``not_timed``, the
-        estimators of users, which are not run.
+        ``variants`` (a dict of swept values each), ``cases``, ``seconds`` of one core, of
+        estimators of users none, and ``megabytes`` of their rows.
     """
-    every = units(study)
-    done = Store.read(folder).done() if (folder / ROWS).exists() else set[str]()
-    to_run = sum(len(unit.cases()) for unit in missing(every, done))
-    known = [setting for setting in every[0].settings if not setting.spec.is_users]
-    one = replace(every[0], settings=tuple(known), seeds=study.seeds[:1])
+    first = units(study)[0]
+    settings = tuple(each for each in first.settings if not each.spec.is_users)
+    one = replace(first, settings=settings, seeds=study.seeds[:1])
     run_unit(one, Options())  # compiles
     start = time.process_time()
     run_unit(one, Options())
-    seconds = (time.process_time() - start) / max(1, len(known))
-    variants = {unit.scenario.hash: {"scenario": unit.base, **unit.axes} for unit in every}
-    numbers = len(NUMBERS) * len(one.scenario.identify)
+    seconds = (time.process_time() - start) / max(1, len(settings))
+    variants = product([s.name for s in study.scenarios], study.points)
     return {
-        "variants": list(variants.values()),
-        "cases": sum(len(unit.cases()) for unit in every),
-        "to_run": to_run,
-        "seconds": seconds * to_run,
-        "megabytes": BYTES * numbers * to_run / 1e6,
-        "not_timed": [s.text for s in every[0].settings if s.spec.is_users],
+        "variants": [{"scenario": name, **point} for name, point in variants],
+        "cases": study.cases,
+        "seconds": seconds * study.cases,
+        "megabytes": BYTES * study.cases / 1e6,
     }
 
 
-BYTES = 20  # of a number: in SQLite and as text in scores.csv
+BYTES = 4000  # of a case: in SQLite and as text in scores.csv

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, ValidationInfo
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.files import StudyError
 from flexaxis.experiments.running import estimators as specs
-from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_option, units
+from flexaxis.experiments.running.study import ALL, Study, is_option, units
 from flexaxis.experiments.running.user_code import names_code
 from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
@@ -28,32 +27,6 @@ FIRST = 1000
 MOST = 100_000  # seeds
 
 
-def parse_seeds(text: str) -> tuple[int, ...]:
-    """Return the seeds of "N" (1000 … 1000+N−1) or "A:B" (A … B−1).
-
-    Raises
-    ------
-    FlexaxisError
-        If it is neither, or has too many seeds.
-
-    Examples
-    --------
-    >>> parse_seeds("3"), parse_seeds("5:7")
-    ((1000, 1001, 1002), (5, 6))
-    """
-    first, colon, last = text.partition(":")
-    try:
-        seeds = range(int(first), int(last)) if colon else range(FIRST, FIRST + int(text))
-    except ValueError:
-        seeds = range(0)
-    if not seeds or seeds[0] < 0 or seeds[-1] >= 2**63 or len(seeds) > MOST:
-        raise FlexaxisError(
-            f"seeds {text!r}: give a number of seeds, such as 8, or a range from:to, such as "
-            f"1000:1030 (the last is not included), at most {MOST}"
-        )
-    return tuple(seeds)
-
-
 def seed_of(seed: Any) -> int:
     """Return the number of a run; refuse what is no whole number from 0 to 2^63 − 1."""
     whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
@@ -62,25 +35,43 @@ def seed_of(seed: Any) -> int:
     return int(seed)
 
 
-def seeds_of(seeds: Any, default: int) -> tuple[int, ...]:
-    """Return seeds: a number of them from 1000 on, a range as text, or those listed.
+def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
+    """Return seeds: a number N of them (1000 … 1000+N−1), a range "A:B" (A … B−1), or those listed.
+
+    Raises
+    ------
+    FlexaxisError
+        If it is nothing of these, or has too many seeds.
 
     Examples
     --------
-    >>> seeds_of(2, 8), seeds_of("5:7", 8), seeds_of(range(3), 8)
+    >>> seeds_of(2), seeds_of("5:7"), seeds_of(range(3))
     ((1000, 1001), (5, 6), (0, 1, 2))
     """
-    if seeds is None or isinstance(seeds, str | int | float):
-        return parse_seeds(str(default if seeds is None else seeds))
-    return tuple(dict.fromkeys(map(seed_of, seeds)))
+    if not (seeds is None or isinstance(seeds, str | int | float)):
+        return tuple(dict.fromkeys(map(seed_of, seeds)))
+    text = str(default if seeds is None else seeds)
+    first, colon, last = text.partition(":")
+    try:
+        result = range(int(first), int(last)) if colon else range(FIRST, FIRST + int(text))
+    except ValueError:
+        result = range(0)
+    if not result or result[0] < 0 or len(result) > MOST:
+        raise FlexaxisError(
+            f"seeds {text!r}: give a number of seeds, such as 8, or a range from:to, such as "
+            f"1000:1030 (the last is not included), at most {MOST}"
+        )
+    return tuple(result)
+
+
+def texts_of(estimators: Any) -> tuple[str, ...]:
+    """Return one estimator, or several, as text; classes have the text of their names."""
+    one = isinstance(estimators, str) or callable(estimators)
+    return tuple(dict.fromkeys(map(specs.text_of, [estimators] if one else estimators)))
 
 
 def _one_or_more(value: Any) -> Any:
     return (value,) if isinstance(value, str) else value
-
-
-def _numbers(value: Any) -> Any:
-    return parse_seeds(str(value))
 
 
 def _flat(value: Any) -> Any:
@@ -89,29 +80,47 @@ def _flat(value: Any) -> Any:
         return value
     result: dict[str, Any] = {}
     for key, inner in value.items():
-        whole = not isinstance(inner, Mapping)
-        result |= {key: inner} if whole else {f"{key}.{k}": v for k, v in _flat(inner).items()}
+        if isinstance(inner, Mapping):
+            result |= {f"{key}.{k}": v for k, v in _flat(inner).items()}
+        else:
+            result[key] = inner
     return result
 
 
-Words = Annotated[tuple[str, ...], BeforeValidator(_one_or_more), Field(strict=False)]
+def _estimator(text: str) -> str:
+    """Check a text; code of users is not imported before it is run."""
+    specs.written_options(text) if names_code(text) else specs.parse(text)
+    return text
+
+
+def _scenario(name: str, info: ValidationInfo) -> Scenario:
+    beside = info.context / name
+    return find_scenario(str(beside if beside.is_file() else name))
+
+
 Dotted = Annotated[dict[str, Any], BeforeValidator(_flat)]
+Axes = Annotated[dict[str, Annotated[list[Any], Field(min_length=1)]], BeforeValidator(_flat)]
 
 
 class StudyFile(Config):
     """The keys of a study file; docs/studies.md explains each."""
 
-    name: Word
-    scenario: Words
-    estimators: Words
-    seeds: Annotated[tuple[int, ...], BeforeValidator(_numbers), Field(strict=False)]
+    name: Word = "study"
+    scenario: Annotated[
+        tuple[Annotated[Any, AfterValidator(_scenario)], ...],
+        BeforeValidator(_one_or_more),
+        Field(strict=False),
+    ]
+    estimators: Annotated[
+        tuple[Annotated[str, AfterValidator(_estimator)], ...], BeforeValidator(texts_of)
+    ]
+    seeds: Annotated[tuple[int, ...], BeforeValidator(seeds_of)]
     override: Dotted = Field(default_factory=dict)
-    sweep: Dotted = Field(default_factory=dict)
+    sweep: Axes = Field(default_factory=dict)
     streams: Literal["common", "own"] = "common"
-    twins: bool = True
 
 
-BLANK = {"name": "study", "scenario": (), "estimators": (), "seeds": 1}
+BLANK = {"scenario": (), "estimators": (), "seeds": 1}
 """What stands for a missing or wrong key while the others are checked."""
 
 
@@ -124,8 +133,8 @@ def load_study(path: str | Path) -> Study:
         With one line for each problem, naming file and key.
     """
     path = Path(path)
-    content = read_toml(path, StudyError)
-    return study_from({"name": path.stem} | content, source=str(path), folder=path.parent)
+    content = {"name": path.stem} | read_toml(path, StudyError)
+    return study_from(content, source=str(path), folder=path.parent)
 
 
 def study_from(
@@ -148,75 +157,30 @@ def study_from(
     """
     problems: list[tuple[object, str]] = []
     try:
-        file = StudyFile.model_validate(dict(content))
+        file = StudyFile.model_validate(dict(content), context=folder)
     except ValidationError as error:
         # An unknown key comes first: it is mostly a missing one, misspelt.
         problems += sorted(explain(error, StudyFile), key=lambda each: each[1] == "is missing")
         wrong = {item["loc"][0] for item in error.errors()}
         right = {key: value for key, value in content.items() if key not in wrong}
-        file = StudyFile.model_validate(BLANK | right)
-    known: dict[str, list[Any]] = {"scenario": [], "estimators": []}
-
-    def scenario(name: str) -> Scenario:
-        beside = folder / name
-        return find_scenario(str(beside if beside.is_file() else name)).override(file.override)
-
-    def estimator(text: str) -> str:  # code of users is not imported before it is run
-        specs.written_options(text) if names_code(text) else specs.parse(text)
-        return text
-
-    for key, find in (("scenario", scenario), ("estimators", estimator)):
-        for name in dict.fromkeys(getattr(file, key)):
-            try:
-                known[key].append(find(name))
-            except (ScenarioError, EstimatorError) as error:
-                problems += [(key, line) for line in str(error).splitlines()]
-    wrong_axes = dict(_sweep_problems(file))
-    problems += [(f"sweep.{key}", text) for key, text in wrong_axes.items()]
-    axes = {key: values for key, values in file.sweep.items() if key not in wrong_axes}
-    study = Study(
-        file.name, tuple(known["scenario"]), tuple(known["estimators"]), file.seeds, tuple(axes),
-        (*_grid(axes), *_twins(file, axes)), file.streams,
-    )  # fmt: skip
-    try:
-        units(study)
-    except StudyError as error:
-        problems += [("sweep", line.split("sweep: ")[-1]) for line in str(error).splitlines()]
-    if problems:
-        lines = (f"{source}: {key}: {text}" for key, text in problems)
-        raise StudyError("\n".join(dict.fromkeys(lines)))
-    return study
-
-
-def _grid(axes: Mapping[str, Any]) -> list[Point]:
-    """Return every combination of values, the last axis fastest.
-
-    Examples
-    --------
-    >>> _grid({"a": [1, 2], "b": [3]})
-    [{'a': 1, 'b': 3}, {'a': 2, 'b': 3}]
-    """
-    return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
-
-
-def _twins(file: StudyFile, axes: Mapping[str, Any]) -> Iterator[Point]:
-    """Yield the points with a fault of no size (factor 1) in its place, each once.
-
-    On the same streams they are the fault-free twins: what is found there is a false alarm.
-    """
-    for size in filter(SIZE.fullmatch, axes):
-        if file.twins and file.streams == "common" and 1.0 not in axes[size]:
-            yield from _grid({**axes, size: [1.0]})
-
-
-def _sweep_problems(file: StudyFile) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with an axis, by its key."""
+        file = StudyFile.model_validate(BLANK | right, context=folder)
+    axes = {}
     for key, values in file.sweep.items():
         first = re.split(r"[.\[]", key)[0]
-        if not (first in Scenario.model_fields or is_option(key, file.estimators)):
-            names = [ALL, *(text.partition("[")[0].strip() for text in file.estimators)]
-            options = [f"{name}.{key.rpartition('.')[2]}" for name in names]
-            hint = did_you_mean(key, options) or did_you_mean(first, Scenario.model_fields)
-            yield key, f"neither a key of a scenario nor an option of an estimator.{hint}"
-        elif not (isinstance(values, list) and values):
-            yield key, f"must be an array of values, not {values}"
+        if first in Scenario.model_fields or is_option(key, file.estimators):
+            axes[key] = values
+        elif file.estimators:
+            hint = did_you_mean(first, [*file.estimators, ALL, *Scenario.model_fields])
+            problems.append((f"sweep.{key}", f"neither of a scenario nor of an estimator.{hint}"))
+    points = tuple(dict(zip(axes, values, strict=True)) for values in product(*axes.values()))
+    try:
+        scenarios = tuple(each.override(file.override) for each in file.scenario)
+        study = Study(file.name, scenarios, file.estimators, file.seeds, tuple(axes), points,
+                      file.streams)  # fmt: skip
+        units(study)
+    except (StudyError, ScenarioError) as error:
+        problems.append(("sweep" if axes else "override", str(error).split("sweep: ")[-1]))
+    if problems:
+        lines = [f"{source}: {key}: {t}" for key, text in problems for t in text.splitlines()]
+        raise StudyError("\n".join(dict.fromkeys(lines)))
+    return study

@@ -115,6 +115,27 @@ def _changing(values: Array) -> set[int]:
     return {int(k) for k in np.flatnonzero(np.diff(values, axis=0).any(axis=(1, 2))) + 1}
 
 
+def plant_of(scenario: Scenario, runs: int = 1, ticks: int = 1) -> Plant:
+    """Return the plant of a scenario, at rest and without a fault.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    runs : int
+        That are simulated together.
+    ticks : int
+        Steps of the plant in a sample.
+    """
+    nonlinear, period = list(scenario.nonlinear.values()), scenario.period / ticks
+    return Plant(
+        [scenario.nominal] * runs,
+        period=period,
+        substeps=substeps(nonlinear, period, least=scenario.substeps or 1),
+        nonlinear=nonlinear,
+        model=scenario.model,
+    )
+
+
 class _Drive:
     """Controller and plant over one sample, with what goes on between samples.
 
@@ -131,20 +152,12 @@ class _Drive:
         self._ticks = round(scenario.period / TICK) if config.rate or delay else 1
         self._every = 1 if config.rate else self._ticks  # ticks from one command to the next
         self._logged = config.logged
-        period = scenario.period / self._ticks
         between = scenario.period * self._every / self._ticks
         self._controller = Controller(config, runs, period=between)
         self._on_the_way = deque(np.zeros((delay, runs)))
         self.disturbance: Array | None = None
         self.feed: Callable[[Array], Array] | None = None
-        nonlinear = list(scenario.nonlinear.values())
-        self.plant = Plant(
-            [scenario.nominal] * runs,
-            period=period,
-            substeps=substeps(nonlinear, period, least=scenario.substeps or 1),
-            nonlinear=nonlinear,
-            model=scenario.model,
-        )
+        self.plant = plant_of(scenario, runs, self._ticks)
 
     def advance(self, wanted: Array, wanted_next: Array, angle: Array) -> Array:
         """Run one sample from the angle (R,) seen at its start, and return the torque logged."""

@@ -221,7 +221,7 @@ def test_command(flexaxis):
     printed = flexaxis("hash", "fm_step-v1").strip()
     assert re.fullmatch("[0-9a-f]{64}", printed)
     assert f"# content hash: {printed}\n" in flexaxis("show", "fm_step-v1")
-    assert "\n  hash       Print the hash of a scenario's content" in flexaxis("--help")
+    assert "\n    hash      Print the hash of a scenario's content" in flexaxis("--help")
 
 
 def test_option(flexaxis):

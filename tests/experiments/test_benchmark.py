@@ -1,6 +1,7 @@
 """Runs with their summary and report."""
 
 import json
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -31,15 +32,21 @@ def test_a_folder_holds_rows_summary_and_report(short, tmp_path):
     assert "rpem-forgetting" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_swept_knob_is_matched_at_equal_noise(short, tmp_path):
+def test_a_swept_knob_is_matched_at_equal_noise(short, tmp_path, monkeypatch):
     names = ["rpem-forgetting", "rpem-drift"]
     done, swept = [], ([short], names)
-    results = benchmark(short, runner_here(tmp_path, advance=done.append), swept=swept)
+
+    @contextmanager
+    def progress(what, total):
+        yield done.append
+
+    monkeypatch.setattr("flexaxis.experiments.running.run.progress", progress)
+    results = benchmark(short, runner_here(tmp_path), swept=swept)
     assert sum(done) >= 3 * (2 + 5 + 1)  # the reference is among the settings
     assert [row["estimator"] for row in summary_of(results.folder)["tradeoff"]["matched"]] == names
     assert set(Results.load(tmp_path).frame["estimator"]) == {"rpem-forgetting", "frozen"}
     done.clear()
-    benchmark(short, runner_here(tmp_path, advance=done.append), swept=swept)
+    benchmark(short, runner_here(tmp_path), swept=swept)
     assert not done
 
 

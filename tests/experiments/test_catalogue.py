@@ -144,7 +144,7 @@ def test_suites():
     groups = {name: find_scenario(name).group for name in FROZEN}
     parted = [find_suite(name).scenarios for name in ("faults", "mismatch", "nuisance")]
     rest = [name for name in last if groups[name] not in APART]
-    assert sorted(sum(parted, ())) == sorted(rest)  # each of the others in one of them
+    assert sorted(sum(parted, [])) == sorted(rest)  # each of the others in one of them
     assert {groups[name] for name in parted[2]} == {"nuisance", "nominal"}
 
 
@@ -152,18 +152,9 @@ def test_select_mixes_suites_scenarios_and_files(tmp_path):
     mine = find_scenario("fm_step-v1").override({"name": "mine"})
     path = tmp_path / "mine.toml"
     path.write_text(mine.to_toml(), encoding="utf-8")
-    scenarios, estimators, seeds, *_ = select(["smoke", "fm_step-v1", str(path)])
-    assert [s.name for s in scenarios] == [*find_suite("smoke").scenarios, "mine"]
-    assert estimators == list(find_suite("smoke").estimators) and seeds == 8
-
-
-def test_one_name_for_two_definitions_is_refused(tmp_path):
-    path = tmp_path / "other.toml"
-    path.write_text(
-        find_scenario("fm_double-v1").override({"name": "fm_step-v1"}).to_toml(), encoding="utf-8"
-    )
-    with pytest.raises(ScenarioError, match=r"other\.toml: the name 'fm_step-v1' is also that"):
-        select(["fm_step-v1", str(path)])
+    suite, smoke = select(["smoke", "fm_step-v1", str(path)]), find_suite("smoke")
+    assert [s.name for s in suite.scenarios] == [*smoke.scenarios, "mine"]
+    assert suite.estimators == smoke.estimators and suite.seeds == 8
 
 
 def test_all_wrong_names_at_once():

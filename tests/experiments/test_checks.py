@@ -8,7 +8,7 @@ from scipy.signal import butter, lfilter, sosfilt
 from flexaxis.experiments.logs.checks import outliers
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.importing import import_log, read_any
+from flexaxis.experiments.logs.importing import import_any, import_log
 from flexaxis.experiments.logs.prepare import rhythm, unwrapped
 
 T, FINE = 1e-3, 20  # s, steps of the simulation a sample
@@ -301,7 +301,7 @@ def test_a_record_takes_a_burn_in_and_no_columns(clean, tmp_path):
     record = imported(tmp_path, {n: x[kept] for n, x in clean.items()}).record
     assert (~record.valid).sum() == 11
     path = record.save(tmp_path / "rec.nc")
-    again = read_any(path, {}, burn_in=1.5, resample=None)
+    again = import_any(path, burn_in=1.5).record
     assert again.burn_in == 1.5 and again.versions == record.versions
     np.testing.assert_array_equal(again.increment, record.increment)
     for tables, options, said in (
@@ -310,4 +310,4 @@ def test_a_record_takes_a_burn_in_and_no_columns(clean, tmp_path):
         ({}, {"burn_in": 19.0}, "--burn-in 19 s"),
     ):
         with pytest.raises(LogError, match=said):
-            read_any(path, tables, **options)
+            import_any(path, **tables, **options)

@@ -36,8 +36,8 @@ class Still:
     names = ("f_m",)
     output = "speed"
 
-    def __init__(self, nominal, period, *, factor=1.0):
-        self.theta = [factor * nominal["f_m"]]
+    def __init__(self, nominal, period):
+        self.theta = [nominal["f_m"]]
 
     def step(self, u, y):
         return self.theta
@@ -68,7 +68,7 @@ def test_importing_it_imports_nothing_heavy():
 def test_every_name_is_there():
     assert set(dir(fx)) == set(fx.__all__)
     assert all(getattr(fx, name) is not None for name in fx.__all__)
-    with pytest.raises(AttributeError, match="did you mean 'simulate'"):
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
         fx.simulat  # noqa: B018
     modules = {f.name for f in (ROOT / "experiments/front").iterdir() if f.suffix == ".py"}
     links = {f.name for f in (ROOT / ".typing/flexaxis").iterdir() if f.suffix == ".py"}
@@ -119,29 +119,26 @@ def test_scores_are_those_of_a_benchmark(short, estimator):
 
 def test_an_estimate_is_that_of_a_case_and_can_be_drawn(short):
     record = fx.simulate(short)
-    result = fx.estimate(record, "rpem-forgetting", options={"forgetting": np.float32(0.9375)})
+    result = fx.estimate(record, "rpem-forgetting[forgetting=0.9375]")
     assert result.estimator == "rpem-forgetting[forgetting=0.9375]"
     case = run_case(short, simulate(short, [0])[0], parse(result.estimator))
     np.testing.assert_array_equal(result.theta, case.theta)
     assert result.covariance.shape == (*result.theta.shape, len(result.names))
     assert result.last["f_m"] == result.theta[-1, 2] == result.to_dataframe()["f_m"].iloc[-1]
-    assert "f_m" in repr(result) and "f_m" in result._repr_html_()
+    assert "f_m" in repr(result)
     axes = result.plot()
     again = fx.estimate(record, "frozen").plot(ax=axes)
     assert [ax is other for ax, other in zip(axes, again, strict=True)] == [True] * 3
     assert [line.get_label() for line in axes[2].lines].count("truth") == 1
     with pytest.raises(EstimatorError, match="Did you mean 'f_m'"):
         result.plot("f_n")
-    with pytest.raises(EstimatorError, match="write options as in"):
-        fx.estimate(record, "rpem-forgetting", options={"forgetting": None})
 
 
-def test_an_own_class_and_an_instance_of_it_estimate(short, capsys):
+def test_an_own_class_estimates(short):
     record = fx.simulate(short)
-    assert fx.estimate(record, Still, options={"factor": 2.0}).last == {"f_m": 0.1}
-    assert fx.estimate(record, Still(short.nominal.as_dict(), 0.005)).last == {"f_m": 0.05}
+    assert fx.estimate(record, Still).last == {"f_m": 0.05}
     with pytest.raises(EstimatorError, match="not an instance"):
-        fx.benchmark([Still(short.nominal.as_dict(), 0.005)], scenarios=short)
+        fx.estimate(record, Still(short.nominal.as_dict(), 0.005))
     results = fx.benchmark([Still, "frozen"], scenarios=[short], seeds=range(2))
     assert set(results.to_dataframe()["estimator"]) == {text_of(Still), "frozen"}
 
@@ -150,12 +147,11 @@ def test_an_own_class_and_an_instance_of_it_estimate(short, capsys):
             raise SystemExit(3)
 
     with pytest.raises(EstimatorCrash, match=r"Ends crashed .*sample 0"):
-        fx.estimate(record, Ends(short.nominal.as_dict(), 0.005))
+        fx.estimate(record, Ends)
 
 
-def test_an_estimate_that_is_not_finite_is_a_warning(short):
-    with pytest.warns(UserWarning, match=r"Lost returned .* of 1600 samples, first at sample 0"):
-        fx.estimate(fx.simulate(short), Lost)
+def test_an_estimate_that_is_not_finite_counts_as_diverged(short):
+    assert np.isnan(fx.estimate(fx.simulate(short), Lost).last["f_m"])
     results = fx.benchmark(Lost, scenarios=short, seeds=1)
     assert results.to_dataframe()["diverged"].all()
 
@@ -166,8 +162,6 @@ def test_faults_of_a_score_are_those_of_the_record(short):
     plain, other = (fx.score(fx.estimate(record, "ekf", **more))
                     for more in ({}, {"scenario": elsewhere}))  # fmt: skip
     assert plain.equals(other)
-    with pytest.raises(EstimatorError, match="give a record and an estimator"):
-        fx.score(record)
     with pytest.raises(RecordError, match="does not know the true parameters"):
         from dataclasses import replace
 
@@ -197,14 +191,14 @@ def test_results_are_a_table_and_a_figure(short, tmp_path):
     kept = fx.benchmark("frozen", scenarios=short, seeds=1, folder=tmp_path / "kept")
     assert fx.load(tmp_path / "kept").cases == kept.cases == 1
     assert (tmp_path / "kept" / "report.html").exists()
-    with pytest.raises(FlexaxisError, match="axis 'nope'"):
+    with pytest.raises(FlexaxisError, match="column 'nope'"):
         results.plot("nope")
 
 
 def test_a_study_from_keys(short_toml):
     content = {"scenario": str(short_toml), "estimators": ["frozen"], "seeds": 2}
     results = fx.study(content | {"sweep": {"fault[0].factor": [1.2, 2.0]}})
-    assert len(results.to_dataframe()) == 18  # a twin without the fault each
+    assert len(results.to_dataframe()) == 12
     assert "after the fault" in results.plot().get_xlabel()  # the axis in words, not as a key
     assert [*results.table["fault[0].factor"]] == [1.2, 2.0]
     with pytest.raises(FlexaxisError, match="fault"):
@@ -248,13 +242,11 @@ def test_an_axis_stepped_by_hand_is_the_plant_of_the_record(short):
         assert axis.sample.increment == record.increment[k]
         if not axis.done:
             axis.step(torque)
-    assert axis.done and axis.parameters["f_m"] == pytest.approx(0.075)
-    with pytest.raises(FlexaxisError, match="reset"):
+    assert axis.done
+    with pytest.raises(FlexaxisError, match="make a new axis"):
         axis.step(0.0)
-    assert axis.reset().speed == record.speed[0]
-    for torque in ("a", None, np.array([0.1]), float("nan"), 1j, True):
-        with pytest.raises(FlexaxisError, match="one finite number"):
-            axis.step(torque)
+    with pytest.raises(FlexaxisError, match="failed at t = 0.005 s"):
+        fx.make_axis(short).step(float("nan"))
 
 
 def test_a_log_is_imported_identified_and_tracked(tmp_path):

@@ -153,7 +153,6 @@ def test_lost_runs(way, lost, word, status):
     found = compared(side(), side(**{way: np.arange(32) < lost}))
     assert (found.verdict, found.status()) == (word, status)
     assert next(each for each in found.lost if each.way == way).newly == lost
-    assert found.status(strict=True) == (3 if word == "undecided" else status)
     other = compared(side(**{way: np.arange(32) < lost}), side())
     assert other.verdict == ("better" if lost > 10 else "same")
 

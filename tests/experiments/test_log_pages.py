@@ -20,11 +20,11 @@ def test_a_page_of_a_long_log_is_small_says_what_is_wrong_and_has_its_spike(tmp_
         Finding("ok", "none", "units"),
         Finding("problem", "turned <", "signs", 3.0, "%", "-x"),
     )
-    page = import_page(Imported(record, checks), "a.csv", "flexaxis import a.csv")
+    page = import_page(Imported(record, checks), "a.csv")
     assert page.finding.kind == "problem" and "signs" in page.finding.text
     page.write(tmp_path / "log.html")
     html = (tmp_path / "log.html").read_text(encoding="utf-8")
     assert len(html) < 400_000 and html.count("<svg") == 1
-    assert "✗" in html and "turned &lt;" in html and "flexaxis import a.csv" in html
+    assert "✗" in html and "turned &lt;" in html and "Import of a.csv" in html
     (line,) = log_chart(record).panels["speed [rad/s]"]
     assert line.y.max() == 50.0 and len(line.x) <= MOST

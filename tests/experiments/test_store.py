@@ -114,7 +114,7 @@ def test_what_is_no_store_is_refused(tmp_path):
     with pytest.raises(StudyError, match="damaged"):
         Results.load(tmp_path)
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="is a file"):
+    with pytest.raises(OutputError, match="cannot be written: File exists"):
         Store(tmp_path / "file")
 
 

@@ -6,7 +6,6 @@ import pytest
 from engine_cases import BenchHere
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.cli import main
 from flexaxis.experiments.comparison.sweep import Setting, match, settings, sweep, texts, with_knob
 from flexaxis.experiments.scoring.intervals import mean_interval
 
@@ -149,9 +148,3 @@ def test_what_a_first_sweep_runs():
     lines = settings(["frozen", "rpem-drift"], factors=(0.5, 1.0))
     assert lines["frozen"] == {"frozen": 1.0} and len(lines["rpem-drift"]) == 2
     assert texts(lines)[0] == "rpem-forgetting[forgetting=0.995]" and len(texts(lines)) == 4
-
-
-def test_without_a_fault_there_is_nothing_to_compare(capsys):
-    words = ["tune", "rpem-forgetting", "--sweep", "standstill-v1", "--seeds", "1"]
-    assert main(words) == 2
-    assert "standstill-v1: no fault in an estimated parameter" in capsys.readouterr().err

@@ -34,8 +34,8 @@ def test_tuning_finds_the_reference_itself_and_its_equal(capsys, tmp_path, monke
     assert main(["tune", "rpem-forgetting", "--seeds", "0:2", "--jobs", "1"]) == 0
     ratio = float(re.search(r"([\d.]+) times its excess", capsys.readouterr().out)[1])
     assert abs(ratio - 1) < TOLERANCE
-    assert main(["tune", "frozen", "--seeds", "0:2"]) == 2
-    assert "no knob" in capsys.readouterr().err
+    assert main(["tune", "frozen", "--seeds", "0:2"]) == 1
+    assert "no knob" in capsys.readouterr().out
 
 
 def logs(**noises):
@@ -128,7 +128,7 @@ def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, 
     assert (before["estimator"], plain["estimator"]) == ("variable-forgetting", "cusum-reset")
     assert (plain["model"], plain["period"], plain["noise"]) == ("n1", 0.005, 0.1)
     assert plain["identify"] == ["k_T", "1/J_a", "f_m"]
-    assert plain["command"] == "flexaxis tune cusum-reset --seeds 0:2"
+    assert plain["command"].startswith("flexaxis tune cusum-reset --seeds 0:2")
 
 
 def test_the_registry_has_what_was_tuned():

@@ -1,1 +1,0 @@
-../../experiments/front/_axis.py
