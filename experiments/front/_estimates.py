@@ -65,7 +65,7 @@ class Estimate:
     @property
     def last(self) -> dict[str, float]:
         """Last estimate by name."""
-        return dict(self.to_dataframe().iloc[-1])
+        return self.to_dataframe().iloc[-1].to_dict()
 
     @cached_property
     def covariance(self) -> Array | None:
