@@ -65,7 +65,7 @@ class Estimate:
     @property
     def last(self) -> dict[str, float]:
         """Last estimate by name."""
-        return dict(self.to_dataframe().iloc[-1])
+        return self.to_dataframe().iloc[-1].to_dict()
 
     @cached_property
     def covariance(self) -> Array | None:
@@ -97,7 +97,7 @@ class Estimate:
         -------
         Axes, or ndarray of Axes
         """
-        panels: dict[str, list[Series]] = {}
+        panels = {}
         for name in names or self.names:
             if name not in self.names:
                 raise EstimatorError(unknown("parameter", name, self.names))
@@ -198,8 +198,10 @@ def estimate(
     made = build(spec, known)
     # The covariance is kept before the record's fault.
     theta, claimed, innovations = follow(spec.text, made, shown.definition or known, shown)
-    findings, names = getattr(made, "findings", None), tuple(made.names)
-    return Estimate(spec.text, names, theta, shown, known, findings, claimed, innovations)
+    findings = getattr(made, "findings", None)
+    return Estimate(
+        spec.text, tuple(made.names), theta, shown, known, findings, claimed, innovations
+    )
 
 
 def score(

@@ -191,7 +191,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     if clear:
         store.evict(-1)
     size = sum(path.stat().st_size for path in store.entries())
-    return {"folder": store.folder, "megabytes": round(size / 1024**2, 1)}
+    return {"folder": store.folder, "megabytes": size / 1024**2}
 
 
 class Sample(NamedTuple):
