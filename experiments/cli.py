@@ -4,8 +4,6 @@ Each command is a function in a module of `flexaxis.experiments.commands`, regis
 `options.command`. Heavy imports are inside the functions, so that `--help` is quick.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -1,7 +1,5 @@
 """Files that results are written to: whole or not at all, and never over an input."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterable, Iterator

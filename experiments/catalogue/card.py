@@ -1,7 +1,5 @@
 """The reference card of a scenario: what it tests, what happens in it, and what can be scored."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """Commands for logs of a real axis: import, identify, track."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

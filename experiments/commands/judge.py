@@ -1,7 +1,5 @@
 """Commands that judge estimators: compare, tune, check, new."""
 
-from __future__ import annotations
-
 from importlib.resources import files
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Commands to look and to teach: list, show, demo, paper."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import asdict
 from itertools import chain
@@ -81,8 +79,7 @@ def show(args: Args) -> int:
     return answer(args, content, 0, *lines, "", scenario.to_toml().rstrip())
 
 
-@command("lesson", "--estimator", "--seed", "--speed", "--port",
-         "--no-browser")  # fmt: skip
+@command("lesson", "--estimator", "--seed", "--port", "--no-browser")
 def demo(args: Args) -> int:
     """Break a live axis in the browser, and watch which estimator detects it first.
 
@@ -96,14 +93,14 @@ def demo(args: Args) -> int:
 
     example:
       flexaxis demo
-      flexaxis demo --estimator rpem-drift --estimator ekf --speed 2
+      flexaxis demo --estimator rpem-drift --estimator ekf
       flexaxis demo flexaxis_lesson.toml
     """
     from flexaxis.experiments.demo.serve import serve
 
     serve(
-        args.estimator or (), lesson=args.lesson, seed=args.seed, speed=args.speed,
-        port=args.port, browser=not args.no_browser,
+        args.estimator or (), lesson=args.lesson, seed=args.seed, port=args.port,
+        browser=not args.no_browser,
     )  # fmt: skip
     return 0
 

@@ -1,7 +1,5 @@
 """The register of commands, every option of theirs declared once, and how a command answers."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -175,7 +173,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "track: -o EST.nc": ("File for the estimates (default: LOG-track.nc).", PATH),
     "paper: -o DIR": ("Folder for figures and claims (default: results/paper).", PATH),
     **LOG_OPTIONS,
-    "demo: --speed X": ("Multiple of real time (default: 1).", {"type": float, "default": 1.0}),
 }  # fmt: skip
 """Every option: its name and what it takes, then its help, and keywords of `add_argument`.
 

@@ -1,7 +1,5 @@
 """Commands that run cases or a single record: run, study, report, simulate, estimate."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -4,8 +4,6 @@ A name is imported when it is first used: `import flexaxis` itself takes millise
 beside this one are thin; what they call lies in `flexaxis.sim`, `.estimators`, `.experiments`.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any

@@ -1,7 +1,5 @@
 """One estimator on one record: `estimate`, and its scores: `score`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Logs of a real axis: `import_log`, `identify` and `track`, with tables, sentences and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

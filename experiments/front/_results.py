@@ -1,7 +1,5 @@
 """Many runs, scored, pooled and compared: `benchmark`, `study`, `compare`, `tune`, `check`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A study or a run, from what is asked for to a folder with its summary, figures and report."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager

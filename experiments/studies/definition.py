@@ -1,7 +1,5 @@
 """A study as a TOML file: scenarios, estimators, seeds, and the grid of values that is swept."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from itertools import product

@@ -38,7 +38,7 @@ def address():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = str(probe.getsockname()[1])
-    words = ["demo", "--no-browser", "--speed", "2", "--port", port]
+    words = ["demo", "--no-browser", "--port", port]
     command = [sys.executable, "-u", "-m", "flexaxis", *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         yield re.search(r"http://\S+", process.stdout.readline())[0]

@@ -245,7 +245,7 @@ def test_an_axis_stepped_by_hand_is_the_plant_of_the_record(short):
     assert axis.done
     with pytest.raises(FlexaxisError, match="make a new axis"):
         axis.step(0.0)
-    with pytest.raises(FlexaxisError, match="failed at t = 0.005 s"):
+    with pytest.raises(FlexaxisError, match=r"failed at t = 0\.005 s"):
         fx.make_axis(short).step(float("nan"))
 
 

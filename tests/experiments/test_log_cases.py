@@ -146,5 +146,5 @@ def test_a_log_that_determines_nothing_is_one_sentence(tmp_path):
     keep = np.exp(-0.03 / 0.011 * T)
     speed = lfilter([0, (1 - keep) / 0.03], [1, -keep], u)
     speed += 0.02 * np.random.default_rng(1).standard_normal(N)
-    with pytest.raises(LogError, match="explains the output at . frequencies.*--model one_mass"):
+    with pytest.raises(LogError, match=r"explains the output at . frequencies.*--model one_mass"):
         found(tmp_path, columns_of(u, speed))

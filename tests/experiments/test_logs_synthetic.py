@@ -17,7 +17,7 @@ TRUTH = {"J_m": 4e-3, "J_l": 6e-3, "k": 400.0, "d": 0.05, "f_m": 0.05, "f_l": 0.
 
 
 def bench(seconds=8.0, *, delay=0.0, seed=0, noise=2e-6, change=1.0):
-    """Torque and motor angle of two masses by the matrix exponential, torque late by a part of T."""
+    """Torque and motor angle of two masses by the matrix exponential; torque late by part of T."""
     q, rng, N = TRUTH, np.random.default_rng(seed), round(seconds / T)
     A = np.zeros((4, 4))  # motor angle, load angle, motor speed, load speed
     A[0, 2] = A[1, 3] = 1

@@ -202,7 +202,7 @@ def test_a_column_of_texts_is_no_signal_but_does_no_harm(tmp_path):
     np.testing.assert_allclose(log.load(["angle"])["angle"], ANGLE, atol=1e-9)
     with pytest.raises(LogError, match="line 2, column state: 'RUN' is not a number"):
         log.load(["state"])
-    with pytest.raises(LogError, match="no column 'angel'.*Did you mean 'angle'"):
+    with pytest.raises(LogError, match=r"no column 'angel'.*Did you mean 'angle'"):
         pick(log, mapping_from({"angle": "angel"}, source=""))
 
 

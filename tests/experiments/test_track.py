@@ -26,7 +26,7 @@ parameters = { coulomb = "f_c", stiffness = 1e4 }
 """
 
 
-def written(path, torque_times=1.0, friction=F, still=0, kept=slice(None), brake=N):
+def written(path, torque_times=1.0, friction=F, still=0, kept=slice(None), brake=N):  # noqa: PLR0917
     rng = np.random.default_rng(3)
     torque = 0.5 * np.sin(2 * np.pi * np.array([0.7, 2.3, 9.1])[:, None] * TIME).sum(axis=0)
     torque += 0.3 * rng.standard_normal(N)

@@ -1,1 +1,0 @@
-../../experiments/front/__main__.py
