@@ -306,7 +306,7 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
         name, holds, raised = look.__name__.replace("_", " "), False, True
         try:
             with reported(spec.text, "on the record of the check"):
-                (holds, seen), raised = look(subject), False
+                (holds, seen), raised = look(subject), False  # type: ignore[assignment]
         except (EstimatorCrash, EstimatorError) as error:
             seen = str(error).removeprefix(f"{spec.text}, on the record of the check, ")
         results.append(RuleResult(name, holds, seen, *texts, raised))

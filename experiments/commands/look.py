@@ -32,7 +32,7 @@ def list_(args: Args) -> int:
     content = {
         "scenarios": fx.scenarios(group=args.group, find=args.find),
         "suites": catalogue.suites(args.find),
-        "estimators": fx.estimators(find=args.find),
+        "estimators": fx.estimators(find=args.find),  # type: ignore[operator]
         "faults": catalogue.faults(args.find),
     }
     if kind := args.kind or (args.group and "scenarios"):

@@ -78,8 +78,8 @@ class Setting:
             bias, lost = (self.array(beside, runs) for beside in SPREADS[name])
             each = np.array([pooling.spread(each, bias, lost > 0)])
         if name == "excess" and self.information is not None:
-            lost = self.array("lost_before", runs) > 0
-            whole = pooling.excess(each, lost, self.biases[runs], self.information)
+            lost = self.array("lost_before", runs) > 0  # type: ignore[assignment]
+            whole = pooling.excess(each, lost, self.biases[runs], self.information)  # type: ignore[arg-type]
             each = np.sqrt([max(0.0, whole)])
         return float(np.log(np.maximum(each, FLOOR)).mean())
 

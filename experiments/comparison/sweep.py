@@ -283,7 +283,7 @@ def _row(scenario: Scenario, estimator: str, parameter: str, found: Match) -> di
     """Return what is known of an estimator at equal noise, with the values it rests on."""
     values = {name: found.at(name) for name in ("lag", "std_after", "score")}
     lag, after, score = (None if x is None else float(x.mean()) for x in values.values())
-    within = None if lag is None else mean_interval(values["lag"])
+    within = None if lag is None else mean_interval(values["lag"])  # type: ignore[arg-type]
     lag, after = (None if x is None else float(np.exp(x)) for x in (lag, after))
     rows = found.nearest.rows.reindex(columns=["lag_bound", ALARMS])
     bound, rate = map(finite, rows.astype(float).mean())

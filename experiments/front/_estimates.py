@@ -102,7 +102,7 @@ class Estimate:
             i = self.names.index(name)
             y, two = self.theta[:, i], 0.0
             if band and self.covariance is not None:
-                two = 2 * np.sqrt(self.covariance[:, i, i])
+                two = 2 * np.sqrt(self.covariance[:, i, i])  # type: ignore[assignment]
             low, high = y - two, y + two
             curves = [Series(estimator=self.estimator, x=self.record.time, y=y, low=low, high=high)]
             if ax is None and name in self.truth:  # axes of the caller have it already

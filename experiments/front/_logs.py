@@ -81,7 +81,7 @@ class LogResult:
 def _read(log: Log, options: Mapping[str, Any] | None) -> Imported:
     """Return the record of a log and its checks; print what spoils estimates."""
     if not isinstance(log, str | Path):
-        return Imported(getattr(log, "record", log), ())
+        return Imported(getattr(log, "record", log), ())  # type: ignore[arg-type]
     found = import_any(Path(log), **(options or {}))
     say_problems(Path(log), found.checks)
     return found

@@ -158,7 +158,7 @@ def study(
         With one line for each problem.
     """
     is_file = isinstance(definition, str | Path)
-    planned = load_study(definition) if is_file else study_from(definition)
+    planned = load_study(definition) if is_file else study_from(definition)  # type: ignore[arg-type]
     with studies.working(folder, **work) as runner:
         results = studies.run(planned, runner)
     return Results(runner.store, results.study)
@@ -263,8 +263,8 @@ def compare(
         suite = select(scenarios, default=gate.SUITE)
         numbers = seeds_of(seeds, suite.seeds)
         with studies.working(folder, **work) as runner:
-            result = gate.compare(
-                *sides, suite.scenarios, numbers, runner, margins=checked,
+            result = gate.compare(  # type: ignore[misc]
+                *sides, suite.scenarios, numbers, runner, margins=checked,  # type: ignore[arg-type]
                 max_seeds=max_seeds, match_std=match_std,
             )  # fmt: skip
     content = as_dict(result)

@@ -140,7 +140,7 @@ def compare(
         for side in sides:
             if side["failed"].all():  # a crash, and no verdict
                 check_failures(side)
-        paired = pair(*sides, margins)
+        paired = pair(*sides, margins)  # type: ignore[call-arg]
         if equal:
             paired = at_equal_noise(paired, *equal, scenarios=scenarios, run=run, seeds=now)
         paired = replace(paired, gaps=[*gaps, *paired.gaps])
@@ -204,7 +204,7 @@ def compare_runs(
         If the versions or the content of a scenario differ, the estimator is not clear, or fewer
         than two seeds are common.
     """
-    sides, names, versions = [], [], []
+    sides, names, versions = [], [], []  # type: ignore[var-annotated]
     for folder, text in zip((base, candidate), estimators, strict=True):
         results = Results.load(folder)
         frame = results.frame
@@ -225,6 +225,6 @@ def compare_runs(
             f"{base} and {candidate} are of different versions of flexaxis, or of a scenario: run "
             "both again, or use `flexaxis compare --base … --candidate …`"
         )
-    paired = pair(*sides, margins)
+    paired = pair(*sides, margins)  # type: ignore[call-arg]
     common = sorted({*sides[0]["seed"]} & {*sides[1]["seed"]})
-    return Comparison(*names, common, judge(paired), losses(paired), paired, margins)
+    return Comparison(*names, common, judge(paired), losses(paired), paired, margins)  # type: ignore[call-arg]

@@ -103,7 +103,7 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
             "parameter, on the same scenarios and seeds"
         )
     groups, sides = both.groupby(KIND), dict(zip(SIDES, (base, candidate), strict=True))
-    scores = [_score(part, *key, *each) for key, part in groups for each in margins.items()]
+    scores = [_score(part, *key, *each) for key, part in groups for each in margins.items()]  # type: ignore[call-arg]
     shared = {s: rows[rows["scenario"].isin(both["scenario"])] for s, rows in sides.items()}
     changed = shared["base"].loc[shared["base"]["changed"], KIND].drop_duplicates()
     gaps = [Gap("candidate", f"the candidate does not estimate {parameter} at {scenario}")

@@ -97,7 +97,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
     elif own:
         clauses = [f"{len(own)} of {len(shown)} scores"]
     lost = [way for way in c.lost if way.newly or way.regained]
-    clauses += [TEXTS[way.way].format(*way) for way in lost] + [gap.text for gap in c.paired.gaps]
+    clauses += [TEXTS[way.way].format(*way) for way in lost] + [gap.text for gap in c.paired.gaps]  # type: ignore[attr-defined]
     clauses += [f"the {side} failed in {n} runs" for side, n in c.paired.failed.items() if n]
     return f"{c.verdict.upper()}: {'; '.join(clauses) or 'no run has a score on both sides'}"
 
@@ -124,13 +124,13 @@ def advice(c: Comparison) -> list[str]:
     names, lines = c.paired.estimated, []
     for fewer, more in permutations(names, 2):
         if rest := ", ".join(sorted(names[more] - names[fewer])):
-            lines.append(TEXTS["unfair"].format(more, rest, fewer))
+            lines.append(TEXTS["unfair"].format(more, rest, fewer))  # type: ignore[attr-defined]
     if c.verdict == UNDECIDED:
         lines.append(TEXTS["scenarios" if c.paired.gaps else "seeds"])
     if c.equal:
         match = c.equal[0].match
         noise = "excess error" if match == "excess" else f"std of {match}"
-        lines.append(TEXTS["tuned"].format(noise, c.base, c.candidate))
+        lines.append(TEXTS["tuned"].format(noise, c.base, c.candidate))  # type: ignore[attr-defined]
     return lines
 
 

@@ -72,7 +72,7 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
         return pd.DataFrame({"verdict": []})
     changes = pd.DataFrame(scores["changes"].tolist())  # NaN where one has fewer
     about = scores[["scenario", "metric", "margin"]].to_numpy().T
-    rows = scores.join(decide(changes, *about, alpha))
+    rows = scores.join(decide(changes, *about, alpha))  # type: ignore[call-arg]
     ratio, scale = rows["scale"].isna(), rows["scale"].fillna(1.0)
     for name in ("change", "low", "high"):
         rows[name] = np.where(ratio, np.expm1(np.minimum(rows[name], 700)), scale * rows[name])
@@ -170,7 +170,7 @@ def losses(paired: Paired, *, alpha: float = ALPHA) -> list[Lost]:
     for way in LOST:
         base, candidate = paired.lost[[f"{way} base", f"{way} candidate"]].to_numpy(bool).T
         counts = [int(x.sum()) for x in (base, candidate, candidate & ~base, base & ~candidate)]
-        found.append(Lost(way, len(base), *counts, judge_lost(*counts[2:], way, alpha)))
+        found.append(Lost(way, len(base), *counts, judge_lost(*counts[2:], way, alpha)))  # type: ignore[arg-type, call-arg]
     return found
 
 

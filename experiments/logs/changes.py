@@ -281,9 +281,9 @@ def _windows(
         rows.append((time[k[0]], left, float(np.linalg.norm(J[k])), x[:p], sd))
     if not any(row[2] for row in rows):
         return np.empty(0), *np.empty((2, 0, p))
-    at, left, strength, x, sd = (np.array(column) for column in zip(*rows, strict=True))
+    at, left, strength, x, sd = (np.array(column) for column in zip(*rows, strict=True))  # type: ignore[assignment]
     seen = strength > np.median(strength[strength > 0]) / BLIND
-    seen &= left < FOREIGN * np.median(left[seen])
+    seen &= left < FOREIGN * np.median(left[seen])  # type: ignore[index]
     seen &= (sd < BLIND * np.median(sd[seen], axis=0)).all(axis=1)
     return at[seen], x[seen], sd[seen]
 

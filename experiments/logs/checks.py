@@ -67,7 +67,7 @@ def examine(e: Evidence) -> tuple[Finding, ...]:
     """Return all checks; outliers hide how torque and motion belong together."""
     looks = [time_stamps(e), wrapping(e), clipping(e), clocks(e), units(e), coarse(e)]
     looks += [outliers_of(e), torque(e)]
-    looks += [sign(e), other_speed(e)] if looks[-2].kind == "ok" else []
+    looks += [sign(e), other_speed(e)] if looks[-2].kind == "ok" else []  # type: ignore[union-attr]
     return tuple(one for one in looks if one is not None)
 
 
@@ -214,7 +214,7 @@ def _refuse_other_speed(raw: Raw) -> None:
     """Compare the speed with the slope of the angle: their ratio shows a wrong unit."""
     slope, speed = _slope(raw), raw.signals["speed"]
     both = np.isfinite(slope) & np.isfinite(speed)
-    ratio = float(slope[both] @ speed[both] / max(slope[both] @ slope[both], 1e-300))
+    ratio = float(slope[both] @ speed[both] / max(slope[both] @ slope[both], 1e-300))  # type: ignore[operator]
     for name, unit, factor in (
         ("speed", "rpm", 60 / (2 * np.pi)),
         ("speed", "deg/s", 180 / np.pi),

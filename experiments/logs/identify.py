@@ -230,7 +230,7 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     J = fitted.slopes[[*range(len(values)), -2, -1]][:, fitted.good]
     size = np.r_[list(values.values()), 1.0, log.period]
     time = log.period * np.flatnonzero(fitted.good)
-    changes = changes_in(time, fitted.white[fitted.good], (J * size[:, None]).T, tuple(values))
+    changes = changes_in(time, fitted.white[fitted.good], (J * size[:, None]).T, tuple(values))  # type: ignore[arg-type]
     found = judged(search, best, taken, fit, changes)
     if cut:
         text = f"identified from the {MOST} samples with the greatest torque, of {len(record.time)}"

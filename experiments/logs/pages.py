@@ -256,7 +256,7 @@ def estimates_chart(result: Tracked, estimator: str) -> Chart:
             band = 2 * result.deviations[::step, i] / abs(nominal)
             sides = {"low": y - band, "high": y + band}
         one = Series(x=t[[0, -1]], y=np.ones(2), role="bound", label="as identified")
-        panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), one]
+        panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), one]  # type: ignore[arg-type]
     marks = [(change.time, change.text) for change in result.changes]
     marks += [(float(at), "alarm") for at in result.alarms]
     words = "Estimates over nominal, ±2σ as the estimator claims. Vertical: changes and alarms."

@@ -186,7 +186,7 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
     usual = Counter(texts[k] for k in texts if _is_row(rows[k])).most_common(1)[0][0]
     first = next(k for k, own in texts.items() if own == usual)
     if header is not None:
-        head, below = _cells(lines[header - 1].lstrip("#%/ "), separator), []
+        head, below = _cells(lines[header - 1].lstrip("#%/ "), separator), []  # type: ignore[var-annotated]
     else:
         noted = [x.lstrip("#%/ ") for k, x in enumerate(lines[:first]) if k not in kept]
         above = {k: row for k, row in rows.items() if k < first}

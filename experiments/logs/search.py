@@ -155,7 +155,7 @@ class Search:
         """Return the other one where it simulates better and is sure, else the first; note it."""
         sizes = [float(np.sqrt(np.mean(c.errors(c.best, highpass)))) for c in (best, other)]
         taken = best.better(other, highpass) and other.sure(*sure)
-        self.tried.append(Tried(name, *sizes, taken))
+        self.tried.append(Tried(name, *sizes, taken))  # type: ignore[arg-type, call-arg]
         return other if taken else best
 
     def _corner(self) -> float | None:
@@ -184,7 +184,8 @@ class Search:
                 return best
         columns = columns_beside(log.angle, log.y, log.period)
         setup = replace(
-            best.setup, beside=best.setup.beside | {name: columns[name] for name in names}
+            best.setup,
+            beside=best.setup.beside | {name: columns[name] for name in names},  # type: ignore[operator]
         )
         at = len(setup.names) + len(best.setup.beside)
         other = candidate(setup, np.insert(best.best.z, [at] * len(names), 0.0))
@@ -298,7 +299,7 @@ class Search:
             places.append((setup.model.parametrize(setup.names).theta, 0.0))
         rigid = self._rigid
         if rigid is not None and set(setup.names) <= RIGID.keys():
-            values = [rigid.value[RIGID[name]] for name in setup.names]
+            values = [rigid.value[RIGID[name]] for name in setup.names]  # type: ignore[assignment]
             places.append((np.array(values) * setup.model.nominal.get("k_T", 1.0), 0.0))
         return places
 

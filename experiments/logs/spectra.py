@@ -200,7 +200,7 @@ def fit_response(
     with np.errstate(all="ignore"):
         if not np.isfinite(misfit(np.zeros(p + 1))).all():
             raise LogError(
-                f"from these values the model has no finite response: {dict(chosen.nominal)}; "
+                f"from these values the model has no finite response: {dict(chosen.nominal)}; "  # type: ignore[attr-defined]
                 "give others with --start NAME=VALUE"
             )
     box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), LATEST]

@@ -61,7 +61,7 @@ def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
     longest = round(AT_BOUND / period) + 1
     if len(theta) >= longest:
         stays = sliding_window_view(outside, longest, axis=0).all(axis=-1).any(axis=-1)
-        lost[: len(stays)] |= stays
+        lost[: len(stays)] |= stays  # type: ignore[arg-type, index]
     return int(np.argmax(lost)) if lost.any() else None
 
 

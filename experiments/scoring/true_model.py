@@ -192,7 +192,7 @@ def _travel(
     simulated = simulation(model, theta, period, steps=steps)
     X = simulated["X"]  # no state depends on θ yet
     X[: model.states, 0] = x
-    gradient = np.zeros((len(u), len(model.names)))
+    gradient = np.zeros((len(u), len(model.names)))  # type: ignore[arg-type]
     gradient[1:] = along(simulated, np.ascontiguousarray(u, float))[:-1, 1 : 1 + len(model.names)]
     return gradient, X[: model.states, 0]
 

@@ -92,7 +92,7 @@ def _estimator(text: str) -> str:
 
 
 def _scenario(name: str, info: ValidationInfo) -> Scenario:
-    beside = info.context / name
+    beside = info.context / name  # type: ignore[operator]
     return find_scenario(str(beside if beside.is_file() else name))
 
 
