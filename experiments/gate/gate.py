@@ -218,7 +218,7 @@ def compare_runs(
             )
         names += chosen
         versions.append(summary_of(folder)["versions"])
-        sides.append(table(frame[frame["estimator"] == names[-1]]))
+        sides.append(table(frame[frame["estimator"] == chosen[0]]))
     old, new = (dict(zip(side["scenario"], side["hash"], strict=True)) for side in sides)
     if versions[0] != versions[1] or any(old[name] != new[name] for name in old.keys() & new):
         raise FlexaxisError(

@@ -141,8 +141,8 @@ def cells(row: Row) -> list[str]:
     values = (f"{short(row[side])} {METRICS[row['metric']]}".rstrip() for side in SIDES)
     some = f" ({row['pairs']} of {row['runs']} pairs)" * (row["pairs"] < row["runs"])
     within, word = f"{low} … {high} {unit}{some}", row["verdict"] + TEXTS[row["reason"]]
-    name = f"{metric} {row['parameter']}"
-    return [row["scenario"], name, *values, f"{change} {unit}", within, word]
+    score = f"{metric} {row['parameter']}"
+    return [row["scenario"], score, *values, f"{change} {unit}", within, word]
 
 
 def markdown(content: Mapping[str, Any]) -> str:
@@ -160,5 +160,5 @@ def write(folder: Path, content: Mapping[str, Any]) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "verdict.md", markdown(content))
     write_text(folder / REPORT, comparison(content))
-    write_json(folder / "compare.json", dict(content))  # last: a folder without it is not complete
+    write_json(folder / "compare.json", content)  # last: a folder without it is not complete
     return folder / REPORT
