@@ -54,7 +54,7 @@ def table(rows: pd.DataFrame) -> str:
 
 def cell(row: dict) -> str:
     """Return lag and × bound, bias ± std, what was found, false alarms, and lost runs."""
-    times = f" ({row['lag'] / row['lag_bound']:.2g} ×)" if row["lag_bound"] else ""
+    times = f" ({row['lag'] / row['lag_bound']:.2g} ×)" if row["lag_bound"] > 0 else ""
     parts = [f"{row['lag']:.2g} s{times}", f"{row['bias']:+.2g} ± {row['std']:.2g} %"]
     if isinstance(heard := row["detection"], dict):
         parts.append(f"found {1 - heard['missed']:.0%}, named {heard['isolated'] or 0:.0%}")

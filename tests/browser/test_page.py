@@ -39,7 +39,7 @@ def address():
         probe.bind(("127.0.0.1", 0))
         port = str(probe.getsockname()[1])
     words = ["demo", "--no-browser", "--port", port]
-    command = [sys.executable, "-u", "-m", "flexaxis", *words]
+    command = [sys.executable, "-u", Path(sys.executable).with_name("flexaxis"), *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         yield re.search(r"http://\S+", process.stdout.readline())[0]
         process.send_signal(signal.SIGTERM)

@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import urllib.request
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -200,7 +201,7 @@ def test_a_lesson_is_served_from_the_command_line(tmp_path):
         probe.bind(("127.0.0.1", 0))
         port = str(probe.getsockname()[1])
     words = ["demo", lesson, "--no-browser", "--port", port]
-    command = [sys.executable, "-u", "-m", "flexaxis", *words]
+    command = [sys.executable, "-u", Path(sys.executable).with_name("flexaxis"), *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert f"http://127.0.0.1:{port}".encode() in process.stdout.readline()
         with urllib.request.urlopen(f"http://127.0.0.1:{port}") as answer:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -88,7 +89,7 @@ def test_a_user_has_packages_of_our_names(tmp_path, short_toml):
     )
     words = ["run", str(short_toml), "--estimator", "own.py:Own", "--estimator", "frozen"]
     done = subprocess.run(
-        [sys.executable, "-m", "flexaxis", *words, "--seeds", "4", "--jobs", "2"],
+        [Path(sys.executable).with_name("flexaxis"), *words, "--seeds", "4", "--jobs", "2"],
         cwd=tmp_path,
         capture_output=True,
         text=True,
