@@ -52,11 +52,14 @@ def test_the_frame_holds_the_numbers_that_were_stored(outcomes):
 def test_a_case_is_there_once_and_the_first_one_stays(tmp_path, outcomes):
     store = filled(tmp_path, outcomes)
     done = outcomes[0][0]
-    store.add([Done(done.id, done.about, 0, done.numbers * 2, None, None)])
+    store.add([Done(done.id, done.about, done.seed, done.numbers + 1.0, None, None)])
     frame = Results.load(tmp_path).frame
     assert len(frame) == 2 * 2 * 3 * 3
     rows = frame[frame["case"] == done.id]
-    np.testing.assert_array_equal(rows["lag"], done.numbers[:, NUMBERS.index("lag")])
+    for name in ("lag", "lag_null", "std", "seconds"):
+        if name in NUMBERS:
+            np.testing.assert_array_equal(rows[name], done.numbers[:, NUMBERS.index(name)])
+    assert np.isfinite(done.numbers[:, NUMBERS.index("std")]).all()
 
 
 def test_a_unit_is_stored_whole_or_not_at_all(tmp_path, outcomes):
