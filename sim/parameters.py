@@ -61,8 +61,8 @@ def parameter_names(model: str = DEFAULT) -> tuple[str, ...]:
 
 def model_with(names: Iterable[str]) -> str | None:
     """Return the first model with just these parameters, in any order, or None."""
-    wanted = set(names)
-    return next((model for model in MODEL_NAMES if set(parameter_names(model)) == wanted), None)
+    unordered = set(names)
+    return next((model for model in MODEL_NAMES if set(parameter_names(model)) == unordered), None)
 
 
 PARAMETER_NAMES = parameter_names()

@@ -229,8 +229,8 @@ def _fields(file: xarray.Dataset) -> dict[str, Any]:
     """Return the fields of a record as they stand in a file."""
     for name in ("time", "torque"):
         if name not in file.variables:
-            there = ", ".join(map(str, file.variables)) or "none"
-            raise RecordError(f"variable {name!r} is missing; there are {there}.")
+            present = ", ".join(map(str, file.variables)) or "none"
+            raise RecordError(f"variable {name!r} is missing; there are {present}.")
     content = {name: file[name].values for name in (*SIGNALS, "valid") if name in file.variables}
     if "true_parameters" in file.variables:
         content |= _parameters(file)

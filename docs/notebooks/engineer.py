@@ -97,11 +97,11 @@ data_sheet = find_axis("days/axis.toml")
 another = "days/2026-01-05.csv"
 result = fx.identify(first, data_sheet, fix={"f_g": None, "f_a": None}, validate=another)
 result.save("axis.toml")
-found = result.found
+fit = result.result
 print(result.page.finding.text)
 
 # %%
-table = pd.DataFrame({"estimate": found.theta, "sd": found.deviations}, index=found.names)
+table = pd.DataFrame({"estimate": fit.theta, "sd": fit.deviations}, index=fit.names)
 table["sd [%]"] = 100 * table["sd"] / table["estimate"]
 table["data sheet off by [%]"] = 100 * (pd.Series(data_sheet.model.nominal) / table["estimate"] - 1)
 table.style.set_uuid("axis").format(

@@ -157,15 +157,15 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
 
     Other content would be pooled with stored results of that name without notice.
     """
-    wanted, result = hashes().get(name), scenario.hash[:16]
-    if wanted is None:
+    frozen_hash, result = hashes().get(name), scenario.hash[:16]
+    if frozen_hash is None:
         raise ScenarioError(
             f"{name}: not frozen yet; when it is as it should be, add the line "
             f'"{name}" = "{result}" to {HOME / HASHES}; until then, run it from its path'
         )
-    if wanted != result:
+    if frozen_hash != result:
         raise ScenarioError(
-            f"{name}: the content has the hash {result}, but the name is frozen with {wanted}; "
+            f"{name}: the content has the hash {result}, but the frozen one is {frozen_hash}; "
             "give a changed scenario a new name (and a new key of Scenario the default None, which "
             "changes no hash)"
         )
@@ -191,8 +191,8 @@ def _members(table: dict[str, Any]) -> list[str]:
     """
     if "groups" not in table and table["scenarios"] != "all":
         return list(table["scenarios"])
-    wanted = table.get("groups") or GROUPS.keys() - table["apart"]
-    names = [line["name"] for line in scenarios() if line["group"] in wanted]
+    groups = table.get("groups") or GROUPS.keys() - table["apart"]
+    names = [line["name"] for line in scenarios() if line["group"] in groups]
     drawn = {name: name.removesuffix("-v1") + DRAWN for name in names}
     return [drawn[name] if drawn[name] in hashes() else name for name in names]
 

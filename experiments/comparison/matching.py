@@ -162,17 +162,17 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
         None where the reference has no noise, or the estimator no settings with any.
     """
     line = sorted(settings, key=lambda setting: setting.factor)
-    none, wanted = np.log(FLOOR), reference.log(noise)
+    none, target = np.log(FLOOR), reference.log(noise)
     logs = np.array([setting.log(noise) for setting in line])
-    if not line or np.isnan(logs).any() or not wanted > none:
+    if not line or np.isnan(logs).any() or not target > none:
         return None
     crossings = [
         Match(MATCHED, tuple(line[k : k + 2]), reference, noise)
         for k, (one, other) in enumerate(pairwise(logs))
-        if min(one, other) > none and (one - wanted) * (other - wanted) <= 0
+        if min(one, other) > none and (one - target) * (other - target) <= 0
     ]
     if crossings:  # the one nearest to the default: the best would be the best by luck
         return min(crossings, key=lambda m: abs(np.log(m.nearest.factor)))
-    best = int(np.argmin(abs(logs - wanted)))
-    how = MATCHED if logs[best] == wanted else QUIETER if logs[best] < wanted else NOISIER
+    best = int(np.argmin(abs(logs - target)))
+    how = MATCHED if logs[best] == target else QUIETER if logs[best] < target else NOISIER
     return Match(how, (line[best],), reference, noise)

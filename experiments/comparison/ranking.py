@@ -123,13 +123,13 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
     seeds = max((len(row["values"].get("score") or ()) for row in rows), default=0)
     if not faults or not seeds:
         return []
-    found: list[dict[str, Any]] = []
+    results: list[dict[str, Any]] = []
     for estimator in dict.fromkeys(row["estimator"] for row in rows):
         own = {(r["scenario"], r["parameter"]): r for r in rows if r["estimator"] == estimator}
         each = [own[f]["values"].get("score") if f in own else None for f in faults]
         total = np.mean([values or np.zeros(seeds) for values in each], axis=0)
         how = {own[f]["how"] for f in faults if f in own} - {MATCHED}
-        found.append({
+        results.append({
             "estimator": estimator,
             "score": float(total.mean()),
             "score_interval": mean_interval(total),
@@ -137,9 +137,9 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
             "faults": len(faults),
             "values": {"score": total.tolist()},
         })  # fmt: skip
-    able = {row["estimator"]: row["values"]["score"] for row in compete(found, "score")}
+    able = {row["estimator"]: row["values"]["score"] for row in compete(results, "score")}
     ahead = leaders(able, most=True)
-    order = sorted(found, key=lambda row: -row["score"])
+    order = sorted(results, key=lambda row: -row["score"])
     return [row | {"values": row["values"]["score"], "leads": row["estimator"] in ahead}
             for row in order]  # fmt: skip
 

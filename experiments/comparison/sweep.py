@@ -164,7 +164,7 @@ class Runs:
 
     def matches(
         self, scenario: Scenario, base: str, line: Line, turn: Turn, further: Sequence[float], *,
-        wanted: Iterable[tuple[str, Noise]], whole: bool = False,
+        pairs: Iterable[tuple[str, Noise]], whole: bool = False,
     ) -> dict[tuple[str, Noise], Match | None]:  # fmt: skip
         """Return an estimator at the noise of a base, by parameter and kind of noise.
 
@@ -172,9 +172,9 @@ class Runs:
         further, as far as it goes; these settings are added to its line. If `whole`, seeds on
         which any setting lost a run are left out.
         """
-        found: dict[tuple[str, Noise], Match | None] = dict.fromkeys(wanted)
+        matches: dict[tuple[str, Noise], Match | None] = dict.fromkeys(pairs)
         for factor in (1.0, *further):
-            hows = {m.how for m in found.values() if m}
+            hows = {m.how for m in matches.values() if m}
             for how, value in ((QUIETER, factor), (NOISIER, 1 / factor)):
                 text = turn(value) if how in hows else None
                 if text is not None and self.able(scenario, text):
@@ -185,13 +185,13 @@ class Runs:
             every = pd.concat(frames.values())
             lost = every.loc[every["diverged"].astype(bool), "seed"] if whole else []
             kept = {text: frame[~frame["seed"].isin(lost)] for text, frame in frames.items()}
-            for parameter, noise in found if len(kept[base]) else ():
+            for parameter, noise in matches if len(kept[base]) else ():
                 beside, *own = (
                     Setting.of(text, turned, kept[text], parameter, scenario)
                     for text, turned in [(base, 1.0), *line.items()]
                 )
-                found[parameter, noise] = match(beside, own, noise)
-        return found
+                matches[parameter, noise] = match(beside, own, noise)
+        return matches
 
 
 @dataclass(frozen=True)
@@ -249,15 +249,15 @@ def sweep(
     for scenario, name in product(scenarios, estimators):
         (line,) = settings([name]).values()
         faults = runs.changed(scenario, next(iter(line)))
-        found = runs.matches(
+        matches = runs.matches(
             scenario, reference(), line, partial(with_knob, name), WIDER,
-            wanted=product(faults, NOISES),
+            pairs=product(faults, NOISES),
         )  # fmt: skip
         for text, factor in line.items():
             extra = {"estimator": name, "setting": text, "factor": factor}
             pooled = pool_rows(runs.of(scenario, text), scenario)
             points += [{k: r[k] for k in _KEPT} | extra for r in pooled if r["changed"]]
-        for (parameter, noise), matched in found.items():
+        for (parameter, noise), matched in matches.items():
             if matched is not None:
                 at[noise].append(_row(scenario, name, parameter, matched))
     return Sweep(points, mark(at["std"]), at["excess"])
@@ -279,21 +279,21 @@ _KEPT = (
 )  # fmt: skip
 
 
-def _row(scenario: Scenario, estimator: str, parameter: str, found: Match) -> dict[str, Any]:
+def _row(scenario: Scenario, estimator: str, parameter: str, matched: Match) -> dict[str, Any]:
     """Return what is known of an estimator at equal noise, with the values it rests on."""
-    values = {name: found.at(name) for name in ("lag", "std_after", "score")}
+    values = {name: matched.at(name) for name in ("lag", "std_after", "score")}
     lag, after, score = (None if x is None else float(x.mean()) for x in values.values())
     within = None if lag is None else mean_interval(values["lag"])  # type: ignore[arg-type]
     lag, after = (None if x is None else float(np.exp(x)) for x in (lag, after))
-    rows = found.nearest.rows.reindex(columns=["lag_bound", ALARMS])
+    rows = matched.nearest.rows.reindex(columns=["lag_bound", ALARMS])
     bound, rate = map(finite, rows.astype(float).mean())
     return {
         "scenario": scenario.name,
         "parameter": parameter,
         "estimator": estimator,
-        "how": found.how,
-        "nearest": found.nearest.text,
-        "ratio": found.ratio,
+        "how": matched.how,
+        "nearest": matched.nearest.text,
+        "ratio": matched.ratio,
         "lag": lag,
         "lag_interval": within and np.exp(within).tolist(),
         "bound": bound,

@@ -151,11 +151,11 @@ def match_noise(text: str, trials: Trials) -> Tuned:
     FlexaxisError
         If the estimator has no knob, or no setting is found.
     """
-    (name, options, knob), wanted = parts(text), trials.noises(reference())
-    if trials.match not in wanted:
+    (name, options, knob), target = parts(text), trials.noises(reference())
+    if trials.match not in target:
         raise FlexaxisError(
-            f"{trials.match!r} cannot be matched.{did_you_mean(trials.match, wanted.index)} "
-            f"There are: {', '.join(wanted.index)}"
+            f"{trials.match!r} cannot be matched.{did_you_mean(trials.match, target.index)} "
+            f"There are: {', '.join(target.index)}"
         )
     quiet, noisy, slope, before = -np.inf, np.inf, 0.5, None
     here = np.log(_rounded(knob.usual, knob))
@@ -163,7 +163,7 @@ def match_noise(text: str, trials: Trials) -> Tuned:
         position = _rounded(float(np.exp(here)), knob)
         here = np.log(position)
         tried = setting(name, {**options, **(knob.at(position) or {})})
-        errors = (trials.noises(tried) - wanted).dropna()
+        errors = (trials.noises(tried) - target).dropna()
         if trials.match not in errors:
             raise FlexaxisError(
                 f"{tried}: it has no noise to match: it does not move, or does not estimate what "
@@ -237,7 +237,7 @@ def _rounded(position: float, knob: Knob) -> float:
     return min(max(float(f"{position:.{DIGITS}g}"), knob.least), knob.most)
 
 
-def save(path: Path, name: str, found: Tuned | None) -> None:
+def save(path: Path, name: str, tuned: Tuned | None) -> None:
     """Write a setting to a file like estimators/tuned.toml, in place of the one it had.
 
     Parameters
@@ -245,16 +245,16 @@ def save(path: Path, name: str, found: Tuned | None) -> None:
     path : Path
     name : str
         The estimator.
-    found : Tuned or None
+    tuned : Tuned or None
         None removes the setting: what was found before is no match any more.
     """
     known = read_toml(path, FlexaxisError) if path.exists() else {}
     tables = [table for table in known.get("tuned", []) if table["estimator"] != name]
-    if found:
-        at, ratio = tuning_scenario(), round(found.ratio, 4)
+    if tuned:
+        at, ratio = tuning_scenario(), round(tuned.ratio, 4)
         about = Tuning(
-            estimator=name, knob=found.knob, value=found.value, setting=found.setting,
-            match=found.match, ratio=ratio, command=LINE.get(), model=at.preset,
+            estimator=name, knob=tuned.knob, value=tuned.value, setting=tuned.setting,
+            match=tuned.match, ratio=ratio, command=LINE.get(), model=at.preset,
             identify=at.identify, period=at.period, noise=at.noise.speed,
         )  # fmt: skip
         tables.append(asdict(about))

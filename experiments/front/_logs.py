@@ -28,7 +28,7 @@ class LogResult:
 
     Attributes
     ----------
-    found : object
+    result : object
         All of it: an ``Imported``, ``Identification``, ``Many`` or ``Tracked``.
     page : LogPage
         Sentences and charts, as they are on the page.
@@ -44,7 +44,7 @@ class LogResult:
         The axis; its `save` writes the file that the commands read.
     """
 
-    found: Any
+    result: Any
     page: pages.LogPage
     content: dict[str, Any]
     table: pd.DataFrame
@@ -82,9 +82,9 @@ def _read(log: Log, options: Mapping[str, Any] | None) -> Imported:
     """Return the record of a log and its checks; print what spoils estimates."""
     if not isinstance(log, str | Path):
         return Imported(getattr(log, "record", log), ())  # type: ignore[arg-type]
-    found = import_any(Path(log), **(options or {}))
-    say_problems(Path(log), found.checks)
-    return found
+    result = import_any(Path(log), **(options or {}))
+    say_problems(Path(log), result.checks)
+    return result
 
 
 def _axis(model: Any) -> Any:
@@ -101,11 +101,13 @@ def import_log(path: str | Path, **columns: Any) -> LogResult:
         Columns (``torque="current"``), ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``,
         ``torque_is``; ``resample`` [Hz] and ``burn_in`` [s].
     """
-    found = _read(path, columns)
-    checks = [check.told() for check in found.checks]
+    result = _read(path, columns)
+    checks = [check.told() for check in result.checks]
     table = pd.DataFrame(checks).set_index("name")[["verdict", "value", "unit"]]
-    page = pages.import_page(found, Path(path).name)
-    return LogResult(found, page, {"checks": checks}, table, found.record.save, record=found.record)
+    page = pages.import_page(result, Path(path).name)
+    return LogResult(
+        result, page, {"checks": checks}, table, result.record.save, record=result.record
+    )
 
 
 def identify(
@@ -161,14 +163,14 @@ def identify(
             many.status,
         )  # fmt: skip
     record = _read(log, columns).record
-    found = fitted(record, axis, fix=tuple(fix), given=laws, **options)
-    other = None if validate is None else validated(_read(validate, columns).record, found.axis)
-    title = f"{found.axis.model.name} from {record.versions.get('log', 'a record')}"
-    page = pages.identification_page(found, record.period, other, title)
-    content = pages.content(found, other)
+    result = fitted(record, axis, fix=tuple(fix), given=laws, **options)
+    other = None if validate is None else validated(_read(validate, columns).record, result.axis)
+    title = f"{result.axis.model.name} from {record.versions.get('log', 'a record')}"
+    page = pages.identification_page(result, record.period, other, title)
+    content = pages.content(result, other)
     return LogResult(
-        found, page, content, pd.DataFrame(found.estimates, ["value", "sd"]).T, found.axis.save,
-        int(bool(content["warnings"])), record, found.axis,
+        result, page, content, pd.DataFrame(result.estimates, ["value", "sd"]).T, result.axis.save,
+        int(bool(content["warnings"])), record, result.axis,
     )  # fmt: skip
 
 
@@ -199,20 +201,20 @@ def track(
     known = _axis(axis)
     spec = parse(estimator or tracking.default_estimator(known))
     read = _read(log, columns)
-    found = tracking.track(read.record, known, spec, identify=parameters, start=start)
-    table = pd.DataFrame({"last": found.last, "nominal": found.nominal}, found.names)
+    result = tracking.track(read.record, known, spec, identify=parameters, start=start)
+    table = pd.DataFrame({"last": result.last, "nominal": result.nominal}, result.names)
     table["ratio"] = table["last"] / table["nominal"]
     page = pages.track_page(
-        found, spec.text, problems=texts_of(read.checks, "problem"),
+        result, spec.text, problems=texts_of(read.checks, "problem"),
         log=read.record.versions.get("log", "a record"),
     )  # fmt: skip
     content = table.to_dict() | {
-        "fit": found.fit,
-        "alarms": found.alarms.tolist(),
-        "changes": [vars(change) for change in found.changes],
-        "doubts": texts_of(found.findings, "problem"),
+        "fit": result.fit,
+        "alarms": result.alarms.tolist(),
+        "changes": [vars(change) for change in result.changes],
+        "doubts": texts_of(result.findings, "problem"),
     }
     return LogResult(
-        found, page, content, table, partial(found.save, estimator=spec.text), found.status,
+        result, page, content, table, partial(result.save, estimator=spec.text), result.status,
         read.record, known,
     )  # fmt: skip

@@ -50,7 +50,7 @@ def at_equal_noise(
         line = {t: f for f in TURNS if (t := turn(f)) and runs.able(scenario, t)}
         (match,) = runs.matches(
             scenario, base.setting, line, turn, FURTHER,
-            wanted=[(row["parameter"], noise)], whole=True,
+            pairs=[(row["parameter"], noise)], whole=True,
         ).values()  # fmt: skip
         if match is None or match.how != MATCHED:
             text = "the noise of {parameter} at {scenario} has no match"

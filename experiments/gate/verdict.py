@@ -166,12 +166,12 @@ def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str
 
 def losses(paired: Paired, *, alpha: float = ALPHA) -> list[Lost]:
     """Return a verdict for each way to lose a run; `alpha` as for `judge`."""
-    found = []
+    verdicts = []
     for way in LOST:
         base, candidate = paired.lost[[f"{way} base", f"{way} candidate"]].to_numpy(bool).T
         counts = [int(x.sum()) for x in (base, candidate, candidate & ~base, base & ~candidate)]
-        found.append(Lost(way, len(base), *counts, judge_lost(*counts[2:], way, alpha)))  # type: ignore[arg-type, call-arg]
-    return found
+        verdicts.append(Lost(way, len(base), *counts, judge_lost(*counts[2:], way, alpha)))  # type: ignore[arg-type, call-arg]
+    return verdicts
 
 
 def alarming(lost: Sequence[Lost]) -> bool:

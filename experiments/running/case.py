@@ -213,8 +213,8 @@ def follow(
             claimed = getattr(estimator, "covariance", None)
     theta = np.concatenate(thetas)
     innovations = None if shown[0] is None else np.concatenate(shown)
-    wanted = {"estimates": (theta, len(estimator.names)), "`innovations`": (innovations, 2)}
-    for what, (values, width) in wanted.items():
+    outputs = {"estimates": (theta, len(estimator.names)), "`innovations`": (innovations, 2)}
+    for what, (values, width) in outputs.items():
         if values is not None and values.shape != (samples, width):
             raise EstimatorError(
                 f"{text} returned {what} of the shape {values.shape} {where}; "

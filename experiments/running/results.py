@@ -126,10 +126,10 @@ class Results:
             If there is no such column or score.
         """
         names = list(by or ("scenario", "estimator", *self.axes))
-        wanted = ["failed", *(summary.POOLED if scores is None else scores)]
-        asked = [("column", names, self.frame.columns), ("score", wanted, summary.POOLED)]
-        for kind, given, known in asked:
-            for name in given:
+        chosen = ["failed", *(summary.POOLED if scores is None else scores)]
+        asked = [("column", names, self.frame.columns), ("score", chosen, summary.POOLED)]
+        for kind, requested, known in asked:
+            for name in requested:
                 if name not in known:
                     raise StudyError(unknown(kind, name, known))
         told, lines = [*names, "parameter", "changed"], list[dict[str, Any]]()
@@ -140,11 +140,11 @@ class Results:
                 key: _columns(self.frame.loc[part.index].assign(point=points))
                 for key, part in group.groupby(["parameter", "changed"], sort=False)
             }
-            shared = self._excess(columns, group.index[0]) if "excess" in wanted else {}
+            shared = self._excess(columns, group.index[0]) if "excess" in chosen else {}
             for key, own in columns.items():
                 line = dict(zip(told, map(_value, values + key), strict=True))
                 line |= {"runs": len(own["seed"]), "seeds": len({*own["seed"]})}
-                line |= summary.pool_columns(own, wanted) | summary.cost(own)
+                line |= summary.pool_columns(own, chosen) | summary.cost(own)
                 lines.append(line | shared)
         return lines
 

@@ -212,8 +212,8 @@ class Store:
             "AND json_extract(about, '$.setting') = ? ORDER BY seed"
         )
         with self._reported():
-            found = self._db.execute(query, (scenario_hash, setting)).fetchall()
-        return {seed: unpack(content) for seed, content in found}
+            rows = self._db.execute(query, (scenario_hash, setting)).fetchall()
+        return {seed: unpack(content) for seed, content in rows}
 
     @contextmanager
     def _reported(self) -> Iterator[None]:

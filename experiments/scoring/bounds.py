@@ -190,19 +190,19 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
     """Return the limits of each estimated parameter, none of them where `bounded` has none."""
     spans = bounded(scenario, names)
     unknown = tracked(scenario, names)
-    found = []
+    per_parameter = []
     for i, name in enumerate(names):
         if name not in spans:
-            found.append(Limits())
+            per_parameter.append(Limits())
             continue
         window = spans[name]
         allowed = jump_bound(scenario, unknown, window.start, window.stop, torque)
         deviation, single = allowed.unknown[:, i], allowed.single[:, i]
         null = _lag_null(scenario, names, i, window)
         if not np.isfinite([deviation, single]).all():
-            found.append(Limits(lag_null=null))
+            per_parameter.append(Limits(lag_null=null))
             continue
-        found.append(
+        per_parameter.append(
             Limits(
                 lag_null=null,
                 lag_bound=lag_bound(deviation, window.D, period=scenario.period),
@@ -210,7 +210,7 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
                 bound={str(n): float(deviation[n] / window.D) for n in RMSE_AT if n < len(single)},
             )
         )
-    return found
+    return per_parameter
 
 
 def record_limits(scenario: Scenario, torque: Array) -> list[Limits]:
@@ -238,12 +238,12 @@ def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
         return {}
     onsets = {event.parameter: event.index for event in scenario.events()}
     spans = windows(scenario, names)
-    found = {}
+    bounded_windows = {}
     for name in names:
-        mine = [w for w in spans if w.parameter == physical(name)[0]]
-        if len(mine) == 1 and onsets[mine[0].parameter] == mine[0].start < mine[0].stop:
-            found[name] = mine[0]
-    return found
+        own = [w for w in spans if w.parameter == physical(name)[0]]
+        if len(own) == 1 and onsets[own[0].parameter] == own[0].start < own[0].stop:
+            bounded_windows[name] = own[0]
+    return bounded_windows
 
 
 def _lag_null(scenario: Scenario, names: Sequence[str], i: int, window: Window) -> float | None:
@@ -275,8 +275,8 @@ def limits_of(track: Track, i: int) -> Limits:
     if track.torque is None or track.names[i] not in asked:
         return Limits()
     torque = track.torque
-    found = track.once("limits", lambda: record_limits(track.scenario, torque))
-    return found[asked.index(track.names[i])]
+    all_limits = track.once("limits", lambda: record_limits(track.scenario, torque))
+    return all_limits[asked.index(track.names[i])]
 
 
 def score_of(track: Track, i: int) -> float | None:

@@ -61,12 +61,12 @@ def whiteness(innovations: Array, lags: int) -> float | None:
         None where nothing is claimed, or there are no two values at one of the distances.
     """
     z = normalised(innovations)
-    there = ~np.isnan(z)
-    z, n = np.where(there, z, 0.0), int(there.sum())
+    defined = ~np.isnan(z)
+    z, n = np.where(defined, z, 0.0), int(defined.sum())
     square = float(np.sum(z**2))
     if n < 2 or not np.isfinite(square) or square == 0:
         return None
-    pairs = np.array([np.sum(there[lag:] & there[:-lag]) for lag in range(1, lags + 1)])
+    pairs = np.array([np.sum(defined[lag:] & defined[:-lag]) for lag in range(1, lags + 1)])
     products = np.array([z[lag:] @ z[:-lag] for lag in range(1, lags + 1)])
     if not pairs.all():
         return None
@@ -109,15 +109,19 @@ def nees(error: Array, covariance: Any) -> float | None:
 def nis_of(track: Track, i: int) -> float | None:
     """Return the mean of ε²/S in the time in which std is taken."""
     del i
-    mine = _quiet(track)
-    return None if mine is None else track.once("nis", lambda: nis(mine))
+    innovations = _quiet(track)
+    return None if innovations is None else track.once("nis", lambda: nis(innovations))
 
 
 def whiteness_of(track: Track, i: int) -> float | None:
     """Return the colour of the innovations in the time in which std is taken."""
     del i
-    mine, lags = _quiet(track), round(MEMORY / track.scenario.period)
-    return None if mine is None else track.once("whiteness", lambda: whiteness(mine, lags))
+    innovations, lags = _quiet(track), round(MEMORY / track.scenario.period)
+    return (
+        None
+        if innovations is None
+        else track.once("whiteness", lambda: whiteness(innovations, lags))
+    )
 
 
 def _quiet(track: Track) -> Array | None:

@@ -28,8 +28,8 @@ def true_theta(
 
     `columns` are the names of these: those of the paper's axis, unless said.
     """
-    wanted = [physical(name) for name in names]
-    return np.stack([parameters[..., columns.index(p)] ** float(e) for p, e in wanted], axis=-1)
+    powers = [physical(name) for name in names]
+    return np.stack([parameters[..., columns.index(p)] ** float(e) for p, e in powers], axis=-1)
 
 
 def nominal_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:

@@ -128,8 +128,8 @@ def parts(names: Iterable[str], statistic: Callable[[Array], float]) -> Pool:
 
     def pooled(columns: Columns, name: str) -> Pooled:
         each = {part: values(columns, f"{name}.{part}") for part in names}
-        found = {part: finite(float(statistic(x))) for part, x in each.items() if x.size}
-        return {name: found or None}
+        statistics = {part: finite(float(statistic(x))) for part, x in each.items() if x.size}
+        return {name: statistics or None}
 
     return pooled
 

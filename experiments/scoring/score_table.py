@@ -335,7 +335,7 @@ MARGINS = {score.name: score.margin for score in SCORES.values() if score.margin
 def rows(track: Track) -> list[dict[str, Any]]:
     """Return the scores of a case, a row a parameter, as they are kept."""
     return [
-        {"parameter": name, "changed": bool(track.mine(i))}
+        {"parameter": name, "changed": bool(track.windows_of(i))}
         | {score.name: score.of(track, i) for score in SCORES.values()}
         for i, name in enumerate(track.names)
     ]
@@ -348,11 +348,11 @@ def undefined() -> dict[str, Any]:
 
 def columns() -> dict[str, Kind]:
     """Return the columns of the scores in a table, by name; a part has its table's before a dot."""
-    found: dict[str, Kind] = {}
+    kinds: dict[str, Kind] = {}
     for score in SCORES.values():
         names = [f"{score.name}.{part}" for part in score.parts] or [score.name]
-        found |= dict.fromkeys(names, score.kind)
-    return found
+        kinds |= dict.fromkeys(names, score.kind)
+    return kinds
 
 
 def units() -> dict[str, str]:

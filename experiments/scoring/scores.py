@@ -183,7 +183,7 @@ class Track:
 
     def lost_by_end(self, i: int) -> bool:
         """Return whether the run was lost before the last window of a parameter had ended."""
-        last = max((window.stop for window in self.mine(i)), default=0)
+        last = max((window.stop for window in self.windows_of(i)), default=0)
         return self.lost is not None and self.lost < last
 
     def once(self, name: str, made: Callable[[], Any]) -> Any:
@@ -192,7 +192,7 @@ class Track:
             self.memo[name] = made()
         return self.memo[name]
 
-    def mine(self, i: int) -> list[Window]:
+    def windows_of(self, i: int) -> list[Window]:
         """Return the windows of one estimated parameter."""
         return [w for w in self.windows if w.parameter == physical(self.names[i])[0]]
 
@@ -200,7 +200,7 @@ class Track:
         """Return θ̃/D in each window of one estimated parameter."""
         return self.once(
             f"relative {i}",
-            lambda: [self.error[w.start : w.stop, i] / w.D for w in self.mine(i)],
+            lambda: [self.error[w.start : w.stop, i] / w.D for w in self.windows_of(i)],
         )
 
     def ends(self, i: int) -> Array:
@@ -208,7 +208,7 @@ class Track:
         length = round(AFTER / self.scenario.period)
         parts = [
             self.percent[w.stop - length : w.stop, i]
-            for w in self.mine(i)
+            for w in self.windows_of(i)
             if w.stop - w.start > length
         ]
         return np.concatenate(parts) if parts else np.empty(0)
@@ -299,7 +299,7 @@ def bias_after_of(track: Track, i: int) -> float | None:
 def cross_talk_of(track: Track, i: int) -> float | None:
     """Return the rms of θ̃ in the windows of others [% of nominal], where it did not change."""
     spans = [track.percent[w.start : w.stop, i] for w in track.windows]
-    return finite(rms(np.concatenate(spans))) if spans and not track.mine(i) else None
+    return finite(rms(np.concatenate(spans))) if spans and not track.windows_of(i) else None
 
 
 def lost_at_of(track: Track, i: int) -> float | None:

@@ -151,13 +151,13 @@ def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -
     names : iterable of str, optional
         Scores to pool, all by default.
     """
-    found: dict[str, Any] = {}
+    pooled: dict[str, Any] = {}
     with np.errstate(over="ignore", invalid="ignore"):
         for name in POOLED if names is None else names:
             pool = SCORES[name].pool
             if pool is not None and name != "excess":
-                found |= pool(columns, name)
-    return found
+                pooled |= pool(columns, name)
+    return pooled
 
 
 def cost(columns: pooling.Columns) -> dict[str, Any]:

@@ -37,11 +37,11 @@ def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T
             return function(known.content, *more, **named)
 
         @wraps(function)
-        def given(scenario: Scenario, *more: P.args, **named: P.kwargs) -> T:
+        def cached(scenario: Scenario, *more: P.args, **named: P.kwargs) -> T:
             return kept(Known(getattr(scenario, by), scenario), *more, **named)  # type: ignore[arg-type]
 
-        given.cache_clear = kept.cache_clear  # type: ignore[attr-defined]
-        return given
+        cached.cache_clear = kept.cache_clear  # type: ignore[attr-defined]
+        return cached
 
     return of
 
@@ -79,16 +79,16 @@ def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
 @remembered()
 def _windows(scenario: Scenario, names: tuple[str, ...]) -> list[Window]:
     starts = [(_clock(scenario, event), event) for event in scenario.events()]
-    found = []
+    spans = []
     for start, name in dict.fromkeys((start, event.parameter) for start, event in starts):
-        mine = [e for s, e in starts if (s, e.parameter) == (start, name)]
-        size = _size(mine[0].before, mine[-1].after, name, names)
+        own = [e for s, e in starts if (s, e.parameter) == (start, name)]
+        size = _size(own[0].before, own[-1].after, name, names)
         # Several parameters that change in the same sample are one event in time.
         later = [other for other, _ in starts if other > start]
         stop = min(start + round(WINDOW / scenario.period), *later, scenario.samples)
         if size != 0 and stop > start:
-            found.append(Window(name, start, stop, size))
-    return found
+            spans.append(Window(name, start, stop, size))
+    return spans
 
 
 def _clock(scenario: Scenario, event: Event) -> int:
@@ -126,10 +126,10 @@ def quiet(scenario: Scenario) -> NDArray[np.intp]:
     if not events:
         half = scenario.samples // 2
         length = min(round(QUIET_WITHOUT_FAULT / scenario.period), half)
-        found = np.arange(scenario.samples - length, scenario.samples)
+        samples = np.arange(scenario.samples - length, scenario.samples)
     else:
         burnt = round(scenario.burn_in / scenario.period)
         usable = np.flatnonzero(scenario.excited()[: events[0].index])
-        found = usable[usable >= burnt][-round(QUIET / scenario.period) :]
-    found.flags.writeable = False  # all that ask share it
-    return found
+        samples = usable[usable >= burnt][-round(QUIET / scenario.period) :]
+    samples.flags.writeable = False  # all that ask share it
+    return samples

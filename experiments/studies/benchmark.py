@@ -160,18 +160,18 @@ def _describe(text: str) -> str:
 
 def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
     """Return the points of the trade-off figure, and the lags at equal noise."""
-    wanted, seeds = results.study["tradeoff"], results.study["seeds"]
-    if not wanted["scenarios"]:
+    plan, seeds = results.study["tradeoff"], results.study["seeds"]
+    if not plan["scenarios"]:
         return None
-    scenarios = [scenario_from(s, source="sweep") for s in wanted["scenarios"]]
-    able = sweep.able(scenarios, wanted["estimators"], seeds, runner.rows)
+    scenarios = [scenario_from(s, source="sweep") for s in plan["scenarios"]]
+    able = sweep.able(scenarios, plan["estimators"], seeds, runner.rows)
     result = sweep.sweep(scenarios, able, seeds, runner.rows)
     matched = faults_of(result.matched)
     if not matched.empty:  # once more, with what the report draws of the nearest settings
         own = matched[matched["fault"] == widest(matched)]
         drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
         runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
-    left_out = [name for name in wanted["estimators"] if name not in able]
+    left_out = [name for name in plan["estimators"] if name not in able]
     return asdict(result) | {
         "left_out": left_out,
         "overall": overall(result.at_excess),

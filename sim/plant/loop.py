@@ -159,14 +159,14 @@ class _Drive:
         self.feed: Callable[[Array], Array] | None = None
         self.plant = plant_of(scenario, runs, self._ticks)
 
-    def advance(self, wanted: Array, wanted_next: Array, angle: Array) -> Array:
+    def advance(self, target: Array, next_target: Array, angle: Array) -> Array:
         """Run one sample from the angle (R,) seen at its start, and return the torque logged."""
         commands = []
         for tick in range(self._ticks):
             if tick % self._every == 0:
                 part = tick / self._ticks
                 seen = self.plant.angle_m.copy() if tick else angle
-                goal = wanted + part * (wanted_next - wanted) if tick else wanted
+                goal = target + part * (next_target - target) if tick else target
                 asked = self._controller.torque(goal, seen)
                 commands.append(self.feed(asked) if self.feed else asked)
             self._on_the_way.append(commands[-1])

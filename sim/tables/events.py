@@ -80,11 +80,11 @@ def find_events(
             settled.setdefault((first, meant(fault.parameter)), {})[number] = last
     events = []
     for (first, name), ends in settled.items():
-        mine = [(i, c) for i, c in enumerate(changes) if meant(c.parameter) == name]
+        own = [(i, c) for i, c in enumerate(changes) if meant(c.parameter) == name]
         before, after = (
             math.prod(
                 (float(c.factor_at(Grid(np.array([last.get(i, first - 1)]), grid.period))[0])
-                 for i, c in mine),
+                 for i, c in own),
                 start=nominal[name],
             )
             for last in ({}, ends)

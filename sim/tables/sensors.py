@@ -100,9 +100,9 @@ class NoiseConfig(Config):
 
     def in_words(self) -> str:
         """Return how much noise there is."""
-        found = [(self.speed, "rad/s on the speed"), (self.angle, "rad on the angle"),
+        deviations = [(self.speed, "rad/s on the speed"), (self.angle, "rad on the angle"),
                  (self.torque, "N m on the torque that acts")]  # fmt: skip
-        return "; ".join(f"noise of {value:g} {words}" for value, words in found if value)
+        return "; ".join(f"noise of {value:g} {words}" for value, words in deviations if value)
 
 
 class EncoderConfig(Config):
