@@ -144,7 +144,7 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
     for i, name in enumerate(scenario.identify):
         if text := _law_problem(name, scenario):
             yield f"identify[{i}]", text
-    yield from _told_problems(scenario)
+    yield from _known_problems(scenario)
     if scenario.controller.rate and scenario.feedback == "measured":
         yield "controller.rate", 'an inner loop sees the clean angle: it needs feedback = "clean"'
     for table in ("fault", "nuisance"):
@@ -238,12 +238,12 @@ def _law_problem(name: str, scenario: Scenario) -> str | None:
     return None
 
 
-def _told_problems(scenario: Scenario) -> Iterator[Problem]:
+def _known_problems(scenario: Scenario) -> Iterator[Problem]:
     names = parameter_names(scenario.model)
-    known = (*names, *LAW_NAMES, *DATA_SHEET)
+    known = (*names, *LAW_NAMES, *DATA_SHEET, "spread")
     estimated = {name.removeprefix("1/") for name in scenario.identify}
-    for name in scenario.told or ():
-        key = f"told.{name}"
+    for name in scenario.known or ():
+        key = f"known.{name}"
         if name not in known:
             yield key, unknown("parameter", name, known)
         elif name in names and name in estimated:

@@ -18,7 +18,7 @@ PLANT, CONTENT = "plant", "content"
 
 _WORDS = frozenset({"name", "card", "group", "difficulty", "preset"})
 # The axis does not know what is estimated of it, from where, and what is scored.
-_NOT_SEEN = _WORDS | {"identify", "start", "told", "output", "burn_in", "streams"}
+_NOT_SEEN = _WORDS | {"identify", "start", "known", "output", "burn_in", "streams"}
 
 
 def _a_key(streams: str) -> str:
@@ -57,7 +57,7 @@ def stream_key(resolved: Mapping[str, Any]) -> str:
 def record_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 (64 hex digits) of all that the signals of a record depend on but seeds.
 
-    Scenarios that differ in nothing but what estimators are told or asked share it, where they
+    Scenarios that differ in nothing but what estimators know or are asked share it, where they
     share the key of the random streams.
     """
     return _digest(_seen(resolved) | {"key": stream_key(resolved)})

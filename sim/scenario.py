@@ -73,8 +73,9 @@ class Scenario(Config):
         Parameters to estimate, inverses such as ``"1/J_a"`` included.
     start : float
         Where the estimates of these start, over nominal.
-    told : dict of str to float, optional
-        What estimators are told of others, over the truth, and of the `DATA_SHEET`, as it is.
+    known : dict of str to float, optional
+        What estimators know of others, over the truth, and of the `DATA_SHEET`, as it is; by its
+        `spread` the values of all that is not estimated are wrong, drawn by seed (`drawn`).
     output : {"speed", "increment"}
         What the estimators read.
     burn_in : float
@@ -106,7 +107,7 @@ class Scenario(Config):
     parameters: Values = Field(default_factory=Frozen)
     identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
     start: Annotated[float, Field(ge=0.01, le=100)] = 1.0
-    told: Annotated[dict[str, Positive], Field(min_length=1), AfterValidator(Frozen)] | None = None
+    known: Annotated[dict[str, Positive], Field(min_length=1), AfterValidator(Frozen)] | None = None
     output: Literal["speed", "increment"] = "speed"
     burn_in: NotNegative = 5.0
     streams: identity.Streams = identity.PLANT
@@ -139,7 +140,7 @@ class Scenario(Config):
 
     def drawn(self, seed: int) -> Scenario:
         """Return the scenario as it is in the run of a seed, by `sim.tables.events.drawn`."""
-        return self if self.onset_spread is None else drawn(self, seed)
+        return drawn(self, seed) if self.onset_spread or self.spread else self
 
     @property
     def samples(self) -> int:
@@ -184,18 +185,25 @@ class Scenario(Config):
 
     @property
     def linear(self) -> bool:
-        """Whether the linear model, with what estimators are told, describes the records."""
-        return not self.told_factors and all(table.exact for table in self.tables.values())
+        """Whether the linear model, with what estimators know, describes the records."""
+        exact = all(table.exact for table in self.tables.values())
+        return exact and not (self.known_factors or self.spread)
 
     @property
-    def told_factors(self) -> dict[str, float]:
-        """What estimators are told of parameters, over the truth, where that is another."""
-        return {name: x for name, x in (self.told or {}).items() if name not in DATA_SHEET}
+    def spread(self) -> float:
+        """Standard deviation of the logarithm of the factors that are drawn."""
+        return (self.known or {}).get("spread", 0.0)
+
+    @property
+    def known_factors(self) -> dict[str, float]:
+        """Values of parameters that estimators know, over the truth, where they are wrong."""
+        besides = (*DATA_SHEET, "spread")
+        return {name: x for name, x in (self.known or {}).items() if name not in besides}
 
     @property
     def data_sheet(self) -> dict[str, float]:
-        """What estimators are told of the axis besides parameters."""
-        return {name: x for name, x in (self.told or {}).items() if name in DATA_SHEET}
+        """What estimators know of the axis besides parameters."""
+        return {name: x for name, x in (self.known or {}).items() if name in DATA_SHEET}
 
     @cached_property
     def laws(self) -> dict[str, float]:

@@ -52,7 +52,8 @@ def _parts(scenario: Scenario) -> dict[str, list[str]]:
     sensors = [words for table in tables if table.exact and (words := table.in_words())]
     sensors += ["controller sees what is measured"] * (s.feedback == "measured")
     unmodelled = [table.in_words() for table in tables if not table.exact]
-    unmodelled += [f"told {name} × {factor:g}" for name, factor in s.told_factors.items()]
+    unmodelled += [f"known {name} × {factor:g}" for name, factor in s.known_factors.items()]
+    unmodelled += [f"known values {100 * s.spread:g} % off"] * (s.spread > 0)
     axis = s.preset if s.model == "three_mass" else s.model
     return {
         "axis": [axis + (f", start {s.start:g}" if s.start != 1 else "")],
@@ -60,7 +61,7 @@ def _parts(scenario: Scenario) -> dict[str, list[str]]:
         "sampled": [f"every {1000 * s.period:g} ms"],
         "sensors": sensors,
         "unmodelled": unmodelled,
-        "data sheet": [f"told {name} = {value:g}" for name, value in s.data_sheet.items()],
+        "data sheet": [f"known {name} = {value:g}" for name, value in s.data_sheet.items()],
         "excitation": [s.excitation.in_words()],
     }
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 HOME = Path(str(files("flexaxis.experiments.catalogue")))
 HASHES = "hashes.toml"
+STREAMS = "streams.toml"
 DRAWN = "-v2"
 """Ends the name of a scenario that is its -v1 with an onset that is drawn for each seed."""
 SPREAD = 3.0  # s, `onset_spread` of every -v2
@@ -35,6 +36,7 @@ GROUPS = {
     "sensors": "sensors, and delays between the axis and its log",
     "mismatch": "effects that the linear model does not describe",
     "nuisance": "changes that are no faults",
+    "known": "faults on axes whose other parameters are known with errors",
     "drives": "commercial drives, with friction and faults of their own",
     "control": "estimates drive the controller",
     "chains": "axes of other masses than the paper's",
@@ -145,8 +147,10 @@ def find_scenario(name: str) -> Scenario:
     if name.endswith(DRAWN) and name in hashes():
         first = find_scenario(name.removesuffix(DRAWN) + "-v1")
         end = max(fault.at for fault in first.fault) + SPREAD + SCORED
-        changes = {"onset_spread": SPREAD, "duration": max(first.duration, end)}
-        return _frozen(first.override(changes | {"name": name}), name)
+        changes = {"onset_spread": SPREAD, "duration": max(first.duration, end), "name": name}
+        if name in (streams := _tables(STREAMS)):
+            changes["streams"] = streams[name]
+        return _frozen(first.override(changes), name)
     if Path(name).is_file():
         return load_scenario(Path(name))
     raise ScenarioError(_unknown(name))
@@ -271,7 +275,7 @@ def faults(find: str = "") -> list[Line]:
     lines = scenarios()
     result = []
     for fault, parameter in FAULTS.items():
-        names = [line["name"].removesuffix("-v1") for line in lines
-                 if line["faults"] == parameter and line["group"] != "control"]  # fmt: skip
+        names = [line["name"].removesuffix("-v1") for line in lines if line["faults"] == parameter
+                 and line["group"] not in ("control", "known")]  # fmt: skip
         result.append({"fault": fault, "parameter": parameter, "scenarios": ", ".join(names)})
     return _with(find, result)

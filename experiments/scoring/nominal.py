@@ -49,6 +49,7 @@ def nominal_torque(scenario: Scenario) -> Array:
             "onset_spread": None,
             "duration": 40.0,
             "start": 1.0,
+            "known": None,
             "noise": {},
             "streams": "content",  # of its own: the same for all points of a sweep over faults
         }
@@ -67,7 +68,7 @@ def design_torque(scenario: Scenario) -> Array:
     """
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}
-    linear |= {"fault": [], "nuisance": None, "onset_spread": None, "told": None, "substeps": None}
+    linear |= {"fault": [], "nuisance": None, "onset_spread": None, "known": None, "substeps": None}
     inertias = [name for name in scenario.nominal if name[0] == "J"]
     usual = ["k_T", f"1/{inertias[-1]}", "f_m"]  # by which its random numbers are keyed, too
     linear |= {"identify": usual, "output": "speed", "burn_in": 5.0}

@@ -48,14 +48,14 @@ def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def started_nominal(scenario: Scenario) -> dict[str, float]:
-    """Return the nominal values that an estimator is told.
+    """Return the nominal values that an estimator knows.
 
-    Those to be identified are off by `start`, and the others by `told`; what stands in the data
+    Those to be identified are off by `start`, and the others by `known`; what stands in the data
     sheet is there as well. Nobody is told which laws act: a parameter of a law is there only where
-    `told` names it.
+    `known` names it.
     """
     values = scenario.nominal.as_dict()
-    for parameter, factor in scenario.told_factors.items():
+    for parameter, factor in scenario.known_factors.items():
         values[parameter] = factor * values.get(parameter, scenario.laws.get(parameter, np.nan))
     for name in scenario.identify:
         parameter, exponent = physical(name)

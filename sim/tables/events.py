@@ -1,4 +1,4 @@
-"""What changes in a run: values over time, the events among them, and onsets drawn by seed."""
+"""What changes in a run: values over time, the events among them, and what is drawn by seed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.sim.parameters import PARAMETER_UNITS, meant
+from flexaxis.sim.parameters import DATA_SHEET, PARAMETER_UNITS, meant
 from flexaxis.sim.streams import stream
 from flexaxis.sim.tables.faults import Fault, changeable
 from flexaxis.sim.timing import Grid, sample_index
@@ -96,14 +96,32 @@ def find_events(
 
 
 def drawn(scenario: Scenario, seed: int) -> Scenario:
-    """Return a scenario as it is in the run of a seed: its faults where they come.
+    """Return a scenario as it is in the run of a seed: its faults where they come, errors drawn.
 
     It has the name, and the random numbers, of the scenario, and a hash of its own.
     """
-    known: dict[int, Scenario] = scenario.__dict__.setdefault("_drawn", {})
-    if seed not in known:
-        known[seed] = scenario.override(_moved(scenario, seed))
-    return known[seed]
+    runs: dict[int, Scenario] = scenario.__dict__.setdefault("_drawn", {})
+    if seed not in runs:
+        changes: dict[str, Any] = {"streams": scenario.key, "name": scenario.name}
+        changes |= _moved(scenario, seed) if scenario.onset_spread else {}
+        changes |= {"known": _known(scenario, seed)} if scenario.spread else {}
+        runs[seed] = scenario.override(changes)
+    return runs[seed]
+
+
+def _known(scenario: Scenario, seed: int) -> dict[str, float]:
+    """Return the key `known` of a scenario in the run of a seed, without its `spread`.
+
+    Each value has a factor of its own, exp(spread z) with a standard normal z: all parameters but
+    those that are identified, and the gear ratio, which is counted and not measured. Nothing of the
+    plant moves, and no factor depends on what else is drawn.
+    """
+    exact = {"r", *DATA_SHEET, *(name.removeprefix("1/") for name in scenario.identify)}
+    known = dict.fromkeys(sorted(scenario.nominal.keys() - exact), 1.0) | scenario.known_factors
+    for name in known.keys() - exact:
+        z = stream(scenario.key, seed, f"known.{name}").standard_normal()
+        known[name] *= math.exp(scenario.spread * z)
+    return known | scenario.data_sheet
 
 
 def first_onset(scenario: Scenario) -> int:
@@ -137,7 +155,7 @@ def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
     def later(time: float) -> float:
         return (sample_index(time, period) + by) / sample_index(1.0, period)
 
-    changes: dict[str, Any] = {"onset_spread": None, "streams": scenario.key, "name": scenario.name}
+    changes: dict[str, Any] = {"onset_spread": None}
     for i, fault in enumerate(scenario.fault):
         for key in ("at", "until"):
             if (time := getattr(fault, key, None)) is not None:

@@ -46,7 +46,9 @@ def test_what_lies_between_changes_and_pauses_stays(name):
     scenario, first = find_scenario(name), find_scenario(name.replace("-v2", "-v1"))
     moved = {key: value for key, value in scenario.resolved().items()
              if value != first.resolved().get(key)}  # fmt: skip
-    assert {"name", "onset_spread"} <= moved.keys() <= {"name", "onset_spread", "duration"}
+    assert (
+        {"name", "onset_spread"} <= moved.keys() <= {"name", "onset_spread", "duration", "streams"}
+    )
     for seed in range(5):
         run = scenario.drawn(seed)
         (by,) = {

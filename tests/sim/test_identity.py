@@ -16,7 +16,7 @@ OLD = 'streams = "content"' + SHORT
 TOLD = {
     "start": 1.2,
     "identify": ["k_T", "f_m"],
-    "told": {"k_g": 1.1},
+    "known": {"k_g": 1.1},
     "output": "increment",
     "burn_in": 0.5,
     "card": "other words",

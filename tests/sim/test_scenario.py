@@ -199,7 +199,7 @@ def test_a_nuisance_moves_the_truth_and_is_no_event():
 
 @pytest.mark.parametrize(
     "text",
-    ["friction.coulomb = 0.1", "backlash.gear = 1e-5", "stiffening.gear = 1e4", "told.k_g = 1.1",
+    ["friction.coulomb = 0.1", "backlash.gear = 1e-5", "stiffening.gear = 1e4", "known.k_g = 1.1",
      "saturation.torque = 1.0", "cogging = { amplitude = 0.1, poles = 6 }", "filter.speed = 0.001",
      "delay.torque = 0.001", "delay.measurement = 1", "controller.rate = 1000"],
 )  # fmt: skip

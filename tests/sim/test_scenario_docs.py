@@ -33,7 +33,7 @@ def leaves(table: type[BaseModel], prefix: str = ""):
         ]
         if isinstance(field.default, BaseModel) and name != "excitation":
             yield from leaves(type(field.default), f"{prefix}{name}.")
-        elif name in ("told", "nuisance"):
+        elif name in ("known", "nuisance"):
             continue  # keys of any name, and the tables of a fault
         elif field.default is None and optional and issubclass(optional[0], BaseModel):
             yield from leaves(optional[0], f"{prefix}{name}.")
@@ -70,8 +70,8 @@ def test_every_key_of_every_kind_is_explained():
 
 
 def test_no_key_is_explained_that_does_not_exist():
-    known = {key for key, _ in leaves(Scenario)} | {"parameters.X", "told.X"} | set(LAW_NAMES)
-    known |= {f"told.{name}" for name in DATA_SHEET}
+    known = {key for key, _ in leaves(Scenario)} | {"parameters.X"} | set(LAW_NAMES)
+    known |= {f"known.{name}" for name in ("X", "spread", *DATA_SHEET)}
     for table in (*kinds(Fault).values(), *kinds(Excitation).values()):
         known |= set(table.model_fields)
     before_records = PAGE[: PAGE.index("## Records")]

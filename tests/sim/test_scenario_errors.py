@@ -106,8 +106,8 @@ CASES = [
     ("controller.log = 'mean'", "controller.log: is for an inner loop: it needs", ""),
     ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner loop sees the "
      "clean angle", ""),
-    ("told.J_a = 1.1", "told.J_a: J_a is estimated: where that starts is `start`", ""),
-    ("told.Jg = 1.1", "told.Jg: unknown parameter 'Jg'; ", " Did you mean 'J_g'?"),
+    ("known.J_a = 1.1", "known.J_a: J_a is estimated: where that starts is `start`", ""),
+    ("known.Jg = 1.1", "known.Jg: unknown parameter 'Jg'; ", " Did you mean 'J_g'?"),
     (FAULT.replace("fault", "nuisance").replace("10.0", "20.0"),
      "nuisance[0].at: the onset at 20 s is not before the end of the run at 20 s", ""),
     (FAULT.replace("f_m", "coulomb"), "fault[0].parameter: the plant has no f_c: give it the table "

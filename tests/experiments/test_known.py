@@ -5,6 +5,7 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.catalogue.card import in_a_line
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.estimators import Spec, build, parse
 from flexaxis.experiments.scoring.excess import information
@@ -18,11 +19,12 @@ from flexaxis.experiments.scoring.score_table import rows
 from flexaxis.experiments.scoring.scores import Track
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import parse_scenario
+from flexaxis.sim.simulate import simulate
 
 LINEAR = ("k_T", "1/J_a", "f_m")
 DRY = "friction.coulomb = 0.1\n"
 ASKED = DRY + 'identify = ["k_T", "1/J_a", "f_m", "f_c"]\n'
-SHEET = "told = { poles = 24, torque_limit = 1.75, noise = 0.2, k_g = 1.1 }\n"
+SHEET = "known = { poles = 24, torque_limit = 1.75, noise = 0.2, k_g = 1.1 }\n"
 FAULT = '[[fault]]\nkind = "step"\nparameter = "f_c"\nat = 2.0\nfactor = 1.5\n'
 
 
@@ -63,10 +65,29 @@ def test_the_data_sheet_reaches_everybody_as_it_is():
     assert nominal.keys() == set(PARAMETER_NAMES) and nominal["k_g"] == pytest.approx(1.166e5)
 
 
+def test_known_values_are_wrong_by_draws_of_their_own_and_the_plant_stays_where_it_is():
+    exact, wrong = made(DRY), made(DRY + "known = { spread = 0.05, f_c = 1.2, poles = 24 }\n")
+    draws = [started_nominal(wrong.drawn(seed)) for seed in range(200)]
+    sizes = {name: np.log([draw[name] for draw in draws]) for name in draws[0]}
+    assert wrong.drawn(3) is wrong.drawn(3)
+    true = exact.nominal | {"f_c": 0.12, "poles": 24}
+    for name in ("k_T", "J_a", "f_m", "r", "poles"):  # identified, or counted
+        assert sizes.pop(name) == pytest.approx(np.log(true[name]))
+    z = np.array([sizes[name] - np.log(true[name]) for name in true.keys() & sizes.keys()]) / 0.05
+    # four standard deviations of the mean, the standard deviation and the correlation of 200 draws
+    assert len(z) == 9 and abs(z.mean(axis=1)).max() < 4 / np.sqrt(200)
+    assert abs(z.std(axis=1) - 1).max() < 4 / np.sqrt(400)
+    assert abs(np.corrcoef(z) - np.eye(9)).max() < 4 / np.sqrt(200)
+    other = wrong.override({"identify": ["k_g"]}, inherit=True).drawn(7)
+    assert started_nominal(other)["d_g"] == draws[7]["d_g"]
+    assert simulate(exact, [5])[0].speed.tobytes() == simulate(wrong, [5])[0].speed.tobytes()
+    assert not wrong.linear and in_a_line(wrong).endswith("known values 5 % off; known poles = 24")
+
+
 def test_who_is_not_told_has_no_entry_and_nobody_is_told_a_law():
     for text in ("", ASKED):
         assert started_nominal(made(text)).keys() == set(PARAMETER_NAMES)
-    told = started_nominal(made(DRY + "told.f_c = 1.2\n"))
+    told = started_nominal(made(DRY + "known.f_c = 1.2\n"))
     assert told["f_c"] == pytest.approx(0.12) and len(told) == 13
 
 
@@ -109,7 +130,7 @@ def test_nothing_of_the_laws_shows_in_the_torque_that_estimators_are_offered():
     other = one.override({"friction.coulomb": 0.2})
     np.testing.assert_array_equal(design_torque(one), design_torque(other))
     real = find_scenario("real_lugre_fm_step-v1")
-    linear = find_scenario("fm_step-v1").override({"told": {"k_g": 1.1, "J_m": 0.95, "k_a": 0.95}})
+    linear = find_scenario("fm_step-v1").override({"known": {"k_g": 1.1, "J_m": 0.95, "k_a": 0.95}})
     np.testing.assert_array_equal(design_torque(real), design_torque(linear))
     assert not np.array_equal(design_torque(real), design_torque(one))  # what is told does show
     offered = {}
