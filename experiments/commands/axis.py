@@ -8,18 +8,17 @@ from flexaxis.experiments.commands.options import Args, answer, command
 from flexaxis.experiments.files import check_file, check_not_input
 from flexaxis.experiments.logs.findings import waiting
 from flexaxis.experiments.logs.options import READING, assignments, tables_of
+from flexaxis.sim.errors import FlexaxisError
 
 
 def _target(args: Args, default: str, *inputs: Any) -> Path:
-    """Return the path to write; refuse one that is an input or was not written by flexaxis."""
-    from flexaxis.experiments.logs.files import require_suffix, spare_foreign
-
+    """Return the path to write; refuse one that is an input, or has another ending."""
     if not args.log.is_dir():
         check_file(args.log)
     path = args.output or args.log.with_name(args.log.stem + default)
     check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))
-    require_suffix(path, f".{default.rpartition('.')[2]}", "the result")
-    spare_foreign(path, path.with_suffix(".html"))
+    if path.suffix != Path(default).suffix:
+        raise FlexaxisError(f"-o {path}: give a name that ends in {Path(default).suffix}")
     return path
 
 
@@ -43,10 +42,10 @@ def import_(args: Args) -> int:
       flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
       flexaxis import bench.mat --map bench.toml -o rec.nc
     """
-    from flexaxis.experiments.logs.files import record_beside
+    from flexaxis.experiments.logs.importing import record_beside
 
     args.output = args.output or record_beside(args.log)
-    path = _target(args, ".nc")
+    path = _target(args, "x.nc")
     result = fx.import_log(args.log, **tables_of(args))
     return _saved(args, result, path)
 

@@ -150,7 +150,6 @@ def simulate(args: Args) -> int:
       flexaxis simulate moves_fm_step --as-log csv --jitter 2e-4 --gaps 3 -o log.csv
     """
     from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
-    from flexaxis.experiments.logs.files import spare_foreign
     from flexaxis.experiments.logs.options import style_of
     from flexaxis.sim.streams import stream
 
@@ -162,13 +161,12 @@ def simulate(args: Args) -> int:
     if path.suffix != f".{ending}":
         raise FlexaxisError(f"-o {path}: give a name that ends in .{ending}")
     check_not_input([args.scenario], path)
-    spare_foreign(path)
     record = fx.simulate(args.scenario, seed=args.seed)
     content = {"path": path, "hash": record.hash}
     if not args.as_log:
         record.save(path)
         return answer(args, content, 0, path)
-    write_log(path, logged(record, style, stream(record.hash, args.seed, "log")), style)
+    write_log(path, logged(record, style, stream(record.hash, args.seed, "log")))
     line = f"flexaxis import '{path}' --torque-is held"
     return answer(args, content | {"import": line}, 0, f"import it by: {line}", path)
 

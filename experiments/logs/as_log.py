@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
-from flexaxis.experiments.files import write_text
+from flexaxis.experiments.files import new_file
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.files import WRITTEN
-from flexaxis.experiments.logs.units import UNITS
+from flexaxis.experiments.logs.units import SI, UNITS
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.record import Record
 
-Array = NDArray[np.float64]
-
 LONGEST_GAP = 20  # samples
-MOST_GAPS = 10_000
-
-_SI = {"time": "s", "torque": "Nm", "angle": "rad", "speed": "rad/s"}
 
 
 @dataclass(frozen=True)
@@ -55,24 +48,18 @@ class LogStyle:
         for unit in self.units:
             if unit not in known:
                 raise LogError(f"--units: {unknown('unit', unit, dict.fromkeys(known))}")
-        for option in ("jitter", "gaps", "counts"):
-            if not getattr(self, option) >= 0:
-                raise LogError(f"--{option} {getattr(self, option)}: give 0 or more")
-        if self.gaps > MOST_GAPS:
-            raise LogError(f"--gaps {str(self.gaps)[:40]}: give at most {MOST_GAPS}")
-
-    def unit(self, signal: str) -> str:
-        """Return the unit of a signal."""
-        return next((unit for unit in self.units if unit in UNITS[signal]), _SI[signal])
+        if not min(self.jitter, self.gaps, self.counts) >= 0:
+            raise LogError("--jitter, --gaps, --counts: give 0 or more")
 
 
-def logged(record: Record, style: LogStyle, rng: np.random.Generator) -> dict[str, Array]:
-    """Return the columns (M,) of a log in its own units, time first; rows in gaps are left out.
+def logged(record: Record, style: LogStyle, rng: np.random.Generator) -> pd.DataFrame:
+    """Return the columns of a log in its own units, such as ``angle [deg]``, time first.
+
+    Rows in gaps are left out, and signals that the record does not have.
 
     Parameters
     ----------
     record : Record
-        What it does not have of the signals is left out.
     style : LogStyle
     rng : Generator
         Of jitter and gaps.
@@ -84,29 +71,17 @@ def logged(record: Record, style: LogStyle, rng: np.random.Generator) -> dict[st
     time = time + style.jitter * rng.standard_normal(len(time))
     kept = np.ones(len(time), bool) if record.valid is None else record.valid.copy()
     for begin in rng.integers(1, max(len(time) - LONGEST_GAP - 1, 2), style.gaps):
-        # the first and the last sample are there
+        # the first and the last sample stay
         kept[begin : min(begin + rng.integers(1, LONGEST_GAP + 1), len(time) - 1)] = False
-    found = {"time": time, "torque": record.torque, "angle": angle, "speed": record.speed}
-    return {
-        name: values[kept] / UNITS[name][style.unit(name)]
-        for name, values in found.items()
-        if values is not None
-    }
+    columns, signals = {}, (time, record.torque, angle, record.speed)
+    for name, values in zip(SI, signals, strict=True):
+        unit = next((unit for unit in style.units if unit in UNITS[name]), SI[name])
+        if values is not None:
+            columns[f"{name} [{unit}]"] = values[kept] / UNITS[name][unit]
+    return pd.DataFrame(columns)
 
 
-def write_log(path: Path, columns: Mapping[str, Array], style: LogStyle) -> None:
-    """Write columns as CSV; the file says whose it is, for `files.spare_foreign`.
-
-    Parameters
-    ----------
-    path : Path
-    columns : mapping of str to ndarray (M,)
-        As from `logged`, and others in whatever unit their name says.
-    style : LogStyle
-        For units.
-    """
-    head = [f"{name} [{style.unit(name)}]" if name in UNITS else name for name in columns]
-    lines = [f"# {WRITTEN}", ",".join(head)]
-    row = ",".join(["%.10g"] * len(columns))
-    lines += [row % cells for cells in zip(*(v.tolist() for v in columns.values()), strict=True)]
-    write_text(path, "\n".join(lines) + "\n")
+def write_log(path: Path, columns: pd.DataFrame) -> None:
+    """Write columns as CSV."""
+    with new_file(path) as part:
+        columns.to_csv(part, index=False, float_format="%.10g")

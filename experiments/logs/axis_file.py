@@ -18,8 +18,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.files import WRITTEN
-from flexaxis.experiments.logs.mapping import explained
+from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.record import Record
@@ -27,7 +26,6 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 
 _MODEL = ("model", "name", "states", "A", "B", "C")
-_BESIDE = ("g_sin", "g_cos", "f_sided")
 REMEMBERED = 10_000  # samples, after which what a filter of noise remembers counts no more
 SAME_RATE = 0.01  # relative difference up to which a filter of the noise is the same one
 
@@ -136,7 +134,7 @@ class Axis:
                 {"kind": law.kind} | {part: dict(getattr(law, part)) for part in parts}
                 for law in self.model.laws
             ]
-        write_text(path, f"# {WRITTEN}\n{toml_text(content)}")
+        write_text(path, f"# written by flexaxis\n{toml_text(content)}")
 
 
 def find_axis(text: str) -> Axis:
@@ -191,8 +189,8 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
     try:
         keys = vars(_Keys(**own))
     except ValidationError as error:
-        known = [*_MODEL, "law", "nominal", *_Keys.model_fields, *_BESIDE]
-        raise EstimatorError("; ".join(explained(error, known))) from error
+        lines = (f"{key}: {text}" for key, text in explain(error, _Keys))
+        raise EstimatorError("; ".join(lines)) from error
     keys["whitening"] = tuple(keys["whitening"])
     return Axis(model_from_tables(tables), kept, known=True, **keys)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +21,13 @@ from flexaxis.experiments.logs.prepare import (
     unwrapped,
 )
 from flexaxis.experiments.logs.spectra import spectra
+from flexaxis.experiments.logs.units import SI, UNITS
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-SI = {"time": "s", "angle": "rad", "speed": "rad/s"}
 FASTEST = 1e4  # rad/s: spindles for milling stay below
-ABSURD = 1e8  # times the usual; a converter of 24 bits has 1.7e7 steps
 JITTER, MISSING, CLIPPED = 5.0, 20.0, 1.0  # % of a period; of the samples, where it matters
 WRAPS = 0.35  # of a turn a sample: beyond half of one, the direction cannot be told
 RUN, LEVELS = 3, 3  # samples at a limit; values of a torque that switches, and is not clipped
@@ -38,6 +36,10 @@ WINDOW, USUAL = 7, 95.0  # samples, of which 3 may be outliers; percentile that 
 FAR, STEPS = 10.0, 5.0  # times the usual distance from the median, and move, of an outlier
 COARSE = 0.05  # of the rms move in a sample, that a step of an encoder is to be named
 LATE = 0.3  # samples, that a speed is later than the slope of its angle
+SAME = 0.15  # relative difference from the factor of a unit
+STANDS = 0.5  # of the samples of a held torque, that equal the one before
+_MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
+_COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
 
 @dataclass(frozen=True)
@@ -65,10 +67,11 @@ class Evidence:
 
 def examine(e: Evidence) -> tuple[Finding, ...]:
     """Return all checks; outliers hide how torque and motion belong together."""
-    looks = [time_stamps(e), wrapping(e), clipping(e), clocks(e), units(e), coarse(e)]
-    looks += [outliers_of(e), torque(e)]
-    looks += [sign(e), other_speed(e)] if looks[-2].kind == "ok" else []  # type: ignore[union-attr]
-    return tuple(one for one in looks if one is not None)
+    checks = [time_stamps(e), wrapping(e), clipping(e), clocks(e), units(e), coarse(e), torque(e)]
+    checks.append(outliers_of(e))
+    if checks[-1] is not None and checks[-1].kind == "ok":
+        checks += [sign(e), other_speed(e)]
+    return tuple(check for check in checks if check is not None)
 
 
 def time_stamps(e: Evidence) -> Finding:
@@ -80,18 +83,15 @@ def time_stamps(e: Evidence) -> Finding:
     if len(edges):
         longest = float(np.diff(edges).max() / rate)
         text += f"; gaps: {len(edges)}, the longest {longest:.3g} s; nothing is learnt in them"
-    for name, values in e.raw.signals.items():
-        if infinite := int(np.isinf(values).sum()):
-            text += f"; {name} is infinite in {infinite} samples, which are left out"
-    command, jitter = "", 100 * e.grid.jitter
-    if jitter >= JITTER:
-        text += f"; stamps scatter by {jitter:.0f} % of a period, and signals were interpolated"
-        text += ". If only the stamps are late, give the rate in place of the time"
-        command = f"--rate {rate:.6g}"
-    grave = missing >= MISSING and not command
-    noted = missing or command or e.stamps
-    kind: Literal["problem", "note", "ok"] = "problem" if grave else "note" if noted else "ok"
-    return Finding(kind, text, "time stamps", missing, "% missing", command)
+    if (jitter := 100 * e.grid.jitter) >= JITTER:
+        text += (
+            f"; stamps scatter by {jitter:.0f} % of a period, and signals were interpolated. If "
+            "only the stamps are late, give the rate in place of the time"
+        )
+        return Finding("note", text, "time stamps", missing, "% missing", f"--rate {rate:.6g}")
+    kind = "note" if missing or e.stamps else "ok"
+    kind = "problem" if missing >= MISSING else kind
+    return Finding(kind, text, "time stamps", missing, "% missing")  # type: ignore[arg-type]
 
 
 def wrapping(e: Evidence) -> Finding | None:
@@ -114,11 +114,10 @@ def clipping(e: Evidence) -> Finding:
     """Return whether the torque stands at its extreme value."""
     u = e.raw.signals["torque"]
     u, name = u[np.isfinite(u)], "clipping of the torque"
-    runs = [
-        np.convolve(u == extreme, np.ones(RUN), "same") > RUN - 0.5
-        for extreme in (u.max(), u.min())
-    ]
-    share = 100 * float(np.mean(np.convolve(runs[0] | runs[1], np.ones(RUN), "same") > 0.5))
+    # RUN samples in a row at one limit
+    limit = ((u == u.max()) * 1 - (u == u.min())).astype(float)
+    runs = np.abs(np.convolve(limit, np.ones(RUN), "valid")) == RUN
+    share = 100 * float(np.mean(np.convolve(runs, np.ones(RUN)) > 0))
     if share == 0 or len(np.unique(u[:10_000])) <= LEVELS:
         return Finding("ok", "none", name)
     text = (
@@ -157,9 +156,8 @@ def coarse(e: Evidence) -> Finding | None:
 
 def units(e: Evidence) -> Finding:
     """Return which units were stated, and which were taken for granted."""
-    assumed = [n for n in SI if (n == "time" or n in e.raw.signals) and n not in e.raw.stated]
-    if e.record.period < SECONDS and "time" in assumed:
-        assumed.remove("time")
+    open_to_doubt = e.raw.signals.keys() | {"time"} if e.record.period >= SECONDS else e.raw.signals
+    assumed = [n for n in SI if n != "torque" and n in open_to_doubt and n not in e.raw.stated]
     if not assumed:
         return Finding("ok", "stated, or beyond doubt", "units")
     text = "not stated; taken " + ", ".join(f"{name} for {SI[name]}" for name in assumed)
@@ -174,57 +172,39 @@ def refuse_nonsense(raw: Raw) -> None:
     A stated unit, in the file or by an option, is believed where it can be.
     """
     for name, values in raw.signals.items():
-        if not np.isfinite(values).any() or np.nanmax(values) == np.nanmin(values):
+        if np.nanmax(values) == np.nanmin(values):
             raise LogError(
-                f"{name} is constant or empty over all {len(values)} samples: the wrong column, "
-                "or an axis that stood still"
+                f"{name} is constant over all {len(values)} samples: the wrong column, or an axis "
+                "that stood still"
             )
-    u = raw.signals["torque"]
-    size = np.where(np.isfinite(u), np.abs(u), 0.0)  # what is not is missing
-    at, usual = int(np.argmax(size)), float(np.percentile(size, 99))
-    if usual > 0 and size[at] > ABSURD * usual:  # it would throw every estimator
-        raise LogError(
-            f"torque is {u[at]:.3g} at {raw.time[at]:.6g} s (sample {at}), and up to {usual:.3g} "
-            "in 99 of 100 samples: that is no torque. Correct it, or cut the log there"
-        )
-    step = float(np.median(np.diff(raw.time)))
-    if step >= 1 and "time" not in raw.stated:
-        raise LogError(
-            f"time advances by {step:g} s a sample: is it in ms, us or ns? State it with "
-            "--unit time=us, or, if it is right, --unit time=s"
-        )
-    angle = raw.signals.get("angle")
-    if angle is not None and "angle" not in raw.stated:
-        jumps = np.abs(np.diff(angle[np.isfinite(angle)]))
-        if ((jumps > 350) & (jumps < 360.5)).any():
+    if {"angle", "speed"} <= raw.signals.keys():
+        ratio = abs(_beside(raw)[0])
+        for name, unit in (
+            ("speed", "rpm"),
+            ("speed", "deg/s"),
+            ("speed", "rev/s"),
+            ("angle", "deg"),
+        ):
+            factor = UNITS[name][unit] ** (1 if name == "angle" else -1)
+            if abs(ratio / factor - 1) < SAME:
+                raise LogError(
+                    f"speed is {ratio:.3g} times the slope of the angle, as if the {name} were in "
+                    f"{unit}: state it with --unit {name}={unit} (or is the other in another unit?)"
+                )
+    for name in raw.signals.keys() - raw.stated - {"torque"}:
+        values = raw.signals[name]
+        jumps = np.abs(np.diff(values))
+        if name == "angle" and ((jumps > 350) & (jumps < 360.5)).any():
             raise LogError(
                 "angle jumps by 360 between samples, as an angle in degrees does that wraps: "
                 "state it with --unit angle=deg (or rad, if that is what it is)"
             )
-    if angle is not None and "speed" in raw.signals:
-        _refuse_other_speed(raw)
-    for name in ("angle", "speed"):
-        if usual_speed(raw, name) > FASTEST:
+        speed = float(np.nanpercentile(abs(_slope(raw) if name == "angle" else values), USUAL))
+        if speed > FASTEST:
             raise LogError(
-                f"the motor would turn at {usual_speed(raw, name):.3g} rad/s: {other_units(name)}"
-            )
-
-
-def _refuse_other_speed(raw: Raw) -> None:
-    """Compare the speed with the slope of the angle: their ratio shows a wrong unit."""
-    slope, speed = _slope(raw), raw.signals["speed"]
-    both = np.isfinite(slope) & np.isfinite(speed)
-    ratio = float(slope[both] @ speed[both] / max(slope[both] @ slope[both], 1e-300))  # type: ignore[operator]
-    for name, unit, factor in (
-        ("speed", "rpm", 60 / (2 * np.pi)),
-        ("speed", "deg/s", 180 / np.pi),
-        ("speed", "rev/s", 0.159155),
-        ("angle", "deg", np.pi / 180),
-    ):
-        if abs(abs(ratio) / factor - 1) < 0.15:
-            raise LogError(
-                f"speed is {ratio:.3g} times the slope of the angle, as if the {name} were in "
-                f"{unit}: state it with --unit {name}={unit} (or is the other in another unit?)"
+                f"the motor would turn at {speed:.3g} rad/s: is {name} in deg, rpm or counts? "
+                f"State it with --unit {name}=… or --scale {name}=FACTOR, or time with --unit "
+                f"time=…; if all is right, with --unit {name}={SI[name]}"
             )
 
 
@@ -236,25 +216,29 @@ def _slope(raw: Raw) -> Array:
     return np.asarray(np.gradient(angle, raw.time))
 
 
-def usual_speed(raw: Raw, name: str) -> float:
-    """Return the speed [rad/s] below which a motor is for 95 % of a log; 0 for a stated unit."""
-    values = raw.signals.get(name)
-    if values is None or name in raw.stated:
-        return 0.0
-    known = np.isfinite(values)
-    speed = values[known]
-    if name == "angle":
-        speed = np.diff(unwrapped(speed)[0]) / np.diff(raw.time[known])
-    return float(np.percentile(abs(speed), 95))
+def _beside(raw: Raw) -> tuple[float, float]:
+    """Return the ratio of a logged speed to the slope of the angle, and its delay [s]."""
+    slope, speed = _slope(raw)[:LONGEST], raw.signals["speed"][:LONGEST]
+    known = np.isfinite(slope) & np.isfinite(speed)
+    s = spectra(slope[known], speed[known], float(np.median(np.diff(raw.time))))
+    moving = (s.torque > 0.01 * s.torque.max()) & (s.frequency > 0)
+    turned = np.angle(s.cross[moving]) / (2 * np.pi * s.frequency[moving])
+    ratio = float(slope[known] @ speed[known] / np.sum(slope[known] ** 2))
+    return ratio, -float(np.median(turned))
 
 
-def other_units(name: str) -> str:
-    """Return a question for the unit of an angle or a speed, and how to state it."""
-    units = "deg or counts" if name == "angle" else "rpm or deg/s"
-    return (
-        f"is {name} in {units}? State it with --unit {name}=… or --scale {name}=FACTOR, or time "
-        f"with --unit time=…; if all is right, with --unit {name}={SI[name]}"
+def other_speed(e: Evidence) -> Finding | None:
+    """Return whether a logged speed is later than the slope of the angle beside it: a filter."""
+    if not {"angle", "speed"} <= e.raw.signals.keys():
+        return None
+    late, name = _beside(e.raw)[1], "speed beside angle"
+    if late < LATE * e.record.period:
+        return Finding("ok", "the speed is the slope of the angle", name)
+    text = (
+        f"the speed is {1e3 * late:.3g} ms later than the slope of the angle, as behind a "
+        "low-pass. The angle is used, which is not filtered"
     )
+    return Finding("info", text, name, 1e3 * late, "ms")
 
 
 def outliers_of(e: Evidence) -> Finding:
@@ -303,8 +287,8 @@ def sign(e: Evidence) -> Finding:
     At the lower end of the excitation an axis is inertia and friction: its acceleration leads the
     torque by 0 to 90°, and friction takes power, and never gives it.
     """
-    name = "signs of torque and motion"
-    s = spectra(e.record.torque[e.valid], e.speed[e.valid], e.record.period)
+    name, u = "signs of torque and motion", e.record.torque
+    s = spectra(u[e.valid], e.speed[e.valid], e.record.period)
     low, high = s.band
     bottom = (s.frequency > 0) & (s.frequency >= low) & (s.frequency < low + 0.1 * (high - low))
     faster = s.cross * (np.exp(2j * np.pi * s.frequency * e.record.period) - 1)
@@ -312,34 +296,10 @@ def sign(e: Evidence) -> Finding:
     # the torque k acts on the mean speed over [t_k, t_{k+1})
     after = np.append(e.speed[1:], e.speed[-1])
     moving = after if e.raw.motion == "angle" else (e.speed + after) / 2
-    if along < 0 and float(np.mean((e.record.torque * moving)[e.valid])) < 0:
+    if along < 0 and float(np.mean((u * moving)[e.valid])) < 0:
         text = "torque and motion have opposite signs: turn one of them"
         return Finding("problem", text, name, command="--scale torque=-1")
     return Finding("ok", "the torque drives the motion", name)
-
-
-def other_speed(e: Evidence) -> Finding | None:
-    """Return whether a logged speed is later than the slope of the angle beside it: a filter."""
-    if not {"angle", "speed"} <= e.raw.signals.keys():
-        return None
-    slope, speed = _slope(e.raw)[:LONGEST], e.raw.signals["speed"][:LONGEST]
-    known = np.isfinite(slope) & np.isfinite(speed)
-    s = spectra(slope[known], speed[known], e.record.period)
-    moving = s.torque > 0.01 * s.torque.max()
-    omega = 2 * np.pi * s.frequency[moving]
-    late = -float(np.median(np.angle(s.cross[moving])[omega > 0] / omega[omega > 0]))
-    if late < LATE * e.record.period:
-        return Finding("ok", "the speed is the slope of the angle", "speed beside angle")
-    text = (
-        f"the speed is {1e3 * late:.3g} ms later than the slope of the angle, as behind a "
-        "low-pass. The angle is used, which is not filtered"
-    )
-    return Finding("info", text, "speed beside angle", 1e3 * late, "ms")
-
-
-STANDS = 0.5  # of the samples that equal the one before
-_MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
-_COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
 
 def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
@@ -349,10 +309,9 @@ def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
     changing between samples. To take one for the other is half a sample of delay.
     """
     u = raw.signals["torque"][np.isfinite(raw.signals["torque"])][:LONGEST]
-    steps = np.abs(np.diff(u))
     if stated is not None:
         return stated, "as stated"
-    if len(np.unique(u)) <= LEVELS or np.mean(steps == 0) > STANDS:
+    if len(np.unique(u)) <= LEVELS or np.mean(np.diff(u) == 0) > STANDS:
         return "held", "it switches, or stays and jumps"
     for kind, names in (("held", _COMMAND), ("smooth", _MEASURED)):
         if names.search(column):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -10,16 +11,17 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.files import is_same
 from flexaxis.experiments.logs.checks import Evidence, examine, refuse_nonsense, torque_kind
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.files import is_record
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.mapping import Raw, mapping_from, pick
+from flexaxis.experiments.logs.mapping import mapping_from, pick
 from flexaxis.experiments.logs.prepare import Prepared, on_clock, prepare, without_interpolation
 from flexaxis.experiments.logs.read import open_log
 from flexaxis.sim.record import Record, load_record
 
 BURN_IN = 1.0  # s, where a log starts in the middle of a motion
+RESTING = 0.05  # of the deviation of the motion, below which a log starts at rest
 
 
 @dataclass(frozen=True)
@@ -56,16 +58,23 @@ def import_log(
     LogError
         If the log cannot be used; the message begins with its name.
     """
-    chosen = mapping_from(tables, source=str(path))
+    mapping = mapping_from(tables, source=str(path))
     try:
-        raw, stamps = on_clock(pick(open_log(path, chosen.header), chosen))
+        raw, stamps = on_clock(pick(open_log(path, mapping.header), mapping))
         refuse_nonsense(raw)
         raw, lines = without_interpolation(raw)
-        kind, because = torque_kind(raw, chosen.torque_is, chosen.torque or "torque")
+        kind, because = torque_kind(raw, mapping.torque_is, mapping.torque or "torque")
         grid = prepare(raw, smooth=kind == "smooth", resample=resample)
-        told = {"torque": kind, "torque_because": because, **_units(raw)}
-        about = {"flexaxis": version("flexaxis"), "log": path.name, **told}
-        record = _record(grid, burn_in, about)
+        unit = "Nm" if raw.scaled else raw.unit.get("torque", "")
+        about = {
+            "flexaxis": version("flexaxis"),
+            "log": path.name,
+            "torque": kind,
+            "torque_because": because,
+            "torque_unit": {"mA": "A", "mV": "V", "%": "1"}.get(unit, unit),
+            "motion": "linear" if raw.linear else "rotary",
+        }
+        record = _record(grid, burn_in, {key: text for key, text in about.items() if text})
     except LogError as error:
         where = "" if str(error).startswith(str(path)) else f"{path}: "
         raise LogError(f"{where}{error}") from error
@@ -73,14 +82,7 @@ def import_log(
     return Imported(record, examine(Evidence(raw, grid, record, remarks)))
 
 
-def _units(raw: Raw) -> dict[str, str]:
-    """Return what a record keeps of units: that of the torque, and whether the axis is linear."""
-    unit = "Nm" if raw.scaled else raw.unit.get("torque", "")
-    told = {"torque_unit": {"mA": "A", "mV": "V", "%": "1"}.get(unit, unit)} if unit else {}
-    return told | ({"motion": "linear"} if raw.linear else {})
-
-
-def _record(grid: Prepared, burn_in: float | None, told: dict[str, str]) -> Record:
+def _record(grid: Prepared, burn_in: float | None, about: dict[str, str]) -> Record:
     signals, valid, increment = grid.signals, grid.valid, None
     if "angle" in signals:
         increment = np.diff(signals["angle"], prepend=signals["angle"][0]) / grid.period
@@ -88,21 +90,29 @@ def _record(grid: Prepared, burn_in: float | None, told: dict[str, str]) -> Reco
     moving = signals["speed"] if increment is None else increment
     if not (valid.any() and np.ptp(signals["torque"][valid]) and np.ptp(moving[valid])):
         raise LogError("torque or motion are constant where both are known: nothing can be learnt")
-    seconds = len(moving) * grid.period
-    if burn_in is None:
-        resting = np.max(abs(moving[:5])) < 0.05 * np.std(moving)
-        burn_in = 0.0 if resting else min(BURN_IN, 0.1 * seconds)
-    _check_burn_in(burn_in, seconds)
-    return Record(
+    record = Record(
         time=grid.time,
         torque=signals["torque"],
         angle=signals.get("angle"),
         speed=signals.get("speed"),
         increment=increment,
         valid=None if valid.all() else valid,
-        burn_in=burn_in,
-        versions=told,
+        versions=about,
     )
+    if burn_in is None:
+        resting = np.max(abs(moving[:5])) < RESTING * np.std(moving)
+        burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * grid.period)
+    return _with_burn_in(record, burn_in)
+
+
+def _with_burn_in(record: Record, burn_in: float) -> Record:
+    seconds = len(record.time) * record.period
+    if not 0 <= burn_in < 0.9 * seconds:
+        raise LogError(
+            f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
+            f"{seconds:.4g} s"
+        )
+    return replace(record, burn_in=burn_in)
 
 
 def import_any(
@@ -120,23 +130,38 @@ def import_any(
     RecordError
         If the record cannot be read.
     """
-    if not is_record(path):
+    if "versions" not in attributes(path):
         return import_log(path, tables, resample=resample, burn_in=burn_in)
     record = load_record(path)
     if wrong := [name.replace("_", "-") for name in (*tables, *["resample"] * bool(resample))]:
-        log = record.versions.get("log", "a log of it")
+        log = record.versions.get("log", "its log")
         raise LogError(
             f"{path}: is a record that flexaxis wrote, with signals in SI on an even grid; "
             f"--{', --'.join(wrong)} are for logs: import {log} with them"
         )
-    burn_in = record.burn_in if burn_in is None else burn_in
-    _check_burn_in(burn_in, len(record.time) * record.period)
-    return Imported(replace(record, burn_in=burn_in), ())
+    return Imported(record if burn_in is None else _with_burn_in(record, burn_in), ())
 
 
-def _check_burn_in(burn_in: float, seconds: float) -> None:
-    if not 0 <= burn_in < 0.9 * seconds:
-        raise LogError(
-            f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
-            f"{seconds:.4g} s"
-        )
+def record_beside(log: Path) -> Path:
+    """Return where the record of a log goes by default: beside it, and over nothing but itself."""
+    path = log.with_suffix(".nc")
+    free = not path.exists() or (not is_same(path, log) and source_of(path) == log.name)
+    return path if free else log.with_name(f"{log.stem}-imported.nc")
+
+
+def source_of(path: Path) -> str | None:
+    """Return the name of the log from which a record was imported; None if it was not."""
+    return json.loads(attributes(path).get("versions", "{}")).get("log")
+
+
+def attributes(path: Path) -> dict[str, str]:
+    """Return the texts that describe a NetCDF file as a whole; none of any other file."""
+    import h5py
+
+    if path.suffix != ".nc":
+        return {}
+    try:
+        with h5py.File(path) as file:
+            return {name: str(value) for name, value in file.attrs.items()}
+    except (OSError, RuntimeError, ValueError):
+        return {}

@@ -14,11 +14,10 @@ import pandas as pd
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Explained, explain
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.files import made_of
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.fit import deviations_of
 from flexaxis.experiments.logs.identify import free_names, identify
-from flexaxis.experiments.logs.importing import import_any
+from flexaxis.experiments.logs.importing import attributes, import_any, source_of
 from flexaxis.experiments.logs.read import open_log
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
@@ -65,10 +64,15 @@ def find_logs(folder: Path) -> list[Path]:
     """
     inside = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES]
     names = {path.name for path in inside}
-    logs = [path for path in inside if path.name[0] != "." and not made_of(path, names)]
+    logs = [path for path in inside if path.name[0] != "." and not _is_made(path, names)]
     if not logs:
         raise LogError(f"{folder}: has no log, which would end in {', '.join(SUFFIXES)}")
     return sorted(logs, key=lambda path: [t.zfill(20) for t in re.split(r"(\d+)", path.name)])
+
+
+def _is_made(path: Path, names: set[str]) -> bool:
+    """Return whether a file is what flexaxis made of a log: estimates, or its record."""
+    return "estimator" in attributes(path) or source_of(path) in names
 
 
 def identify_many(
@@ -117,7 +121,11 @@ def identify_many(
                 ]
             values = dict(zip(names, zip(fitted.z, sd, strict=True), strict=False))
             row = {n: values[n][0] for n in free} | {f"{n}_sd": values[n][1] for n in free}
-            columns = open_log(path, tables.get("header")).load(covariates) if covariates else {}
+            columns = (
+                open_log(path, tables.get("header")).read([*covariates], slice(None))
+                if covariates
+                else {}
+            )
             rows[path.name] = row | {n: float(np.nanmean(columns[n])) for n in covariates}
         except FlexaxisError as error:
             findings.append(Finding("problem", f"{path.name} is left out: {error}"))

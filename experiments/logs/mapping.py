@@ -3,34 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.read import Log
-from flexaxis.experiments.logs.units import COUNTS, ENDINGS, UNITS, completed, is_linear, spelt
-from flexaxis.sim.errors import did_you_mean
+from flexaxis.experiments.logs.units import COUNTS, ENDINGS, SI, UNITS, WORDS, spelt
+from flexaxis.sim.conflicts import explain
 from flexaxis.sim.files import read_toml
-from flexaxis.sim.files import shown as limited
 
 Array = NDArray[np.float64]
 
-KINDS = ("time", "torque", "angle", "speed")
-"""The signals that a mapping may name."""
-
-Signal = Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")]
-
-
-def _is_factor(value: float) -> float:
-    if value == 0:
-        raise ValueError("give a number other than 0")
-    return value
+Signal = Literal["time", "torque", "angle", "speed"]
 
 
 class LogMap(BaseModel):
@@ -64,17 +54,12 @@ class LogMap(BaseModel):
     angle: str | None = None
     speed: str | None = None
     rate: Annotated[float, Field(ge=0.01, le=1e12)] | None = None
-    scale: dict[Signal, Annotated[float, AfterValidator(_is_factor)]] = {}
+    scale: dict[Signal, float] = {}
     unit: dict[Signal, str] = {}
     counts: Annotated[float, Field(gt=0, strict=False)] | None = None
     torque_is: Literal["held", "smooth"] | None = None
     rows: Annotated[str, Field(pattern=r"^\d*:\d*$")] = ":"
     header: Annotated[int, Field(ge=1)] | None = None
-
-    @property
-    def columns(self) -> dict[str, str]:
-        """Column of each signal that has one."""
-        return {name: column for name in KINDS if (column := getattr(self, name)) is not None}
 
 
 @dataclass(frozen=True)
@@ -109,7 +94,8 @@ class Raw:
     @property
     def linear(self) -> bool:
         """Whether the axis goes straight."""
-        return any(is_linear(self.unit.get(name)) for name in ("angle", "speed"))
+        units = (self.unit.get(name, "") for name in ("angle", "speed"))
+        return any(re.match(r"([numck]?m|in)(/|$)", unit) for unit in units)
 
 
 def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
@@ -123,19 +109,8 @@ def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
     try:
         return LogMap(**tables)
     except ValidationError as error:
-        lines = explained(error, tuple(LogMap.model_fields))
-        raise LogError("\n".join(f"{source}: {line}" for line in lines)) from error
-
-
-def explained(error: ValidationError, known: Collection[str]) -> Iterator[str]:
-    """Yield what is wrong with keys of a table, among names that are known."""
-    for row in error.errors():
-        *_, last = place = [str(part) for part in row["loc"] if part != "[key]"]
-        text = f"{'.'.join(place)} is {limited(row['input'])}: {row['msg']}"
-        if row["type"] == "extra_forbidden" or "[key]" in row["loc"]:
-            hint = f"{did_you_mean(last, known)} There are {', '.join(known)}"
-            text = f"{'.'.join(place)}: no such key.{hint}"
-        yield text
+        lines = (f"{source}: {key}: {text}" for key, text in explain(error, LogMap))
+        raise LogError("\n".join(lines)) from error
 
 
 def load_mapping(path: Path) -> dict[str, Any]:
@@ -148,23 +123,16 @@ def load_mapping(path: Path) -> dict[str, Any]:
 def pick(log: Log, mapping: LogMap) -> Raw:
     """Return the signals of a log in SI.
 
-    A signal that the mapping does not name is taken from the column of its own name, if any, see
-    `units.completed`.
-
     Raises
     ------
     LogError
         If a column is missing, lengths differ, or a unit is unknown.
     """
-    own = {name: name for name in KINDS if name in log.names}
-    given = completed(own | mapping.columns, log.names)
-    if mapping.rate is not None and mapping.time is None:
-        given.pop("time", None)
-    _check_columns(log, given, mapping)
-    units = {name: _unit(log, name, column, mapping) for name, column in given.items()}
-    rows = slice(*(int(part) if part else None for part in mapping.rows.split(":")))
-    columns = log.load([*given.values()], rows)
-    signals = {n: columns[c] * _factor(n, c, units[n], mapping) for n, c in given.items()}
+    chosen = _columns(log, mapping)
+    units = {name: _unit(log, name, column, mapping) for name, column in chosen.items()}
+    begin, end = (int(part) if part else None for part in mapping.rows.split(":"))
+    columns = log.read([*chosen.values()], slice(begin, end))
+    signals = {n: columns[c] * _factor(n, c, units[n], mapping) for n, c in chosen.items()}
     lengths = {len(values) for values in signals.values()}
     if len(lengths) > 1:
         raise LogError(
@@ -172,34 +140,45 @@ def pick(log: Log, mapping: LogMap) -> Raw:
             "have a value for every sample; are they of different rates?"
         )
     time = signals.pop("time", np.arange(lengths.pop()) / (mapping.rate or 1.0))
-    stated = frozenset({n for n, u in units.items() if u} | ({"time"} - given.keys()))
+    stated = frozenset({n for n, u in units.items() if u} | ({"time"} - chosen.keys()))
     named = {name: spelt(text, name) for name, text in units.items() if text}
     return Raw(time, signals, stated, named, abs(mapping.scale.get("torque", 1.0)) != 1)
 
 
-def _check_columns(log: Log, given: Mapping[str, str], mapping: LogMap) -> None:
-    for name, column in given.items():
+def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
+    """Return the column of each signal: as the mapping says, or by a name that means one."""
+    chosen = {name: column for name in SI if (column := getattr(mapping, name)) is not None}
+    chosen |= {name: name for name in SI if name in log.names and name not in chosen}
+    lower = {name.lower(): name for name in reversed(log.names)}
+    for kind, words in WORDS.items():
+        moves = kind in ("angle", "speed") and {"angle", "speed"} & chosen.keys()  # one is enough
+        column = next((lower[word] for word in words if word in lower), None)
+        if column is not None and not moves and column not in chosen.values():
+            chosen.setdefault(kind, column)
+    if mapping.rate is not None and mapping.time is None:
+        chosen.pop("time", None)
+    for name, column in chosen.items():
         if column not in log.names:
             raise LogError(log.lacks(column, f" for {name}"))
-        if list(given.values()).count(column) > 1:
+        if [*chosen.values()].count(column) > 1:
             raise LogError(f"column {column!r} is named for two signals; each has its own")
-    timed = mapping.rate is not None or "time" in given
     for question, known in (
-        ("time? Give --time COLUMN, or --rate HZ", timed),
-        ("torque, or current? Give --torque COLUMN", "torque" in given),
+        ("time? Give --time COLUMN, or --rate HZ", mapping.rate or "time" in chosen),
+        ("torque, or current? Give --torque COLUMN", "torque" in chosen),
         ("motor angle, or speed? Give --angle COLUMN or --speed COLUMN",
-         {"angle", "speed"} & given.keys()),
+         {"angle", "speed"} & chosen.keys()),
     ):  # fmt: skip
         if not known:
             raise LogError(
                 f"which column is the {question}; there are {log.listed}. If these are no names, "
                 "give the line of the names by --header LINE"
             )
+    return chosen
 
 
 def _unit(log: Log, name: str, column: str, mapping: LogMap) -> str:
     """Return the unit of a signal: as the mapping says, the file, or the end of the name."""
-    if stated := mapping.unit.get(name) or log.units.get(column):
+    if stated := mapping.unit.get(name) or log.units.get(column):  # type: ignore[call-overload]
         return stated
     if name == "angle" and mapping.counts:
         return COUNTS
@@ -221,4 +200,4 @@ def _factor(name: str, column: str, text: str, mapping: LogMap) -> float:
             f"{name}; state it with --unit {name}=…, with --counts N if it is counts of an "
             f"encoder, or give a factor with --scale {name}=FACTOR beside a known unit"
         )
-    return known[unit] * mapping.scale.get(name, 1.0)
+    return known[unit] * mapping.scale.get(name, 1.0)  # type: ignore[call-overload, no-any-return]

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,8 +33,8 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
     "--unit SIGNAL=UNIT": ("Unit of a signal, such as angle=deg (default: from the column's name, "
                            "else SI).", SEVERAL),
     "--scale SIGNAL=FACTOR": (
-        "Multiply a signal by a factor, such as torque=0.6 (N m/A) or angle=2*pi/8192 (rad per "
-        "count; default: 1).", SEVERAL,
+        "Multiply a signal by a factor, such as torque=0.6 (N m/A) or a sign, torque=-1 (default: "
+        "1).", SEVERAL,
     ),
     "--torque-is KIND": (
         "held: a command, constant until the next sample (zero-order hold); smooth: a measured "
@@ -77,44 +75,31 @@ def tables_of(args: argparse.Namespace) -> dict[str, Any]:
     if args.axis is not None:
         tables |= {n: str(tables[n]).replace("{}", args.axis) for n in SIGNALS if n in tables}
     for key in ("unit", "scale"):
-        given = dict(_pair(key, text) for text in getattr(args, key))
-        if given:
-            tables[key] = {**tables.get(key, {}), **given}
+        if pairs := dict(_pair(key, text) for text in getattr(args, key)):
+            tables[key] = {**tables.get(key, {}), **pairs}
     return tables
 
 
 def assignments(option: str, texts: list[str]) -> dict[str, float | None]:
     """Return names with their values from ``NAME=VALUE``, or None from ``NAME`` alone."""
-    found: dict[str, float | None] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        found[name.strip()] = number(option, text, value) if equals else None
-    return found
+    pairs = (text.partition("=") for text in texts)
+    return {
+        name.strip(): _number(option, value) if equals else None for name, equals, value in pairs
+    }
 
 
 def _pair(key: str, text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals:
         raise LogError(f"--{key} {text}: write SIGNAL=VALUE, such as angle=deg or torque=0.6")
-    return name.strip(), number(key, text, value) if key == "scale" else value.strip()
+    return name.strip(), _number(key, value) if key == "scale" else value.strip()
 
 
-def number(option: str, text: str, value: str) -> float:
-    """Return a number, or a product or quotient of numbers and pi.
-
-    Examples
-    --------
-    >>> number("scale", "angle=2*pi/8", "2*pi/8")
-    0.7853981633974483
-    """
-    result = 1.0
+def _number(option: str, value: str) -> float:
     try:
-        for operator, factor in re.findall(r"(^|[*/])([^*/]*)", value):
-            size = math.pi if factor.strip() == "pi" else float(factor)
-            result = result / size if operator == "/" else result * size
-    except (ValueError, ZeroDivisionError):
-        raise LogError(f"--{option} {text}: {value!r} is not a number") from None
-    return result
+        return float(value)
+    except ValueError:
+        raise LogError(f"--{option}: {value!r} is not a number") from None
 
 
 def style_of(args: argparse.Namespace) -> LogStyle:

@@ -20,13 +20,11 @@ FEWEST = 200  # samples
 CLOCKS = (2**32 * 1e-6, 86400.0, 2**32 * 1e-3, 2**16 * 1e-3)  # s, after which clocks begin again
 ROUNDING = 1e-3  # of a turn
 SMALL = 0.1  # of the range of a counter: what it moves in a sample, and misses of its range
-MOST_RATE = 10  # times that of the log, to which it may be resampled
 MOST_GAPS = 10  # times the samples of a log that its grid may have
-LONGEST_STEP = 3.0  # periods between irregular stamps, beyond which nothing is known between them
 NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
 SLOWEST = 1.01  # s, of a sample; spectra are averaged over four seconds
 WITHIN = 2.05  # ticks of an even grid, of stamps that are rounded
-FARTHEST = 1.2  # times the usual move, that a row is away from the last one where none is missing
+FARTHEST = 1.2  # times the usual move, of a step in which no row is missing
 LONGEST = 200_000  # samples that are looked at
 STRAIGHT, LINED = 1e-3, 0.45  # of the usual bend, and share of the samples, of lines
 MOST_KNOTS, BENDS = 21, 0.95  # samples between updates, and share of the changes at them
@@ -90,22 +88,21 @@ def on_clock(raw: Raw) -> tuple[Raw, str]:
     LogError
         If there are too few samples, or time does not advance.
     """
-    time = raw.time
-    if len(time) < FEWEST:
-        raise LogError(f"the log has {len(time)} samples; {FEWEST} or more are needed")
-    if not np.isfinite(time).all():
+    for name, values in {"time": raw.time, **raw.signals}.items():
+        if (count := int(np.isfinite(values).sum())) < FEWEST:
+            raise LogError(f"{name} has {count} samples; {FEWEST} or more are needed")
+    if not np.isfinite(raw.time).all():
         raise LogError(
-            f"time is missing at sample {int(np.argmin(np.isfinite(time)))}: cut the log there "
+            f"time is missing at sample {int(np.argmin(np.isfinite(raw.time)))}: cut the log there "
             "with --rows A:B, or give --rate HZ in place of the time"
         )
-    time, told = time - time[0], ""
+    time, remark = raw.time - raw.time[0], ""
     for turn in CLOCKS:
         if 0.99 * turn < -np.diff(time).min() < 1.01 * turn:
-            time, told = np.unwrap(time, period=turn), f"the clock begins again after {turn:.9g} s"
+            time, remark = np.unwrap(time, period=turn), f"the clock restarts after {turn:.9g} s"
     if tick := coarse_tick(time, raw.signals):
-        rate = (len(time) - 1) / (time[-1] - time[0])
-        time = np.arange(len(time)) / rate
-        told = f"stamps are rounded to {1e3 * tick:.3g} ms; taken as even"
+        time = np.linspace(time[0], time[-1], len(time))
+        remark = f"stamps are rounded to {1e3 * tick:.3g} ms; the sampling is taken as even"
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         k = int(back[0]) + 1
@@ -116,7 +113,7 @@ def on_clock(raw: Raw) -> tuple[Raw, str]:
             f"{text}, and does not advance at {len(back)} rows: take out rows that are logged "
             "twice or out of order, or, if the sampling was even, give --rate HZ in place of time"
         )
-    return replace(raw, time=time + raw.time[0]), told
+    return replace(raw, time=time + raw.time[0]), remark
 
 
 def coarse_tick(time: Array, signals: Mapping[str, Array]) -> float:
@@ -193,8 +190,8 @@ def without_interpolation(raw: Raw) -> tuple[Raw, str]:
         return raw, ""
     part = slice(first, None, n)
     signals = {name: values[part] for name, values in raw.signals.items()}
-    told = f"torque and {raw.motion} are lines between every {n}th row: only these are samples"
-    return replace(raw, time=raw.time[part], signals=signals), told
+    remark = f"torque and {raw.motion} are lines between every {n}th row: only these are samples"
+    return replace(raw, time=raw.time[part], signals=signals), remark
 
 
 def prepare(raw: Raw, *, smooth: bool = False, resample: float | None = None) -> Prepared:
@@ -207,74 +204,59 @@ def prepare(raw: Raw, *, smooth: bool = False, resample: float | None = None) ->
     smooth : bool
         Whether the torque is smooth rather than held, see `LogMap`.
     resample : float, optional
-        New rate [Hz]; below the log's own, all signals pass the same low-pass without phase.
+        New rate [Hz], below that of the log; all signals pass the same low-pass without phase.
         The torque is averaged over the new samples: a sample of it here and there would be
         aliased, and ruin the estimates.
 
     Raises
     ------
     LogError
-        If the log is too short, or a rate is impossible.
+        If a rate is impossible.
     """
-    period, index, uneven = _grid(raw.time)
-    length = int(index[-1]) + 1
-    time = raw.time[0] + period * np.arange(length)
+    period, index = _grid(raw.time)
+    time = raw.time[0] + period * np.arange(index[-1] + 1.0)
     off = raw.time - time[index]
-    even = float(np.max(abs(off))) <= NEAR * period
-    signals, valid, wrap = {}, np.zeros(length, bool), Wrap()
-    valid[index] = True
-    if uneven:  # a sample is known where stamps on both sides of it are near
-        after = np.clip(np.searchsorted(raw.time, time), 1, len(raw.time) - 1)
-        valid = np.diff(raw.time)[after - 1] <= LONGEST_STEP * period
+    even = np.max(abs(off)) <= NEAR * period
+    stamps = time[index] if even else raw.time
+    signals, wrap, valid = {}, Wrap(), np.isin(np.arange(len(time)), index)
     for name, logged in raw.signals.items():
-        there = np.isfinite(logged)
-        if there.sum() < FEWEST:
-            raise LogError(f"{name} has {there.sum()} samples; {FEWEST} or more are needed")
-        if not uneven:
-            valid[index[~there]] = False
-        values, at = logged[there], raw.time[there]
+        known = np.isfinite(logged)
+        valid[index[~known]] = False
+        values, at = logged[known], stamps[known]
         if name == "angle":
             values, wrap = unwrapped(values)
-        if even:
-            signals[name] = np.interp(np.arange(length), index[there], values)
-        elif name == "torque" and not smooth:
+        if name == "torque" and not (smooth or even):
             signals[name] = interval_means(at, values, time, period, smooth=False)
         else:
             signals[name] = np.interp(time, at, values)
-    if smooth and resample is None:
-        signals["torque"] = interval_means(time, signals["torque"], time, period, smooth=True)
     result = Prepared(time, signals, valid, period, float(np.std(off) / period), wrap)
     if resample is not None:
         result = _resampled(result, resample, smooth=smooth)
-    if result.period > SLOWEST:
+    elif smooth:
+        signals["torque"] = interval_means(time, signals["torque"], time, period, smooth=True)
+    if result.period > SLOWEST or (result.period >= 1 and "time" not in raw.stated):
         raise LogError(
-            f"a sample every {result.period:.3g} s: that is too slow for an axis; is the unit or "
-            "the scale of the time right, or the rate?"
+            f"a sample every {result.period:.3g} s: that is too slow for an axis; is time in ms, "
+            "us or ns? State it with --unit time=us, or, if it is right, --unit time=s"
         )
     return result
 
 
-def _grid(time: Array) -> tuple[float, NDArray[np.int64], bool]:
-    """Return the period, the place of each sample on the grid, and whether stamps are irregular.
-
-    Irregular ones go to the grid of their median step, on which samples are interpolated.
-    """
+def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
+    """Return the period, and the place of each sample on the grid."""
     steps = np.diff(time)
-    median = float(np.median(steps))
-    places = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / median), 1))]).astype(int)
+    places = np.r_[0, np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1))]
     # the median of jittered or rounded stamps is off by a little, which adds up: fit the grid
-    period = float(np.polyfit(places, time, 1)[0])
-    places = np.rint((time - time[0]) / period).astype(int)
-    uneven = bool((np.diff(places) <= 0).any())
-    if uneven:
-        period = median
-        places = np.floor((time - time[0]) / period * (1 + 1e-12)).astype(int)
-    if places[-1] > MOST_GAPS * len(time):
+    places -= places.mean()
+    period = float(places @ (time - time[0]) / (places @ places))
+    index = np.rint((time - time[0]) / period).astype(int)
+    if (np.diff(index) <= 0).any() or index[-1] > MOST_GAPS * len(time):
         raise LogError(
-            "the time stamps are too irregular for an even grid (mostly gaps); resample the log "
-            "first, or give --rate HZ in place of the time"
+            f"the time stamps are too irregular for an even grid: steps of {steps.min():.3g} s to "
+            f"{steps.max():.3g} s; resample the log first, or, if the sampling was even, give "
+            "--rate HZ in place of the time"
         )
-    return period, places, uneven
+    return period, index
 
 
 def unwrapped(angle: Array) -> tuple[Array, Wrap]:
@@ -308,7 +290,7 @@ def interval_means(at: Array, values: Array, time: Array, period: float, *, smoo
     if smooth:
         integral = CubicSpline(at, values).antiderivative()(edges)
     else:
-        area = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(at))])
+        area = np.r_[0.0, np.cumsum(values[:-1] * np.diff(at))]
         integral = np.interp(edges, at, area)
     width = np.diff(edges)
     last = np.full(len(width), values[-1])  # after the last sample its value is kept
@@ -316,21 +298,19 @@ def interval_means(at: Array, values: Array, time: Array, period: float, *, smoo
 
 
 def _resampled(old: Prepared, rate: float, *, smooth: bool) -> Prepared:
-    span = old.time[-1] - old.time[0]
-    if not FEWEST / span < rate <= MOST_RATE / old.period:
+    span, period = old.time[-1] - old.time[0], 1 / rate
+    if not FEWEST / span < rate < 1 / old.period:
         raise LogError(
             f"--resample {rate:g} Hz: give a rate above {FEWEST / span:.3g} Hz, for {FEWEST} "
-            f"samples, and at most {MOST_RATE} times that of the log, {1 / old.period:.6g} Hz"
+            f"samples, and below that of the log, {1 / old.period:.6g} Hz"
         )
-    period, signals, at = 1 / rate, dict(old.signals), old.time
-    if period > 1.001 * old.period:
-        lowpass = butter(8, 0.8 * old.period / period, output="sos")
-        signals = {name: sosfiltfilt(lowpass, values) for name, values in signals.items()}
-        if not smooth:  # what has passed a low-pass is no longer held, but smooth between middles
-            at, smooth = old.time + old.period / 2, True
+    lowpass = butter(8, 0.8 * old.period / period, output="sos")
+    signals = {name: sosfiltfilt(lowpass, values) for name, values in old.signals.items()}
     time = old.time[0] + period * np.arange(int(span / period * (1 + 1e-9)) + 1)
     new = {name: CubicSpline(old.time, values)(time) for name, values in signals.items()}
-    new["torque"] = interval_means(at, signals["torque"], time, period, smooth=smooth)
+    # what has passed a low-pass is no longer held, but smooth between middles
+    at = old.time if smooth else old.time + old.period / 2
+    new["torque"] = interval_means(at, signals["torque"], time, period, smooth=True)
     # a new sample is known if the old ones on both sides of it are
     valid = np.interp(time, old.time, old.valid.astype(float)) > 1 - 1e-9
     return replace(old, time=time, signals=new, valid=valid, period=period)

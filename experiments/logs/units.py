@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -34,18 +33,15 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """Units of each kind of signal, with their factor to SI. A torque may be a force, a current or a
 command: k_T is then the torque of one such unit."""
+COUNTS = "counts"
+SI = {"time": "s", "torque": "Nm", "angle": "rad", "speed": "rad/s"}
 
+_LOWER = {unit.lower(): unit for table in reversed(UNITS.values()) for unit in table}
 _SPELLINGS = {
-    "nm": "Nm", "mnm": "mNm", "newtonmeter": "Nm", "n": "N", "kn": "kN", "newton": "N",
-    "a": "A", "amp": "A", "ampere": "A", "arms": "A", "ma": "mA", "v": "V", "volt": "V",
-    "lbin": "lbfin", "inlb": "lbfin", "inlbf": "lbfin", "lbft": "lbfft", "ftlb": "lbfft",
-    "ftlbf": "lbfft", "ozin": "ozfin", "inoz": "ozfin", "lb": "lbf",
-    "°": "deg", "degree": "deg", "degrees": "deg", "°/s": "deg/s", "degrees/s": "deg/s",
-    "radian": "rad", "radians": "rad", "radians/s": "rad/s", "turn": "rev", "turns": "rev",
-    "radps": "rad/s", "degps": "deg/s", "rad_s": "rad/s", "deg_s": "deg/s", "m_s": "m/s",
-    "mm_s": "mm/s", "mmps": "mm/s", "inch": "in", "metre": "m", "meter": "m", "sec": "s",
-    "second": "s", "seconds": "s", "minutes": "min", "hz": "rev/s",
-    "1/min": "rpm", "u/min": "rpm", "min1": "rpm", "rev/min": "rpm",
+    "newton": "N", "newtonmet(er|re)": "Nm", "amp(ere)?|arms": "A", "volt": "V",
+    "lb": "lbf", "lbin|inlbf?": "lbfin", "lbft|ftlbf?": "lbfft", "ozin|inoz": "ozfin",
+    "°|degrees?": "deg", "radians?": "rad", "turns?": "rev", "inch": "in", "met(er|re)": "m",
+    "sec(onds?)?": "s", "minutes": "min", "hz": "rev/s", "(1|u|rev)/min|min1": "rpm",
 }  # fmt: skip
 
 ENDINGS = {
@@ -55,7 +51,6 @@ ENDINGS = {
     "speed": {"rpm", "radps", "degps", "mmps", "rad_s", "deg_s", "mm_s", "m_s"},
 }
 """What the name of a column may end in after an underscore to be taken for its unit."""
-COUNTS = "counts"
 
 WORDS = {
     "time": ("time", "zeit", "temps"),
@@ -69,32 +64,16 @@ WORDS = {
 def spelt(text: str, kind: str = "") -> str:
     """Return a unit as `UNITS` has it; ``nm`` is a length of an angle, and a torque else."""
     plain = re.sub(r"[\s·*.^-]", "", text).replace("µ", "u").replace("μ", "u")
-    known = any(plain in table for table in UNITS.values()) and (plain != "nm" or kind == "angle")
-    return plain if known else _SPELLINGS.get(plain.lower(), plain)
+    if any(plain in table for table in UNITS.values()) and (plain != "nm" or kind == "angle"):
+        return plain
+    second = re.fullmatch(r"(.+)(/s|_s|ps)", plain)
+    if second:
+        return f"{spelt(second[1])}/s"
+    small = plain.lower()
+    words = (unit for pattern, unit in _SPELLINGS.items() if re.fullmatch(pattern, small))
+    return next(words, _LOWER.get(small, plain))
 
 
 def is_unit(text: str) -> bool:
     """Return whether a text in brackets is a unit, and no index."""
     return text != "1" and any(spelt(text) in t for t in (*UNITS.values(), (COUNTS,)))
-
-
-def is_linear(unit: str | None) -> bool:
-    """Return whether a unit of a motion is one of an axis that goes straight."""
-    return unit is not None and re.match(r"([nuμcmk]?m|in)(/|$)", unit) is not None
-
-
-def completed(given: Mapping[str, str], names: Sequence[str]) -> dict[str, str]:
-    """Return columns of signals with those that are needed and not given, where there are any.
-
-    Examples
-    --------
-    >>> completed({"angle": "phi"}, ["Zeit", "Moment", "Drehzahl", "phi"])
-    {'angle': 'phi', 'time': 'Zeit', 'torque': 'Moment'}
-    """
-    result, columns = dict(given), {name.lower(): name for name in reversed(names)}
-    for kind, words in WORDS.items():
-        moves = kind in ("angle", "speed") and {"angle", "speed"} & result.keys()  # one is enough
-        column = next((columns[word] for word in words if word in columns), None)
-        if column is not None and not moves and column not in result.values():
-            result.setdefault(kind, column)
-    return result

@@ -33,7 +33,7 @@ def of_gaps(scenario, number, path, seed=0):
     """A log in which up to 20 rows are missing, several times."""
     style = LogStyle(gaps=number)
     record = simulate(scenario, [seed])[0]
-    write_log(path, logged(record, style, np.random.default_rng(seed)), style)
+    write_log(path, logged(record, style, np.random.default_rng(seed)))
     return import_log(path, {"torque_is": "held"}, burn_in=0.0).record
 
 

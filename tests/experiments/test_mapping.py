@@ -48,7 +48,7 @@ def test_a_unit_at_the_end_of_a_name(column, unit):
 def log(**columns):
     """A log whose columns are named as its signals, or as told."""
     arrays = {name: np.asarray(values, float) for name, values in columns.items()}
-    return Log("log", tuple(arrays), lambda names, rows: {n: arrays[n][rows] for n in names})
+    return Log(tuple(arrays), lambda names, rows: {n: arrays[n][rows] for n in names})
 
 
 @pytest.mark.parametrize(
