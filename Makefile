@@ -14,9 +14,9 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 export MKL_NUM_THREADS = 1
 
-# A process a core; the tests of one file stay in one process, for they share what is costly. In the
-# order of the folders: else files of few tests, the longest among them, would come last.
-PARALLEL := -n auto --maxprocesses=8 --dist=loadfile --no-loadscope-reorder
+# A process a core. Each begins with its part of the tests in the order of the folders, so that the
+# data of a module are mostly made once, and takes over tests of another when it has none left.
+PARALLEL := -n auto --maxprocesses=8 --dist=worksteal
 
 .PHONY: help bench test test-slow test-browser check format docs-tables docs-speed notebooks site dist clean
 
@@ -29,7 +29,7 @@ help:
 	@echo "make docs-speed  those of docs/speed.md, measured on this machine (minutes)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
 	@echo "make site       the documentation as pages that need no network: results/site/docs/index.html"
-	@echo "make dist       wheel and source archive of the last commit, the same bytes wherever: dist/"
+	@echo "make dist       wheel and source archive of the last commit: dist/"
 	@echo "make clean      remove .venv, results and caches"
 
 bench: $(VENV)/.core
@@ -67,7 +67,10 @@ site: $(VENV)/.docs
 	$(BIN)/sphinx-build -b html -c docs/site -d build/doctrees -W --keep-going -q . results/site
 
 dist: $(VENV)/.test
-	$(BIN)/python tests/archives.py -o dist
+	rm -rf build/source && mkdir -p build/source dist
+	git archive HEAD | tar -x -C build/source
+	cd build/source && for what in wheel sdist; do \
+	  $(abspath $(BIN))/python -c "from setuptools import build_meta as b; b.build_$$what('$(abspath dist)')" >/dev/null || exit 1; done
 
 # The installed set is a stamp file each, remade when pyproject.toml changes.
 $(VENV)/.core: EXTRA :=

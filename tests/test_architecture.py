@@ -1,7 +1,6 @@
 """The import arrows: experiments -> sim -> models_mjcf, experiments -> estimators."""
 
 import ast
-import re
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -98,63 +97,6 @@ def test_a_circle_is_seen_inside_functions_but_not_of_types(tmp_path):
     other.write_text("def f():\n    from flexaxis.one import x\n")
     with pytest.raises(CycleError):
         circle([one, other], tmp_path)
-
-
-# The way of the data through experiments/: each folder imports from those before it in its line
-# and in the lines above. What users come for stands side by side in the last but one.
-WAY = (
-    ("scoring",),
-    ("catalogue",),
-    ("running",),
-    ("comparison",),
-    ("reporting",),
-    ("studies",),
-    ("gate", "paper", "logs", "demo"),
-    ("check",),
-    ("commands", "front"),
-)
-
-
-# The way through sim/: files, what a scenario is made of, the engine; above them what runs it.
-GROUND = (("tables",), ("plant",))
-
-# The way through estimators/: what an axis is and does in a sample, what filters do with it, what
-# looks at whole records, the bank of hypotheses, the methods.
-ROOMS = (
-    ("models",),
-    ("filters",),
-    ("offline",),
-    ("glr",),
-    ("methods",),
-)
-WAYS = (("experiments", WAY), ("sim", GROUND), ("estimators", ROOMS))
-
-
-@pytest.mark.parametrize(("folder", "way"), WAYS)
-def test_folders_show_the_way_of_the_data(folder, way):
-    home, name = ROOT / folder, f"flexaxis.{folder}."
-    place = {folder: i for i, line in enumerate(way) for folder in line}
-    assert {f.parent.name for f in home.glob("*/__init__.py")} == place.keys()
-    wrong = []
-    for path in home.glob("*/**/*.py"):
-        folder = path.relative_to(home).parts[0]
-        targets = {n.split(".")[2] for n in imported(path) if n.startswith(name)}
-        for target in targets & place.keys() - {folder}:
-            if place[target] >= place[folder]:
-                wrong.append(f"{path.relative_to(ROOT)} imports from {target}")
-    assert not wrong, "against the way of the data: " + "; ".join(wrong)
-
-
-@pytest.mark.parametrize("path", [f for f in FILES if f.name == "__init__.py"], ids=str)
-def test_the_docstring_of_a_folder_names_modules_that_exist(path):
-    text = " ".join((ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").split())
-    if path.parent.name == "front":  # what `import flexaxis` shows to users
-        return
-    assert text
-    above = [path.parent, *(p for p in path.parents if p.is_relative_to(ROOT))]
-    for name in re.findall(r"`([\w./]+)`", text):
-        place = name if name.endswith(".toml") else name.replace(".", "/").removeprefix("flexaxis/")
-        assert any((p / place).exists() or (p / f"{place}.py").exists() for p in above), name
 
 
 def test_no_module_is_too_long():

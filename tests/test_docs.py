@@ -5,12 +5,10 @@ import re
 import runpy
 import shlex
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 
-from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.cli import parser
 
 ROOT = Path(__file__).parents[1]
@@ -50,13 +48,6 @@ def test_what_makes_a_measured_table_finds_all_that_it_names(path, monkeypatch):
     runpy.run_path(str(path), run_name="imported")
 
 
-def test_the_law_that_the_page_of_friction_writes_is_one():
-    text = (ROOT / "docs" / "friction.md").read_text(encoding="utf-8")
-    written = re.search(r"```toml\n(.*?)```", text, re.DOTALL)[1]
-    model = model_from_tables(tomllib.loads(written))
-    assert [(law.kind, law.names) for law in model.laws] == [("bristle", ("f_c", "sigma_0"))]
-
-
 def typed():
     """Every command line of the documentation, as one types it, with the page that has it."""
     pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("models_mjcf/**/*.md")]
@@ -82,39 +73,3 @@ def test_every_command_of_the_documentation_is_one(page, words, capsys):
         parser().parse_args(words)
     except SystemExit as error:
         assert error.code == 0 and "--help" in words, f"{page}: {capsys.readouterr().err}"
-
-
-def test_the_documentation_has_commands():
-    assert len(TYPED) > 40 and len({page for page, _ in TYPED}) > 8
-
-
-FROM_INDEX = re.compile(
-    r"\b(?:pipx?|uv|uvx|conda|mamba|poetry)\b[^\n|#]*\b(?:install|add|run|uvx)\b[^\n|#]*?"
-    r"[ \t\"'`]flexaxis(?![\w/.-])"
-)
-
-
-@pytest.mark.parametrize(
-    ("line", "found"),
-    [("pip install flexaxis", True), ("pip install 'flexaxis[demo]'", True),
-     ("python -m pip install -U flexaxis==0.1.0", True), ("uv add flexaxis", True),
-     ("pip install -e '.[demo]' in the folder of flexaxis", False),
-     ("pip install -e .\nflexaxis run smoke", False),
-     ('pip install "git+https://git.example.org/flexaxis.git"', False)],
-)  # fmt: skip
-def test_what_is_taken_for_the_name_on_the_index(line, found):
-    assert bool(FROM_INDEX.search(line.replace("folder of flexaxis", ""))) == found
-
-
-def test_nothing_says_to_install_a_name_that_nobody_owns():
-    """Whoever takes the name on the package index would have his code run by our readers."""
-    found = []
-    for path in ROOT.rglob("*"):
-        inside = path.relative_to(ROOT)
-        if path.suffix not in {".py", ".md", ".yml", ".toml", ".html"} or not path.is_file():
-            continue
-        if {".venv", ".git", "results"} & {*inside.parts} or inside == Path("tests/test_docs.py"):
-            continue
-        text = path.read_text(encoding="utf-8").replace("folder of flexaxis", "")
-        found += [f"{inside}: {hit[0]}" for hit in FROM_INDEX.finditer(text)]
-    assert not found

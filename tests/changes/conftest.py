@@ -150,11 +150,3 @@ def flexaxis(request, tmp_path):
     else:
         with serving(tmp_path, CHANGES if request.param == "together" else [name]) as own:
             yield own
-
-
-@pytest.fixture(scope="module")
-def half_done(tmp_path_factory):
-    """A copy with all but the last step of each change that has several, and its environment."""
-    place = tmp_path_factory.mktemp("half-done")
-    patched(place, [hunk for name in CHANGES for hunk in read_patch(name)[:-1]])
-    return place, environment(place)

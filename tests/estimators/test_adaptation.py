@@ -5,7 +5,6 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from flexaxis.estimators.offline.adaptation import (
-    drift_for,
     estimate_covariance,
     steady_P,
 )
@@ -55,12 +54,3 @@ def test_covariance_solves_the_lyapunov_equation():
     for P in (steady_P(Q, forgetting=0.995), steady_P(Q, drift=DRIFT)):
         expected = solve_continuous_lyapunov(P @ Q, 0.01 * P @ Q @ P)
         np.testing.assert_allclose(estimate_covariance(P, 0.01), expected, rtol=1e-8)
-
-
-def test_correlated_ones_get_a_common_one_from_the_coupled_drift():
-    P = steady_P(Q, drift=drift_for(np.ones(3), Q, coupled=True, period=0.005))
-    np.testing.assert_allclose(P @ Q, 0.005 * np.eye(3), atol=1e-12)
-    diagonal = drift_for(np.ones(3), Q, period=0.005)
-    np.testing.assert_allclose(diagonal, np.diag(0.005**2 / np.diag(Q)))
-    slowed = steady_P(Q, drift=diagonal)
-    assert np.linalg.eigvals(slowed @ Q).real.min() < 0.9 * 0.005

@@ -86,15 +86,6 @@ def test_a_filter_that_believes_in_jumps_begins_anew_when_the_sensor_reads_on(va
     assert error(theta) < 0.01
 
 
-def test_findings_before_it_began_anew_stay_and_later_ones_are_counted_on():
-    estimator = make("glr")
-    fault = simulate(AXES["n1"], 45.0, faults={36.0: AXES["n1"] | {"f_m": 0.1}})
-    estimator.run(fault.u, stuck(fault.y, 5.0))
-    named = [f for f in estimator.findings if "f_m" in f.parameters]
-    assert [36.0 <= f.alarm * 0.005 < 37.0 for f in named] == [True], estimator.findings
-    assert abs(named[0].onset * 0.005 - 36.0) < 0.1
-
-
 @pytest.mark.parametrize("name", ["rpem-forgetting", "variable-forgetting", "cusum-reset"])
 def test_what_forgets_begins_anew_where_it_is_lost(name):
     """The sensor has the wrong sign for 20 s: the way back from there leads into another valley."""

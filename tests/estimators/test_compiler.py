@@ -73,14 +73,6 @@ def test_an_edit_of_what_is_called_is_seen(copy, tmp_path):
 
 
 @pytest.mark.slow
-def test_two_processes_may_compile_at_once(copy, tmp_path):
-    cache = tmp_path / "cache"
-    both = [start(copy, cache), start(copy, cache)]
-    assert [ended(process)[0] for process in both] == ["6.0", "6.0"]
-    assert ended(start(copy, cache)) == ("6.0", "")
-
-
-@pytest.mark.slow
 def test_a_folder_that_cannot_be_written_is_told_in_a_line(copy, tmp_path):
     nowhere = tmp_path / "file"
     nowhere.touch()

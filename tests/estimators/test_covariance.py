@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexaxis.estimators.filters.interacting_models import merge
 from flexaxis.estimators.filters.joint import look, update
 from flexaxis.estimators.filters.state import NUMBERS
 from flexaxis.estimators.models.rows import padded
@@ -50,13 +49,3 @@ def test_an_update_is_that_of_the_textbook(m, n):
     np.testing.assert_allclose(state.P[:, :m], expected, rtol=1e-11, atol=1e-12)
     np.testing.assert_array_equal(state.P[:, :m], state.P[:, :m].T)
     np.testing.assert_array_equal(state.P[:, m:], 0.0)
-
-
-def test_a_mixture_has_the_covariance_of_its_samples():
-    """Two clouds of points, exactly: weights in whole points."""
-    rng = np.random.default_rng(0)
-    m, ours, theirs = 3, rng.standard_normal((30, 3)), rng.standard_normal((10, 3)) + 1.0
-    parts = [np.cov(cloud.T, bias=True) for cloud in (ours, theirs)]
-    P, other = (np.pad(part, ((0, 0), (0, padded(m) - m))) for part in parts)
-    merge(0.25, P, other, ours.mean(0) - theirs.mean(0))
-    np.testing.assert_allclose(P[:, :m], np.cov(np.vstack([ours, theirs]).T, bias=True))

@@ -5,7 +5,6 @@ import pytest
 from acceptance.banks import T, drawn, glr, made
 
 from flexaxis.estimators import EstimatorError
-from flexaxis.estimators.models.axes import N1
 
 TRUTH = (1.0, 1.25, 0.05, 0.1)  # with the level of dry friction
 
@@ -45,18 +44,3 @@ def test_a_told_zero_is_refused_by_its_name():
     _, nominal, torque = drawn("fm_step-v1")
     with pytest.raises(EstimatorError, match=r"^f_m is told to be 0, .* leave it out"):
         glr(nominal | {"f_m": 0.0}, T, torque=torque)
-
-
-@pytest.mark.parametrize(
-    ("options", "match"),
-    [
-        ({"learn": ["J_x"]}, "no parameter for that"),
-        ({"learn": "all"}, "or 'auto' or 'none'"),
-        ({"walk": 0.0}, "walk is 0"),
-        ({"deviations": {"J_a": -1.0}}, "above 0"),
-        ({"commissioning": -1.0}, "not negative"),
-    ],
-)
-def test_options_that_cannot_be_used_are_refused(options, match):
-    with pytest.raises(EstimatorError, match=match):
-        glr(N1, T, **options)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from acceptance.axes import held
 
-from flexaxis.estimators import EstimatorError, Model, increment, three_mass, two_mass
+from flexaxis.estimators import EstimatorError, increment, three_mass, two_mass
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.formula import multiply_out
 
@@ -88,17 +88,6 @@ def test_choices_that_cannot_be_made(nominal, identify, message):
         three_mass(nominal).parametrize(identify)
 
 
-def test_tables_that_do_not_fit(nominal):
-    with pytest.raises(EstimatorError, match="A takes 1 rows of 1 entries"):
-        Model("odd", ["x"], [["a", "b"]], ["1"], ["1"], {"a": 1.0, "b": 1.0})
-    with pytest.raises(EstimatorError, match="resets an unknown state 'y'"):
-        Model("odd", ["x"], [["a"]], ["1"], ["1"], {"a": 1.0}, reset=["y"])
-    with pytest.raises(EstimatorError, match="needs a finite nominal value of 'J_a'"):
-        three_mass({k: v for k, v in nominal.items() if k != "J_a"})
-    with pytest.raises(EstimatorError, match="needs a finite nominal value of 'r'"):
-        three_mass({**nominal, "r": np.nan})
-
-
 @pytest.mark.parametrize(
     ("model", "name", "value", "words"),
     [
@@ -117,10 +106,3 @@ def test_impossible_values_are_refused(model, name, value, words):
     shipped = MODELS[model]
     with pytest.raises(EstimatorError, match=f"{name} = .* its value must be {words}"):
         shipped.factory(dict(shipped.rough) | {name: value})
-
-
-@pytest.mark.parametrize("J", [0.0, 1e-320])
-def test_an_entry_that_is_no_number_is_refused(J):
-    with pytest.raises(EstimatorError, match=r"row 1, column 1 .* nominal values of .*J"):
-        Model("lag", states=("v",), A=[["-f/J"]], B=["k"], C=["1"],
-              nominal={"f": 2.0, "J": J, "k": 3.0})  # fmt: skip

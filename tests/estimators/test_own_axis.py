@@ -5,12 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexaxis.estimators.models import meaning
-from flexaxis.estimators.models.axes import N1
 from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import predict
-from flexaxis.estimators.offline.structure import with_laws
 from flexaxis.estimators.registry import REGISTRY
 
 PERIOD = 0.005
@@ -49,14 +46,6 @@ def run(model, torque, **changed):
     there = replace(model, nominal=dict(model.nominal) | changed)
     one = there.parametrize(there.parameters[:1])
     return predict(one, one.theta, torque, period=PERIOD)[0]
-
-
-def test_what_parameters_are_is_told_by_the_model():
-    real = with_laws(N1 | {"poles": 24.0, "torque_limit": 1.75}, period=PERIOD)
-    assert meaning.structure(real) == ("k_g", "J_m", "k_a", "d_g", "d_a")
-    assert meaning.dry_friction(real) == ("f_c",)
-    assert meaning.fixable(BELT) == ("J_m", "k", "play")  # and not the ratio, nor the load
-    assert meaning.dry_friction(BELT) == ("level",)
 
 
 @pytest.mark.slow

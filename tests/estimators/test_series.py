@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from acceptance.literal import LiteralRpem
 
-from flexaxis.estimators import Rpem, increment, three_mass, two_mass
+from flexaxis.estimators import Rpem, increment, three_mass
 
 P0 = [2.97e-4, 5.19e-5, 4.69e-6]
 DRIFT = [5e-8, 50e-8, 500e-8]
@@ -58,17 +58,6 @@ def test_every_choice_of_parameters_is_the_paper(nominal, loop):
         given = dict(identify=identify, theta0=1.05 * theta, P0=1e-6 * theta**2)
         *_, ours, expected = both(model, loop.u[:1000], loop.y[:1000], **given)
         np.testing.assert_allclose(ours, expected, rtol=1e-9, err_msg=str(identify))
-
-
-def test_two_mass_is_the_paper(loop):
-    model = two_mass(
-        {"k_T": 1.0, "J_m": 4.8e-3, "J_l": 4.8e-3, "k": 547.0, "d": 0.01, "f_m": 0.06, "f_l": 0.07}
-    )
-    identify = ("k_T", "1/J_l", "k")
-    given = dict(identify=identify, theta0=model.parametrize(identify).theta, P0=[1e-6, 1e-2, 1.0])
-    *_, ours, expected = both(model, loop.u[:2000], loop.y[:2000], **given)
-    assert np.ptp(expected, axis=0).min() > 0
-    np.testing.assert_allclose(ours, expected, rtol=1e-9)
 
 
 def extended(filter_, theta):

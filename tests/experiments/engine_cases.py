@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.run import Runner, check_failures
+from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.scenario import Scenario
 
@@ -97,16 +96,11 @@ def runner_here(folder: Path | None = None, **options) -> Runner:
     return Runner(folder, executor=Here(), **options)
 
 
-Row = dict[str, Any]
-Runs = list[list[Row]]
-"""Rows of an estimator on a scenario: a list a seed, in their order, with a row a parameter."""
-
-
-def nested(frame: pd.DataFrame) -> list[Row]:
+def nested(frame: pd.DataFrame) -> list[dict[str, Any]]:
     """Return rows as dicts; columns with a dot in their name are tables, NaN is None."""
     rows = []
     for line in frame.to_dict("records"):
-        row: Row = {}
+        row: dict[str, Any] = {}
         for name, value in line.items():
             table, _, part = str(name).partition(".")
             known = None if not isinstance(value, bool | str) and pd.isna(value) else value
@@ -120,50 +114,3 @@ def nested(frame: pd.DataFrame) -> list[Row]:
         row["isolation"] = row["isolation"] and json.loads(row["isolation"])
         rows.append(row)
     return rows
-
-
-class BenchHere:
-    """Rows as nested tables, run without worker processes."""
-
-    def __init__(self, folder: Path | None = None, *, traced: bool = False) -> None:
-        self.runner, self.traced = runner_here(folder), traced
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        pass
-
-    def runs(
-        self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
-    ) -> dict[tuple[str, str], Runs]:
-        """Return the rows of some cases, by hash of the scenario and text of the estimator.
-
-        Raises
-        ------
-        EstimatorError, StudyError
-            If one of them failed.
-        """
-        frame = self.frame(scenarios, estimators, seeds)
-        check_failures(frame)
-        return self._by_case(frame, seeds)
-
-    def with_failed(
-        self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
-    ) -> dict[tuple[str, str], Runs]:
-        """Return the same with the cases that failed: their rows are of lost runs."""
-        return self._by_case(self.frame(scenarios, estimators, seeds), seeds)
-
-    def frame(
-        self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
-    ) -> pd.DataFrame:
-        """Return the rows as a table."""
-        return self.runner.rows(scenarios, estimators, seeds, traces=self.traced)
-
-    @staticmethod
-    def _by_case(frame: pd.DataFrame, seeds: Sequence[int]) -> dict[tuple[str, str], Runs]:
-        found: dict[tuple[str, str], dict[int, list[Row]]] = {}
-        for row in nested(frame):
-            runs = found.setdefault((row["hash"], row["estimator"]), {seed: [] for seed in seeds})
-            runs[row["seed"]].append(row)
-        return {key: list(runs.values()) for key, runs in found.items()}

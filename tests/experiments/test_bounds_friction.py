@@ -98,38 +98,6 @@ def test_the_bound_with_friction_is_that_of_its_own_equations(lugre):
     np.testing.assert_allclose(found, wanted, rtol=0.03)
 
 
-@pytest.mark.parametrize(
-    ("name", "worst"),
-    [
-        ("stiffening_fm_step-v1", 0.01),
-        ("backlash_fm_step-v1", 0.01),
-        ("saturation_fm_step-v1", 0.001),
-        ("lugre_stribeck_fm_step-v1", 0.02),
-        ("wg_fm_step-v1", 0.05),
-        pytest.param("encoder_coulomb_fm_step-v1", 0.02, marks=pytest.mark.slow),
-    ],
-)
-def test_the_state_at_the_jump_is_that_of_the_plant(name, worst):
-    """The engine's own equations of motion, integrated otherwise, and 10 s of closed loop."""
-    scenario, record = drawn(name)
-    truth = scenario.true_parameters()
-    samples = range(ONSET - 60, ONSET, 3)
-    speed = [state_at(scenario, truth, record.torque, k)[2] for k in samples]
-    error = np.array(speed) - record.true_speed[samples]
-    assert np.sqrt(np.mean(error**2)) < worst * np.std(record.true_speed)
-
-
-def test_cogging_acts_as_in_the_plant():
-    """At first: where the motor is slow it takes one valley or the next by a hair."""
-    scenario, record = drawn("cogging_fm_step-v1")
-    truth = scenario.true_parameters()
-    error, without = (
-        [state_at(each, truth, record.torque, k)[2] - record.true_speed[k] for k in range(1, 30, 2)]
-        for each in (scenario, scenario.override({"cogging": None}))
-    )
-    assert np.max(np.abs(error)) < 0.02 < 10 * 0.02 < np.max(np.abs(without))
-
-
 def test_which_scenarios_a_model_describes():
     described_ = {name: true_model.describes(find_scenario(name)) for name in scenario_names()}
     for name in ("coulomb_fm_step-v1", "real_lugre_fm_step-v1", "told_kg_fm_step-v1", "fm_step-v1"):

@@ -9,12 +9,9 @@ import pytest
 from engine_cases import short, small_study, user_file
 
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.case import NUMBERS, Options, run_case, run_unit
-from flexaxis.experiments.running.estimators import parse
+from flexaxis.experiments.running.case import NUMBERS, Options, run_unit
 from flexaxis.experiments.running.study import Study, units
 from flexaxis.sim.simulate import simulate
-
-LAG = NUMBERS.index("lag")
 
 
 @pytest.fixture(scope="module")
@@ -26,16 +23,6 @@ def outcome_of(text, cache, **options):
     study = Study("one", (short(),), (text,), (0,))
     (unit,) = units(study)
     return run_unit(unit, Options(cache, **options))
-
-
-def test_rows_are_the_scores_of_the_run(cache):
-    (done,) = outcome_of("frozen", cache)
-    record = simulate(short(), [0])[0]
-    truth = record.true_parameters[:, record.parameter_names.index("f_m")]
-    start = round(2.0 / 0.005)
-    lag = 0.005 * np.sum(np.abs(truth[start:] - truth[0])) / abs(truth[-1] - truth[0])
-    assert done.numbers[2, LAG] == pytest.approx(lag)
-    assert done.error is None
 
 
 @pytest.mark.parametrize(
@@ -108,9 +95,3 @@ def test_a_damaged_record_is_simulated_again(tmp_path):
     small.entries()[0].write_bytes(b"no NetCDF")
     assert small.get(short(), 0) is None
     assert not small.entries()
-
-
-def test_an_estimator_of_the_registry_is_reset_between_runs(cache):
-    spec, record = parse("rpem-forgetting"), simulate(short(), [0])[0]
-    first, second = (run_case(short(), record, spec, Options()) for _ in range(2))
-    np.testing.assert_array_equal(first.theta, second.theta)

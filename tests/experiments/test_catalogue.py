@@ -7,7 +7,7 @@ import pytest
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue import find
-from flexaxis.experiments.catalogue.card import in_a_line, reference_card
+from flexaxis.experiments.catalogue.card import reference_card
 from flexaxis.experiments.catalogue.find import (
     GROUPS,
     find_scenario,
@@ -17,7 +17,6 @@ from flexaxis.experiments.catalogue.find import (
     suite_names,
 )
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.parameters import PARAMETER_NAMES
 
 HOME = Path(find.__file__).parent
 FROZEN = tomllib.loads((HOME / "hashes.toml").read_text(encoding="utf-8"))
@@ -85,49 +84,6 @@ def test_a_scenario_says_its_name_and_what_it_tests(name):
     card = reference_card(scenario)
     assert card["tests"] == scenario.card and all(card.values())
     assert (card["unmodelled"] == "nothing") == scenario.linear
-
-
-def test_every_parameter_has_a_step():
-    alone = [s.fault[0] for s in CATALOGUE if len(s.fault) == 1 and s.linear]
-    for kind, failing in (
-        ("step", set(PARAMETER_NAMES) - {"r"}),
-        ("ramp", {"f_m", "J_a", "k_T"}),
-        ("intermittent", {"f_m"}),
-    ):
-        assert {fault.parameter for fault in alone if fault.kind == kind} == failing
-
-
-@pytest.mark.parametrize(
-    ("name", "line"),
-    [
-        ("fm_step-v1", "f_m +50 % at 10 s"),
-        ("kg_step-v1", "k_g -20 % at 10 s; not estimated"),
-        ("ja_ramp-v1", "J_a +30 % from 10 to 15 s"),
-        ("fm_intermittent-v1", "f_m +50 % from 10 s, 2 s of 4"),
-        ("coarse_encoder_fm_step-v1", "f_m +50 % at 10 s; increment; encoder of 2048 counts"),
-        ("warming_fm-v1", "no fault: f_m -30 % from 5 s, 20 s to 63 %"),
-        ("n2_nominal-v1", "no fault; n2"),
-        ("torque_delay_fm_step-v1", "f_m +50 % at 10 s; torque late by 1 ms"),
-        ("coulomb-v1", "no fault; Coulomb friction of 0.1 N m"),
-        ("told_kg_fm_step-v1", "f_m +50 % at 10 s; known k_g × 1.1"),
-        ("coulomb_fc_step-v1", "f_c +50 % at 10 s; Coulomb friction of 0.1 N m"),
-        ("moves_ja_step-v1", "J_a +30 % at 10.35 s; moves of 0.4 s within 4 rad, 0.2 s apart"),
-        ("standstill-v1", "no fault; standstill"),
-        (
-            "noisy_loop_fm_step-v1",
-            "f_m +50 % at 10 s; increment; noise of 0.1 rad/s on the speed; "
-            "noise of 0.0002 rad on the angle; encoder of 8192 counts; controller sees what is "
-            "measured",
-        ),
-    ],
-)
-def test_a_scenario_in_a_line(name, line):
-    assert in_a_line(find_scenario(name)) == line
-
-
-def test_a_card_says_whether_there_is_a_bound():
-    assert reference_card(find_scenario("together-v1"))["bound"] == "defined for k_T, f_m"
-    assert reference_card(find_scenario("coulomb-v1"))["bound"].startswith("none")
 
 
 def test_suites():

@@ -29,25 +29,6 @@ RATE = rate(PERIOD)
 NOMINAL = np.array([1.0, 1.25, 0.05, 0.0])
 
 
-def test_pieces_of_any_length_give_the_same_run():
-    whole, pieces = LiveAxis(seed=3), LiveAxis(seed=3)
-    expected = whole.advance(60)
-    parts = zip(*(pieces.advance(n) for n in (1, 7, 20, 32)), strict=True)
-    for part, values in zip(parts, expected, strict=True):
-        np.testing.assert_array_equal(np.concatenate(part), values)
-
-
-def test_the_axis_moves_as_in_the_catalogue_until_it_stands():
-    """Motor speed of rms 5 rad/s, torque of 0.85 N m: what the reference is scaled for."""
-    axis = LiveAxis()
-    axis.advance(1000)
-    torque, speed, _ = axis.advance(2000)
-    assert np.std(speed) == pytest.approx(5.0, rel=0.03)
-    assert np.std(torque) == pytest.approx(0.85, rel=0.05)
-    axis.excitation, axis.noise = "off", 0.0
-    assert np.abs(axis.advance(2 * RATE)[1][-20:]).max() < 0.05
-
-
 def test_the_race_is_what_the_estimator_does_alone():
     """Whatever the pieces in which the session advances, to the last bit."""
     session, axis = DemoSession(seed=1), LiveAxis(seed=1)

@@ -12,7 +12,6 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.comparison import tune
 from flexaxis.experiments.comparison.tune import TOLERANCE
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -114,22 +113,6 @@ def test_one_that_is_slower_is_worse_though_its_knob_made_it_quick(short):
     assert found.verdict == "worse"
     # of the 2 s after the fault; what is left of its error at their end has no time to be made up
     assert 0.25 < row["candidate"] - row["base"] < 0.6
-
-
-def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
-    """Tuned badly, to 1.3 times the noise, the same method is still the same."""
-    right = tune.match_noise
-
-    def wrong(name, trials):
-        found = right(name, trials)
-        if "Same" not in name:
-            return found
-        value = 1.6 * found.value
-        return type(found)(f"{name}[nu={value:.4g}]", "nu", value, found.match, 1.3, {})
-
-    monkeypatch.setattr(tune, "match_noise", wrong)
-    found = compared(Same, short)
-    assert found.content["candidate"] != "Same" and abs(lag(found)["change"]) < 0.02
 
 
 @pytest.mark.slow

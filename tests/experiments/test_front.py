@@ -75,15 +75,6 @@ def test_every_name_is_there():
     assert links == modules
 
 
-def test_scenarios_and_estimators_are_found_by_group_and_text():
-    steps = {line["name"] for line in fx.scenarios(group="steps")}
-    assert "fm_step-v1" in steps and "paper_nominal-v1" not in steps
-    assert 0 < len(fx.scenarios(find="stribeck")) < len(fx.scenarios())
-    with pytest.raises(FlexaxisError, match="Did you mean 'steps'"):
-        fx.scenarios(group="step")
-    assert "ekf" in {line["name"] for line in fx.estimators(find="KALMAN")}
-
-
 def test_a_run_is_that_of_the_simulation(short):
     shown, plain = fx.simulate(short, seed=np.int64(3)), simulate(short, [3])[0]
     np.testing.assert_array_equal(shown.speed, plain.speed)
@@ -94,13 +85,6 @@ def test_a_run_is_that_of_the_simulation(short):
             fx.simulate(wrong)
     with pytest.raises(FlexaxisError, match=r"Did you mean 'fault\[0\].factor'"):
         fx.simulate("fm_step", **{"fault.factor": 2})
-
-
-def test_coulomb_friction_of_zero_is_none():
-    zero = fx.simulate("fm_step", seed=1, **{"friction.coulomb": 0, "duration": 11.0})
-    none = fx.simulate("fm_step", seed=1, duration=11.0)
-    np.testing.assert_array_equal(zero.speed, none.speed)
-    assert "friction" not in zero.scenario
 
 
 @pytest.mark.parametrize("estimator", ["rpem-forgetting", "glr", Still])
@@ -193,16 +177,6 @@ def test_results_are_a_table_and_a_figure(short, tmp_path):
     assert (tmp_path / "kept" / "report.html").exists()
     with pytest.raises(FlexaxisError, match="column 'nope'"):
         results.plot("nope")
-
-
-def test_a_study_from_keys(short_toml):
-    content = {"scenario": str(short_toml), "estimators": ["frozen"], "seeds": 2}
-    results = fx.study(content | {"sweep": {"fault[0].factor": [1.2, 2.0]}})
-    assert len(results.to_dataframe()) == 12
-    assert "after the fault" in results.plot().get_xlabel()  # the axis in words, not as a key
-    assert [*results.table["fault[0].factor"]] == [1.2, 2.0]
-    with pytest.raises(FlexaxisError, match="fault"):
-        results.plot("fault[0].factr")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from flexaxis.experiments.gate.gate import Comparison, check_margins, look_seeds
 from flexaxis.experiments.gate.pairs import pair, table
 from flexaxis.experiments.gate.report import as_dict, markdown
 from flexaxis.experiments.gate.verdict import ALPHA, SHARES, decide, judge, judge_lost, losses
-from flexaxis.experiments.scoring.intervals import holm_levels, sign_p
+from flexaxis.experiments.scoring.intervals import sign_p
 
 SEEDS = range(1000, 1032)
 STEP = -math.log(0.95)
@@ -124,12 +124,6 @@ def test_no_better_with_a_run_far_on_the_other_side():
     assert set(words(-x)) == {"worse"}  # one gain among so many failures hides none
     wide = np.random.default_rng(1).normal(-0.3, 0.3, (4, 128))  # where all scatter, none is far
     assert (wide > 0.2).any() and set(words(wide)) == {"better"}
-
-
-def test_holm_is_the_textbook_and_nan_no_member():
-    assert holm_levels([0.2, 0.001, 0.03], 0.06).tolist() == pytest.approx([0.06, 0.02, 0.03])
-    assert holm_levels([np.nan, 0.04, 0.03], 0.06).tolist() == pytest.approx([0.06, 0.06, 0.03])
-    assert holm_levels([0.5, 0.9], 0.06).tolist() == pytest.approx([0.03, 0.03])
 
 
 @pytest.mark.parametrize("number", [5, 11, 40])

@@ -63,22 +63,3 @@ def test_every_drive_with_a_fault_has_a_bound_that_is_that_of_its_model():
     found, other = (bounds.limits(s, s.identify, record.torque)[2] for s in (scenario, without))
     assert 0.01 < found.lag_bound_single < found.lag_bound < 0.2  # .019 and .082 for this seed
     assert abs(other.lag_bound / found.lag_bound - 1) > 0.02
-
-
-def test_units_do_not_matter(drive):
-    """In N cm instead of N m, and with a gear whose two sides count otherwise."""
-    scenario, record = drive
-    model = true_model.true_model(scenario, scenario.true_parameters()[0])
-    torques = ("J_m", "J_g", "J_a", "k_g", "k_a", "d_g", "d_a", "f_m", "f_g", "f_a", "f_c", "f_s")
-    values = dict(model.nominal)
-    small = values | {name: 100 * values[name] for name in torques}
-    n = 50.0  # speeds of the load are slower, its inertia and springs are larger
-    load = ("J_g", "J_a", "k_g", "k_a", "d_g", "d_a", "f_g", "f_a")
-    geared = values | {"r": 1 / n} | {name: n**2 * values[name] for name in load}
-    ends = []
-    for nominal, u in ((values, 1.0), (small, 100.0), (geared, 1.0)):
-        x = np.zeros(len(model.states))
-        one = replace(model, nominal=nominal).parametrize(["k_T"])
-        moved = true_model._travel(one, one.theta, u * record.torque[:400], x, scenario.period)
-        ends.append(moved[1][2])
-    np.testing.assert_allclose(ends[1:], ends[0], rtol=1e-9)

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from engine_cases import BenchHere
-from scipy.stats import chi2
+from engine_cases import nested, runner_here
 
 from flexaxis.experiments.scoring.consistency import nis, whiteness
 
@@ -32,24 +31,6 @@ def test_whiteness_is_the_statistic_of_ljung_and_box():
     Q = 500 * 502 * np.sum(rho**2 / (500 - np.arange(1, LAGS + 1)))
     assert whiteness(claims(z), LAGS) == pytest.approx(Q / LAGS, rel=1e-12)
     assert whiteness(claims(7 * z, 49.0), LAGS) == pytest.approx(Q / LAGS, rel=1e-12)
-
-
-@pytest.mark.parametrize("missing", [0.0, 0.3])
-def test_of_white_innovations_it_is_chi_square_over_its_degrees(missing):
-    rng, found = np.random.default_rng(1), []
-    for seed in range(2000):
-        z = white(600, seed)
-        z[rng.random(600) < missing] = np.nan
-        found.append(whiteness(claims(z), LAGS))
-    # a mean of 2000 with standard deviation √(2/20), three of which are .02
-    assert np.mean(found) == pytest.approx(1.0, abs=0.025)
-    assert np.mean(np.array(found) > chi2(LAGS).ppf(0.95) / LAGS) == pytest.approx(0.05, abs=0.02)
-
-
-def test_colour_and_a_mean_are_seen():
-    z = white(2000)
-    for coloured in (z[1:] + 0.3 * z[:-1], z + 0.3, np.cumsum(z)):
-        assert whiteness(claims(coloured), LAGS) > 5
 
 
 class Told:
@@ -88,15 +69,8 @@ class Silent(Told):
         return np.full((len(u), 1), self.f_m)
 
 
-class Short(Told):
-    def run(self, u, y, valid=None):
-        theta = super().run(u, y, valid)
-        self.innovations = self.innovations[1:]
-        return theta
-
-
 def row_of(scenario, name):
-    (((row,),),) = BenchHere().runs([scenario], [f"{Path(__file__)}:{name}"], [0]).values()
+    (row,) = nested(runner_here().rows([scenario], [f"{Path(__file__)}:{name}"], [0]))
     return row
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from engine_cases import BenchHere
+from engine_cases import nested, runner_here
 
 from flexaxis.sim.simulate import simulate
 
@@ -31,7 +31,7 @@ class Silent(Counter):
 
 
 def nees(scenario, name):
-    (((row,),),) = BenchHere().runs([scenario], [f"{Path(__file__)}:{name}"], [0]).values()
+    (row,) = nested(runner_here().rows([scenario], [f"{Path(__file__)}:{name}"], [0]))
     return row["nees"]
 
 

@@ -2,20 +2,17 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.estimators import parse
 from flexaxis.experiments.scoring.parameter_names import true_theta
-from flexaxis.experiments.scoring.pooling import spread
 from flexaxis.experiments.scoring.score_table import SCORES, rows, undefined
 from flexaxis.experiments.scoring.scores import Track
 from flexaxis.experiments.scoring.summary import pool_rows
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")
-RUNS = 256
 
 
 def case(scenario, seed, **scores):
@@ -70,24 +67,6 @@ def test_only_the_common_bias_is_taken_out_of_the_pooled_std(short):
     assert row["std"] == pytest.approx(5.0) and row["bias"] == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize("time_constant", [0.05, 1.0, 20.0])  # s, against a window of 5 s
-def test_the_pooled_std_is_that_of_an_estimate_at_any_time(time_constant):
-    """A first-order process of known deviation about the truth, quick or slower than the window."""
-    scenario = find_scenario("fm_step-v1")
-    truth = true_theta(NAMES, scenario.true_parameters())
-    rng, a = np.random.default_rng(0), np.exp(-0.005 / time_constant)
-    of_all = []
-    for _ in range(RUNS):
-        noise = rng.standard_normal(scenario.samples)
-        noise[1:] *= np.sqrt(1 - a**2)
-        theta = truth.copy()
-        theta[:, 2] += 0.05 * 0.02 * lfilter([1.0], [1.0, -a], noise)
-        of_all.append(rows(Track(scenario, NAMES, theta, scenario.true_parameters()))[2])
-    found = spread([r["std"] for r in of_all], [r["bias"] for r in of_all])
-    # 2 %, within three standard deviations: a run holds 5 s/τ independent values, at least one
-    assert found == pytest.approx(2.0, rel=3 / np.sqrt(2 * RUNS * max(1.0, 5 / time_constant)))
-
-
 def test_the_excess_error_is_that_of_the_prediction():
     """θ̂ off by a constant: the predictor's error is then ψᵀθ̃, and its variance over σ² the excess.
 
@@ -131,64 +110,6 @@ def test_the_pooled_excess_leaves_the_common_bias_out_and_lost_runs_in():
     spread_out = pool_rows([row for run in [of(f) for f in factors] for row in run], scenario)
     low, high = spread_out[0]["excess_interval"]  # of what stands beside it, not of the mean
     assert low <= spread_out[0]["excess"] <= high < 5 * spread_out[0]["excess"]
-
-
-# Losing a run never pays ---------------------------------------------------------------------
-
-# `bias` is none of them: without the lost runs' own it may lie nearer to zero.
-COSTLY = ("lag", "t10", "std", "std_after", "cross_talk", "excess", "score")
-
-
-def lost_and_kept(seed):
-    """Return pooled rows of random runs, and of the same with some of them lost on the way."""
-    rng = np.random.default_rng(seed)
-    scenario = find_scenario("fm_step-v1")
-    truth = true_theta(NAMES, scenario.true_parameters())
-    nominal = truth[0]
-    (record,) = simulate(scenario, [0])
-    kept, lost = [], []
-    n = int(rng.integers(2, 9))
-    victims = rng.permutation(n)[: int(rng.integers(1, n + 1))]
-    for run in range(n):
-        noise = rng.standard_normal((scenario.samples, 3)) * rng.uniform(0, 0.3)
-        offset = rng.uniform(-0.5, 1.0, 3)
-        theta = truth + nominal * (noise + offset * np.exp(-np.arange(len(truth)) / 2000)[:, None])
-        kept.append(theta)
-        gone = theta.copy()
-        if run in victims:
-            # up to the end of the scored window; afterwards there is nothing to gain
-            gone[int(rng.integers(0, 2990)) :] = rng.choice([np.nan, np.inf, 1e9, -1e9])
-        lost.append(gone)
-    return [_pooled(scenario, thetas, record.torque) for thetas in (kept, lost)]
-
-
-def _pooled(scenario, thetas, torque):
-    cases = []
-    for theta in thetas:
-        track = Track(scenario, NAMES, theta, scenario.true_parameters(), torque)
-        identity = {"hash": scenario.hash, "scenario": scenario.name, "estimator": "e"}
-        more = {"cost": {"us_per_sample": 1.0}}
-        cases.append([identity | row | more for row in rows(track)])
-    return {
-        row["parameter"]: row for row in pool_rows([row for run in cases for row in run], scenario)
-    }
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_losing_runs_never_pays(seed):
-    kept, lost = lost_and_kept(seed)
-    assert lost["f_m"]["diverged"] >= 1
-    for name in NAMES:
-        for score in COSTLY:
-            before, after = kept[name][score], lost[name][score]
-            if before is None and score != "t10":
-                assert after is None
-            elif score == "t10":
-                assert after is None or (before is not None and after >= before)
-            elif score == "score":
-                assert after <= before + 1e-9
-            else:
-                assert after >= before - 1e-9, (name, score)
 
 
 def test_a_row_has_all_scores_and_a_pooled_one_those_that_pool(short):

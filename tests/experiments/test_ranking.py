@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.experiments.comparison.ranking import leaders, mark, overall, too_few
-from flexaxis.experiments.scoring.intervals import LEAST
+from flexaxis.experiments.comparison.ranking import leaders, mark, overall
 
 RECORD = np.random.default_rng(0).standard_normal(16)
 """What the record does to every estimator alike."""
@@ -30,14 +29,6 @@ def match(estimator, lag, *, how="matched", scenario="s", score=None, false=None
     }  # fmt: skip
 
 
-def row(scenario, estimator, lag, *, changed=True, parameter="f_m", **more):
-    return {
-        "scenario": scenario, "estimator": estimator, "parameter": parameter, "changed": changed,
-        "lag": lag, "lag_interval": None if lag is None else [0.9 * lag, 1.1 * lag], "std": 1.0,
-        "bias": 0.1, "diverged": 0, "never_settled": 0, "detection": None,
-    } | more  # fmt: skip
-
-
 def test_pairs_tell_apart_what_intervals_that_overlap_do_not():
     lags = {"a": values(0.20, seed=1), "b": values(0.24, seed=2)}  # each ±25 %, together ±2 %
     assert leaders(lags) == ["a"]
@@ -47,22 +38,6 @@ def test_pairs_tell_apart_what_intervals_that_overlap_do_not():
 def test_the_whole_set_is_compared_not_only_the_second():
     lags = {"a": values(0.20), "b": values(0.24, seed=2), "c": values(0.25, own=0.5, seed=3)}
     assert leaders(lags) == ["a", "c"]  # c is behind b, but cannot be told from a
-
-
-def test_with_fewer_than_five_seeds_nobody_leads_and_it_is_said():
-    a, b = [0.0] * LEAST, [9.0, 9.1, 9.0, 9.2, 9.1]
-    assert leaders({"a": a, "b": b}) == ["a"]
-    gone = [None, *b[1:]]
-    for few in ({"a": a[1:], "b": b[1:]}, {"a": [None, *a[1:]], "b": gone}, {"a": a[1:]}):
-        assert leaders(few) == leaders(few, most=True) == []
-        rows = [match(name, 1.0) | {"values": {"lag": lags}} for name, lags in few.items()]
-        assert too_few(rows) == f"4 seeds are too few to rank: from {LEAST} on"
-        assert not any(row["leads"] for row in mark(rows))
-        scored = [match(name, 1.0, score=1.0) for name in few]
-        scored = [row | {"values": {"score": a[1:]}} for row in scored]
-        assert not any(row["leads"] for row in overall(scored))
-    assert not too_few([{"values": {"lag": a}}, {"values": {"lag": gone}}])
-    assert too_few([{"values": {"lag": [0.0]}}]).startswith("1 seed is too few to rank: ")
 
 
 @pytest.mark.parametrize("number", [2, 5, pytest.param(17, marks=pytest.mark.slow)])

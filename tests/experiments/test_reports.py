@@ -6,10 +6,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 
 from flexaxis.experiments.comparison.ranking import faults_of
-from flexaxis.experiments.reporting import figures, page, study, styles, tables, terminal, words
+from flexaxis.experiments.reporting import figures, page, study, styles, terminal, words
 from flexaxis.experiments.reporting.figures import Series
 
 SEEDS = 8
@@ -93,15 +92,6 @@ def test_curves_hold_what_they_are_given():
     assert [text.get_text() for text in second.get_legend().get_texts()] == ["mine[a=$1]"]
 
 
-def test_curves_are_added_to_axes_that_have_some():
-    ax = Figure().subplots()
-    for name, high in (("ekf", 2), ("glr", 20)):
-        one = Series(x=[0, 1, high], y=[0, 1, high], estimator=name)
-        figures.curves({"y": [one]}, x="x", axes=[ax])
-    assert ax.get_ylim()[1] >= 20 and ax.get_xlim()[1] >= 20
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["ekf", "glr"]
-
-
 def swept(estimator, factor, lag):
     return {"scenario": "s1", "parameter": "f_m", "estimator": estimator, "factor": factor,
             "setting": f"{estimator}[{factor}]", "lag": lag, "std": factor, "diverged": 0,
@@ -132,28 +122,6 @@ def test_the_script_is_short_and_asks_for_nothing():
     script = page.TEMPLATES.loader.get_source(page.TEMPLATES, "reporting/templates/page.js")[0]
     assert len(script.splitlines()) <= 150
     assert not re.search(r"fetch|XMLHttp|import\(|eval\(|innerHTML", script)
-
-
-def test_numbers_have_two_digits():
-    assert [tables.short(v) for v in (0.0999, 9.96, 99.6, 1234.5, np.nan)] == [
-        "0.100", "10.0", "100", "1234", "–",
-    ]  # fmt: skip
-    assert tables.between(pd.Series([3.0, np.nan, 1.0])) == "1.0–3.0"
-
-
-def test_a_table_has_intervals_and_values_to_sort_by():
-    rows = pd.DataFrame(
-        [{"estimator": "e", "lag": 0.12345, "lag_interval": [0.1, 0.2], "std": np.nan}]
-    )
-    ((who, cells),) = tables.table("t", rows, {"estimator": "e", "lag": "lag", "std": "s"}).rows
-    assert who == "e" and cells[1] == ("0.12", "0.1235", "0.10–0.20", False)
-    assert cells[2][:2] == ("–", "")
-
-
-def test_what_stands_below_the_title():
-    glr, reference = words.answer(summary([*THREE, matched("imm", 0.06)]))[1]
-    assert glr.startswith("glr takes 1.2–2.5 times the shortest lag")
-    assert reference.startswith("rpem-forgetting takes 25–30 times")
 
 
 def test_what_must_not_be_missed():
@@ -258,16 +226,6 @@ def test_the_terminal_says_who_leads(capsys):
     few = every(THREE, values={"lag": [0.0, 0.1]})
     shown = text_of(terminal.equal_noise_table(summary(few)["tradeoff"]), capsys)
     assert "2 seeds are too few" in shown and "★ 0.050" not in shown
-
-
-def test_the_frozen_one_stands_last(capsys):
-    shown = text_of(terminal.default_table([pooled("frozen"), pooled("ekf[a=1]")]), capsys)
-    assert shown.index("ekf[a=1]") < shown.index("frozen")
-
-
-def test_failures_of_an_estimator_are_one_sentence():
-    rows = [{"scenario": "s", "estimator": "mine", "seed": seed, "error": "no"} for seed in (5, 6)]
-    assert words.failures_in_words(rows) == [("mine failed on s, seed 5: no", 2)]
 
 
 def test_a_study_answers_first_and_has_a_map_of_two_axes(stored, tmp_path):

@@ -13,7 +13,6 @@ from flexaxis.experiments.running.case import NUMBERS, Done, Options, run_unit
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.store import ROWS, Store
 from flexaxis.experiments.running.study import describe, units
-from flexaxis.experiments.scoring.summary import pool_columns
 
 STUDY = small_study("frozen", "rpem-forgetting", seeds=3)
 
@@ -39,14 +38,6 @@ def test_rows_do_not_depend_on_the_order_in_which_they_came(tmp_path, outcomes):
     assert list(first.columns[:6]) == [
         "scenario", "estimator", "seed", "parameter", "changed", "fault[0].factor"
     ]  # fmt: skip
-
-
-def test_the_frame_holds_the_numbers_that_were_stored(outcomes):
-    frame = Results(filled(None, outcomes), describe(STUDY, units(STUDY))).frame
-    done = outcomes[0][0]
-    rows = frame[frame["case"] == done.id]
-    np.testing.assert_array_equal(rows["lag"], done.numbers[:, NUMBERS.index("lag")])
-    assert rows["changed"].tolist() == [False, False, True]
 
 
 def test_a_case_is_there_once_and_the_first_one_stays(tmp_path, outcomes):
@@ -119,18 +110,6 @@ def test_what_is_no_store_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="cannot be written: File exists"):
         Store(tmp_path / "file")
-
-
-def test_scores_are_pooled_over_the_seeds_of_a_group(outcomes):
-    results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
-    table = results.scores("estimator", "fault[0].factor")
-    (line,) = table[
-        (table["estimator"] == "frozen") & table["changed"] & (table["fault[0].factor"] == 1.5)
-    ].to_dict("records")
-    rows = results.frame.query("estimator == 'frozen' and changed and `fault[0].factor` == 1.5")
-    assert line["seeds"] == len(rows) == 3
-    assert line["lag"] == pytest.approx(np.exp(np.log(rows["lag"]).mean()))
-    assert pool_columns({"std": np.ones(3)}, []) == {}
 
 
 def test_wrong_columns_and_scores(outcomes):

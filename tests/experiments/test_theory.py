@@ -12,7 +12,6 @@ from flexaxis.experiments.scoring.bounds import (
     bounded,
     jump_bound,
     limits,
-    score,
 )
 from flexaxis.experiments.scoring.consistency import nees
 from flexaxis.experiments.scoring.detection import detection
@@ -92,15 +91,6 @@ def test_faults_in_one_sample_are_isolated_by_naming_both():
     scenario = find_scenario("together-v1")
     for names, share in ((("k_T", "f_m"), 1.0), (("f_m",), 0.0)):
         assert detection(scenario, NAMES, [Finding(2010, names)])["isolated"] == share
-
-
-def test_the_score_of_doing_nothing_and_of_the_bound():
-    limit = Limits(lag_null=5.0, lag_bound=0.1)
-    assert score(5.0, limit) == 0.0
-    assert score(0.1, limit) == pytest.approx(100)
-    assert score(np.sqrt(0.5), limit) == pytest.approx(50)
-    assert score(6.0, limit) < 0
-    assert score(None, limit) is None and score(1.0, Limits()) is None
 
 
 def test_nees_is_the_number_of_parameters_for_an_honest_claim():

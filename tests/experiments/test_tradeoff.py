@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
-from engine_cases import BenchHere
+from engine_cases import runner_here
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.comparison.sweep import Setting, match, settings, sweep, texts, with_knob
+from flexaxis.experiments.comparison.sweep import Setting, match, sweep, with_knob
 from flexaxis.experiments.scoring.intervals import mean_interval
 
 COMMON = np.random.default_rng(0).standard_normal(12)
@@ -137,14 +137,8 @@ class Timid:
 
 def test_a_sweep_that_does_not_reach_is_widened(short):
     own = f"{__file__}:Timid"
-    found = sweep([short], [own], [0, 1, 2], BenchHere().frame)
+    found = sweep([short], [own], [0, 1, 2], runner_here().rows)
     factors = {p["factor"] for p in found.points}
     assert {16.0, 64.0} <= factors  # its noise at the default is a thousandth of the reference's
     (mine,) = found.matched
     assert mine["how"] in ("matched", "quieter")
-
-
-def test_what_a_first_sweep_runs():
-    lines = settings(["frozen", "rpem-drift"], factors=(0.5, 1.0))
-    assert lines["frozen"] == {"frozen": 1.0} and len(lines["rpem-drift"]) == 2
-    assert texts(lines)[0] == "rpem-forgetting[forgetting=0.995]" and len(texts(lines)) == 4

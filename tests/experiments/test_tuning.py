@@ -7,12 +7,10 @@ import tomllib
 import numpy as np
 import pandas as pd
 import pytest
-from acceptance.units import CHANGES
-from engine_cases import BenchHere
+from engine_cases import runner_here
 
-from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.estimators.tuned import at_equal_noise, tuned, tunings
+from flexaxis.estimators.tuned import at_equal_noise, tunings
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.comparison.sweep import TURNS, with_knob
 from flexaxis.experiments.comparison.tune import (
@@ -21,7 +19,6 @@ from flexaxis.experiments.comparison.tune import (
     match_noise,
 )
 from flexaxis.experiments.running.estimators import parse
-from flexaxis.sim.parameters import preset
 
 PAPER = {"rpem-forgetting", "rpem-drift"}
 # not tuned to equal noise on the linear axis: what dry friction does not do there costs them noise
@@ -52,7 +49,7 @@ class Powers(Trials):
 
 
 def test_secants_find_the_match():
-    found = match_noise("cusum-reset", Powers(range(2), BenchHere().frame))
+    found = match_noise("cusum-reset", Powers(range(2), runner_here().rows))
     assert found.value == pytest.approx(1 - 0.005 / 4, abs=0.005 / 4 * 0.025)
     assert abs(found.ratio - 1) < TOLERANCE and found.knob == "forgetting"
 
@@ -63,7 +60,7 @@ def test_no_match_and_wrong_words_are_said(capsys):
             return logs(excess=1.0 if setting.startswith("rpem") else 2.0)
 
     with pytest.raises(ValueError, match=r"no setting of its knob.*last one tried.* is ekf"):
-        match_noise("ekf", Flat(range(1), BenchHere().frame))
+        match_noise("ekf", Flat(range(1), runner_here().rows))
     assert main(["tune", "ekff"]) == 2
     assert "Did you mean 'ekf'" in capsys.readouterr().err
 
@@ -149,40 +146,10 @@ def test_the_registry_has_what_was_tuned():
     assert REGISTRY["rpem-forgetting"].options["forgetting"] == 0.995
 
 
-THREE = ("k_T", "1/J_a", "f_m")
-
-
-def axis(name="n1", **changes):
-    return three_mass(preset(name).as_dict() | changes)
-
-
-def estimates(model, **options):
-    made = REGISTRY["cusum-reset"].factory(model, 0.005, P0=[1e-4] * 3, **options)
-    return made.run(*np.random.default_rng(0).standard_normal((2, 200)))
-
-
-HERE = [
-    axis(),
-    axis(k_T=1.2, J_a=0.8 / 1.2, f_m=0.06),  # where a start of 1.2 begins
-    axis(k_T=0.5, J_a=1.6, f_m=0.025),
-    *(units.model(preset("n1").as_dict()) for units in CHANGES),
-]
-ELSEWHERE = [axis("n2"), axis(J_m=0.012), axis(f_m=0.005)]
-
-
-@pytest.mark.parametrize("model", HERE)
-def test_a_tuned_knob_is_applied_on_its_axis_in_any_units(model):
-    expected = at_equal_noise("cusum-reset").value
-    assert tuned("cusum-reset", model, 0.005, THREE) == expected != 0.995
-    assert tuned("cusum-reset", model, 0.005, THREE[::-1]) == expected
-    np.testing.assert_allclose(estimates(model), estimates(model, forgetting=expected), rtol=1e-9)
-    assert not np.allclose(estimates(model), estimates(model, forgetting=0.999), rtol=1e-6)
-
-
 @pytest.mark.slow
 def test_tuning_again_finds_the_same():
     (stored,) = (t for t in tunings() if t.estimator == "ekf")
-    found = match_noise("ekf", Trials(range(16), BenchHere().frame))
+    found = match_noise("ekf", Trials(range(16), runner_here().rows))
     # it starts from the stored value, which other processors leave within the tolerance
     assert found.value == pytest.approx(stored.value)
     assert found.ratio == pytest.approx(stored.ratio, rel=1e-3)

@@ -87,32 +87,3 @@ class Sloppy(Honest):
     def reset(self) -> None:
         """Return to the start, but not quite."""
         self._before = 0.0
-
-
-class Unguarded:
-    """WRONG ON PURPOSE: textbook least squares with forgetting, as it stands in a textbook.
-
-    It scores well on a benchmark of twenty seconds. Without excitation P = P/λ grows until it
-    overflows, and a single residual moves the estimates by whatever it asks for.
-    """
-
-    FORGETTING = 0.995
-
-    def __init__(self, nominal: Mapping[str, float], period: float) -> None:
-        self.names, self.output = ("f_m",), "speed"
-        self._start = nominal["f_m"]
-        self._theta, self._P, self._phi = self._start, 1.0, 0.0
-
-    def step(self, u: float, y: float | None) -> Array:
-        """Take one sample: what one speed tells of the next."""
-        if y is None:
-            return np.array([self._theta])
-        gain = self._P * self._phi / (self.FORGETTING + self._phi * self._P * self._phi)
-        self._theta += gain * self._start * (y - self._phi)
-        self._P = (1 - gain * self._phi) * self._P / self.FORGETTING
-        self._phi = y
-        return np.array([self._theta])
-
-    def reset(self) -> None:
-        """Return to the start."""
-        self._theta, self._P, self._phi = self._start, 1.0, 0.0

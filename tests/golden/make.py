@@ -1,4 +1,4 @@
-"""Write the goldens anew, and print what moved: `python tests/golden/make.py [scores|records]`.
+"""Write the goldens again, and print what moved: `python tests/golden/make.py [scores|records]`.
 
 For a change that is meant. Its list of what moved belongs into the message of the commit.
 """
@@ -11,34 +11,23 @@ import contents
 
 def make_scores() -> list[str]:
     """Write scores.jsonl and return what moved."""
-    old = contents.golden_rows() if contents.SCORES.exists() else []
+    old = contents.golden_rows()
     new = [row for name in contents.SCENARIOS for row in contents.score_rows(name)]
     text = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in new)
     contents.SCORES.write_text(text, encoding="utf-8")
-    return contents.moves(old, new)
+    return contents.score_moves(old, new)
 
 
 def make_records() -> list[str]:
-    """Write records.json and return what moved."""
-    old = contents.golden_digests()["scenarios"] if contents.RECORDS.exists() else {}
-    made = contents.digests()
-    new = made["scenarios"]
-    # a line a scenario, so that a difference in the repository names it
-    lines = [f"  {json.dumps(name)}: {json.dumps(new[name])}" for name in sorted(new)]
-    head = [f'{{"made_with": {json.dumps(made["made_with"])},', '"scenarios": {']
-    text = "\n".join([*head, ",\n".join(lines), "}}"]) + "\n"
-    contents.RECORDS.write_text(text, encoding="utf-8")
-    return contents.record_moves(old, new)
-
-
-def main(wanted: list[str]) -> None:
-    """Write what is wanted, both if nothing is named."""
-    makers = {"scores": make_scores, "records": make_records}
-    if wrong := set(wanted) - set(makers):
-        sys.exit(f"no golden is called {min(wrong)!r}: scores or records")
-    for name in wanted or makers:
-        print(f"{name}:", *(makers[name]() or ["nothing moved"]), sep="\n  ")
+    """Write records.json, a line a scenario, and return what moved."""
+    old, new = contents.golden_records(), {n: contents.projections(n) for n in contents.recorded()}
+    lines = [f"{json.dumps(name)}: {json.dumps(new[name])}" for name in new]
+    contents.RECORDS.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    return [f"{name} {line}" for name in sorted(old.keys() | new.keys())
+            for line in contents.record_moves(old.get(name, {}), new.get(name, {}))]  # fmt: skip
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    makers = {"scores": make_scores, "records": make_records}
+    for choice in sys.argv[1:] or makers:
+        print(f"{choice}:", *(makers[choice]() or ["nothing moved"]), sep="\n  ")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flexaxis.models_mjcf import MODEL_NAMES, model_files
-from flexaxis.sim.parameters import PARAMETER_NAMES, PARAMETER_UNITS, parameter_names, preset
+from flexaxis.sim.parameters import PARAMETER_UNITS, parameter_names, preset
 
 
 @pytest.mark.parametrize("name", MODEL_NAMES)
@@ -22,36 +22,6 @@ def test_model_and_its_scene_compile(name):
 def test_unknown_model_names_the_nearest():
     with pytest.raises(ValueError, match="Did you mean 'three_mass'"):
         model_files("three_masses")
-
-
-def test_numbers_in_the_file_are_the_set_n1():
-    xml, _ = model_files("three_mass")
-    m = mujoco.MjModel.from_xml_string(xml)
-    tendon, body, joint = m.tendon, m.body, m.joint
-    values = {
-        "k_T": m.actuator_gear[m.actuator("motor").id, 0],
-        "J_m": body("motor").inertia[2],
-        "J_g": body("gear").inertia[2],
-        "J_a": body("arm").inertia[2],
-        "k_g": m.tendon_stiffness[tendon("gear").id],
-        "k_a": m.tendon_stiffness[tendon("arm").id],
-        "d_g": m.tendon_damping[tendon("gear").id],
-        "d_a": m.tendon_damping[tendon("arm").id],
-        "f_m": joint("motor").damping[0],
-        "f_g": joint("gear").damping[0],
-        "f_a": joint("arm").damping[0],
-        "r": m.wrap_prm[m.tendon_adr[tendon("gear").id]],
-    }
-    assert [values[name] for name in PARAMETER_NAMES] == np.array([*preset("n1").values()]).tolist()
-
-
-@pytest.mark.parametrize("name", MODEL_NAMES)
-def test_engine_settings_that_the_plant_relies_on(name):
-    m = mujoco.MjModel.from_xml_string(model_files(name)[0])
-    assert m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    assert m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    assert not m.opt.gravity.any()
-    assert not m.tendon_lengthspring.any()  # rest at length zero, not wherever it was compiled
 
 
 @pytest.mark.parametrize(

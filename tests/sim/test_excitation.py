@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.tables.excitation import Moves, Multisine, Standstill
+from flexaxis.sim.tables.excitation import Moves, Multisine
 from flexaxis.sim.timing import PERIOD, Grid
 
 
@@ -41,11 +41,6 @@ def test_size_does_not_depend_on_the_phase_and_phases_do_on_the_stream():
     assert np.array_equal(one, Multisine(rms=0.1).one_period(rng(1), PERIOD))
 
 
-def test_is_periodic():
-    reference = Multisine().reference(grid(4500), rng())
-    assert np.array_equal(reference[:2000], reference[2000:4000])
-
-
 def test_a_pause_holds_the_last_value_and_stops_the_clock():
     samples = grid(4000)
     always = Multisine().reference(samples, rng())
@@ -55,23 +50,6 @@ def test_a_pause_holds_the_last_value_and_stops_the_clock():
     assert np.array_equal(paused[2400:3000], always[1000:1600])  # on without a jump
     assert np.all(paused[3000:3200] == always[1599])
     assert np.array_equal(paused[3200:], always[1600:2400])
-
-
-def test_excited_tells_the_pauses():
-    samples = grid(2000)
-    excited = Multisine(pause=((5.0, 7.5),)).excited(samples)
-    assert np.array_equal(excited, (samples.times < 5.0) | (samples.times >= 7.5))
-    assert Multisine().excited(samples).all() and not Standstill().excited(samples).any()
-
-
-def test_before_its_first_sample_the_reference_is_at_rest():
-    reference = Multisine(pause=((0.0, 1.0),)).reference(grid(400), rng())
-    assert not reference[:200].any()
-    assert np.array_equal(reference[200:], Multisine().reference(grid(200), rng()))
-
-
-def test_standstill_asks_for_nothing():
-    assert not Standstill().reference(grid(10), rng()).any()
 
 
 def test_moves_are_of_least_jerk_between_rests():

@@ -81,18 +81,3 @@ def test_scenarios_that_inherit_share_excitation_and_noise(text):
     np.testing.assert_allclose(noise, last.speed - last.true_speed, rtol=0, atol=1e-13)
     own = record(base.override({"fault[0].factor": 1.2}))
     assert not np.isclose(own.speed[20:], first.speed[20:]).any()
-
-
-def test_a_key_is_inherited_once_and_may_be_named():
-    base = parse_scenario(OLD)
-    start = base.override({"start": 1.2}, inherit=True)
-    assert start.streams == base.key == base.hash and start.hash != base.hash
-    assert start.record_hash == base.record_hash and identical(record(start), record(base))
-    back = start.override({"start": 1.0}, inherit=True)
-    assert back.key == base.key and identical(record(back), record(base))
-    own = base.override({"start": 1.2, "streams": "content"}, inherit=True)
-    assert own.hash == base.override({"start": 1.2}).hash != start.hash
-    # what the plant sees has not changed, so nothing is to be written down
-    told = parse_scenario(SHORT)
-    assert told.override({"start": 1.2}, inherit=True).streams == "plant"
-    assert parse_scenario(start.to_toml()).hash == start.hash

@@ -57,21 +57,6 @@ def test_an_inner_loop_is_the_textbook_loop_at_1_khz(log, make):
     assert close(record.torque, logged[:, 0] if log == "sample" else logged.mean(axis=1))
 
 
-@pytest.mark.parametrize("late", [0.001, 0.002, 0.006])
-def test_a_torque_acts_late_and_is_logged_as_commanded(late, make):
-    # a softer loop, for 6 ms would make the usual one unstable
-    scenario = make(f"delay.torque = {late}\ncontroller.Kv = 0.08\n", duration=2.0)
-    (record,) = simulate(scenario, [0])
-    ticks = round(late / TICK)
-
-    def command(k, angle):
-        return record.torque[(k - ticks) // 5] if k >= ticks else 0.0
-
-    angles, speeds = exact_ticks(scenario, command)
-    assert close(record.true_speed, speeds[::5])
-    assert close(record.true_angle_m, angles[::5])
-
-
 def test_saturation_limits_what_acts_and_not_what_is_logged(make):
     scenario = make("saturation.torque = 1.0\n", duration=2.0)
     (record,) = simulate(scenario, [0])

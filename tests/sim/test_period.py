@@ -56,11 +56,6 @@ def test_the_excitation_is_the_same_signal_on_another_grid(period):
         assert fine[::common][:until] == pytest.approx(slow[:until], abs=1e-9)
 
 
-def test_events_are_at_the_sample_of_that_grid(make):
-    (event,) = scenario_at(make, 0.002, FAULT).events()
-    assert event.index == 750 and event.after == pytest.approx(1.5 * event.before, rel=1e-15)
-
-
 @pytest.mark.parametrize(("period", "late"), [(0.002, 0.001), (0.01, 0.003), (0.01, 0.012)])
 def test_a_torque_delay_goes_by_ms_at_any_period(period, late, make):
     scenario = scenario_at(make, period, f"delay.torque = {late}\n")
@@ -73,18 +68,3 @@ def test_a_torque_delay_goes_by_ms_at_any_period(period, late, make):
     ]
     error = np.linalg.norm(record.true_speed - exact) / np.linalg.norm(exact)
     assert error < 3e-4
-
-
-def test_a_filter_and_an_inner_loop_know_the_period(make):
-    scenario = scenario_at(make, 0.002, "filter.speed = 0.004\nnoise.speed = 0.0\n")
-    (record,) = simulate(scenario, [0])
-    a, out = np.exp(-0.002 / 0.004), 0.0
-    for k, value in enumerate(record.true_speed):
-        out = a * out + (1 - a) * value
-        assert record.speed[k] == pytest.approx(out, abs=1e-12)
-    inner = [
-        simulate(scenario_at(make, T, 'controller.rate = 1000\nexcitation.kind = "standstill"\n'
-                             'noise.speed = 0.0\n'), [0])[0]
-        for T in (0.002, 0.01)
-    ]  # fmt: skip
-    assert not inner[0].torque.any() and not inner[1].torque.any()

@@ -11,7 +11,6 @@ from flexaxis.sim.tables.sensors import (
     EncoderConfig,
     FilterConfig,
     NoiseConfig,
-    angle_increment,
     reading,
 )
 
@@ -28,40 +27,6 @@ def white(purpose):
 
 def read(*sensors, signal="angle"):
     return reading(sensors, signal, white, period=0.005)(ANGLE)
-
-
-def test_without_sensors_the_truth_is_read():
-    assert np.array_equal(read(), ANGLE)
-    off = (DelayConfig(), NoiseConfig(speed=0, angle=0), EncoderConfig())
-    for signal in ("angle", "speed"):
-        assert np.array_equal(read(*off, signal=signal), ANGLE)
-
-
-def test_encoder_reads_the_nearest_count():
-    step = 2 * np.pi / 2048
-    angle = read(EncoderConfig(counts=2048))
-    counts = angle / step
-    assert np.max(np.abs(counts - np.round(counts))) < 1e-9
-    assert np.max(np.abs(angle - ANGLE)) <= step / 2 * (1 + 1e-12)
-    # Rounding is uniform over a count: rms step/sqrt(12), here within the scatter of 1000 values.
-    assert np.isclose(np.std(angle - ANGLE), step / np.sqrt(12), rtol=0.1)
-    assert np.array_equal(read(EncoderConfig(counts=2048), signal="speed"), ANGLE)
-
-
-def test_increments_add_up_to_the_angle_and_start_at_zero():
-    increment = angle_increment(ANGLE, period=0.005)
-    assert not increment[0].any()
-    assert np.allclose(ANGLE[0] + np.cumsum(increment, axis=0) * 0.005, ANGLE, atol=1e-12)
-
-
-@pytest.mark.parametrize("samples", range(1, 13))
-@pytest.mark.parametrize("piece", [1, 3, 12])
-def test_delay_of_a_signal_shorter_and_longer_than_it(samples, piece):
-    late = reading([DelayConfig(measurement=5)], "angle", white, period=0.005)
-    ends = range(0, samples, piece)
-    found = np.concatenate([late(ANGLE[k : min(k + piece, samples)]) for k in ends])
-    expected = np.vstack([np.zeros((5, 2)), ANGLE])[:samples]
-    assert np.array_equal(found, expected)
 
 
 @pytest.mark.parametrize("signal", ["angle", "speed"])
