@@ -43,7 +43,7 @@ class Parser(argparse.ArgumentParser):
     """An argument parser that names the nearest right word for a wrong one."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Return what was typed; refuse an option or word that the parser does not have."""
+        """Parse the command line; reject unknown options and words."""
         parsed, rest = super().parse_known_args(args, namespace)
         if rest:
             option = rest[0].partition("=")[0]
@@ -51,7 +51,7 @@ class Parser(argparse.ArgumentParser):
         return parsed, rest
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong, and what may have been meant."""
+        """Print the mistake and the nearest correct word."""
         if wrong := re.search(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w.-]+", wrong[2]))
             message = f"unknown {wrong[1]!r}.{hint or f' Known are {wrong[2]}.'}"

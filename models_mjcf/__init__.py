@@ -38,7 +38,7 @@ def model_digest(name: str) -> str:
 
 
 def model_files(name: str) -> tuple[str, dict[str, bytes]]:
-    """Return the MJCF text of a model and the files beside it.
+    """Return the MJCF text of a model and its other files.
 
     Parameters
     ----------

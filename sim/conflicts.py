@@ -1,4 +1,4 @@
-"""What is wrong with a scenario, in words a user can act on: single keys, and what conflicts."""
+"""Check a scenario and report every mistake: single keys first, then conflicts between keys."""
 
 from __future__ import annotations
 

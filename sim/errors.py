@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 
 class FlexaxisError(ValueError):
-    """A user's mistake or a failed run, said in one clear message."""
+    """A user's mistake or a failed run, reported in one clear message."""
 
 
 class ParameterError(FlexaxisError):
@@ -70,7 +70,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def unknown(kind: str, word: str, known: Iterable[str]) -> str:
-    """Return the message for a word that is none of the known ones.
+    """Return the message for an unknown word.
 
     Examples
     --------

@@ -44,7 +44,7 @@ def content_hash(resolved: Mapping[str, Any]) -> str:
 
 
 def stream_key(resolved: Mapping[str, Any]) -> str:
-    """Return what the random streams of a resolved scenario are keyed by (64 hex digits)."""
+    """Return the key of the random streams of a resolved scenario (64 hex digits)."""
     match resolved["streams"]:
         case "plant":
             return _digest(_seen(resolved))

@@ -132,7 +132,7 @@ FIXED = {"gap": "backlash", "kappa": "stiffening"}
 
 
 def parameter_problem(name: str, value: float) -> str | None:
-    """Return what is wrong with a value of a parameter, or None if it is physical.
+    """Return why a value of a parameter is not physical, or None if it is.
 
     Examples
     --------

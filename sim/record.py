@@ -226,7 +226,7 @@ def load_record(path: str | os.PathLike[str]) -> Record:
 
 
 def _fields(file: xarray.Dataset) -> dict[str, Any]:
-    """Return the fields of a record as they stand in a file."""
+    """Return the fields of a record from an open file."""
     for name in ("time", "torque"):
         if name not in file.variables:
             present = ", ".join(map(str, file.variables)) or "none"

@@ -172,12 +172,12 @@ class Scenario(Config):
 
     @property
     def nonlinear(self) -> dict[str, beyond.Nonlinearity]:
-        """What the plant has beyond the linear model, by key."""
+        """The nonlinear tables of the plant, by key."""
         return self._tables_of(beyond.Nonlinearity)
 
     @property
     def sensors(self) -> dict[str, sensing.Sensor]:
-        """What lies between axis and log, by key, in the order in which a signal meets it."""
+        """The sensor tables by key, in the order in which a signal passes through them."""
         return self._tables_of(sensing.Sensor)
 
     def _tables_of(self, kind: type) -> dict[str, Any]:
@@ -202,12 +202,12 @@ class Scenario(Config):
 
     @property
     def data_sheet(self) -> dict[str, float]:
-        """What estimators know of the axis besides parameters."""
+        """Data-sheet values that estimators receive in addition to the parameters."""
         return {name: x for name, x in (self.known or {}).items() if name in DATA_SHEET}
 
     @cached_property
     def laws(self) -> dict[str, float]:
-        """Parameters, before any fault, of what the plant has beyond the linear model."""
+        """Parameters of the nonlinear laws of the plant before any fault."""
         values: dict[str, float] = {}
         for table in self.nonlinear.values():  # of two with one name it is the first's
             values = table.law | values
@@ -257,7 +257,7 @@ class Scenario(Config):
 
     @cached_property
     def record_hash(self) -> str:
-        """SHA-256 of what the signals of a record depend on, but seed and repeat."""
+        """SHA-256 of everything that the signals of a record depend on, except seed and repeat."""
         return identity.record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Running a scenario: the plant in its closed loop, for a batch of seeds at once."""
+"""Run a scenario: the plant in its closed loop, for a batch of seeds at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random numbers keyed by what they are for, never by the order in which they are drawn."""
+"""Random numbers keyed by their purpose, never by the order of the draws."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sampling grid that everything in a run lies on: t_k = k T."""
+"""The sampling grid of a run: t_k = k T."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def sample_index(time: float, period: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Samples of a run, of which what changes over time is asked.
+    """Samples of a run, at which time-varying values are evaluated.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Grid:
 
 
 def checked_period(period: float) -> float:
-    """Return a sampling period [s], or raise a ValueError that says what is wrong with it.
+    """Return a sampling period [s]; raise a ValueError if it is invalid.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The reference card of a scenario: what it tests, what happens in it, and what can be scored."""
+"""The description of a scenario: its purpose, its events and the scores that are defined for it."""
 
 import inspect
 import re
@@ -47,7 +47,7 @@ def in_a_line(scenario: Scenario) -> str:
 
 
 def _parts(scenario: Scenario) -> dict[str, list[str]]:
-    """Return what a scenario is made of, by heading; the sensors include no mismatch."""
+    """Return the parts of a scenario by heading; the sensors include no mismatch."""
     s, tables = scenario, scenario.tables.values()
     sensors = [words for table in tables if table.exact and (words := table.in_words())]
     sensors += ["controller sees what is measured"] * (s.feedback == "measured")

@@ -1,4 +1,4 @@
-"""Check an estimator: the rules that its scores rely on, each a function of a subject.
+"""Check an estimator against the rules that its scores rely on; each rule is one function.
 
 A rule looks at fresh estimators on one simulated record. It returns whether it holds (True), does
 not (False) or does not apply (None), and what was seen.
@@ -283,7 +283,7 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class RuleResult:
-    """What a rule found; `holds` is None where it does not apply, `raised` where code failed."""
+    """The result of a rule; `holds` is None if it does not apply, `raised` if code failed."""
 
     rule: str
     holds: bool | None

@@ -1,4 +1,4 @@
-"""Rank estimators on paired runs: who leads each fault, and who cannot be told apart from it."""
+"""Rank estimators on paired runs: the best for each fault, and those not significantly worse."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Scores = Sequence[float | None]
 
 
 def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
-    """Return the best and all that cannot be told apart from it.
+    """Return the best and all that are not significantly worse.
 
     Any two are compared on the seeds that both have, and the best is the one behind the fewest. It
     is chosen on the same seeds, so k estimators share the level as all k(k−1)/2 pairs would

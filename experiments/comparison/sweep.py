@@ -196,7 +196,7 @@ class Runs:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What a sweep over the knobs found; all of it is JSON.
+    """The results of a sweep over tuning parameters; all values are JSON.
 
     Attributes
     ----------
@@ -280,7 +280,7 @@ _KEPT = (
 
 
 def _row(scenario: Scenario, estimator: str, parameter: str, matched: Match) -> dict[str, Any]:
-    """Return what is known of an estimator at equal noise, with the values it rests on."""
+    """Return the scores of an estimator at equal noise, with the values of each seed."""
     values = {name: matched.at(name) for name in ("lag", "std_after", "score")}
     lag, after, score = (None if x is None else float(x.mean()) for x in values.values())
     within = None if lag is None else mean_interval(values["lag"])  # type: ignore[arg-type]

@@ -34,7 +34,7 @@ SCORES = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate:
-    """What an estimator made of a record.
+    """The estimates of one estimator on one record.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class Recording(Record):
-    """A record with its figure and its tables; whatever takes a `Record` takes it."""
+    """A `Record` with methods for figures and tables."""
 
     @property
     def definition(self) -> Scenario | None:
@@ -144,7 +144,7 @@ def changed(scenario: str | Path | Scenario, changes: Mapping[str, Any]) -> Scen
 
 
 def load(path: str | Path) -> Recording | Results:
-    """Return what a path holds: the record of a file ``.nc``, the results of a folder.
+    """Return the record in an ``.nc`` file, or the results in a folder.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
 
 
 class Sample(NamedTuple):
-    """What is measured at a sample.
+    """The measurements of one sample.
 
     Attributes
     ----------

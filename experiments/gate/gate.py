@@ -67,7 +67,7 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """The one word. Without all of the candidate's runs, only "worse" can be said."""
+        """The overall verdict: if runs of the candidate are missing, "worse" or "undecided"."""
         word = overall(self.rows["verdict"], self.lost)
         sides = {gap.side for gap in self.paired.gaps}
         short = "candidate" in sides or ("base" in sides and word in {SLIGHT, SAME})

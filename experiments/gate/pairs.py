@@ -141,7 +141,7 @@ def _lost(both: pd.DataFrame) -> pd.DataFrame:
 def _score(
     part: pd.DataFrame, scenario: str, parameter: str, metric: str, margin: float
 ) -> dict[str, Any]:
-    """Return one score; nothing where it is not defined, such as the lag of what is constant."""
+    """Return one score of both sides; empty if undefined, such as the lag without a change."""
 
     def sides(name: str) -> Array:
         return part[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()

@@ -59,7 +59,7 @@ OWN = ("base", "candidate", "seeds", "look", "looks", "failed", "gaps")
 
 
 def as_dict(c: Comparison) -> dict[str, Any]:
-    """Return all there is to say, as it goes to a terminal, a page and compare.json.
+    """Return the verdict with all tables, for the terminal, the page and compare.json.
 
     Returns
     -------

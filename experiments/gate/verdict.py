@@ -1,4 +1,4 @@
-"""The rules: what can be said of each score, and of the runs that were lost."""
+"""The rules for the verdict on each score and on lost runs."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple

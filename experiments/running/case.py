@@ -1,4 +1,4 @@
-"""What a worker does with a unit: simulate its records, run its estimators, score the estimates."""
+"""The work on one unit: simulate its records, run the estimators and score the estimates."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def run_unit(unit: Unit, options: Options) -> Outcome:
 def _records(
     scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None
 ) -> dict[int, Record | str]:
-    """Return the records of some seeds, or why there is none; one that stops a batch is alone."""
+    """Return the records of some seeds, or the error if a simulation fails."""
     try:
         return dict(zip(seeds, records(scenario, seeds, cache), strict=True))
     except SimulationError as error:
@@ -174,7 +174,7 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
 def follow(
     text: str, estimator: Estimator, scenario: Scenario, record: Record
 ) -> tuple[Array, Any, Array | None]:
-    """Run an estimator on a whole record, and keep what it claims.
+    """Run an estimator on a whole record and keep its claimed covariance.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def track_of(  # noqa: PLR0917
     scenario: Scenario, record: Record, estimated: Sequence[str], theta: Array, claimed: Any,
     innovations: Array | None, findings: Sequence[Any] | None,
 ) -> Track:  # fmt: skip
-    """Return what is scored of estimates (N, p): the parameters whose true value has a size.
+    """Return the scored columns of estimates (N, p): parameters with a true value other than zero.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
 
 
 def pack(case: Case) -> bytes:
-    """Return what the figures of a case need, as the bytes of an .npz file."""
+    """Return the data for the figures of a case, as the bytes of an .npz file."""
     buffer = io.BytesIO()
     np.savez(buffer, names=case.names, curve=case.curve, near=case.near)
     return buffer.getvalue()

@@ -1,4 +1,4 @@
-"""One estimator on one record: what it claims sample by sample, and a file of estimates."""
+"""Run one estimator on one record, and write its estimates and claimed covariances to a file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]
 def run_on(
     estimator: Estimator, u: Array, y: Array, valid: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array | None, NDArray[np.bool_]]:
-    """Run an estimator from its current state, and ask what it claims after each sample.
+    """Run an estimator from its current state; read its claimed covariance after each sample.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def write_estimates(
     path: Path, times: Any, theta: Any, names: Sequence[str], about: Mapping[str, Any],
     **claimed: Array | None,
 ) -> None:  # fmt: skip
-    """Write estimates as NetCDF-4: ``time``, ``theta`` (time, estimate), and what is claimed.
+    """Write estimates as NetCDF-4: ``time``, ``theta`` (time, estimate) and the claimed covariance.
 
     Parameters
     ----------

@@ -148,7 +148,7 @@ def text_of(make: str | Factory) -> str:
 
 
 def parse(text: str) -> Spec:
-    """Return what the text of `--estimator` stands for; code of users is not imported.
+    """Parse the text of `--estimator` without importing user code.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def _written(value: Any) -> str:
 
 
 def keywords(spec: Spec) -> set[str]:
-    """Return what a constructor takes by keyword besides nominal values and period.
+    """Return the keywords of a constructor other than nominal values and period.
 
     Raises
     ------
@@ -302,7 +302,7 @@ def _registered(key: bytes) -> Any:
 
 
 def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict[str, Any]:
-    """Return what an estimator is given besides nominal values and period, by keyword."""
+    """Return the keywords that a scenario can fill in: `identify`, `output`, `noise` and others."""
     from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
 
     laws = bool(getattr(REGISTRY.get(spec.name, spec.make), "laws", False))

@@ -32,6 +32,6 @@ def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
 
 def remark(text: str) -> None:
-    """Print what is neither a result nor an error to stderr, unless --quiet."""
+    """Print a remark to stderr, unless --quiet."""
     if not QUIET.get():
         print(text, file=sys.stderr)

@@ -52,7 +52,7 @@ class Results:
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """Return what a folder holds of the study that was asked for last.
+        """Return the results of the last study in a folder.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class Results:
 
     @cached_property
     def _variants(self) -> dict[int, dict[str, Any]]:
-        """What the cases of each estimator on each scenario share, in the order of the rows."""
+        """The properties that the cases of an estimator on a scenario share, in row order."""
         every = self._store.variants()
         labels = {_key(label): label for label in self.study.get("variants", every.values())}
         order = {key: place for place, key in enumerate(labels)}
@@ -168,7 +168,7 @@ class Results:
         return base.override(changes, inherit=inherit) if changes else base
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
-        """Return what the figures of single runs need, by seed.
+        """Return the data for figures of single runs, by seed.
 
         Parameters
         ----------

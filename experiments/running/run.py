@@ -1,4 +1,4 @@
-"""Run what is missing of a study on worker processes, on any executor, or a shard of it."""
+"""Run the missing cases of a study or of a shard, on worker processes or any executor."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Worker:
         self._pool = _pool()
 
     def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
-        """Hand work to the process, which is started if there is none."""
+        """Submit work to the process; start the process if necessary."""
         try:
             return self._pool.submit(work, *args)  # type: ignore[no-any-return]
         except BrokenExecutor:  # it was killed while it had nothing to do
@@ -61,7 +61,7 @@ class Worker:
             return self._pool.submit(work, *args)  # type: ignore[no-any-return]
 
     def end(self) -> None:
-        """End the process and what it started."""
+        """End the process and its children."""
         self._pool.shutdown(wait=True, kill_workers=True)
         self._pool = _pool()
 
@@ -147,7 +147,7 @@ class Runner:
         self, study: Study, *, traces: bool = False,
         about: Mapping[str, Any] | None = None,
     ) -> Results:  # fmt: skip
-        """Run what is missing of a study and return its results.
+        """Run the missing cases of a study and return its results.
 
         Parameters
         ----------

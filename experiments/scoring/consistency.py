@@ -134,7 +134,7 @@ def _quiet(track: Track) -> Array | None:
 
 
 def nees_of(track: Track, i: int) -> float | None:
-    """Return θ̃ᵀ Σ⁻¹ θ̃ where it is asked what is claimed, before the first fault."""
+    """Return θ̃ᵀ Σ⁻¹ θ̃ with the claimed covariance, before the first fault."""
     del i
     last = claimed_at(track.scenario)
     return track.once("nees", lambda: nees(track.theta[last] - track.truth[last], track.claimed))

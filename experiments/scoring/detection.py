@@ -1,4 +1,4 @@
-"""Detection: what the findings of an estimator are worth."""
+"""Detection scores: alarms, delays, and the parameters that are named."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def detection(
 def _firsts(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any]
 ) -> list[tuple[Window, Any]]:
-    """Return the windows, each with the first finding in it, None where there is none."""
+    """Return the windows, each with its first finding or None."""
     return [(w, next((f for f in findings if w.start <= f.alarm < w.stop), None))
             for w in windows(scenario, names)]  # fmt: skip
 
@@ -79,7 +79,7 @@ def _firsts(
 def isolation(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any] | None
 ) -> list[dict[str, Any]] | None:
-    """Return what each fault was taken for; None for an estimator without findings.
+    """Return the parameters named for each fault; None for an estimator without findings.
 
     Returns
     -------
@@ -103,12 +103,12 @@ def isolation(
 
 
 def detection_of(track: Track, i: int) -> dict[str, Any] | None:
-    """Return what the findings are worth, the same for all parameters of a case."""
+    """Return the detection scores, the same for all parameters of a case."""
     del i
     return track.once("detection", lambda: detection(track.scenario, track.names, track.findings))
 
 
 def isolation_of(track: Track, i: int) -> list[dict[str, Any]] | None:
-    """Return what each fault was taken for, the same for all parameters of a case."""
+    """Return the parameters named for each fault, the same for all parameters of a case."""
     del i
     return track.once("isolation", lambda: isolation(track.scenario, track.names, track.findings))

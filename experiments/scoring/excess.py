@@ -1,4 +1,4 @@
-"""Excess prediction error: what the errors of all parameters together add to the residual."""
+"""Excess prediction error: the part of the residual that is due to errors of the parameters."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ _RUN: ContextVar[Torque] = ContextVar("run", default=_simulated)
 
 @contextmanager
 def nominal_runs(torque: Torque) -> Iterator[None]:
-    """Let what is simulated inside come from elsewhere, such as records that are kept."""
+    """Replace the simulation inside this context, for example by stored records."""
     before = _RUN.set(torque)
     try:
         yield

@@ -83,7 +83,7 @@ def has_model(scenario: Scenario) -> bool:
 
 
 def check_model(scenario: Scenario) -> None:
-    """Refuse a plant of which estimators have no model; ScenarioError."""
+    """Raise a ScenarioError if the estimators have no model of the plant."""
     if not has_model(scenario):
         raise ScenarioError(
             f"{scenario.name}: estimators have no model {scenario.model} with the parameters "

@@ -1,4 +1,4 @@
-"""What an estimate is worth to the controller, of what a fault costs it in tracking."""
+"""The share of the tracking error due to a fault that a controller avoids by using estimates."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ PARTS: Mapping[str, str] = {
 
 
 def recovered_of(track: Track, i: int) -> float | None:
-    """Return what is recovered of the cost of the fault [%]; the same for each parameter."""
+    """Return the recovered share of the cost of the fault [%], the same for each parameter."""
     return recovered(track.tracking, "estimated")
 
 
 def recovered_told_of(track: Track, i: int) -> float | None:
-    """Return the same of whoever is told the truth [%]."""
+    """Return the same for a controller that knows the true values [%]."""
     return recovered(track.tracking, "told")
 
 

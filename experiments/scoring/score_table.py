@@ -80,7 +80,7 @@ class Score:
 
     @property
     def compared(self) -> bool:
-        """Whether `compare` can take it: a positive number of which less is better, or a guard."""
+        """Whether `compare` can use it: a positive number for which less is better, or a guard."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
 
@@ -342,7 +342,7 @@ def rows(track: Track) -> list[dict[str, Any]]:
 
 
 def undefined() -> dict[str, Any]:
-    """Return the scores of a case that nobody can run, for there is no record."""
+    """Return undefined scores, for a case without a record."""
     return dict.fromkeys(("parameter", "changed", *SCORES))
 
 

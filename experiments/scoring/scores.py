@@ -67,7 +67,7 @@ def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One estimator on one record, as it is scored.
+    """Estimates of one estimator on one record, with the true values and scoring windows.
 
     Attributes
     ----------
@@ -249,7 +249,7 @@ def rms(values: Array) -> Any:
 
 
 def finite(value: float) -> float | None:
-    """Return a number, or None where it is not finite: not defined, as it stands in the files."""
+    """Return a number, or None if it is not finite."""
     return float(value) if np.isfinite(value) else None
 
 

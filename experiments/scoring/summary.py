@@ -33,7 +33,7 @@ NUMBERS = (
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What is kept of one estimator on one record.
+    """The scores of one estimator on one record.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -
 
 
 def cost(columns: pooling.Columns) -> dict[str, Any]:
-    """Return the median of what a sample takes."""
+    """Return the median time per sample."""
     us = pooling.by(np.median)(columns, "cost.us_per_sample")["cost.us_per_sample"]
     return {"cost": {"us_per_sample": us}}
 

@@ -86,7 +86,7 @@ DRY = ("friction", "lugre", "static_friction", "gear_friction")
 
 
 def describes(scenario: Scenario) -> bool:
-    """Return whether a model describes the records, for whoever is told the truth."""
+    """Return whether a model with true parameters describes the records."""
     tables = scenario.tables
     known = has_model(scenario) and all(t.exact or key in DESCRIBED for key, t in tables.items())
     return known and sum(key in tables for key in DRY) <= 1
@@ -127,7 +127,7 @@ def model_theta(scenario: Scenario, names: Sequence[str], parameters: Array) -> 
 
 
 def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return what nobody is told of after a jump: the estimated parameters, and dry friction."""
+    """Return the parameters that are unknown after a jump: the estimated ones and dry friction."""
     return (*names, *(name for name in ("f_c",) if name in scenario.laws and name not in names))
 
 

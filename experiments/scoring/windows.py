@@ -22,14 +22,14 @@ OfScenario = Callable[Concatenate[Scenario, P], T]
 
 @dataclass(frozen=True)
 class Known:
-    """Something, told apart by a digest of what matters of it to whoever remembers."""
+    """An argument of a cached function, compared by a digest of its content."""
 
     digest: str
     content: Any = field(compare=False)
 
 
 def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T]]:
-    """Remember what a function gives for a scenario, by its content or another digest of it."""
+    """Cache a function of a scenario by the hash of its content or another digest."""
 
     def of(function: OfScenario[P, T]) -> OfScenario[P, T]:
         @lru_cache(maxsize=256)

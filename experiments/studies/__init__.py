@@ -1,4 +1,4 @@
-"""Studies and benchmarks: what the engine is to run, and the summary of what it ran.
+"""Studies and benchmarks: their definitions and the summaries of their results.
 
 `definition` reads a study from TOML; `benchmark` runs one, and writes its summary and report.
 """

@@ -1,4 +1,4 @@
-"""A study or a run, from what is asked for to a folder with its summary, figures and report."""
+"""Carry out a study or a run, and write the summary, figures and report to a folder."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -83,7 +83,7 @@ def run(
     *,
     swept: tuple[Sequence[Scenario], Sequence[str]] = ((), ()),
 ) -> Results:
-    """Run what is missing of a study; a folder gets its summary and report, a shard gets none.
+    """Run the missing cases of a study; write its summary and report, except for a shard.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
 
 
 def plan(study: Study) -> dict[str, Any]:
-    """Return what a study would run, timed on one seed of its first variant.
+    """Return the size of a study and an estimate of its time, from one seed of its first variant.
 
     Returns
     -------

@@ -26,7 +26,7 @@ MOST = 100_000  # seeds
 
 
 def seed_of(seed: Any) -> int:
-    """Return the number of a run; refuse what is no whole number from 0 to 2^63 − 1."""
+    """Return a seed; raise an error unless it is a whole number from 0 to 2^63 − 1."""
     whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
     if not whole or not 0 <= seed < 2**63:
         raise FlexaxisError(f"seed {seed!s:.40}: give a whole number from 0 to 2^63 - 1")
@@ -123,7 +123,7 @@ BLANK = {"scenario": (), "estimators": (), "seeds": 1}
 
 
 def load_study(path: str | Path) -> Study:
-    """Return the study in a TOML file; scenario files are looked for beside it.
+    """Return the study in a TOML file; paths of scenario files are relative to its folder.
 
     Raises
     ------

@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened: torque (N, R) as logged, speed (N, R), angles (N, R, n) of n masses.
+    """True motion of a batch: torque (N, R) as logged, speed (N, R), angles (N, R, n) of n masses.
 
-    And in how many samples (R,) limits acted on what was learnt and fed forward.
+    `limited` (R,) counts the samples in which a limit acted on the feed-forward.
     """
 
     torque: Array
@@ -111,7 +111,7 @@ class Changes:
 
 
 def _changing(values: Array) -> set[int]:
-    """Return the samples in which one of the values (N, …) is no longer what it was."""
+    """Return the samples at which any of the values (N, …) changes."""
     return {int(k) for k in np.flatnonzero(np.diff(values, axis=0).any(axis=(1, 2))) + 1}
 
 
@@ -137,7 +137,7 @@ def plant_of(scenario: Scenario, runs: int = 1, ticks: int = 1) -> Plant:
 
 
 class _Drive:
-    """Controller and plant over one sample, with what goes on between samples.
+    """Controller and plant over one sample, including inner loop and delays.
 
     Attributes
     ----------

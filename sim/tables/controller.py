@@ -69,7 +69,7 @@ class ControllerConfig(Config):
         return np.asarray(np.mean(commands, axis=0)) if inner else commands[0]
 
     def in_words(self) -> str:
-        """Return at what rate the loop runs, if not at that of the samples, and what it adds."""
+        """Return the rate of the loop, if it is not that of the samples, and the feed-forward."""
         if self.adapt:
             return "loop with feed-forward"
         if self.rate is None:

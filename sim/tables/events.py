@@ -1,4 +1,4 @@
-"""What changes in a run: values over time, the events among them, and what is drawn by seed."""
+"""Changes in a run: values over time, events, and the values that are drawn by seed."""
 
 from __future__ import annotations
 

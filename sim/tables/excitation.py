@@ -1,4 +1,4 @@
-"""What the motor angle is asked to do: reference signals of a run."""
+"""Reference signals of the motor angle."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class Multisine(Config):
         return moves
 
     def in_words(self) -> str:
-        """Return what the axis is asked to do."""
+        """Return the reference in words."""
         pauses = "".join(f", paused {begin:g} to {end:g} s" for begin, end in self.pause)
         return f"multisine {self.low:g} to {self.high:g} Hz{pauses}"
 
@@ -135,7 +135,7 @@ class Moves(Config):
         return self._clock(grid)[1] < 1
 
     def in_words(self) -> str:
-        """Return what the axis is asked to do."""
+        """Return the reference in words."""
         return f"moves of {self.move:g} s within {self.reach:g} rad, {self.dwell:g} s apart"
 
     def _clock(self, grid: Grid) -> tuple[NDArray[np.int64], Array]:
@@ -159,7 +159,7 @@ class Standstill(Config):
         return np.zeros(len(grid.k), dtype=bool)
 
     def in_words(self) -> str:
-        """Return what the axis is asked to do."""
+        """Return the reference in words."""
         return "standstill"
 
 

@@ -1,4 +1,4 @@
-"""What is known of the axis put to use by its controller: feed-forward, as estimated or nominal."""
+"""Feed-forward of the controller, from estimated or nominal parameters."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ next command is the first to make use.
 
 
 class AdaptConfig(Config):
-    """What the controller feeds forward; the table ``[controller.adapt]`` of a scenario.
+    """Feed-forward of the controller; the table ``[controller.adapt]`` of a scenario.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class AdaptConfig(Config):
 
 
 class FeedForward:
-    """The feed-forward of a batch of runs, each with what it learns of its own axis.
+    """The feed-forward of a batch of runs, each with the estimates of its own axis.
 
     Parameters
     ----------
@@ -121,13 +121,13 @@ class FeedForward:
         self.limited = np.zeros(runs, int)
 
     def command(self, k: int, feedback: Array) -> Array:
-        """Return the command (R,) [N m] in sample k, from what is known by then."""
+        """Return the command (R,) [N m] in sample k, from the latest estimates."""
         before, after = self._speed[k], self._speed[k + 1]
         motion = after, (after - before) / self._period
         return self._config.command(feedback, motion, self._values | {"k_T0": self._k_T0})
 
     def learn(self, k: int, torque: Array, angle: Array, speed: Array) -> None:
-        """Give each follower what was commanded and measured (R,) in sample k."""
+        """Pass the command and the measurement (R,) of sample k to each estimator."""
         increment = (angle - self._angle) / self._period if k else np.zeros_like(angle)
         self._angle = angle.copy()
         read = {"speed": speed, "angle": angle, "increment": increment}
@@ -138,7 +138,7 @@ class FeedForward:
                 self._use(run, dict(zip(follower.names, theta, strict=True)))
 
     def _use(self, run: int, theta: Mapping[str, float]) -> None:
-        """Take estimates for what they are within the limits."""
+        """Limit the estimates."""
         beyond = False
         for name, estimate in theta.items():
             parameter = name.removeprefix("1/")

@@ -1,4 +1,4 @@
-r"""Friction of the motor, a table of a scenario each.
+r"""Friction laws of the motor; each class is a table of a scenario.
 
 Coulomb and LuGre friction are the engine's own. It does not know the others:
 `sim/plant/friction.py` makes it call them. Beside its keys, such a table has the law itself
@@ -30,7 +30,7 @@ Row = Sequence[float]
 
 
 class _CompiledLaw(Nonlinearity):
-    """A law that the engine calls; it lies there as a row of numbers."""
+    """A law that the engine calls, with its values in a row of custom data."""
 
     substeps: ClassVar[int] = 20  # a sign comes and goes within a millisecond: 6e-5 in the loop
     parameters: ClassVar[tuple[str, ...]]
@@ -83,7 +83,7 @@ class FrictionConfig(Nonlinearity):
         return {Place("dof_frictionloss", "motor"): law["f_c"]}
 
     def in_words(self) -> str:
-        """Return what it is and how large."""
+        """Return the law and its size in words."""
         return f"Coulomb friction of {self.coulomb:g} N m"
 
 
@@ -153,7 +153,7 @@ class LuGreConfig(Nonlinearity):
         }
 
     def in_words(self) -> str:
-        """Return what it is and how large."""
+        """Return the law and its size in words."""
         return f"LuGre friction of {self.coulomb:g} N m, {self.static:g} N m to break away"
 
 
@@ -190,7 +190,7 @@ class StaticFrictionConfig(_CompiledLaw):
         return (row[2] + peak) * math.tanh(row[5] * speed)
 
     def in_words(self) -> str:
-        """Return what it is and how large."""
+        """Return the law and its size in words."""
         return f"a friction curve with F_c = {self.f_c:.3g} N m, F_cs = {self.f_s:.3g} N m"
 
 
@@ -223,7 +223,7 @@ class LoadFrictionConfig(_CompiledLaw):
         return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
 
     def in_words(self) -> str:
-        """Return what it is and how large."""
+        """Return the law and its size in words."""
         return f"dry friction of {self.f_c:g} N m and {100 * self.load:g} % of the load"
 
 
@@ -276,7 +276,7 @@ class GearFrictionConfig(_CompiledLaw):
         return (fast + slow * left) * math.tanh(speed / row[10])
 
     def in_words(self) -> str:
-        """Return what it is and how large."""
+        """Return the law and its size in words."""
         dry = f"{self.f_c:.2g} N m ({self.f_c + self.f_s:.2g} when slow)"
         shares = f"{100 * self.motor:.2g} % of the motor's torque, {100 * self.external:.2g} %"
         return f"gear friction of {dry}, {shares} of the load"

@@ -1,4 +1,4 @@
-"""What an axis has beyond the linear model, one table of a scenario each.
+"""Nonlinear effects of an axis; each class is a table of a scenario.
 
 Every table knows how to build itself into MuJoCo's description of the plant (`build`), that the
 linear model does not describe it (`exact`), and how finely time must then be cut (`substeps`):
@@ -91,7 +91,7 @@ class CoggingConfig(Nonlinearity):
         passive(spec, "cogging", cogging=[self.amplitude, self.poles, 0.0])
 
     def in_words(self) -> str:
-        """Return what it is and how large."""
+        """Return the effect and its size in words."""
         return f"cogging of {self.amplitude:g} N m, {self.poles} periods a turn"
 
 
@@ -118,7 +118,7 @@ class BacklashConfig(Nonlinearity):
         return {"gap": self.gear}
 
     def in_words(self) -> str:
-        """Return what it is and how large."""
+        """Return the effect and its size in words."""
         return f"backlash of {self.gear:g} rad at the gear"
 
 
@@ -146,7 +146,7 @@ class StiffeningConfig(Nonlinearity):
         return {"kappa": self.gear}
 
     def in_words(self) -> str:
-        """Return what it is and how large."""
+        """Return the effect and its size in words."""
         return f"gear spring stiffening by {self.gear:g}/rad²"
 
 
@@ -166,12 +166,12 @@ class SaturationConfig(Nonlinearity):
         spec.actuator("motor").forcerange = [-self.torque, self.torque]
 
     def in_words(self) -> str:
-        """Return what it is and how large."""
+        """Return the effect and its size in words."""
         return f"torque limited to {self.torque:g} N m"
 
 
 def passive(spec: Any, name: str, **law: list[float]) -> None:
-    """Add an electric motor without current to the motor joint, for the friction it can have."""
+    """Add a currentless electric motor to the joint, because the engine models friction there."""
     motor = spec.add_actuator(name=name, target="motor")
     motor.trntype = spec.actuator("motor").trntype
     motor.set_to_dcmotor(motorconst=[0.0, 0.0], resistance=1.0, ctrlspec=_NO_INPUT, **law)

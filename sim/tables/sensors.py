@@ -1,4 +1,4 @@
-"""What lies between the axis and its log: delay, noise, encoder and filter, a stage each.
+"""Sensors between the axis and its log: delay, noise, encoder and filter, each one stage.
 
 Every table knows what it does to a signal (`stage`), and whether the linear model still describes
 what comes out (`exact`). A signal goes through all stages in turn, in the order of the keys of
@@ -33,10 +33,10 @@ White = Callable[[str], Array]
 
 @runtime_checkable
 class Sensor(Protocol):
-    """A table of a scenario that signals go through: whatever has `stage` is."""
+    """A table of a scenario with a `stage` that signals pass through."""
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return what it does to a signal sampled every `period` s, from rest before a run."""
+        """Return the stage for a signal sampled every `period` s, at rest before the run."""
 
 
 def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: float) -> Stage:
@@ -86,11 +86,11 @@ class NoiseConfig(Config):
 
     @property
     def exact(self) -> bool:
-        """Whether what is logged as the torque is what acts."""
+        """Whether the logged torque is the acting torque."""
         return self.torque is None
 
     def on_torque(self, white: White) -> Array | None:
-        """Return what acts beside the commands (N, R) [N m], or None for nothing."""
+        """Return the disturbance torque (N, R) [N m], or None."""
         return self.torque * white("noise.torque") if self.torque else None
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
@@ -170,7 +170,7 @@ class DelayConfig(Config):
         return _late(self.measurement) if self.measurement else _unchanged
 
     def in_words(self) -> str:
-        """Return what is late, and by how much."""
+        """Return the delays in words."""
         words = [f"measurement late by {self.measurement} samples"] if self.measurement else []
         words += [f"torque late by {1000 * self.torque:g} ms"] if self.torque else []
         return "; ".join(words)
@@ -182,7 +182,7 @@ class DelayConfig(Config):
 
 
 class FilterConfig(Config):
-    """What the drive does to the speed before it is logged; the table ``[filter]``.
+    """Low-pass filter of the logged speed; the table ``[filter]``.
 
     Attributes
     ----------
