@@ -6,7 +6,7 @@ import time
 import pytest
 from numba.core import event
 
-LIMIT = 1.0  # s on the reference machine, where `additions` takes REFERENCE
+LIMIT = 30.0  # s on the reference machine, where `additions` takes REFERENCE
 REFERENCE = 0.1  # s
 START, SHARED = pytest.StashKey[float](), pytest.StashKey[list]()
 COMPILING = event.TimingListener()
