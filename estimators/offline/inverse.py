@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt, welch
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.offline.descent import damped_step
+from flexaxis.estimators.offline.prediction_error import damped_step
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -9,83 +9,224 @@ dynamic model* (IFAC 1967). As the residual is filtered and not the signals, the
 nonlinear laws.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.offline.colour import Colour, colourless
-from flexaxis.estimators.offline.descent import (
-    BOLD,
-    CAREFUL,
-    CONVERGED,
-    Point,
-    Problem,
-    damped_step,
-    gained,
-)
-from flexaxis.estimators.offline.trajectory import COARSE, FINE
+from flexaxis.estimators.offline.colour import HIGHEST_ORDER, Colour, colourless, noise_model
+from flexaxis.estimators.offline.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+FASTEST = 4 * np.pi  # radians a sample: a log cannot show an axis with such a pole
 ROUNDS = 40  # where noise and parameters explain the same, each leaves two thirds of the way
-LAST = 2  # rounds that solve laws to their full accuracy, at least, and may keep a colour
-TURNING, TURNS = 10, 1.0
-"""Where fits of so many rounds lie within so many standard deviations, and still do not stay, the
-colours of their residuals take turns (a drift would have gone further), and one is kept."""
 EVALUATIONS, SEARCHING = 25, 12  # in a round of a fit, and of a search
-SEARCHED = 0.5  # likewise, where a search does
-UNSEEN = 1e200  # variance of what a record shows nothing of
+CONVERGED, SEARCHED = 0.05, 0.5  # standard deviations to the minimum, where they end
+TURNS = 1.0  # likewise, of a last round: colours of the noise may take turns
+ROUGH = 5.0  # likewise, where friction is at a kink and no step gains
+CAREFUL, BOLD = 1e-3, 1e-8  # damping of the first step: far from the minimum, and near it
+STIFFEST = 1e3  # damping of steps so short that, where none gains, there is a minimum
+FULFILLED, BROKEN = 0.75, 0.25  # shares of the fall that was promised
+FORGOTTEN = 1e-2  # of what a stretch tells of its state, that counts
+EXACT = 1e-10  # of a parameter, to which arithmetic is exact
+ROUNDING = 1e-12  # of the greatest eigenvalue of a curvature
 
 
 @dataclass(frozen=True)
 class Fitted:
     """
-    What came of a fit.
+    A place on the way of a fit, or its end.
 
     Attributes
     ----------
+    problem : Problem
     z : (q,) array
-    covariance : (q, q) array
-        For white residuals.
+    residual, slopes : (N,), (q, N) arrays
+        y − ŷ and the derivatives of ŷ, as simulated.
     colour : Colour
-    square : float
-        Mean square of the white residual: σ² of a prediction over one sample.
-    residual : (N,) array
-        y − ŷ of the simulation.
-    white : (N,) array
-        Filtered by the colour.
-    slopes : (q, N) array
-        Derivatives of ŷ, filtered likewise.
-    good : (N,) array of bool
-        Which of these count.
+        Of the noise.
     converged : bool
     """
 
+    problem: "Problem"
     z: Array
-    covariance: Array
-    colour: Colour
-    square: float
     residual: Array
-    white: Array
     slopes: Array
-    good: Flags
-    converged: bool
+    colour: Colour
+    converged: bool = False
+
+    @cached_property
+    def good(self) -> Flags:
+        """Samples (N,) that count."""
+        return self.colour.settled(self.problem.ok)
+
+    @cached_property
+    def white(self) -> Array:
+        """The white residual (N,)."""
+        return self.colour.white(self.colour.bridged(self.residual, self.problem.ok))
+
+    @cached_property
+    def gradient(self) -> Array:
+        """Derivatives (q, N) filtered likewise; 0 by a state that is forgotten where it counts."""
+        J = self.colour.white(self.colour.bridged(self.slopes, self.problem.ok)) * self.good
+        size, seen = (np.linalg.norm(rows, axis=1) for rows in (self.slopes, J))
+        states = slice(self.problem.trajectory.first, -2)
+        J[states][seen[states] < FORGOTTEN * size[states]] = 0.0
+        return J
+
+    @cached_property
+    def square(self) -> float:
+        """Mean square of the white residual: σ² of a prediction over one sample."""
+        finite = np.isfinite(self.residual).all() and np.isfinite(self.slopes).all()
+        return float(np.mean(self.white[self.good] ** 2)) if finite else np.inf
+
+    @cached_property
+    def curvature(self) -> tuple[Array, Array]:
+        """Half the curvature (q, q) of the mean square, and its descent (q,)."""
+        J, N = self.gradient, self.good.sum()
+        return J @ J.T / N, J @ self.white / N
+
+    @cached_property
+    def covariance(self) -> Array:
+        """σ² (J Jᵀ)⁻¹, zero for what is held."""
+        H, _ = self.curvature
+        free, size = np.diag(H) > 0, np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(free, free)])
+        values = np.maximum(values, ROUNDING * values.max(initial=0.0))
+        covariance = np.zeros_like(H)
+        covariance[np.ix_(free, free)] = vectors / values @ vectors.T
+        return covariance * self.square / self.good.sum() / np.outer(size, size)
 
     @property
     def deviations(self) -> Array:
         """Standard deviations (q,) of the unknowns."""
         return np.sqrt(np.diag(self.covariance))
 
+    def step(self, damping: float = 0.0) -> Array:
+        """Return the damped step (q,); what would leave the box stays at its side."""
+        (H, g), lower, upper = self.curvature, self.problem.lower, self.problem.upper
+        free, step = ~self.problem.held, np.zeros(len(self.z))
+        for _ in range(len(self.z)):
+            step = np.zeros(len(self.z))
+            step[free] = damped_step(H[np.ix_(free, free)], g[free], damping)
+            out = free & (((self.z <= lower) & (step < 0)) | ((self.z >= upper) & (step > 0)))
+            if not out.any():
+                break
+            free &= ~out
+        return step
+
+    @property
+    def left(self) -> float:
+        """
+        How far it is to the minimum, in standard deviations.
+
+        (N gᵀH⁻¹g/σ²)^½ is what a step of Gauss and Newton moves all unknowns together, whatever
+        their units; none of them moves by more of its own deviation.
+        """
+        step, p = self.step(), self.problem.trajectory.p
+        if (abs(step[:p]) <= EXACT * abs(self.z[:p])).all():
+            return 0.0  # no arithmetic comes nearer
+        gain = float(self.curvature[1] @ step)
+        return float(np.sqrt(max(gain, 0.0) * self.good.sum() / self.square))
+
+    def gained(self, before: "Fitted") -> float:
+        """Return the fall of −2 log L since a place, as the standard deviations it is worth."""
+        fall = max(before.square / self.square - 1, 0.0) * self.good.sum()
+        return float(np.sqrt(fall)) if np.isfinite(before.square) else np.inf
+
+
+@dataclass(frozen=True)
+class Problem:
+    """
+    A trajectory to be fitted to a record.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+    y : (N,) array
+        Measured output.
+    ok : (N,) array of bool
+        Samples to be fitted.
+    lower, upper : (q,) arrays
+        The box.
+    held : (q,) array of bool
+        Unknowns that are known after all, such as a delay.
+    whiten : bool
+        Whether to model the noise; without, this is plain output error.
+    highpass : float or None
+        Corner [Hz] below which residuals do not count.
+    """
+
+    trajectory: Trajectory
+    y: Array
+    ok: Flags
+    lower: Array
+    upper: Array
+    held: Flags
+    whiten: bool = True
+    highpass: float | None = None
+
+    @property
+    def plain(self) -> Colour:
+        """The colour of white noise."""
+        return colourless(self.highpass, self.trajectory.period)
+
+    def colour(self, residual: Array) -> Colour:
+        """Return the colour of a residual."""
+        plain = self.plain
+        if not self.whiten:
+            return plain
+        high, ok = plain.high(plain.bridged(residual, self.ok)), plain.settled(self.ok)
+        highest = HIGHEST_ORDER  # of which no more than half of the samples see a gap
+        while highest and np.mean(Colour(np.ones(highest + 1)).settled(ok)[ok]) < 0.5:
+            highest //= 2
+        return replace(plain, inverse=noise_model(high, highest, ok))
+
+    def at(self, z: Array, colour: Colour | None = None) -> Fitted:
+        """Return a place; its square is infinite where the axis cannot be simulated."""
+        z, colour = np.clip(z, self.lower, self.upper), colour or self.plain
+        if self.trajectory.fastest(z[: self.trajectory.p]) > FASTEST:
+            N = len(self.y)
+            return Fitted(self, z, np.full(N, np.inf), np.zeros((len(z), N)), colour)
+        with np.errstate(all="ignore"):
+            y, slopes = self.trajectory.along(z, self.held)
+        return Fitted(self, z, self.y - y, slopes, colour)
+
+    def descend(
+        self, at: Fitted, most: int, near: float = CONVERGED, damping: float = CAREFUL
+    ) -> tuple[Fitted, bool]:
+        """
+        Return where Levenberg and Marquardt's method comes to from a place, and if it converged.
+
+        It has where the minimum is as near as that, in standard deviations, or steps gain
+        no more than such a step would.
+        """
+        for _ in range(most):
+            if not np.isfinite(at.square):
+                break
+            if at.left <= near:
+                return at, True
+            trial = self.at(at.z + at.step(damping), at.colour)
+            if trial.square < at.square:
+                step, (H, g) = trial.z - at.z, at.curvature
+                share = (at.square - trial.square) / (2 * g @ step - step @ H @ step)
+                # where less comes of a step than was promised the next is to be shorter
+                damping *= 0.1 if share > FULFILLED else 3.0 if share < BROKEN else 1.0
+                done, at, damping = trial.gained(at) <= near, trial, max(damping, BOLD)
+                if done:
+                    return at, True
+            elif damping > STIFFEST:
+                return at, at.left <= ROUGH
+            else:
+                damping = max(10 * damping, 1e-4)
+        return at, False
+
 
 def fit(
-    problem: Problem,
-    z: Array,
-    *,
-    rounds: int = ROUNDS,
-    fine: bool = True,
-    plain: bool = False,
+    problem: Problem, z: Array, *, rounds: int = ROUNDS, search: bool = False, plain: bool = False
 ) -> Fitted:
     """
     Fit parameters and noise in turn, until both stay, or only colours of the noise take turns.
@@ -97,97 +238,33 @@ def fit(
         Where to start.
     rounds : int
         At most.
-    fine : bool
-        Whether the last rounds solve laws to their full accuracy.
+    search : bool
+        Whether being near is enough.
     plain : bool
         Whether the first round takes noise for white. A rich model of the noise explains some of
         what parameters should, and gives it back slowly; but where an axis drifts, that is what
         parameters would explain.
     """
-    coarse, most = problem.course.coarsens, EVALUATIONS if fine else SEARCHING
-    near, damping, converged = CONVERGED if fine else SEARCHED, CAREFUL, False
-    colour = colourless(problem.highpass, problem.course.period)
-    point, places = problem.at(z, colour, coarse=coarse), list[Array]()
-    if not np.isfinite(point.square):  # it cannot be simulated from there
-        return finished(problem, point, colour, False)
+    most, near = (SEARCHING, SEARCHED) if search else (EVALUATIONS, CONVERGED)
+    at, damping, ended = problem.at(z), CAREFUL, False
     if plain:
-        point, _ = problem.descend(point, colour, most, coarse=coarse, near=SEARCHED)
+        at, _ = problem.descend(at, most, SEARCHED)
     for left in reversed(range(rounds)):
-        if not np.isfinite(point.square):
+        if not np.isfinite(at.square):
             break  # it cannot be simulated, and has no residual that could be coloured
-        if not (fine and left < LAST and _takes_turns(point, places)):
-            colour = problem.colour(point.residual)
-        point = problem.weighed(point, colour)
-        if coarse and fine and (converged or left < LAST):
-            point, coarse, converged = problem.at(point.z, colour), False, False
-        converged = converged or problem.left(point) <= near
-        if converged and not (coarse and fine):
+        before = replace(at, colour=problem.colour(at.residual))
+        at, ended = problem.descend(before, most, near / 2, damping)
+        ended = ended and at.gained(before) <= (near if left else TURNS)
+        if ended:
             break
-        before = point
-        point, ended = problem.descend(
-            point, colour, most, coarse=coarse, near=near / 2, damping=damping
-        )
-        places.append(point.z)
-        converged, damping = ended and gained(before, point) <= near, BOLD
-    return finished(problem, point, colour, converged)
+        damping = BOLD
+    return replace(at, converged=ended)
 
 
-def _takes_turns(point: Point, places: list[Array]) -> bool:
-    """Return whether the last fits lie around a point, as its curvature has it."""
-    if len(places) < TURNING:
-        return False
-    off = np.array(places[-TURNING:]) - point.z
-    far = np.einsum("ki,ij,kj->k", off, point.H, off) * point.samples / point.square
-    return bool(np.all(far <= TURNS**2))
-
-
-def finished(problem: Problem, point: Point, colour: Colour, converged: bool = True) -> Fitted:
-    """Return what there is to know of a fit that ended at a point."""
-    white = colour.white(colour.bridged(point.residual, problem.ok))
-    good = colour.settled(problem.ok)
-    slopes = colour.white(colour.bridged(point.slopes, problem.ok))
-    slopes = problem.seen(slopes, point.slopes, good)
-    covariance = _covariance(point, problem)
-    return Fitted(
-        point.z, covariance, colour, point.square, point.residual, white, slopes, good, converged
-    )
-
-
-def discretisation(problem: Problem, fitted: Fitted) -> Array:
-    """
-    Return by how much unknowns (q,) depend on how laws are solved; zero without laws.
-
-    Of Coulomb friction it is the step of Gauss and Newton that is left where no step gains: there a
-    speed only just reaches zero, and derivatives hold for less than a standard deviation.
-
-    Of other laws it is a third of the step of Gauss and Newton from the fit with fine steps to that
-    with coarse ones, which are four times as long: as the error where friction reverses is of the
-    first order, that is about what fine steps are off themselves (L. F. Richardson, 1911).
-    """
-    step = np.zeros_like(fitted.z)
-    if not problem.course.model.forces:
-        return step
-    e = fitted.white[fitted.good]
-    if problem.course.coarsens:
-        coarse = fitted.colour.bridged(problem.residual(fitted.z, coarse=True)[0], problem.ok)
-        e = (fitted.colour.white(coarse)[fitted.good] - e) / (FINE / COARSE - 1)
-    free = np.diag(fitted.covariance) > 0
-    J = fitted.slopes[:, fitted.good][free]
-    step[free] = damped_step(J @ J.T, J @ e, 0.0)
-    return abs(step)
-
-
-def _covariance(point: Point, problem: Problem) -> Array:
-    """Return σ² (J Jᵀ)⁻¹, zero for what is held."""
-    free, covariance = ~problem.held, np.zeros_like(point.H)
-    if not free.any():
-        return covariance
-    H = point.H[np.ix_(free, free)]
-    size = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(H / np.outer(size, size))
-    values = np.maximum(values, 1e-14 * values[-1])  # smaller ones are rounding
-    inverse = vectors / values @ vectors.T
-    with np.errstate(over="ignore", invalid="ignore"):  # of what the record shows nothing of
-        known = point.square / point.samples * inverse / np.outer(size, size)
-    covariance[np.ix_(free, free)] = np.clip(known, -UNSEEN, UNSEEN)
-    return covariance
+def damped_step(H: Array, g: Array, damping: float) -> Array:
+    """Return (H + damping·diag H)⁻¹ g, where what nothing is seen of stays; free of units."""
+    seen, step = np.diag(H) != 0, np.zeros(len(g))
+    size = np.sqrt(np.diag(H)[seen])
+    scaled = H[np.ix_(seen, seen)] / np.outer(size, size) + damping * np.eye(len(size))
+    step[seen] = np.linalg.lstsq(scaled, g[seen] / size, rcond=ROUNDING)[0] / size
+    return step

@@ -1,56 +1,75 @@
-"""A model along a record, with derivatives by parameters, initial state, offset and delay."""
+"""A model along a record, with derivatives by parameters, initial states, offset and delay."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
 
-from flexaxis.estimators.models.compiler import inlined, loop
-from flexaxis.estimators.models.discretisation import LAW_STEPS, law_steps
-from flexaxis.estimators.models.law_torques import BRISTLE, STATIC
-from flexaxis.estimators.models.memory import Memory
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.discretisation import law_steps
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.rows import copy
-from flexaxis.estimators.models.simulation import any_sample, simulation, simulation_in
-from flexaxis.estimators.offline.coulomb import dry, follow, is_dry
-from flexaxis.estimators.offline.delay import delay_slope, delayed
+from flexaxis.estimators.models.simulation import along, simulation
+from flexaxis.estimators.offline.coulomb import follow, is_dry, sampled
 from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
-OFFSET = "torque_offset"
-COARSE, FINE = 8, 32  # steps of a sample in which friction reverses: of a search, and of its end
-RESTS = 1e-3  # of the greatest speed, below which friction sticks
+STEPS = 2  # for each step in which filters solve laws
+STEP = 1e-6  # of an unknown, by which derivatives are taken
+LEAST = 1e-3  # rad/s or rad, of an initial state for that step
 
 
-def _with_offset(model: Model) -> Model:
+def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     """
-    Return a model with a torque that never changes as one more state, beside the given torque.
+    Return the mean torque (N,) that acts over each sample, when it acts late.
 
-    Its value is then an initial state, and derivatives by it are those by that state.
+    A held torque u that is late by n + δ samples is u[k−n−1] for the first δ of sample k and
+    u[k−n] for the rest: on average (1−δ) u[k−n] + δ u[k−n−1], which gives an inertia exactly the
+    same speed at the end of the sample. Where u is a sequence of means of a smooth signal, such
+    as a measured current, it is shifted along a cubic spline instead.
+
+    Parameters
+    ----------
+    u : (N,) array_like
+        Torque; before the first sample it is zero if held, and the first value if smooth.
+    samples : float
+        Delay in samples, any fraction of one; negative for a torque that acts early, of which the
+        last value stays.
+    smooth : bool
+        Whether u comes from a smooth signal.
+
+    Raises
+    ------
+    EstimatorError
+        If the delay is not finite, or longer than the record.
 
     Examples
     --------
-    >>> from flexaxis.estimators.models.axes import one_mass
-    >>> _with_offset(one_mass({"k_T": 1.0, "J_m": 1e-3, "f_m": 0.01})).A
-    (('-f_m/J_m', 'k_T/J_m'), ('0', '0'))
+    >>> delayed([0.0, 4.0, 4.0, 0.0], 0.25)
+    array([0., 3., 4., 1.])
     """
-    return replace(
-        model,
-        states=(*model.states, OFFSET),
-        A=(
-            *((*row, b) for row, b in zip(model.A, model.B, strict=True)),
-            ("0",) * (len(model.states) + 1),
-        ),
-        B=(*model.B, "0"),
-        C=(*model.C, "0"),
-    )
+    u = np.asarray(u, float)
+    if not abs(samples) < len(u):
+        raise EstimatorError(
+            f"delay is {samples} samples; it must be shorter than the record of {len(u)} samples"
+        )
+    times = np.arange(len(u))
+    if smooth:
+        return CubicSpline(times, u)(np.clip(times - samples, 0, len(u) - 1)) if samples else u
+    whole, part = divmod(samples, 1)
+    places = times - int(whole)
+    now, before = (np.where(k < 0, 0.0, u[np.minimum(k, len(u) - 1)]) for k in (places, places - 1))
+    return (1 - part) * now + part * before
 
 
 @dataclass(frozen=True)
-class Course:
+class Trajectory:
     """
     What a model makes of a torque, as a function of everything that a record leaves open.
 
@@ -59,11 +78,8 @@ class Course:
     Attributes
     ----------
     model : Parametrization
-        Of a model `_with_offset`.
     free : tuple of int
-        Which states are unknown where a stretch begins; all others but the offset are zero.
-    offset : int
-        Place of the offset of the torque among the states.
+        Which states are unknown where a stretch begins; all others are zero.
     u : (N,) array
         Torque as logged.
     period : float
@@ -71,7 +87,7 @@ class Course:
     smooth : bool
         Whether the torque goes on changing between samples, see `delayed`.
     begins : tuple of int
-        Samples at which stretches begin, each with a state of its own, for what acts in a gap is
+        Samples at which stretches begin, each with a state of its own, since what acts in a gap is
         not known, nor the state that it leads to. The output is zero up to the first; at another
         it is still of the stretch before.
     resting : bool
@@ -79,20 +95,16 @@ class Course:
     beside : (m, N) array
         What acts beside the torque in proportion to a gain each, such as the sine of a measured
         angle.
-    dry : bool
-        Whether the law is Coulomb friction, of which reversals are met exactly.
     """
 
     model: Parametrization
     free: tuple[int, ...]
-    offset: int
     u: Array
     period: float
-    smooth: bool
+    smooth: bool = False
     begins: tuple[int, ...] = (0,)
     resting: bool = False
     beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    dry: bool = False
 
     @property
     def p(self) -> int:
@@ -100,26 +112,26 @@ class Course:
         return len(self.model.names)
 
     @property
-    def m(self) -> int:
-        """Number of gains."""
-        return len(self.beside)
+    def first(self) -> int:
+        """Place in z of the first initial state, behind parameters and gains."""
+        return self.p + len(self.beside)
 
     @property
     def q(self) -> int:
         """Number of unknowns."""
-        return self.p + self.m + len(self.free) * (len(self.begins) - self.resting) + 2
+        return self.first + len(self.free) * (len(self.begins) - self.resting) + 2
 
     @property
     def states(self) -> list[slice]:
         """Places in z of the state that each stretch begins with; none of rest."""
-        first, width = self.p + self.m, len(self.free)
+        first, width = self.first, len(self.free)
         own = [slice(first, first)] if self.resting else []
         return own + [slice(k, k + width) for k in range(first, self.q - 2, width or 1)]
 
-    @property
-    def coarsens(self) -> bool:
+    @cached_property
+    def in_steps(self) -> bool:
         """Whether there are laws that are solved in steps."""
-        return self.model.forces > 0 and not self.dry
+        return self.model.forces > 0 and not is_dry(self.model, self.period)
 
     def fastest(self, theta: Array) -> float:
         """Return the greatest |pole| of the linear part, in radians a sample; inf if it is none."""
@@ -128,83 +140,73 @@ class Course:
             return np.inf
         return float(np.max(abs(np.linalg.eigvals(A)))) * self.period
 
-    def along(self, z: Array, *, coarse: bool = False) -> tuple[Array, Array]:
+    def along(self, z: Array, held: Flags | None = None) -> tuple[Array, Array]:
         """
         Return the output ŷ (N,) and its derivatives (q, N) at z; both 0 up to where it begins.
 
         Parameters
         ----------
         z : (q,) array
-        coarse : bool
-            Whether laws may be solved at less places of a sample, in a search that goes on.
+        held : (q,) array of bool, optional
+            Unknowns that do not move: their derivatives are 0.
         """
-        p, m = self.p, self.m
-        samples = z[-1] / self.period
-        torque = delayed(self.u, samples, smooth=self.smooth)
-        slopes = np.zeros((m + 1, len(torque)))
-        slopes[-1] = delay_slope(self.u, samples, smooth=self.smooth) / self.period
-        if m:
-            slopes[:m] = self.beside
-            torque = torque + z[p : p + m] @ self.beside
-        width = max(place.stop - place.start for place in self.states)
-        further = m + width + 2
-        found = np.zeros((1 + self.q, len(torque)))
-        ends = [*self.begins[1:], len(torque) - 1]
-        for begin, end, place in zip(self.begins, ends, self.states, strict=True):
-            here = slice(begin, end)
-            steps = self._exact if self.dry else self._stepped
-            rows = steps(z, place, torque[here], slopes[:, here], further, coarse=coarse)
-            own, last = place.stop - place.start, p + further
-            lanes = [*range(1 + p + m + own), last - 1, last]
-            to = [*range(1 + p + m), *range(1 + place.start, 1 + place.stop), self.q - 1, self.q]
-            found[to, begin + 1 : end + 1] = rows[lanes]
-        return found[0], found[1:]
+        free = np.ones(self.q, bool) if held is None else ~held
+        (y, slopes), size = self._simulated(z), self._steps(z)
+        every = [[i] for i in range(self.p, self.first)] + [[self.q - 2], [self.q - 1]]
+        if not self.in_steps:  # states of all stretches are moved together, as each acts on its own
+            width = len(self.free) if self.first < self.q - 2 else 0
+            every += [[i] for i in range(self.p)]
+            every += [[*range(self.first + i, self.q - 2, width)] for i in range(width)]
+        for places in every:
+            moves = np.array(places)[free[places]]
+            if len(moves):
+                moved = z.copy()
+                moved[moves] += size[moves]
+                change = self._simulated(moved)[0] - y
+                for i in moves:
+                    slopes[i] = change / (moved[i] - z[i])
+        for place, (begin, end) in zip(self.states, self._ends(), strict=True):
+            slopes[place, : begin + 1] = slopes[place, end + 1 :] = 0.0
+        slopes[~free] = 0.0
+        return y, slopes
 
-    def _exact(
-        self, z: Array, place: slice, u: Array, slopes: Array, further: int, *, coarse: bool
-    ) -> Array:  # fmt: skip
-        """Return output and derivatives (lanes, N) of a stretch under Coulomb friction."""
-        p, own, last = self.p, place.stop - place.start, self.p + further
-        X = np.zeros((1 + last, self.model.n + 1))
-        X[0, list(self.free)[:own]], X[0, self.offset] = z[place], z[-2]
-        X[1 + p + self.m + np.arange(own), list(self.free)[:own]] = 1.0
-        X[last - 1, self.offset] = 1.0
-        u, slopes = np.append(u, 0.0), np.hstack([slopes, np.zeros((len(slopes), 1))])
-        rubbed = dry(self.model, z[:p], self.period)
-        return follow(rubbed, X, u, slopes, self.offset, 0, 1 + p)[:, 1:]
+    def _steps(self, z: Array) -> Array:
+        """Return by how much unknowns (q,) are moved for derivatives."""
+        size = np.full(self.q, LEAST)
+        size[: self.p] = abs(self.model.theta)
+        size[self.p : self.first] = size[-2] = float(np.std(self.u))
+        size = STEP * np.maximum(abs(z), np.where(size > 0, size, LEAST))
+        size[-1] = 10 * STEP * self.period
+        return size
 
-    def _stepped(
-        self, z: Array, place: slice, u: Array, slopes: Array, further: int, *, coarse: bool
-    ) -> Array:  # fmt: skip
-        """Return output and derivatives (lanes, N) of a stretch, laws solved in steps."""
-        p, m, offset = self.p, self.m, self.offset
-        usual, fine = self._simulations(z[:p], further, coarse=coarse)
-        X, own, last = usual["X"], place.stop - place.start, p + further
-        X[list(self.free)[:own], 0], X[offset, 0] = z[place], z[-2]
-        X[list(self.free)[:own], 1 + p + m + np.arange(own)] = 1.0
-        X[offset, last - 1] = 1.0
-        rows = np.zeros((len(u), X.shape[1]))
-        _along(
-            usual.block, usual.at, fine.block, fine.at, np.zeros_like(X),
-            np.zeros((2, self.model.forces)), u,
-            np.ascontiguousarray(slopes),
-            np.array([offset, 1 + p, last]), rows,
-        )  # fmt: skip
-        return rows.T
+    def _ends(self) -> list[tuple[int, int]]:
+        return list(pairwise([*self.begins, len(self.u) - 1]))
 
-    def _simulations(self, theta: Array, further: int, *, coarse: bool) -> tuple[Memory, Memory]:
-        """Return the model for samples in which friction is smooth, and for those in which not."""
-        here = replace(self.model, theta=theta)
-        least = -(-law_steps(here, self.period) // LAW_STEPS)  # more than 1 of a fast axis
-        often = max(COARSE if coarse else FINE, least)
-        usual, fine = (
-            simulation(here, theta, self.period, steps=steps, further=further)
-            for steps in (least, often)
-        )
-        return usual, fine
+    def _simulated(self, z: Array) -> tuple[Array, Array]:
+        """Return ŷ (N,) and, where laws are solved in steps, derivatives (q, N) by θ and states."""
+        p, theta, in_steps = self.p, z[: self.p], self.in_steps
+        torque = delayed(self.u, z[-1] / self.period, smooth=self.smooth) + z[-2]
+        torque += z[p : self.first] @ self.beside if len(self.beside) else 0.0
+        axis = None if in_steps else sampled(self.model, theta, self.period)
+        steps = STEPS * law_steps(replace(self.model, theta=theta), self.period) if in_steps else 0
+        y, slopes = np.zeros(len(torque)), np.zeros((self.q, len(torque)))
+        for place, (begin, end) in zip(self.states, self._ends(), strict=True):
+            here, width = slice(begin + 1, end + 1), place.stop - place.start
+            free = list(self.free)[:width]
+            if axis is None:
+                run = simulation(self.model, theta, self.period, steps=steps, further=width)
+                run["X"][free, 0], run["X"][free, 1 + p + np.arange(width)] = z[place], 1.0
+                rows = along(run, torque[begin:end]).T
+                y[here], slopes[:p, here] = rows[0], rows[1 : 1 + p]
+                slopes[place, here] = rows[1 + p : 1 + p + width]
+            else:
+                x = np.zeros(self.model.n + 1)
+                x[free] = z[place]
+                y[here] = follow(axis, x, torque[begin:end])
+        return y, slopes
 
 
-def course(
+def trajectory(
     model: Model,
     names: Sequence[str],
     u: Array,
@@ -215,9 +217,9 @@ def course(
     resting: bool = True,
     begins: Sequence[int] = (0,),
     beside: Array | None = None,
-) -> Course:
+) -> Trajectory:
     """
-    Return the course of a model along a torque.
+    Return the trajectory of a model along a torque.
 
     Parameters
     ----------
@@ -235,76 +237,14 @@ def course(
     resting : bool
         Whether the axis is known to be at rest at the first sample.
     begins : sequence of int
-        Samples at which stretches begin, see `Course`.
+        Samples at which stretches begin, see `Trajectory`.
     beside : (m, N) array, optional
-        What acts beside the torque, see `Course`.
+        What acts beside the torque, see `Trajectory`.
     """
-    chosen = find_signal(output).predicted(_with_offset(model), period).parametrize(names)
+    chosen = find_signal(output).predicted(model, period).parametrize(names)
     moving = not resting or len(begins) > 1
-    free = (*range(len(model.states)), *_own(chosen)) if moving else ()
+    memory = [int(i) for i in chosen.laws.records["memory"] if i >= 0]
+    free = (*range(len(model.states)), *memory) if moving else ()
     torque = np.ascontiguousarray(u, float)
     more = np.zeros((0, len(torque))) if beside is None else beside
-    offset = len(model.states)
-    alone = is_dry(chosen, period)
-    return Course(chosen, free, offset, torque, period, smooth, tuple(begins), resting, more, alone)
-
-
-def _own(model: Parametrization) -> list[int]:
-    """Return the places of the states that laws have of their own."""
-    return [int(i) for i in model.laws.records["memory"] if i >= 0]
-
-
-@loop
-def _along(block, at, fine_block, fine_at, before, speeds, u, slopes, places, rows):  # noqa: PLR0917
-    """
-    Write output and derivatives (N, lanes).
-
-    ``places`` are that of the offset of the torque among the states, of the derivatives by what
-    acts beside the torque, and of that by its delay.
-
-    Away from its reversals friction is smooth, and a step of a sample is enough; where it reverses
-    the error is what friction does in a step, so that these are many.
-    """
-    axis, theta, X = simulation_in(block, at)
-    fine, _, Y = simulation_in(fine_block, fine_at)
-    offset, first, last = places[0], places[1], places[2]
-    for k in range(len(u)):
-        for j in range(len(slopes) - 1):
-            X[offset, first + j] = slopes[j, k]
-        X[offset, last] = slopes[len(slopes) - 1, k]
-        for i in range(len(X)):
-            copy(before, i, X, i)
-        any_sample(axis, theta, X, u[k])
-        if _turns(axis.laws, axis.drive, before, X, speeds):
-            for i in range(len(X)):
-                copy(Y, i, before, i)
-            any_sample(fine, theta, Y, u[k])
-            for i in range(len(X)):
-                copy(X, i, Y, i)
-        copy(rows, k, X, len(X) - 1)
-
-
-@inlined
-def _turns(laws, drive, before, after, speeds):
-    """
-    Return whether some friction reverses in a sample, or sticks.
-
-    ``speeds`` (2, L) are the greatest speed, and that of the sample before. What a step of a sample
-    says where it reverses need not be near the truth, so the last change is looked at as well.
-    Stiff bristles that stick swing faster than a sample: their derivatives grow where it is one
-    step.
-    """
-    found = False
-    for i in range(len(laws)):
-        if laws[i]["kind"] != BRISTLE and laws[i]["kind"] != STATIC:
-            continue
-        v, w = 0.0, 0.0
-        for m in range(drive.shape[1] - 1):
-            v += drive[i, m] * before[m, 0]
-            w += drive[i, m] * after[m, 0]
-        change = max(abs(w - v), 2.0 * abs(v - speeds[1, i]))
-        speeds[0, i], speeds[1, i] = max(speeds[0, i], abs(v)), v
-        near = v * w <= 0.0 or min(abs(v), abs(w)) < 0.5 * change
-        rests = max(abs(v), abs(w)) < RESTS * speeds[0, i]
-        found |= near or rests
-    return found
+    return Trajectory(chosen, free, torque, period, smooth, tuple(begins), resting, more)

@@ -24,7 +24,7 @@ from flexaxis.estimators.offline.inverse import (
     motion_of,
     pieces,
 )
-from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
+from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import Log, noise_of
@@ -40,6 +40,7 @@ LEAST_GAIN = 0.01  # part by which the error of a simulation is to fall, to be w
 SURE = 3.0  # standard deviations of a level of friction, below which it is none
 RIGHT = 1.1  # times its noise, that a simulation leaves where the model is right
 NOTHING = 1e-3  # of the motion, of which no more is said
+ROUNDING = 1e-9  # of a parameter, to which arithmetic is exact
 STEPS = 1e-3  # of a parameter of a law, that solving it in steps is off: 0.24 % at 50 Hz
 
 
@@ -115,7 +116,7 @@ def candidate(setup: Setup, z: Array) -> Candidate:
     """Return a setup fitted to what is not held out, from unknowns z (q,) on."""
     held = held_out(setup)
     white, whitened = (
-        replace(setup, whiten=whiten).solve(z, without=held, rounds=5, fine=False)
+        replace(setup, whiten=whiten).solve(z, without=held, rounds=5, search=True)
         for whiten in (False, True)
     )
     return Candidate(setup, white, whitened, held)
@@ -184,7 +185,7 @@ def answer(best: Candidate) -> Answer:
 
 def stuck(one: Answer) -> list[str]:
     """Return the parameters at the bound of the search."""
-    problem, z = one.setup.problem(), one.fitted.z
+    problem, z = one.fitted.problem, one.fitted.z
     at = (z <= problem.lower * (1 + 1e-9)) | (z >= problem.upper * (1 - 1e-9))
     return [name for name, side in zip(one.setup.names, at, strict=False) if side]
 
@@ -192,13 +193,13 @@ def stuck(one: Answer) -> list[str]:
 def deviations_of(setup: Setup, fitted: Fitted) -> Array:
     """Return standard deviations (q,): for white residuals or over pieces, and of solving laws."""
     free, spread = np.diag(fitted.covariance) > 0, np.zeros(len(fitted.z))
-    spread[free] = jackknife(fitted.slopes[free], fitted.white, fitted.good)[1]
-    problem = setup.problem()
-    steps = discretisation(problem, fitted)
+    spread[free] = jackknife(fitted.gradient[free], fitted.white, fitted.good)[1]
+    off = np.maximum(abs(fitted.step()), ROUNDING * abs(fitted.z))
     for i, name in enumerate(setup.names):
-        if problem.course.coarsens and name in setup.model.law_parameters:
-            steps[i] = max(steps[i], STEPS * abs(fitted.z[i]))
-    return np.hypot(np.maximum(fitted.deviations, spread), steps)
+        if fitted.problem.trajectory.in_steps and name in setup.model.law_parameters:
+            off[i] = max(off[i], STEPS * abs(fitted.z[i]))
+    off[~free] = 0.0
+    return np.hypot(np.maximum(fitted.deviations, spread), off)
 
 
 def explain(log: Log, delay: float, names: tuple[str, ...]) -> Inverse | None:

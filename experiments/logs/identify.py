@@ -227,7 +227,7 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
         rate=1 / log.period,
         deviation=dict(zip(values, taken.deviations.tolist(), strict=False)),
     )
-    J = fitted.slopes[[*range(len(values)), -2, -1]][:, fitted.good]
+    J = fitted.gradient[[*range(len(values)), -2, -1]][:, fitted.good]
     size = np.r_[list(values.values()), 1.0, log.period]
     time = log.period * np.flatnonzero(fitted.good)
     changes = changes_in(time, fitted.white[fitted.good], (J * size[:, None]).T, tuple(values))  # type: ignore[arg-type]

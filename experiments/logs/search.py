@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import BRISTLES, STATIC
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.descent import damped_step
 from flexaxis.estimators.offline.inverse import Inverse
-from flexaxis.estimators.offline.prediction_error import Fitted
+from flexaxis.estimators.offline.prediction_error import Fitted, damped_step
 from flexaxis.estimators.offline.sizes import motion
 from flexaxis.estimators.offline.structure import guessed, prior
 from flexaxis.experiments.logs.errors import LogError
@@ -231,7 +230,7 @@ class Search:
         fitted, setup = best.white, best.setup
         if setup.log.smooth or setup.delay is not None or fitted.z[-1] > setup.earliest:
             return best
-        J = fitted.slopes[:, fitted.good]
+        J = fitted.gradient[:, fitted.good]
         pull = damped_step(J @ J.T, J @ fitted.white[fitted.good], 0.0)[-1]
         if pull > -SURE * fitted.deviations[-1]:
             return best
@@ -263,7 +262,7 @@ class Search:
             starts = [(one.model.parametrize(setup.names).theta, 0.0) for one in guesses]
             if not np.array_equal(starts[0][0], starts[-1][0]):
                 quick = setup.part(QUICK)
-                left = [quick.solve(*at, rounds=1, fine=False, plain=True).square for at in starts]
+                left = [quick.solve(*at, rounds=1, search=True, plain=True).square for at in starts]
                 places += [starts[i] for i in np.argsort(left)[:2]]
         return candidate(setup, self._explored(setup, places).z)
 
@@ -311,12 +310,12 @@ class Search:
         """
         short = setup.part(ENOUGH)
         tried = [
-            short.solve(*place, rounds=2, fine=False, plain=plain)
+            short.solve(*place, rounds=2, search=True, plain=plain)
             for plain in (setup.whiten, False)
             for place in (places if plain else places[:LIKELY])
         ]
         likely = sorted(tried, key=lambda fitted: fitted.square)[:LIKELY]
-        again = [short.solve(one.z, rounds=2, plain=True, fine=False) for one in likely]
+        again = [short.solve(one.z, rounds=2, plain=True, search=True) for one in likely]
         best = min([*likely, *again], key=lambda fitted: fitted.square)
         if not np.isfinite(best.square):
             raise LogError(
@@ -326,7 +325,7 @@ class Search:
         if len(short.log.u) == len(setup.log.u):
             return best
         # a part has an initial state of its own, so that no more than parameters are taken from it
-        return setup.solve(best.z[: len(setup.names)], float(best.z[-1]), rounds=2, fine=False)
+        return setup.solve(best.z[: len(setup.names)], float(best.z[-1]), rounds=2, search=True)
 
 
 def behind_lowpass(model: Model, tau: float) -> Model:

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.colour import colourless
-from flexaxis.estimators.offline.descent import Problem
-from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, finished, fit
-from flexaxis.estimators.offline.trajectory import Course, course
+from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, Problem, fit
+from flexaxis.estimators.offline.trajectory import Trajectory, trajectory
 from flexaxis.experiments.logs.signals import CLEAR, FIRST, Log, noise_of
 
 Array = NDArray[np.float64]
@@ -118,14 +116,14 @@ class Setup:
             ok &= ~without
         return Problem(along, log.y, ok, lower, upper, held, self.whiten, self.highpass)
 
-    def _course(self, begins: Sequence[int], beside: Array | None = None) -> Course:
+    def _course(self, begins: Sequence[int], beside: Array | None = None) -> Trajectory:
         log = self.log
-        return course(
+        return trajectory(
             self.model, self.names, log.u, period=log.period, output=log.output,
             smooth=log.smooth, resting=log.resting, begins=begins, beside=beside,
         )  # fmt: skip
 
-    def _bounds(self, along: Course) -> tuple[Array, Array]:
+    def _bounds(self, along: Trajectory) -> tuple[Array, Array]:
         theta = self.model.parametrize(self.names).theta
         lower, upper = np.full(along.q, -np.inf), np.full(along.q, np.inf)
         for i, name in enumerate(self.names):
@@ -146,7 +144,7 @@ class Setup:
             upper[state][speeds < 0] = 0.0
         return lower, upper
 
-    def _speeds(self, along: Course) -> list[Array]:
+    def _speeds(self, along: Trajectory) -> list[Array]:
         """Return the measured speed where it is of a state, of all stretches; 0 in noise."""
         noise, result = noise_of(self.log.y[self.log.ok]), []
         for begin, state in zip(along.begins, along.states, strict=True):
@@ -166,7 +164,7 @@ class Setup:
         *,
         without: Flags | None = None,
         rounds: int = ROUNDS,
-        fine: bool = True,
+        search: bool = False,
         plain: bool = False,
     ) -> Fitted:
         """Fit it from parameters and a delay [s], or from where another fit came to; see `fit`.
@@ -175,36 +173,38 @@ class Setup:
         """
         problem, p = self.problem(without), len(self.names)
         begin = self.model.parametrize(self.names).theta if start is None else start
-        if len(begin) == problem.course.q:
+        if len(begin) == problem.trajectory.q:
             z = np.clip(begin, problem.lower, problem.upper)
         else:
             lag = float(begin[-1]) if len(begin) > p else lag if self.delay is None else self.delay
-            z = problem.start(begin[:p], lag, np.concatenate(self._speeds(problem.course)))
-        return fit(problem, z, rounds=rounds, fine=fine, plain=plain)
+            z = self._start(problem, begin[:p], lag)
+        return fit(problem, z, rounds=rounds, search=search, plain=plain)
 
-    def at(self, z: Array, without: Flags | None = None, *, fixed: int) -> Fitted:
-        """Return the fit at unknowns z (q,), of which the first stay and the others are sought."""
-        problem = self.problem(without)
-        colour = colourless(self.highpass, self.log.period)
+    def _start(self, problem: Problem, theta: Array, delay: float) -> Array:
+        """Return unknowns (q,) at parameters and a delay, the others by a few linear steps."""
+        along = problem.trajectory
+        z = np.zeros(along.q)
+        z[: len(theta)], z[-1] = theta, delay
+        z[along.first : -2] = np.concatenate(self._speeds(along))
+        return self.settled(problem, z, len(theta)).z
+
+    def settled(self, problem: Problem, z: Array, fixed: int) -> Fitted:
+        """Return the fit in white noise from z (q,), of which the first stay, and the delay."""
         held = problem.held.copy()
-        held[:fixed], held[-2:] = True, True
+        held[:fixed], held[-1] = True, True
         rest = replace(problem, held=held)
-        point, _ = rest.descend(rest.at(z, colour), colour, SETTLING)
-        if not np.isfinite(point.square):
-            return finished(problem, point, colour, False)
-        point = problem.at(point.z, colour)
-        white = problem.colour(point.residual)
-        return finished(problem, problem.weighed(point, white), white)
+        return rest.descend(rest.at(z), SETTLING)[0]
 
     def begun(self, offset: float, delay: float) -> Fitted:
         """Return the fit of how a log begins, and goes on behind gaps, where all else is known."""
         problem = self.problem()
-        z = problem.start(
-            self.model.parametrize(self.names).theta, delay,
-            np.concatenate(self._speeds(problem.course)),
-        )  # fmt: skip
-        z[-2:] = offset, delay
-        return self.at(z, fixed=len(self.names))
+        z = np.zeros(problem.trajectory.q)
+        theta = self.model.parametrize(self.names).theta
+        z[: len(theta)], z[-2:] = theta, (offset, delay)
+        z[problem.trajectory.first : -2] = np.concatenate(self._speeds(problem.trajectory))
+        held = problem.held.copy()
+        held[-2] = True
+        return self.settled(replace(problem, held=held), z, problem.trajectory.first)
 
     def having(self, values: Mapping[str, float]) -> Setup:
         """Return it from other nominal values."""
