@@ -25,7 +25,7 @@ ORDER, SQUARINGS = 18, 4  # of the series of a step, and how often its result is
 
 class Sampled(NamedTuple):
     """
-    An axis at fixed parameters, as `follow` takes it. Its states end with the torque, which is held.
+    An axis at fixed parameters, as `follow` takes it. The last of its states is the torque, held.
 
     Attributes
     ----------

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.colour import colourless
-from flexaxis.estimators.offline.trajectory import delayed
 from flexaxis.estimators.offline.predictor import predict
+from flexaxis.estimators.offline.trajectory import delayed
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.signals import SIGNALS

@@ -1,4 +1,4 @@
-"""A model along a record: against tiny steps, the predictor and finite differences; its stretches."""
+"""A model along a record: against tiny steps, the predictor, differences; its stretches."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ AXES = {
 
 
 def axis(which, output="speed", samples=500, **options):
-    """Return a trajectory that reverses often and not evenly, and unknowns: moving, offset, late."""
+    """Return a trajectory that reverses often, and unknowns: moving, offset, late."""
     model, size = AXES[which]
     t = PERIOD * np.arange(samples)
     u = size * (np.sin(2 * np.pi * 8 * t) + np.sin(2 * np.pi * 13.7 * t + 1))

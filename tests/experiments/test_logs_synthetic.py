@@ -8,7 +8,7 @@ from acceptance.axes import held
 from scipy.signal import lfilter
 
 from flexaxis.estimators.offline.colour import noise_model
-from flexaxis.estimators.offline.delay import delay_slope, delayed
+from flexaxis.estimators.offline.trajectory import delayed
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.importing import import_log
 
@@ -123,8 +123,6 @@ def test_delayed_is_exact_for_an_inertia():
     late = np.concatenate([np.zeros(130), fine])[: len(fine)]
     exact = late.reshape(50, 100).mean(axis=1)
     np.testing.assert_allclose(delayed(u, 1.3), exact, atol=1e-12)
-    slope = (delayed(u, 1.31) - delayed(u, 1.29)) / 0.02
-    np.testing.assert_allclose(delay_slope(u, 1.3), slope, atol=1e-8)
     t = np.arange(200)
     np.testing.assert_allclose(  # a cubic spline of a sine at 40 samples a period
         delayed(np.sin(t / 6), 0.4, smooth=True)[5:-5], np.sin((t - 0.4) / 6)[5:-5], atol=1e-5
