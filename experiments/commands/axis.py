@@ -31,12 +31,12 @@ def _saved(args: Args, result: Any, path: Path) -> int:
 
 @command("log", "-o", *READING)
 def import_(args: Args) -> int:
-    """Make a record of your own log, and check whether it is plausible.
+    """Convert a log of your own axis to a record, and check its data quality.
 
-    LOG is a table of text, MAT (all versions), HDF5 or NetCDF. The checks say what spoils
-    estimates before any estimator runs, and what to type against it: time stamps and gaps,
-    wrapping, clipping, clocks, interpolation, units, resolution, outliers, the kind of torque,
-    signs, a filtered speed.
+    LOG is a text table, MAT (all versions), HDF5 or NetCDF. The checks report everything that
+    would spoil estimates, and the option that cures it: time stamps and gaps, wrapping, clipping,
+    clocks, interpolation, units, resolution, outliers, the kind of torque, signs, a filtered
+    speed.
 
     example:
       flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
@@ -54,17 +54,18 @@ def import_(args: Args) -> int:
          "--gravity", "--highpass", "--validate", "--covariate", "--false-alarms", "-o",
          *READING)  # fmt: skip
 def identify(args: Args) -> int:
-    """Identify the nominal values of your axis from a log or a record, or from many.
+    """Identify the parameters of your axis from a log, a record, or a folder of logs.
 
-    The model is fitted in white and in whitened errors; dry friction, gravity, a filter of the
-    speed and the like are taken if held-out pieces of the log are simulated better with them. A log
-    of one axis shows ratios to k_T only, so k_T (and the gear ratio r) stay at their values unless
-    freed. Status 0: the numbers can be used as far as their deviations say; 1: they cannot.
+    The model is fitted with white and with whitened errors. Dry friction, gravity, a speed filter
+    and similar effects are added if they improve the simulation of held-out pieces of the log.
+    The log of a single axis determines only ratios to k_T, so k_T (and the gear ratio r) keep their
+    values unless you free them. Status 0: the estimates can be used within their standard
+    deviations; status 1: they cannot.
 
-    For a folder of logs in the order of their names, one row of estimates a log goes to a CSV file,
-    with what a covariate explains and one change of each parameter, if there is one (status 1).
+    A folder of logs is read in the order of the names. One row of estimates per log goes to a CSV
+    file, with the effect of a covariate and a change of each parameter, if there is one (status 1).
 
-    MODEL is one_mass, two_mass, three_mass, or a TOML of your own (docs/logs.md).
+    MODEL is one_mass, two_mass, three_mass, or a TOML file of your own (docs/logs.md).
 
     example:
       flexaxis identify rec.nc --model two_mass -o axis.toml
@@ -90,11 +91,11 @@ def identify(args: Args) -> int:
 
 @command("log", "--model", "--identify", "--estimator", "--start", "-o", *READING)
 def track(args: Args) -> int:
-    """Run an estimator over a log of your axis: estimates, residuals, changes, alarms.
+    """Track parameters along a log of your axis: estimates, residuals, changes, alarms.
 
-    AXIS.toml is what `flexaxis identify` wrote. The estimates go to a NetCDF file, and a report
-    says which parameter changed and when, or drifts. Status 1 if a change was found, or if the log
-    does not fit the axis: another unit or sign, or another axis.
+    `flexaxis identify` writes AXIS.toml. The estimates go to a NetCDF file, and a report names the
+    parameters that changed or drift, with the time. Status 1 if a parameter changed, or if the log
+    does not match the axis: another unit or sign, or another axis.
 
     example:
       flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k

@@ -14,14 +14,14 @@ from flexaxis.sim.errors import FlexaxisError
 @command("names", "--base", "--candidate", "--seeds", "--max-seeds", "--margin",
          "--match-std", "--strict", "-o", "--jobs", "--overwrite", "--time-limit")  # fmt: skip
 def compare(args: Args) -> int:
-    r"""Say whether an estimator got better or worse, with an exit status.
+    r"""Test whether an estimator is better or worse than another, with an exit status.
 
-    Both run on the same records, and scores are compared seed by seed. Two folders of finished runs
-    are compared as they are, if their scenarios and versions agree, on the seeds that both have.
+    Both run on the same records, and their scores are compared seed by seed. Two folders of
+    finished runs are compared on their common seeds, if their scenarios and versions agree.
     docs/gate.md explains the statistics.
 
-    With --match-std both are first tuned to the same noise, that of rpem-forgetting, and the lag
-    alone is judged. This needs an estimator that names its tuning parameter (docs/scores.md).
+    With --match-std both are first tuned to the noise of rpem-forgetting, and only the lag is
+    compared. Both estimators must then have a tuning parameter (docs/scores.md).
 
     exit status: 0 no regression; 1 worse; 2 wrong use; 3 undecided, with --strict or if two or more
     runs are newly lost, a run newly failed, or runs of the candidate are missing; 70 a crash
@@ -64,9 +64,9 @@ def compare(args: Args) -> int:
 def tune(args: Args) -> int:
     r"""Find the setting at which an estimator is as noisy as the reference.
 
-    An estimator is tuned on the nominal axis without a fault, started at the truth; the reference
-    is rpem-forgetting at its default. What is matched is the excess prediction error, one number
-    for all parameters. A match takes at most 12 settings, from 1/1024 to 1024 times the usual one.
+    The estimator runs on the nominal axis without a fault, from the true parameters. The reference
+    is rpem-forgetting with default settings. Both must have the same excess prediction error, one
+    number for all parameters. At most 12 settings are tried, from 1/1024 to 1024 times the default.
 
     example:
       flexaxis tune ekf
@@ -93,8 +93,8 @@ def tune(args: Args) -> int:
 def check(args: Args) -> int:
     """Check that an estimator keeps the rules that its scores rely on.
 
-    Shapes, finite numbers, step equals run, no look-ahead, gaps, and so on: each rule with its
-    reason, and with a hint if it is broken. The code that the estimator names is run.
+    The rules concern shapes, finite numbers, step and run, look-ahead, gaps and more. A broken rule
+    is explained, with a hint. The command runs the code of the estimator.
 
     exit status: 0 all rules hold, 1 a rule is broken, 2 it cannot be built, 70 its constructor
     crashed

@@ -53,8 +53,8 @@ def list_(args: Args) -> int:
 def show(args: Args) -> int:
     """Show a scenario, a suite or an estimator with all its values.
 
-    A scenario is printed as its reference card and as TOML that can be edited and run from its
-    path; an estimator with the meaning and the default of each option.
+    A scenario is printed as a description and as TOML, which you can edit and run. An estimator is
+    printed with the meaning and default of each option.
 
     example:
       flexaxis show fm_step
@@ -81,15 +81,14 @@ def show(args: Args) -> int:
 
 @command("lesson", "--estimator", "--seed", "--port", "--no-browser")
 def demo(args: Args) -> int:
-    """Break a live axis in the browser, and watch which estimator detects it first.
+    """Inject faults into a live axis in the browser, and watch which estimator detects them first.
 
-    The paper's method (A) runs beside the recommended one (B). Press "motor friction f_m × 2": the
-    diagram on the right shows how much of the fault each has still to find, beside the theoretical
-    limit. Stop the clock and step through it; change λ, Δ, μ, noise and dry friction; use another
-    estimator.
+    Estimator A is the paper's method, B the recommended one. Press "motor friction f_m × 2": the
+    diagram on the right shows the remaining error of both, and the theoretical limit. Pause and
+    step through the fault, change λ, Δ, μ, noise and dry friction, or choose other estimators.
 
-    The page needs no network and is only served on this computer; docs/demo.md says how a class
-    sees it.
+    The page needs no network and is served on this computer only; docs/demo.md explains how to
+    show it to a class.
 
     example:
       flexaxis demo

@@ -77,7 +77,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "log LOG|REC.nc": ("Log (CSV, MAT, HDF5 or NetCDF), or record.", PATH),
     "identify: log LOG|REC.nc|FOLDER": ("Log, record, or folder of logs.", PATH),
     "lesson LESSON.toml": (
-        "What is done without a click, and when (default: nothing).",
+        "TOML file of timed actions that replace clicks (default: none).",
         {"nargs": "?", **PATH},
     ),
     # which runs
@@ -102,9 +102,9 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
                  "here %(default)s).", {"type": int, "default": os.cpu_count() or 1}),
     "--dask ADDRESS": "Address of the scheduler of a Dask cluster that runs the cases (default: "
     "processes on this machine).",
-    "--shard I/N": ("Run only part I of N; --from puts the parts together (default: 1/1).",
+    "--shard I/N": ("Run only part I of N; --from merges the parts (default: 1/1).",
                     {"type": part, "default": (1, 1)}),
-    "--from DIR": ("Put finished shards together in the folder of -o, and report (default: run).",
+    "--from DIR": ("Merge finished shards into the folder of -o, and report (default: run).",
                    {"dest": "shards", "nargs": "+", **PATH}),
     "--overwrite": "Remove what the folder holds first (default: keep it, and run what is "
     "missing).",
@@ -133,7 +133,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--free PARAMETER": ("Identify this parameter; repeat it for several (default: all that the "
                          "log determines).", SEVERAL),
     "--fix PARAMETER[=VALUE]": ("Hold this parameter at a value [SI]; repeat it for several "
-                                "(default: hold none; VALUE: where it starts).", SEVERAL),
+                                "(default: hold none; VALUE: its start value).", SEVERAL),
     "identify: --start PARAMETER=VALUE": ("Start the search here [SI]; repeat it for several "
                                           "(default: found from the log).", SEVERAL),
     "track: --start F": ("Initial estimate as a multiple of the identified value; tests "
@@ -143,8 +143,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         "Law of dry friction of the motor: none, coulomb or stribeck (default: auto, which chooses "
         "by simulating held-out pieces).", {"default": "auto"},
     ),
-    "--gravity LAW": ("Torque by sine and cosine of the angle: none or sine (default: auto, which "
-                      "takes it if the log shows it).", {"default": "auto"}),
+    "--gravity LAW": ("Gravity torque, sine and cosine of the angle: none or sine (default: auto, "
+                      "which adds it if the log shows it).", {"default": "auto"}),
     "--highpass HZ": ("Ignore residuals below this frequency [Hz] (default: found from the log).",
                       NUMBER),
     "--validate OTHER": ("Simulate and predict another log with the result (default: none).", PATH),
@@ -152,9 +152,9 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         "Parameter to track, or its inverse such as 1/J_l; several as 1/J_l,k or by repeating it.",
         {"required": True, **SEVERAL},
     ),
-    "--covariate NAME": ("Column of many logs that may explain the estimates, by its mean; repeat "
+    "--covariate NAME": ("Column whose mean may explain the estimates of a folder of logs; repeat "
                          "it for several (default: none).", SEVERAL),
-    "--false-alarms P": ("Probability that many logs without a change show one (default: 0.01).",
+    "--false-alarms P": ("False-alarm probability for a folder of logs (default: 0.01).",
                          {"type": float, "default": 0.01}),
     # the live axis
     "--port N": ("Port of the page (default: 8080, or the next free one).", WHOLE),

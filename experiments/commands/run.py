@@ -25,11 +25,11 @@ def run(args: Args) -> int:
     SUITE and SCENARIO are names of `flexaxis list`, or paths to TOML files. Without --estimator the
     estimators of the suite run (those of smoke if only scenarios are named). The folder gets
     scores.sqlite and scores.csv (a row for each scenario, estimator, seed and parameter),
-    summary.json and report.html. Code that an estimator names is run.
+    summary.json and report.html. The command runs the code of your own estimators.
 
-    Rows are added to the folder as they come. The folder keeps what it holds, and only missing
-    cases run: after Ctrl-C, a kill or a full disk the same line resumes. A case that cannot be run
-    is a row with its error, and the others go on; the exit status is then 1, or 70 after a crash.
+    Results are stored while the command runs. The folder keeps its rows, and only missing cases
+    run: after Ctrl-C, a kill or a full disk, the same command resumes. If a case fails, its row
+    holds the error and the other cases continue; the exit status is then 1, or 70 after a crash.
 
     example:
       flexaxis run smoke
@@ -71,10 +71,10 @@ def study(args: Args) -> int:
       "fault[0].factor" = [1.1, 1.5, 2.0, 3.0]      # a key of the scenario, of its faults too
       "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option of one ("estimator.X": of all)
 
-    Rows are added to the folder as they come, and the same line runs only what is missing, also
-    after estimators, seeds or values were added to the file. A case that cannot be run is a row
-    with its error; the exit status is then 1, or 70 after a crash. Code that the file names is run,
-    but not by a dry run: run only files that you trust.
+    Results are stored while the command runs. The same command runs only missing cases, also after
+    you have added estimators, seeds or values to the file. If a case fails, its row holds the
+    error; the exit status is then 1, or 70 after a crash. Except in a dry run, the command runs
+    the code that the file names: use only files that you trust.
 
     example:
       flexaxis study docs/examples/friction_steps.toml --dry-run
@@ -139,10 +139,10 @@ def report(args: Args) -> int:
 @command("scenario", "--seed", "-o", *("--as-log", "--units", "--jitter", "--gaps",
          "--counts"))  # fmt: skip
 def simulate(args: Args) -> int:
-    """Simulate a scenario and save the record: what was measured, and the truth.
+    """Simulate a scenario and save the record: measured signals and true values.
 
-    With --as-log, what a robot would have logged of it instead: no truth, its own units and clock,
-    as coarse and with as many gaps as you like; a log to practise `import` and `identify` on.
+    With --as-log, save it as the log of a robot instead: without true values, in other units, with
+    a coarse clock and gaps as you like. Use such a log to practise `import` and `identify`.
 
     example:
       flexaxis simulate fm_step --seed 0 -o rec.nc
