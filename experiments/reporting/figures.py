@@ -323,7 +323,8 @@ def shares(runs: pd.DataFrame, **options: Any) -> Figure:
     for who, own in reached.groupby("estimator")["over_bound"]:
         up = np.arange(1, len(own) + 1) / count
         series.append(Series(x=own, y=up, estimator=str(who), kind="steps"))
-    return curves({y: series}, x=x, logs=[x], marks=[(1.0, "bound")], **options)
+    marks = [(1.0, "bound")]
+    return curves({y: series}, x=x, logs=[x], limits={y: (0, 1.02)}, marks=marks, **options)
 
 
 @styled
