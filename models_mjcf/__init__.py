@@ -1,7 +1,7 @@
-"""The plants as data: MJCF models and where their numbers come from.
+"""The plants as data: MJCF models and the sources of their numbers.
 
-A folder a model, with its MJCF, a README, and other parameter sets as TOML with a source for each
-number. In comes the name of a model, out go its MJCF text and the files beside it, for `sim`.
+Each model has a folder with its MJCF, a README, and other parameter sets as TOML with a source for
+each number. `sim` asks for a model by name and gets the MJCF text and the other files.
 """
 
 from __future__ import annotations

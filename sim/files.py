@@ -29,9 +29,10 @@ toml_text: Callable[[dict[str, Any]], str] = partial(tomli_w.dumps, multiline_st
 
 @contextmanager
 def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a path to write to, which at the end takes the place of `path`.
+    """Yield a temporary path, which replaces `path` at the end.
 
-    It lies in a hidden folder beside it. Whatever fails, the error passes and the old file stays.
+    It is in a hidden folder next to `path`. If anything fails, the error is raised and the old file
+    stays.
 
     Parameters
     ----------

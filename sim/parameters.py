@@ -20,7 +20,7 @@ _UNITS = {
 
 @cache
 def nominal_numbers(model: str) -> Mapping[str, float]:
-    """Return the parameters of a plant with the values that stand in its MJCF, in their order.
+    """Return the parameters of a plant with the values of its MJCF, in order.
 
     They are the torque constant ``k_T`` (`gear` of the motor); of each body, with its initial,
     inertia ``J_m`` and friction ``f_m``; of each tendon stiffness ``k_g`` and damping ``d_g``,
@@ -213,9 +213,9 @@ class AxisParameters(Frozen):
 
 @cache
 def presets(model: str = DEFAULT) -> Mapping[str, Mapping[str, float]]:
-    """Return the named parameter sets of a model, as they are written.
+    """Return the named parameter sets of a model.
 
-    "n1" is what stands in its MJCF; others are tables of TOML files beside that.
+    "n1" holds the values of the MJCF; other sets are tables of the TOML files in its folder.
     """
     texts = [text for name, text in sorted(model_files(model)[1].items()) if name.endswith(".toml")]
     tables = [tomllib.loads(text.decode()) for text in texts]

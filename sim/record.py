@@ -53,11 +53,10 @@ _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Record:
-    """One run, sampled at times t_k: torque in, motor angle out.
+    """One run, sampled at times t_k.
 
-    The output k is measured at t_k, before the torque k acts on [t_k, t_{k+1}). Whatever is not
-    known of a log from outside is None: only time, torque and one of speed, increment and angle
-    must be there.
+    Output k is measured at t_k, before torque k acts on [t_k, t_{k+1}). Fields that a measured log
+    lacks are None: only time, torque and one of speed, increment and angle are required.
 
     Attributes
     ----------

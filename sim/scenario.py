@@ -263,7 +263,7 @@ class Scenario(Config):
     def resolved(self) -> dict[str, Any]:
         """Return the definition with all defaults and all parameters written out.
 
-        What is off (None) is left out: a feature added later changes no identity without it.
+        Keys that are None are left out, so that new features do not change old hashes.
         """
         content = self.model_dump(mode="json", exclude_none=True)
         return content | {"parameters": self.nominal.as_dict()}

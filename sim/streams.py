@@ -10,8 +10,8 @@ import numpy as np
 def stream(key: str, seed: int, purpose: str) -> np.random.Generator:
     """Return the random stream of one purpose in one run.
 
-    Streams of different (key, seed, purpose) are independent; the same three give the
-    same numbers on any worker, in any order, whatever else is drawn.
+    Streams of different (key, seed, purpose) are independent. The same three give the same
+    numbers on any worker and in any order.
 
     Parameters
     ----------

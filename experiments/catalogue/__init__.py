@@ -1,6 +1,5 @@
 """The catalogue of scenarios and suites, with their descriptions.
 
-`scenarios` and `suites` hold the TOML files, `hashes.toml` what they are frozen at. In comes a
-name or a path (`find`), out go a Scenario or a Suite, checked against its hash, and its
-`card`.
+`scenarios` and `suites` hold the TOML files, and `hashes.toml` the frozen hashes. `find` returns
+the Scenario or Suite of a name or a path and checks its hash; `card` describes it.
 """

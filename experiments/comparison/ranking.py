@@ -28,8 +28,8 @@ Scores = Sequence[float | None]
 def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     """Return the best and all that are not significantly worse.
 
-    Any two are compared on the seeds that both have, and the best is the one behind the fewest. It
-    is chosen on the same seeds, so k estimators share the level as all k(k−1)/2 pairs would
+    Pairs are compared on their common seeds, and the best is the one that is behind the fewest
+    others. As it is chosen on the same seeds, the level is divided as for all k(k−1)/2 pairs
     (Bonferroni over the choice of the best, Holm over the rest).
 
     Parameters

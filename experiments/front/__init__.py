@@ -1,7 +1,7 @@
 """flexaxis in Python: ``import flexaxis as fx``; simulate, estimate, score, compare, benchmark.
 
-A name is imported when it is first used: `import flexaxis` itself takes milliseconds. The modules
-beside this one are thin; what they call lies in `flexaxis.sim`, `.estimators`, `.experiments`.
+A name is imported when it is first used, so `import flexaxis` itself takes milliseconds. The
+modules of this folder are thin; they call `flexaxis.sim`, `.estimators` and `.experiments`.
 """
 
 from importlib import import_module

@@ -1,9 +1,9 @@
-"""Compare at equal noise: tune both sides to one noise, then read the lag off at equal noise.
+"""Compare at equal noise: tune both sides to the same noise, then compare their lags.
 
-The tuning parameters are turned on seeds for tuning, until both are as noisy as the reference. On
-the seeds of the comparison that leaves them equal but for chance, so the candidate runs at
-neighbouring settings as well, and its lag is read off where it is exactly as noisy as the base
-there (`flexaxis.experiments.comparison.sweep`).
+The tuning parameters are adjusted on tuning seeds until both estimators are as noisy as the
+reference. On the seeds of the comparison their noise still differs by chance. So the candidate
+also runs at neighbouring settings, and its lag is interpolated where it is exactly as noisy as the
+base (`flexaxis.experiments.comparison.sweep`).
 """
 
 from collections.abc import Sequence

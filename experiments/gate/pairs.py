@@ -63,10 +63,10 @@ class Paired:
 
 
 def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return the rows of one estimator as they are compared.
+    """Return the rows of one estimator for the comparison.
 
-    A failed case has rows of all parameters of its scenario. They count only where no other case
-    shows what is estimated there.
+    A failed case has rows for all parameters of its scenario. They are dropped for parameters that
+    no other case of the estimator has.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From the text of `--estimator` to an estimator, which is given what it may know of the axis.
+"""From the text of `--estimator` to an estimator with the values that it may know of the axis.
 
 The text is a name of the registry or of an entry point in the group `flexaxis.estimators`,
 ``path/file.py:Class``, ``package.module:Class``, each with options in brackets as in TOML
@@ -238,8 +238,8 @@ def keywords(spec: Spec) -> set[str]:
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
     """Return an estimator from nominal values (a mapping, or a model) and a period [s].
 
-    What is `known` is given to the constructor if it has such a keyword; options of the text go
-    before.
+    Values of `known` are passed if the constructor has these keywords. Options in the text take
+    precedence.
 
     Raises
     ------
@@ -263,13 +263,12 @@ def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Est
 
 
 def build(spec: Spec, scenario: Scenario) -> Estimator:
-    """Return an estimator at its start, given what it may know of a scenario.
+    """Return a new estimator with the values that it may know of a scenario.
 
-    That is nominal parameters (off by `start`, with those of the data sheet), period, and, if its
-    constructor has such keywords, `identify`, `output`, `noise` (if the data sheet has it) and
-    `torque` (of a nominal run, to compute P(0)). Estimators of the registry are kept, and copies
-    of them are returned, because building one takes as long as running it; code of users is built
-    for each run.
+    It gets the nominal parameters (scaled by `start`, with data-sheet values) and the period. If
+    its constructor has such keywords, it also gets `identify`, `output`, `noise` (if the data sheet
+    has it) and `torque` (of a nominal run, to compute P(0)). Estimators of the registry are cached
+    and copied, because building one takes as long as running it. User code is built for each run.
 
     Raises
     ------

@@ -191,7 +191,7 @@ class Results:
     def to_xarray(self) -> xarray.Dataset:
         """Return the numbers over scenario, estimator, point of the sweep, seed and parameter.
 
-        What was not run or is not defined is NaN. The axes are coordinates of the points:
+        Missing and undefined values are NaN. The axes are coordinates of the points:
         ``set_index(point=[...]).unstack("point")`` makes them dimensions.
         """
         axes, table = list(self.axes), self.frame[self.frame["parameter"] != ""]

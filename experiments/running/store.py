@@ -1,9 +1,9 @@
-"""The rows of a folder: one SQLite file, one transaction a unit, each case once by its key.
+"""The rows of a folder in one SQLite file: one transaction per unit, and each case once.
 
-Table `cases` has a line a case. Its scores are the bytes of a matrix (parameters, columns) of
-float64, because a million rows as text would take minutes to read; scores.csv is for everybody.
-`variants` has what the cases of one estimator on one scenario share, `traces` what the figures of
-single runs need, and `meta` the columns, the versions, and the study that was asked for last.
+Table `cases` has one row per case. Its scores are the bytes of a float64 matrix (parameters,
+columns), because a million rows of text would take minutes to read; scores.csv is for other
+programs. `variants` holds the properties that all cases of one estimator on one scenario share,
+`traces` the data for figures of single runs, and `meta` the columns, versions and last study.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class Store:
             return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
 
     def tell(self, **content: Any) -> None:
-        """Keep something about the rows, in place of what is kept under that name."""
+        """Store an entry of `meta`, and replace the old one of that name."""
         with self._reported(), self._db:
             lines = [(key, json.dumps(value, allow_nan=False)) for key, value in content.items()]
             self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", lines)
@@ -175,7 +175,7 @@ class Store:
             self.tell(study=other.told("study"))
 
     def variants(self) -> dict[int, dict[str, Any]]:
-        """Return what the cases of each estimator on each scenario share, by its number."""
+        """Return the shared properties of the cases of an estimator on a scenario, by number."""
         with self._reported():
             lines = self._db.execute("SELECT id, about FROM variants")
             return {key: json.loads(text) for key, text in lines}
@@ -205,7 +205,7 @@ class Store:
         return table.assign(**truths).rename(columns={"parameters": "parameter"})
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
-        """Return what the figures of single runs need, by seed."""
+        """Return the data for figures of single runs, by seed."""
         query = (
             "SELECT seed, content FROM cases JOIN traces USING (id) JOIN variants v "
             "ON v.id = variant WHERE json_extract(about, '$.hash') = ? "

@@ -1,4 +1,4 @@
-"""What is run: scenarios × estimators × seeds × any dotted key, in units that share records."""
+"""Studies: scenarios × estimators × seeds × swept keys, split into units that share records."""
 
 from __future__ import annotations
 
@@ -202,7 +202,7 @@ def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
 
 @contextmanager
 def _named(study: Study, axes: Point) -> Iterator[None]:
-    """Say at which point of which study something is wrong."""
+    """Add the study and its point to the message of an error."""
     try:
         yield
     except (ScenarioError, EstimatorError) as error:
@@ -222,7 +222,7 @@ def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
 
 
 def labels(unit: Unit, setting: Setting) -> dict[str, Any]:
-    """Return what the cases of an estimator on a scenario have in common."""
+    """Return the properties that all cases of an estimator on a scenario share."""
     return {
         "hash": unit.scenario.hash,
         "setting": setting.text,
@@ -235,7 +235,7 @@ def labels(unit: Unit, setting: Setting) -> dict[str, Any]:
 
 
 def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
-    """Return what a folder keeps of a study, as JSON: what was asked for, and how it is labelled.
+    """Return the description of a study that a folder stores as JSON: its request and its labels.
 
     Parameters
     ----------

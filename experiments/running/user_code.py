@@ -90,7 +90,7 @@ def _module_of(path: Path) -> Any:
 def reported(
     text: str, where: str, *, first: int = 0, period: float = 0.0, refusing: bool = False
 ) -> Iterator[None]:
-    """Turn what an estimator raises inside into an error that names it, the place and the sample.
+    """Turn exceptions of an estimator into an error that names it, the place and the sample.
 
     Parameters
     ----------

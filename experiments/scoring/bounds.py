@@ -268,8 +268,8 @@ def score(lag: float | None, limit: Limits) -> float | None:
 def limits_of(track: Track, i: int) -> Limits:
     """Return the limits of one estimated parameter.
 
-    They are those of the scenario's `identify`, the same for all estimators: whoever takes more or
-    fewer parameters for unknown is measured by the same bound.
+    They assume that the scenario's `identify` is unknown, for all estimators alike, even if an
+    estimator estimates more or fewer parameters.
     """
     asked = track.scenario.identify
     if track.torque is None or track.names[i] not in asked:

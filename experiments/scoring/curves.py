@@ -1,7 +1,7 @@
-"""What trajectories are drawn from: a run in detail, and the runs of an estimator as a table.
+"""Trajectories for figures: one run in detail, and the runs of an estimator as a table.
 
-A whole run is kept at every tenth sample. What a fault does to an estimate happens in less than
-that shows, so that the time about the first fault is kept sample by sample.
+Every tenth sample of a run is kept. Estimates change faster than that after a fault, so every
+sample around the first fault is kept as well.
 """
 
 from __future__ import annotations

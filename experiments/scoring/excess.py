@@ -26,10 +26,10 @@ STEADY = 20.0  # s at the end of the nominal run on which E ψψᵀ is taken
 def information(scenario: Scenario) -> Array | None:
     """Return M (p, p) with excess = θ̃ᵀMθ̃ for θ̃ of the scenario's `identify` in % of nominal.
 
-    M is E ψψᵀ/σ² on the steady state of the scenario's reference at nominal parameters, scaled:
-    what a small error of θ̂ adds to the prediction error, over the noise. The sum depends neither
-    on the units of the parameters nor on how they are chosen. It is of the linear model, so that
-    what is asked of its laws has zeros there. None where there is no noise.
+    M is the scaled E ψψᵀ/σ² in steady state on the scenario's reference at nominal parameters: the
+    increase of the prediction error due to a small error of θ̂, relative to the noise. The excess
+    depends neither on units nor on the choice of parameters. It uses the linear model, so rows of
+    law parameters are zero. None without noise.
     """
     variance = noise_variance(scenario)
     linear = [name for name in scenario.identify if name not in LAW_NAMES]

@@ -1,8 +1,8 @@
 """Intervals over seeds, and tests of paired runs.
 
-All are at 95 % and None below five seeds: of fewer nobody can say how far they spread. A seed is
-one draw: runs of one seed at several points of a sweep share their noise, and what is pooled over
-them is first put together seed by seed (`by_seed`). `tests/experiments/test_intervals.py` measures
+All intervals are at 95 %, and None below five seeds, because fewer do not show the spread. A seed
+is one draw: its runs at several points of a sweep share their noise, so they are first averaged
+seed by seed (`by_seed`). `tests/experiments/test_intervals.py` measures
 the coverage.
 """
 
@@ -38,7 +38,7 @@ def t_interval(values: ArrayLike) -> Interval | None:
 
 
 def mean_interval(values: ArrayLike) -> Interval | None:
-    """Return the interval of the mean of what the values (n,) were drawn from.
+    """Return the interval of the mean of the distribution of values (n,).
 
     Student's t with Hall's transformation, which takes the skewness out (P. Hall, J. R. Statist.
     Soc. B 54, 1992, 221–228): a squared error is skewed, and t alone would miss on one side.

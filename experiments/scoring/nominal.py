@@ -63,8 +63,8 @@ def design_torque(scenario: Scenario) -> Array:
     """
     Return the torque (8000,) [N m] of 40 s on the reference of the axis as it was designed.
 
-    That is what is told of it: nothing of what it has beyond the linear model comes in. An axis
-    that is never moved here was designed to move all the same: then it is that of the multisine.
+    It is computed without nonlinear effects, because estimators do not know them. For an axis at
+    standstill, it is the torque of the default multisine.
     """
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}

@@ -1,4 +1,4 @@
-"""What θ means: between the names that are estimated, the physical parameters and the models."""
+"""The meaning of θ: estimated names, physical parameters and models."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
 def started_nominal(scenario: Scenario) -> dict[str, float]:
     """Return the nominal values that an estimator knows.
 
-    Those to be identified are off by `start`, and the others by `known`; what stands in the data
-    sheet is there as well. Nobody is told which laws act: a parameter of a law is there only where
+    Identified parameters are scaled by `start` and others by `known`; data-sheet values are
+    included. Estimators do not know which laws act: a parameter of a law is included only if
     `known` names it.
     """
     values = scenario.nominal.as_dict()
@@ -65,9 +65,9 @@ def started_nominal(scenario: Scenario) -> dict[str, float]:
 
 
 def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return θ(0) (p,) of an estimator that starts where it is told to.
+    """Return θ(0) (p,) of an estimator that uses the given initial values.
 
-    A parameter of a law that it is not told starts at the truth, as if it had been found before.
+    An unknown parameter of a law starts at its true value.
     """
     told = scenario.laws | started_nominal(scenario)
     columns = scenario.parameter_names

@@ -1,11 +1,10 @@
-"""How the rows of many seeds become one number, with its interval; a function a kind of score.
+"""Pool the rows of many seeds into one number with an interval; one function per kind of score.
 
-Each takes columns, all of one parameter of one estimator on one scenario, and the name of a score;
-each returns what goes into the pooled row. A column is an array with a number for each run, in the
-order of the seeds: NaN is what is not defined, 1 and 0 are true and false. ``seed`` and ``point``
-are among them, for seeds are the unit of chance (`flexaxis.experiments.scoring.intervals`). Lost
-runs count in all but the consistency of the claim: of an estimate that is not there nothing was
-claimed.
+Each function takes the columns of one parameter of one estimator on one scenario, and the name of
+a score. It returns entries of the pooled row. A column is an array with one number per run, in the
+order of the seeds: NaN is undefined, 1 and 0 are true and false. ``seed`` and ``point`` are
+columns too, because seeds are the unit of chance (`flexaxis.experiments.scoring.intervals`). Lost
+runs count in all scores except the consistency of the claimed covariance, which they lack.
 """
 
 from __future__ import annotations
@@ -162,9 +161,9 @@ def detections(names: Sequence[str]) -> Pool:
 def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
     """Return the standard deviation over time and seeds about the common mean.
 
-    √(mean std² − (mean bias)²). What is slower than the window belongs to it: taking off the mean
-    of each run would make a slow estimator look quiet. Lost runs sit at one edge, and about their
-    own mean would have no variance at all: they count about zero.
+    √(mean std² − (mean bias)²). It includes variations slower than the window: subtracting the mean
+    of each run would favour slow estimators. Lost runs stay at one limit and would have no
+    variance about their own mean, so they count about zero.
 
     Parameters
     ----------

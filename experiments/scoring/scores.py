@@ -36,10 +36,10 @@ EDGE = 1e-6  # of nominal: nearer to the edge of the box is on it
 
 
 def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
-    """Return the edges, each (p,), that no estimate may sit on: .1 and 10 × nominal.
+    """Return the plausibility limits, each (p,): 0.1 and 10 × nominal.
 
-    The same for every estimator, whatever bounds of its own it has. Where the truth itself (N, p)
-    leaves the box, it is widened by as much again, so that the truth lies well inside.
+    They are the same for every estimator, whatever its own bounds. If the true values (N, p) exceed
+    them, they are widened by the same factor again.
     """
     lower, upper = np.sort(np.outer(BOX, nominal), axis=0)
     low, high, room = truth.min(axis=0), truth.max(axis=0), abs(nominal)
@@ -126,9 +126,8 @@ class Track:
     def lost(self) -> int | None:
         """First sample from which the run is lost, None for a run that is not.
 
-        A parameter of a law may come near zero, for an axis may have no friction of a kind; and one
-        that is not asked for may go anywhere, for the structure that an estimator assumes need not
-        be that of the plant.
+        A parameter of a law may approach zero, because an axis may lack this kind of friction. A
+        parameter that is not in `identify` has no limits, because the plant may not have it.
         """
         law = [name in LAW_NAMES for name in self.names]
         besides = [name in LAW_NAMES and name not in self.scenario.identify for name in self.names]
@@ -137,9 +136,9 @@ class Track:
         return loss(self._judged(law), edges, self.scenario.period)
 
     def _judged(self, law: Sequence[bool]) -> Array:
-        """Return θ (N, p), before the end of burn-in with the truth for parameters of laws.
+        """Return θ (N, p), with true values for parameters of laws until the end of burn-in.
 
-        Who is told nothing of them begins anywhere.
+        Estimators without prior values for laws start anywhere.
         """
         if not any(law):
             return self.theta
@@ -148,9 +147,9 @@ class Track:
 
     @cached_property
     def error(self) -> Array:
-        """θ̃ (N, p) as scored: from the loss of a run on as if θ̂ sat at the farther edge.
+        """θ̃ (N, p) as scored: once the run is lost, as if θ̂ stayed at the farther limit.
 
-        No error counts for more than that, so that nobody gains by losing a run.
+        No error counts more than that, so an estimator gains nothing by losing a run.
         """
         lower, upper = self.box
         below, above = self.truth - lower, upper - self.truth
@@ -217,7 +216,7 @@ class Track:
 def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | None = None) -> Track:
     """Return the track of a case that failed: a run lost at its first sample.
 
-    Nobody knows what it would have estimated; it is lost in each parameter of `identify`.
+    Its estimates are unknown; it counts as lost in each parameter of `identify`.
 
     Parameters
     ----------

@@ -132,10 +132,10 @@ def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
-    """Return the sizes (p,) by which a prior judges parameters θ (p,).
+    """Return the sizes (p,) of parameters θ (p,) for a prior.
 
-    That is their value; where a friction has fallen to zero it is the one before, and cogging has
-    one size, whatever its phase.
+    The size is the value of the parameter. If a friction has become zero, it is the value before;
+    both cogging coefficients have the amplitude as their size.
     """
     nominal = np.array(list(scenario.initial.values()))
     values = _values(scenario, nominal)

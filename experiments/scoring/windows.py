@@ -105,10 +105,10 @@ def _size(before: float, after: float, changed: str, names: Sequence[str]) -> fl
 
 
 def claimed_at(scenario: Scenario) -> int:
-    """Return the sample at which is asked what an estimator claims.
+    """Return the sample at which the claimed covariance of an estimator is read.
 
-    It is the last before the whole second in which the first fault comes, or before its end where
-    that is the first; without a fault, or with one in the first second, the last of the run.
+    It is the last sample before the whole second in which the first fault occurs. Without a fault,
+    or with a fault in the first second, it is the last sample of the run.
     """
     events, second = scenario.events(), sample_index(1.0, scenario.period)
     whole = events[0].index // second * second if events else 0

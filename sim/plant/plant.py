@@ -45,9 +45,9 @@ def quiet() -> Iterator[None]:
 
 
 class Plant:
-    """A batch of simulated axes, held torque in, angles and speeds out.
+    """A batch of simulated axes; the torque is held over a sample.
 
-    All runs start at rest at angle zero. Each run gives the same bits whatever the number of runs.
+    All runs start at rest at angle zero. A run gives the same bits in a batch of any size.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
-"""What a scenario is made of: a table of its TOML each, and what may be wrong with them.
+"""The tables of a scenario file, with their checks.
 
-In come keys and values, out go frozen tables that know what they do to a run: faults and their
-events, references, the loop's gains, sensors, laws of friction. Nothing here runs the engine.
+Each class reads keys and values and knows their effect on a run: faults and their events,
+references, controller gains, sensors, friction laws. Nothing here runs the engine.
 """

@@ -56,11 +56,10 @@ def find_events(
 ) -> tuple[Event, ...]:
     """Return the changes by faults, in order of time.
 
-    An event is what the faults that begin in one sample do to one parameter, and nothing else:
-    `before` is the true value in the sample before, and `after` is what it would become if only
-    they went on to where they settle, and every other change of the parameter, whether fault or
-    nuisance, kept its factor of the sample before. So after/before is the factor of the fault,
-    also where it falls into a ramp or a drift, or is overtaken by another.
+    An event is the joint effect of the faults that begin in one sample on one parameter. `before`
+    is the true value in the previous sample. `after` is the value when these faults have settled,
+    if every other change of the parameter (fault or nuisance) kept its factor of the previous
+    sample. So after/before is the factor of the fault, even during a ramp or a drift.
 
     Parameters
     ----------
@@ -96,9 +95,9 @@ def find_events(
 
 
 def drawn(scenario: Scenario, seed: int) -> Scenario:
-    """Return a scenario as it is in the run of a seed: its faults where they come, errors drawn.
+    """Return the scenario of one seed, with drawn onsets and drawn errors of known values.
 
-    It has the name, and the random numbers, of the scenario, and a hash of its own.
+    It keeps the name and the random numbers of the scenario and has its own hash.
     """
     runs: dict[int, Scenario] = scenario.__dict__.setdefault("_drawn", {})
     if seed not in runs:
@@ -112,9 +111,9 @@ def drawn(scenario: Scenario, seed: int) -> Scenario:
 def _known(scenario: Scenario, seed: int) -> dict[str, float]:
     """Return the key `known` of a scenario in the run of a seed, without its `spread`.
 
-    Each value has a factor of its own, exp(spread z) with a standard normal z: all parameters but
-    those that are identified, and the gear ratio, which is counted and not measured. Nothing of the
-    plant moves, and no factor depends on what else is drawn.
+    Each parameter has its own factor exp(spread z) with a standard normal z, except the identified
+    parameters and the gear ratio, which is exact. The plant does not change, and no factor depends
+    on other draws.
     """
     exact = {"r", *DATA_SHEET, *(name.removeprefix("1/") for name in scenario.identify)}
     known = dict.fromkeys(sorted(scenario.nominal.keys() - exact), 1.0) | scenario.known_factors
@@ -130,11 +129,11 @@ def first_onset(scenario: Scenario) -> int:
 
 
 def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
-    """Return the keys of a scenario that are other in the run of a seed, with their values.
+    """Return the keys of a scenario that a seed changes, with their new values.
 
-    Faults and pauses move by one time, so that what lies between them stays; nuisances do not. It
-    is drawn evenly from the samples within `onset_spread` at which the reference moves if it does
-    at the first fault as it is written, and rests if it rests.
+    All faults and pauses shift by the same time, so that the intervals between them stay; nuisances
+    do not shift. The shift is drawn evenly from the samples within `onset_spread` at which the
+    reference moves (or rests) as at the written time of the first fault.
 
     Parameters
     ----------

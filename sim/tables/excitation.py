@@ -23,8 +23,8 @@ Interval = Annotated[tuple[NotNegative, float], Field(strict=False)]
 class Multisine(Config):
     """Sum of sinusoids: all lines of the DFT in a band, of equal size and random phase.
 
-    In a pause the reference keeps its last value and the signal's clock stands still, so that
-    it goes on without a jump.
+    In a pause the reference keeps its last value and the clock of the signal stops, so that the
+    signal resumes without a jump.
 
     Attributes
     ----------

@@ -1,11 +1,10 @@
 r"""Friction laws of the motor; each class is a table of a scenario.
 
-Coulomb and LuGre friction are the engine's own. It does not know the others:
-`sim/plant/friction.py` makes it call them. Beside its keys, such a table has the law itself
-(`torque`), a plain function that is compiled: a new one is a table here with its name in
-`COMPILED_LAWS`, and a key of `Scenario`. None of those is dry in the strict sense: where a law has
-a sign of the speed v, it is :math:`\tanh(v/v_0)` with the key `smooth` for v₀, so that the motor
-creeps where it would stick.
+MuJoCo has Coulomb and LuGre friction. The other laws are compiled callbacks
+(`sim/plant/friction.py`): such a table has its keys and the law itself (`torque`), a plain
+function. To add one, write a table here, put its name into `COMPILED_LAWS` and add a key to
+`Scenario`. These laws use :math:`\tanh(v/v_0)` in place of the sign of the speed v, with the key
+`smooth` for v₀, so the motor creeps instead of sticking.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Nonlinear effects of an axis; each class is a table of a scenario.
 
-Every table knows how to build itself into MuJoCo's description of the plant (`build`), that the
-linear model does not describe it (`exact`), and how finely time must then be cut (`substeps`):
-such that the motor speed agrees with an independent solution to 1e-5 of its rms, and to 1e-3 where
-friction sticks and slips.
+Every table adds itself to the MuJoCo model of the plant (`build`), states that the linear model
+does not describe it (`exact`), and gives the simulation steps per sample that it needs
+(`substeps`). The motor speed then agrees with an independent solution to 1e-5 of its rms, and to
+1e-3 with stick-slip friction.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Sensors between the axis and its log: delay, noise, encoder and filter, each one stage.
 
-Every table knows what it does to a signal (`stage`), and whether the linear model still describes
-what comes out (`exact`). A signal goes through all stages in turn, in the order of the keys of
-`Scenario`: for the log, and for the controller where that sees what is measured.
+Every table has a `stage` that changes a signal, and states whether the linear model still describes
+the result (`exact`). A signal passes through all stages in the order of the keys of `Scenario`,
+for the log and, if it uses measured feedback, for the controller.
 """
 
 from __future__ import annotations
