@@ -205,7 +205,7 @@ def over_bound(
 
 
 def around(scenario: Scenario) -> dict[str, Any]:
-    """Return what a figure over the time of a scenario marks, as options of `curves`."""
+    """Return the events and pauses of a scenario, as options of `curves`."""
     edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
     still = [(*pair, "no excitation") for pair in edges.reshape(-1, 2)]
     return {

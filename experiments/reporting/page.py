@@ -93,7 +93,7 @@ def _opened(group: re.Match[str]) -> str:
 
 
 def slug(text: str) -> str:
-    """Return a text as it may stand in an id; two texts have different ones."""
+    """Return a text as an id of HTML; different texts have different ids."""
     plain = re.sub(r"\W+", "-", text).strip("-")
     return plain if plain == text else f"{plain}-{crc32(text.encode()):x}"
 

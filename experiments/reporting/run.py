@@ -113,7 +113,7 @@ class Drawing:
             yield "Share of runs against the bound", drawn
 
     def section(self, name: str, rows: pd.DataFrame) -> dict[str, Any]:
-        """Return what the report shows of a scenario; of one that was only swept its name."""
+        """Return the description of a scenario in the report, or its name if it was only swept."""
         scenario, own = self.scenarios[name], rows[rows["scenario"] == name]
         happens = words.happens(scenario.resolved())
         section = {"scenario": scenario, "happens": happens, "line": in_a_line(scenario)}

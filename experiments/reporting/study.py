@@ -69,7 +69,7 @@ def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
 
 
 def title(results: Results) -> str:
-    """Return the answer of a study in a sentence: who has the highest score over its first axis."""
+    """Return the result of a study in a sentence: the highest score over its first axis."""
     axes = numeric_axes(results)[:1]
     rows = _changed(results, axes).dropna(subset="score")
     if rows.empty:

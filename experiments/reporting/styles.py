@@ -90,7 +90,7 @@ styled = mpl.rc_context(SETTINGS)
 
 
 def tag(artist: Any, estimator: str = "", tip: str = "") -> Any:
-    """Name what an artist is of, and what a page shows on hover; return the artist."""
+    """Set the group and the hover text of an artist on a page; return the artist."""
     artist.set_gid(json.dumps([estimator, tip]))
     return artist
 

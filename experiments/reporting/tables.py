@@ -29,7 +29,7 @@ COLUMNS = {
 
 
 class Cell(NamedTuple):
-    """A cell: its text, what it is sorted by, small letters below, whether it is marked as best."""
+    """A cell: its text, its value for sorting, a note below, and whether it is marked as best."""
 
     text: str
     value: Any = None
@@ -76,7 +76,7 @@ def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number for a table; what is not defined is a dash.
+    """Return a number for a table; a dash if it is undefined.
 
     Examples
     --------

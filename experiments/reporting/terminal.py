@@ -43,7 +43,7 @@ def lines(table: Table) -> rich.table.Table:
 
 
 def show_run(summary: Mapping[str, Any]) -> None:
-    """Print what the report of a run says first: lags at equal noise, then default settings.
+    """Print the main tables of a run: lags at equal noise, then default settings.
 
     Parameters
     ----------

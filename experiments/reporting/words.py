@@ -1,4 +1,4 @@
-"""The sentences of reports: what a fault is, who is fastest by how much, what must not be missed.
+"""The sentences of reports: faults, the fastest estimator, and warnings.
 
 All of them are computed. Terminal and page use the same.
 """
@@ -68,12 +68,12 @@ def change(fault: Row) -> str:
 
 
 def unmodelled(definition: Row) -> str:
-    """Return what an axis has that the linear model lacks, as a list; empty if nothing."""
+    """Return the nonlinear effects of an axis as a list."""
     return listed([BESIDE[key] for key in BESIDE if definition.get(key)])
 
 
 def happens(definition: Row) -> str:
-    """Return what happens in a scenario, such as "motor friction +50 %, beside dry friction"."""
+    """Return the events of a scenario, such as "motor friction +50 %, beside dry friction"."""
     faults = ", ".join(map(change, definition.get("fault") or ())) or "no fault"
     beside = unmodelled(definition)
     return f"{faults}, beside {beside}" if beside else faults
@@ -86,13 +86,13 @@ def order_of(summary: Row) -> list[str]:
 
 
 def fault_words(swept: Row) -> dict[str, str]:
-    """Return what the faults of a sweep are called, by name."""
+    """Return the descriptions of the faults of a sweep, by name."""
     definitions, rows = swept["definitions"], swept["matched"]
     return {f"{r['scenario']}: {r['parameter']}": happens(definitions[r["scenario"]]) for r in rows}
 
 
 def answer(summary: Row) -> tuple[str, list[str]]:
-    """Return the answer of a run in a sentence, and what stands below it, a sentence a fact."""
+    """Return the main result of a run in a sentence, and further results in one sentence each."""
     rows = [row for row in (summary.get("tradeoff") or {}).get("matched", ())
             if row["estimator"] not in CONTROLS]  # fmt: skip
     few = too_few(rows) if rows else "nothing was compared at equal noise"
@@ -192,7 +192,7 @@ AXES = {
 
 
 def axis_words(key: str) -> str:
-    """Return what a swept key is called, with its unit where it is one of `AXES`.
+    """Return the name of a swept key, with its unit if it is one of `AXES`.
 
     Parameters
     ----------
