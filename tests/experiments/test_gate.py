@@ -86,9 +86,9 @@ def textbook(changes, alpha, margin):
 
 
 def test_words_are_those_of_the_textbook():
-    """100 comparisons of scores of all kinds, so many pairs that none are too few."""
+    """30 comparisons of scores of all kinds, so many pairs that none are too few."""
     rng, seen = np.random.default_rng(3), set()
-    for _ in range(100):
+    for _ in range(30):
         means = rng.choice([0.0, 0.01, 0.02, 0.03, -0.03, 0.06], (5, 1))
         x = means + rng.choice([0.005, 0.03], (5, 1)) * rng.normal(size=(5, 200))
         assert words(x) == textbook(x, SHARES[False] * ALPHA, math.log(1.02))
