@@ -8,9 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from flexaxis.experiments.cli import parser
-from flexaxis.experiments.commands.options import COMMANDS
-
 FOLDER = Path(__file__).parents[1] / "docs" / "notebooks"
 NAMES = ["developer", "engineer", "researcher", "teacher"]
 
@@ -44,11 +41,6 @@ def pictures(book):
     return sum("image/png" in out.get("data", {}) for out in outputs(book))
 
 
-def code(name):
-    """The Python of a source, without commands of the notebook."""
-    return (FOLDER / f"{name}.py").read_text(encoding="utf-8")
-
-
 def test_there_are_four_and_the_page_names_them(build):
     page = (FOLDER / "README.md").read_text(encoding="utf-8")
     assert [path.stem for path in build.SOURCES] == NAMES
@@ -61,14 +53,6 @@ def test_it_stands_as_its_source_says(build, name):
     assert [(c.cell_type, c.source) for c in kept(name).cells] == [
         (c.cell_type, c.source) for c in told.cells
     ]
-
-
-def test_its_commands_and_links_are_there(name):
-    text, _ = code(name), parser()
-    for words in re.findall(r"^# !flexaxis (\w+)", text, re.MULTILINE):
-        assert words in COMMANDS
-    for link in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
-        assert link.startswith("http") or (FOLDER / link).exists(), link
 
 
 @pytest.mark.slow

@@ -3,8 +3,6 @@
 import json
 from contextlib import contextmanager
 
-import numpy as np
-import pytest
 from engine_cases import runner_here, user_file
 
 from flexaxis.experiments.files import summary_of
@@ -15,21 +13,6 @@ from flexaxis.experiments.studies.benchmark import run
 
 def benchmark(scenario, runner, *, estimators=("rpem-forgetting", "frozen"), **swept):
     return run(Study("t", (scenario,), tuple(estimators), (1000, 1001, 1002)), runner, **swept)
-
-
-def test_a_folder_holds_rows_summary_and_report(short, tmp_path):
-    results = benchmark(short, runner_here(tmp_path))
-    names = {"scores.sqlite", "scores.csv", "summary.json", "report.html"}
-    assert {path.name for path in tmp_path.iterdir()} == names
-    rows = summary_of(results.folder)["rows"]
-    frame = Results.load(tmp_path).frame
-    for row in rows:
-        some = frame[(frame["estimator"] == row["estimator"])
-                     & (frame["parameter"] == row["parameter"])]  # fmt: skip
-        assert row["seeds"] == len(some) == 3
-        if row["changed"]:
-            assert row["lag"] == pytest.approx(np.exp(np.log(some["lag"]).mean()))
-    assert "rpem-forgetting" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_swept_knob_is_matched_at_equal_noise(short, tmp_path, monkeypatch):

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.scoring import true_model
-from flexaxis.experiments.scoring.bounds import cramer_rao, jump_bound
 from flexaxis.experiments.scoring.true_model import jump_gradient, state_at
 from flexaxis.sim.simulate import simulate
 
@@ -88,14 +87,6 @@ def test_the_gradient_after_a_jump_against_differences_of_an_adaptive_method(
     assert not psi[0].any()
     scale = np.sqrt(np.mean(expected**2, axis=0))
     assert (np.sqrt(np.mean((psi - expected) ** 2, axis=0)) < worst * scale).all()
-
-
-def test_the_bound_with_friction_is_that_of_its_own_equations(lugre):
-    scenario, truth, u, _, expected = lugre
-    theta = true_model.model_theta(scenario, TRACKED, truth[ONSET])
-    wanted = np.sqrt(np.diagonal(cramer_rao(expected, SIGMA**2, theta), axis1=1, axis2=2))
-    found = jump_bound(scenario, TRACKED, ONSET, ONSET + 200, u).unknown
-    np.testing.assert_allclose(found, wanted, rtol=0.03)
 
 
 def test_which_scenarios_a_model_describes():

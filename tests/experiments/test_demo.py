@@ -21,7 +21,7 @@ from flexaxis.experiments.demo import serve
 from flexaxis.experiments.demo.axis import LiveAxis
 from flexaxis.experiments.demo.racer import HYPOTHESES, NAMES
 from flexaxis.experiments.demo.session import MARK, DemoSession
-from flexaxis.experiments.demo.tracking import LENGTH, Change
+from flexaxis.experiments.demo.tracking import Change
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import PERIOD, rate
 
@@ -138,21 +138,6 @@ def test_the_bound_is_that_of_central_differences():
         expected = np.minimum(1.0, np.sqrt(2 / np.pi) * np.array(deviations) / 0.05)
         np.testing.assert_allclose(change.curves[n, 2:], expected, rtol=1e-4)
     np.testing.assert_array_equal(change.curves[:, :2], 1.0)
-
-
-def test_a_lag_counts_the_time_in_which_the_axis_moves():
-    """An exponential with a time constant of 1 s, and an estimator without the parameter."""
-    axis = LiveAxis()
-    axis.set_factors({"f_m": 2.0})
-    change, truth = Change(axis, "f_m × 2", NOMINAL), [1.0, 1.25, 0.1, 0.0]
-    slow = np.tile(truth, (1500, 1))
-    slow[:, 2] -= 0.05 * np.exp(-np.arange(1500) * PERIOD)
-    slow = np.insert(slow, [100] * 100, 9.0, axis=0)  # a pause
-    moving = np.insert(np.ones(1500, bool), [100] * 100, False)
-    change.take([slow, np.full_like(slow, np.nan)], np.zeros(1600), moving)
-    assert change.parameter == "f_m" and not change.open and len(change.curves) == LENGTH
-    assert change.lags[:2] == pytest.approx([1 - np.exp(-5), 5.0], rel=0.01)
-    assert np.isnan(change.lags[2:]).all()  # the bound knows of no pause
 
 
 def test_a_foreign_host_or_origin_is_refused():

@@ -78,31 +78,11 @@ def test_the_title_is_the_answer(rows, title):
     assert words.answer(summary(rows))[0] == title
 
 
-def test_curves_hold_what_they_are_given():
-    x = np.linspace(1, 100, 50)
-    one = Series(x=x, y=x**2, low=x, high=x**3, estimator="ekf")
-    two = Series(x=[1, 2], y=[3, 4], low=[2, 3], high=[4, 5], estimator="mine[a=$1]", kind="both")
-    drawn = figures.curves({"y": [one], "z [s]": [two]}, x="x", logs=["x"], limits={"y": (0, 9)})
-    first, second = drawn.axes
-    (line,) = [n for n in first.lines if n.get_label() == "ekf"]
-    np.testing.assert_array_equal(line.get_xydata(), np.stack([x, x**2], axis=1))
-    assert first.get_ylim() == (0, 9) and first.get_xscale() == "log"
-    ends = [segment[:, 1].tolist() for segment in second.collections[0].get_segments()]
-    assert ends == [[2, 4], [3, 5]]
-    assert [text.get_text() for text in second.get_legend().get_texts()] == ["mine[a=$1]"]
-
-
 def swept(estimator, factor, lag):
     return {"scenario": "s1", "parameter": "f_m", "estimator": estimator, "factor": factor,
             "setting": f"{estimator}[{factor}]", "lag": lag, "std": factor, "diverged": 0,
             "lag_interval": [0.9 * lag, 1.1 * lag], "lag_bound": 0.04,
             "lag_bound_single": None}  # fmt: skip
-
-
-def test_a_map_writes_its_values():
-    cells = pd.DataFrame([[0.1, 1.0], [np.nan, 10.0]], index=[1.0, 2.0], columns=[3.0, 4.0])
-    drawn = figures.score_map(cells, title="$a$", x="x", y="f_m", limits=(0.1, 10.0))
-    assert {t.get_text() for t in drawn.axes[0].texts} == {"0.10", "1.0", "–", "10"}
 
 
 ROW = {"metric": "lag", "parameter": "f_m", "scenario": "s1", "verdict": "worse", "change": 0.5,

@@ -13,7 +13,6 @@ from flexaxis.experiments.scoring.bounds import (
     jump_bound,
     limits,
 )
-from flexaxis.experiments.scoring.consistency import nees
 from flexaxis.experiments.scoring.detection import detection
 from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.score_table import rows
@@ -91,18 +90,6 @@ def test_faults_in_one_sample_are_isolated_by_naming_both():
     scenario = find_scenario("together-v1")
     for names, share in ((("k_T", "f_m"), 1.0), (("f_m",), 0.0)):
         assert detection(scenario, NAMES, [Finding(2010, names)])["isolated"] == share
-
-
-def test_nees_is_the_number_of_parameters_for_an_honest_claim():
-    rng = np.random.default_rng(0)
-    covariance = np.array([[1e-6, 4e-4], [4e-4, 1.0]])
-    errors = rng.multivariate_normal([0, 0], covariance, 4000)
-    honest = [nees(error, covariance) for error in errors]
-    assert np.mean(honest) == pytest.approx(2.0, abs=0.15)  # sd of χ²₂ over √4000: 0.03
-    assert nees(errors[0], covariance / 2) == pytest.approx(2 * honest[0])
-    assert nees(errors[0], None) is None
-    assert nees(np.array([np.nan, 0.0]), covariance) is None
-    assert nees(errors[0], np.zeros((2, 2))) is None
 
 
 def test_what_counts_as_an_alarm():

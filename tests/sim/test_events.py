@@ -56,25 +56,6 @@ def test_a_ramp_after_a_step_begins_from_what_that_left():
     assert found(STEP, late) == [near(2000, F_M, 1.5 * F_M), near(2400, 1.5 * F_M, 3 * F_M)]
 
 
-def test_two_ramps_that_overlap():
-    other = RAMP | {"at": 10.0, "factor": 0.5}
-    assert found(RAMP, other) == [
-        near(1200, F_M, 2 * F_M),
-        near(2000, F_M * ramp(1999), 0.5 * F_M * ramp(1999)),
-    ]
-
-
-def test_a_contact_that_opens_while_a_step_comes():
-    """The step alone: where the contact takes the parameter away, there is nothing to step."""
-    assert found(LOOSE, STEP) == [near(1800, F_M, 0), near(2200, 0, 1.5 * F_M)]
-    loose = LOOSE | {"factor": 0.5}
-    assert found(loose, STEP) == [
-        near(1800, F_M, 0.5 * F_M),
-        near(2000, 0.5 * F_M, 0.75 * F_M),
-        near(2200, 0.75 * F_M, 1.5 * F_M),
-    ]
-
-
 def test_what_begins_in_one_sample_is_one_event_and_each_settles_in_its_time():
     loose = LOOSE | {"at": 6.0, "until": 20.0, "factor": 3.0}  # off again when the ramp ends
     assert found(RAMP, loose)[0] == near(1200, F_M, 2 * 3 * F_M)

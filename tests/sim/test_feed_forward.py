@@ -1,7 +1,6 @@
 """A controller that follows estimates: what it commands, from when on, and within what limits."""
 
 import numpy as np
-import pytest
 
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.loop import closed_loop
@@ -101,15 +100,3 @@ def _path(record):
     return SCENARIO.excitation.reference(
         SCENARIO.grid, stream(SCENARIO.key, record.seed, "excitation")
     )
-
-
-def test_parts_can_be_left_out():
-    motion = np.array([2.0]), np.array([3.0])
-    of = SCENARIO.initial | {"k_T": 0.5, "k_T0": 1.0, "f_m": 0.1, "f_c": 0.0}
-    config = SCENARIO.controller.adapt
-    J = N1.J_m + N1.r**2 * (N1.J_g + N1.J_a)
-    whole = config.command(np.array([1.0]), motion, of)
-    assert whole == pytest.approx((1 + 0.2 + 3 * J) / 0.5)
-    for key, left in {"friction": (1 + 3 * J) / 0.5, "inertia": 2.4, "torque": 1.2 + 3 * J}.items():
-        without = config.model_copy(update={key: False})
-        assert without.command(np.array([1.0]), motion, of) == pytest.approx(left), key

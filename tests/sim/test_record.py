@@ -69,13 +69,6 @@ def test_the_file_has_the_documented_layout(record, tmp_path):
         assert [name.decode() for name in file["parameter"][:]] == list(PARAMETER_NAMES)
 
 
-def test_valid_is_kept(record, tmp_path):
-    valid = np.ones(200, dtype=bool)
-    valid[10:20] = False
-    again = load_record(dataclasses.replace(record, valid=valid).save(tmp_path / "run.nc"))
-    assert again.valid.dtype == bool and np.array_equal(again.valid, valid)
-
-
 @pytest.mark.parametrize("output", ["speed", "increment", "angle"])
 def test_an_own_log_needs_time_torque_and_one_output_only(output, own, tmp_path):
     own[output] = own.pop("speed")
@@ -94,13 +87,6 @@ def test_a_truncated_file_is_told(record, share, tmp_path):
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     with pytest.raises(RecordError, match=r"run.nc: no NetCDF-4 file, or a broken one"):
         load_record(path)
-
-
-@pytest.mark.parametrize("name", ["time", "torque", "speed"])
-def test_a_missing_variable_is_named(name, own, tmp_path):
-    del own[name]
-    with pytest.raises(RecordError, match=f"own.nc: .*{name}.*there "):
-        load_record(write(tmp_path / "own.nc", own))
 
 
 def test_plain_hdf5_without_netcdf_dimensions_is_read(own, tmp_path):
