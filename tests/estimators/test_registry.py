@@ -2,8 +2,10 @@ from functools import partial
 
 import numpy as np
 import pytest
+from acceptance import literal as reference
 
 from flexaxis.estimators import EstimatorError, registry, three_mass
+from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.priors import (
     default_drift,
     known_P,
@@ -102,3 +104,23 @@ def test_recipe_gives_the_published_data(nominal, loop):
     np.testing.assert_allclose(given, known_P(("k_T", "1/J_a", "f_m"), forgetting=None), rtol=0.03)
     with pytest.raises(EstimatorError, match=r"torque is \[\]: give that of a run"):
         nominal_P(model, [], period=0.005)
+
+
+@pytest.mark.parametrize(
+    "options", [{"regularization": 0.3}, {"drift": [5e-8, 50e-8, 500e-8]}, {"forgetting": 0.99}]
+)
+def test_recipe_is_the_paper_word_for_word(nominal, loop, options):
+    model = three_mass(nominal).parametrize(["k_T", "1/J_a", "f_m"])
+    gradients, kept = predict(model, model.theta, loop.u[:401], period=0.005)[1], []
+    Q, drift = np.mean(gradients**2, axis=0), np.array(options.get("drift", np.zeros(3)))
+    forgotten = 1 - options.get("forgetting", 0.995)
+    P = np.diag(np.sqrt(drift / Q) if "drift" in options else forgotten / Q)
+    for psi in gradients:
+        P = reference.measurement_update(P, psi)
+        drift = np.diag(options.get("drift", np.zeros(3)))
+        forgetting = 1.0 if "drift" in options else options.get("forgetting", 0.995)
+        P = reference.time_update(P, forgetting, drift)
+        P = reference.regularize(P, options.get("regularization", 0.0))
+        kept.append(np.diag(P))
+    given = nominal_P(three_mass(nominal), loop.u[:401], period=0.005, **options)
+    np.testing.assert_allclose(given, np.mean(kept[200:], axis=0), rtol=1e-9)

@@ -7,6 +7,7 @@ import pytest
 
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.intervals import (
+    by_seed,
     mean_interval,
     median_interval,
     spread_interval,
@@ -78,6 +79,19 @@ def test_a_run_that_does_not_scatter_at_all_leaves_an_interval_one_can_read():
     assert 0.0 <= low < 0.95 < high < 3.0
     low, high = spread_interval([0.0] * 7 + [1.0], [0.0] * 8)
     assert low == 0.0 and high < 3.0
+
+
+def test_levels_of_points_are_no_draws():
+    """Two points a factor of 100 apart, six seeds: by hand, what scatters within them counts."""
+    own = np.array([-0.3, 0.1, 0.2, -0.1, 0.4, -0.3])  # sums to 0
+    other = np.array([0.1, -0.2, 0.2, 0.0, 0.1, -0.2])
+    logs, points = np.r_[own, np.log(100) + other], np.repeat([0, 1], 6)
+    both = by_seed(logs, np.tile(np.arange(6), 2), points)
+    np.testing.assert_allclose(both, (own + other) / 2 + np.log(10))  # seed by seed
+    # Each point with seeds of its own: twelve draws about two means, ten degrees of freedom.
+    apart = by_seed(logs, np.arange(12), points)
+    assert apart.mean() == pytest.approx(np.log(10))
+    assert apart.var(ddof=1) == pytest.approx(np.sum(np.r_[own, other] ** 2) / 10)
 
 
 def swept(n, points, alike, apart, rng):

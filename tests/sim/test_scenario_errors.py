@@ -68,6 +68,8 @@ CASES = [
     ("identify = ['k_T', '1/k_T']", "identify[1]: '1/k_T' after 'k_T': name each once", ""),
     (FAULT.replace("10.0", "20.0"),
      "fault[0].at: the onset at 20 s is not before the end of the run at 20 s", ""),
+    (FAULT.replace("step", "profile").replace("10.0", "19.995") + "points = [[1.0, 1.0]]",
+     "fault[0].at: the onset at 19.995 s is not before the end of the run at 20 s", ""),
     (FAULT.replace("10.0", "0"), "fault[0].at: must be greater than 0, not 0", ""),
     (FAULT.replace("10.0", "0.004"), "fault[0].at: must be a sample of 0.005 s at least, not 0.004",
      ""),
