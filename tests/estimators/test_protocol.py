@@ -35,8 +35,3 @@ def test_what_only_looks_like_numbers_is_refused(kind, answer, said):
     call = "run" if kind is Batching else "step"
     with pytest.raises(StepError, match=rf"^{call} returned {said}, and numbers .*{__file__}:\d+"):
         run_estimator(kind(answer), U, Y)
-
-
-def test_what_is_masked_is_missing():
-    found = run_estimator(Stepping(np.ma.array([0.5], mask=[True])), U, Y)
-    assert np.isnan(found).all() and found.shape == (3, 1)

@@ -8,10 +8,7 @@ from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.scoring.parameter_names import true_theta
 from flexaxis.experiments.scoring.pooling import excess
-from flexaxis.experiments.scoring.score_table import rows
-from flexaxis.experiments.scoring.scores import Track
 
 NAMES = ("k_T", "1/J_a", "f_m")
 
@@ -35,15 +32,6 @@ def test_the_nominal_run_knows_neither_fault_nor_noise(changes):
     other = scenario.override(changes)
     np.testing.assert_array_equal(nominal_torque(other), nominal_torque(scenario))
     assert len(nominal_torque(other)) == 8000
-
-
-def test_who_does_not_estimate_a_parameter_leaves_it_as_it_was_told():
-    """Started 20 % off, and estimating f_m alone, exactly: what is left is that of k_T and J_a."""
-    scenario = find_scenario("paper_nominal-v1").override({"start": 1.2})
-    truth = true_theta(("f_m",), scenario.true_parameters())
-    (row,) = rows(Track(scenario, ("f_m",), truth, scenario.true_parameters()))
-    off = np.array([20.0, 20.0, 0.0])  # per cent; 1/J_a is 20 % high where J_a is told as low
-    assert row["excess"] == pytest.approx(off @ information(scenario) @ off)
 
 
 def test_a_lost_run_counts_as_it_is_and_has_no_bias_in_common():

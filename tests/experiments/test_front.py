@@ -130,16 +130,6 @@ def test_an_estimate_that_is_not_finite_counts_as_diverged(short):
     assert results.to_dataframe()["diverged"].all()
 
 
-def test_a_record_shows_itself(short, tmp_path):
-    record = fx.simulate(short)
-    frame = record.to_dataframe()
-    np.testing.assert_array_equal(frame["speed"], record.speed)
-    assert frame["true_f_m"].iloc[-1] == pytest.approx(0.075)
-    assert len(record.plot()) == 2 and record.plot("angle").get_ylabel() == "angle [rad]"
-    loaded = fx.load(record.save(tmp_path / "r.nc"))
-    assert repr(loaded) == repr(record) and fx.estimate(tmp_path / "r.nc", "frozen").names
-
-
 def test_results_are_a_table_and_a_figure(short, tmp_path):
     results = fx.benchmark(["rpem-forgetting", "frozen"], scenarios=[short], seeds=2)
     frame = results.to_dataframe()

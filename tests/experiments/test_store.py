@@ -30,16 +30,6 @@ def filled(folder, outcomes):
     return store
 
 
-def test_rows_do_not_depend_on_the_order_in_which_they_came(tmp_path, outcomes):
-    filled(tmp_path / "a", outcomes)
-    filled(tmp_path / "b", outcomes[::-1])
-    first, second = (Results.load(tmp_path / name).frame for name in "ab")
-    pd.testing.assert_frame_equal(first, second)
-    assert list(first.columns[:6]) == [
-        "scenario", "estimator", "seed", "parameter", "changed", "fault[0].factor"
-    ]  # fmt: skip
-
-
 def test_a_case_is_there_once_and_the_first_one_stays(tmp_path, outcomes):
     store = filled(tmp_path, outcomes)
     done = outcomes[0][0]

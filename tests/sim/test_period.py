@@ -5,8 +5,6 @@ import pytest
 
 from flexaxis.sim.simulate import simulate
 from flexaxis.sim.streams import stream
-from flexaxis.sim.tables.excitation import Moves, Multisine
-from flexaxis.sim.timing import Grid
 
 from .conftest import commanded, exact_speed
 
@@ -42,18 +40,6 @@ def test_the_controller_runs_at_that_period(period, make):
     gains = {name: getattr(scenario.controller, name) for name in ("Kp", "Kv", "Ki", "tau")}
     expected = [*commanded(wanted - record.true_angle_m, period, **gains)]
     np.testing.assert_allclose(record.torque, expected, rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("period", PERIODS)
-def test_the_excitation_is_the_same_signal_on_another_grid(period):
-    """Its lines lie below half of either rate, so both grids hold all of it."""
-    common = round(0.01 / period)
-    for excitation in (Multisine(pause=((2.0, 4.0),)), Moves()):
-        fine = excitation.reference(Grid.first(12 * common * 100, period), np.random.default_rng(5))
-        slow = excitation.reference(Grid.first(1200, 0.01), np.random.default_rng(5))
-        until = 200 if isinstance(excitation, Multisine) else 1200
-        # in a pause the clock stands at the last sample before it, which is another one
-        assert fine[::common][:until] == pytest.approx(slow[:until], abs=1e-9)
 
 
 @pytest.mark.parametrize(("period", "late"), [(0.002, 0.001), (0.01, 0.003), (0.01, 0.012)])
