@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.parameters import PARAMETER_NAMES, preset
+from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import parse_scenario
 from flexaxis.sim.tables.events import Event
 
@@ -57,17 +57,6 @@ factor = 1.1
 until = 12
 """
 K = PARAMETER_NAMES.index
-
-
-def test_defaults_are_the_documented_ones():
-    s = parse_scenario('name = "x"\nduration = 20')
-    assert (s.preset, s.start, s.output, s.burn_in, s.feedback) == ("n1", 1, "speed", 5, "clean")
-    assert s.identify == ("k_T", "1/J_a", "f_m") and s.fault == ()
-    assert (s.noise.speed, s.noise.angle, s.encoder.counts, s.delay.measurement) == (0.1, 0, 0, 0)
-    c, e = s.controller, s.excitation
-    assert (c.Kp, c.Kv, c.Ki, c.tau) == (4, 0.22, 2, 0.0005)
-    assert (e.low, e.high, e.period, e.rms, e.pause) == (0.1, 30, 10, 0.0511, ())
-    assert s.nominal == preset("n1")
 
 
 @pytest.mark.parametrize("text", [STEP, FULL])

@@ -7,7 +7,6 @@ from typing import get_args
 import pytest
 
 import flexaxis.sim
-from flexaxis.estimators.signals import SIGNALS
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.config import Config, kinds
 from flexaxis.sim.tables.controller import ControllerConfig
@@ -31,13 +30,6 @@ def declared():
         if own and table not in (Config, Nonlinearity, Scenario):
             found.append(table)
     return sorted(found, key=lambda table: table.__name__)
-
-
-def test_scenarios_have_the_outputs_that_estimators_read():
-    outputs = get_args(Scenario.model_fields["output"].annotation)
-    assert outputs == tuple(SIGNALS), (
-        f"estimators read {', '.join(SIGNALS)}, and scenarios have {', '.join(outputs)}"
-    )
 
 
 PARTS = (AdaptConfig,)  # of the table of the controller, which speaks for them
@@ -69,8 +61,3 @@ def wrong(table, scenario=Scenario):
 def test_what_is_declared_is_used(table):
     lines = list(wrong(table))
     assert not lines, "\n".join(lines)
-
-
-def test_all_tables_are_found():
-    names = {table.__name__ for table in declared()}
-    assert {"Step", "Moves", "NoiseConfig", "LuGreConfig", "ControllerConfig"} <= names
