@@ -6,8 +6,7 @@ from typing import Any
 import flexaxis as fx
 from flexaxis.experiments.commands.options import Args, answer, command
 from flexaxis.experiments.files import check_file, check_not_input
-from flexaxis.experiments.logs.findings import waiting
-from flexaxis.experiments.logs.options import READING, assignments, tables_of
+from flexaxis.experiments.logs.options import READING, tables_of
 from flexaxis.sim.errors import FlexaxisError
 
 
@@ -42,10 +41,7 @@ def import_(args: Args) -> int:
       flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
       flexaxis import bench.mat --map bench.toml -o rec.nc
     """
-    from flexaxis.experiments.logs.importing import record_beside
-
-    args.output = args.output or record_beside(args.log)
-    path = _target(args, "x.nc")
+    path = _target(args, "-imported.nc")
     result = fx.import_log(args.log, **tables_of(args))
     return _saved(args, result, path)
 
@@ -74,17 +70,18 @@ def identify(args: Args) -> int:
       flexaxis identify rec.nc --model my_axis.toml --free J_m --free k --json
       flexaxis identify days/ --model axis.toml --covariate temp
     """
+    from rich.console import Console
+
     ending = "-estimates.csv" if args.log.is_dir() else "-axis.toml"
     path = _target(args, ending, args.model, args.validate)
     options = {
         name: getattr(args, name)
         for name in ("free", "delay", "friction", "gravity", "highpass", "validate", "false_alarms")
     }
-    with waiting(f"identifying {args.model}"):
+    with Console(stderr=True, quiet=args.quiet).status(f"identifying {args.model}"):
         result = fx.identify(
-            args.log, args.model, start=assignments("start", args.start),
-            fix=assignments("fix", args.fix), covariates=args.covariate, columns=tables_of(args),
-            **options,
+            args.log, args.model, start=dict(args.start), fix=dict(args.fix),
+            covariates=args.covariate, columns=tables_of(args), **options,
         )  # fmt: skip
     return _saved(args, result, path)
 

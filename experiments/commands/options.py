@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.logs.options import LOG_OPTIONS
+from flexaxis.experiments.logs.options import LOG_OPTIONS, assignment
 
 Args = argparse.Namespace
 Main = Callable[[Args], int]
@@ -43,6 +43,7 @@ def part(text: str) -> tuple[int, int]:
 
 
 PATH, SEVERAL = {"type": Path}, {"action": "append", "default": []}
+VALUES = {**SEVERAL, "type": assignment}
 NUMBER, WHOLE, ZERO = {"type": float}, {"type": int}, {"type": int, "default": 0}
 NAMES = "Names of suites and scenarios as in `flexaxis list`, or paths to TOML files"
 ESTIMATOR = (
@@ -133,9 +134,9 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--free PARAMETER": ("Identify this parameter; repeat it for several (default: all that the "
                          "log determines).", SEVERAL),
     "--fix PARAMETER[=VALUE]": ("Hold this parameter at a value [SI]; repeat it for several "
-                                "(default: hold none; VALUE: its start value).", SEVERAL),
+                                "(default: hold none; VALUE: its start value).", VALUES),
     "identify: --start PARAMETER=VALUE": ("Start the search here [SI]; repeat it for several "
-                                          "(default: found from the log).", SEVERAL),
+                                          "(default: found from the log).", VALUES),
     "track: --start F": ("Initial estimate as a multiple of the identified value; tests "
                          "convergence (default: 1).", {"type": float, "default": 1.0}),
     "--delay S": ("Known delay of the torque [s] (default: identified).", NUMBER),
@@ -167,7 +168,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "tune: -o DIR": ("Folder for rows (default: results/tune).", PATH),
     "simulate: -o FILE": ("File for the record or log (default: SCENARIO-SEED.nc or .csv).", PATH),
     "estimate: -o FILE": ("File for the estimates (default: RECORD-estimates.nc).", PATH),
-    "import: -o REC.nc": ("File for the record (default: LOG.nc, or LOG-imported.nc).", PATH),
+    "import: -o REC.nc": ("File for the record (default: LOG-imported.nc).", PATH),
     "identify: -o AXIS.toml": ("File for the axis (default: LOG-axis.toml; of a folder, "
                                "FOLDER-estimates.csv).", PATH),
     "track: -o EST.nc": ("File for the estimates (default: LOG-track.nc).", PATH),

@@ -150,11 +150,11 @@ def simulate(args: Args) -> int:
       flexaxis simulate moves_fm_step --as-log csv --jitter 2e-4 --gaps 3 -o log.csv
     """
     from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
-    from flexaxis.experiments.logs.options import style_of
     from flexaxis.sim.streams import stream
 
     check_names([args.scenario])
-    style, ending = style_of(args), args.as_log or "nc"
+    units = tuple(filter(None, args.units.split(",")))
+    style, ending = LogStyle(units, args.jitter, args.gaps, args.counts or 0), args.as_log or "nc"
     path = args.output or Path(f"{Path(args.scenario).stem}-{args.seed}.{ending}")
     if style != LogStyle() and not args.as_log:
         raise FlexaxisError("--units, --jitter, --gaps and --counts are for a log: add --as-log")

@@ -1,5 +1,6 @@
 """Logs of a real axis: `import_log`, `identify` and `track`, with tables, sentences and figures."""
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +13,7 @@ from flexaxis._records import draw
 from flexaxis.experiments.logs import pages
 from flexaxis.experiments.logs import track as tracking
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.findings import MARKS, say_problems, texts_of
+from flexaxis.experiments.logs.findings import MARKS, texts_of
 from flexaxis.experiments.logs.identify import identify as fitted
 from flexaxis.experiments.logs.importing import Imported, import_any
 from flexaxis.experiments.logs.many import find_logs, identify_many
@@ -83,7 +84,8 @@ def _read(log: Log, options: Mapping[str, Any] | None) -> Imported:
     if not isinstance(log, str | Path):
         return Imported(getattr(log, "record", log), ())  # type: ignore[arg-type]
     result = import_any(Path(log), **(options or {}))
-    say_problems(Path(log), result.checks)
+    for text in texts_of(result.checks, "problem"):
+        print(f"✗ {log}: {text}", file=sys.stderr)
     return result
 
 
@@ -102,8 +104,8 @@ def import_log(path: str | Path, **columns: Any) -> LogResult:
         ``torque_is``; ``resample`` [Hz] and ``burn_in`` [s].
     """
     result = _read(path, columns)
-    checks = [check.told() for check in result.checks]
-    table = pd.DataFrame(checks).set_index("name")[["verdict", "value", "unit"]]
+    checks = [vars(check) for check in result.checks]
+    table = pd.DataFrame(checks).set_index("name")[["kind", "value", "unit"]]
     page = pages.import_page(result, Path(path).name)
     return LogResult(
         result, page, {"checks": checks}, table, result.record.save, record=result.record

@@ -1,9 +1,10 @@
 """When a parameter changes: steps and drifts in a sequence of estimates, and within a record.
 
-The estimates x of n windows or logs are a level, covariates and at most one change. The change is
-the step or ramp of the greatest likelihood ratio over all places (M. Basseville and I. Nikiforov,
-*Detection of Abrupt Changes*, 1993, section 2.4). Its chance in a sequence without a change comes
-from permutations of the residuals, so that the rate of false alarms is the stated one.
+The estimates x of n windows or logs are a level, covariates and at most one change: a step at the
+place of the greatest likelihood ratio (M. Basseville and I. Nikiforov, *Detection of Abrupt
+Changes*, 1993, section 2.4), or a cubic, where this explains more. The chance of such a ratio in a
+sequence without a change comes from permutations of the residuals, so that the rate of false
+alarms is the stated one.
 """
 
 from __future__ import annotations
@@ -13,22 +14,25 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 from scipy.stats import median_abs_deviation
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Kind = Literal["constant", "step", "drift"]
 Look = Callable[[Array], tuple[Array, Array]]
 
 WINDOWS = 40  # that a record is cut into
 FALSE_ALARMS = 0.002  # probability of a change in a record without one
 SMALLEST = 0.02  # relative change that is worth a word
 STEPS, FARTHEST = 4, 0.5  # of Gauss and Newton, and how far one changes a parameter
-BLIND, FOREIGN = 5.0, 5.0  # times the usual deviation and residual, of windows that do not count
+QUIET, USUAL = 0.25, 5.0  # quantile of deviation and residual of windows, and times it that count
 FEWEST = 8  # values, below which scatter cannot be told from a change
-EDGE = 3  # values that a step or a ramp must have on each side
+SEEN = 0.25  # deviation of a relative step in the middle, up to which it would be seen
+EDGE = 3  # values that a step must have on each side
 DRAWS = 4.0  # permutations, over the reciprocal of the rate of false alarms
-WAVES = 3  # cosines of a smooth drift
+DEGREE = 3  # of the polynomial of a drift
 
 
 @dataclass(frozen=True)
@@ -38,22 +42,24 @@ class Explained:
     Attributes
     ----------
     kind : {"constant", "step", "drift"}
-    place : int
-        First value after a step, or at which a drift begins.
+    begin, end : int
+        Of a step, the first value behind it is `end`. A drift goes from one extreme to the other.
     size, deviation : float
-        Of the step, or of the drift over the sequence, and the standard deviation of the scatter
-        about it, for one such difference.
+        Of the step, or of the drift from `begin` to `end`, and its standard deviation.
     chance : float
         Probability that a sequence without a change shows one as large.
     level : float
-        At the mean of the covariates, before the change.
+        Before the change, at the mean of the covariates.
     slopes, slope_deviations : ndarray (q,)
         Of the value with each covariate.
     fitted : ndarray (n,)
+    left : float
+        Mean square of what is left, in units of the deviations.
     """
 
-    kind: Literal["constant", "step", "drift"]
-    place: int
+    kind: Kind
+    begin: int
+    end: int
     size: float
     deviation: float
     chance: float
@@ -61,6 +67,7 @@ class Explained:
     slopes: Array
     slope_deviations: Array
     fitted: Array
+    left: float
 
 
 def explain(
@@ -77,90 +84,57 @@ def explain(
         Probability of a change in a sequence without one.
     """
     n = len(value)
-    more = np.empty((n, 0)) if covariates is None else covariates - covariates.mean(axis=0)
-    base = np.column_stack([np.ones(n), more])
+    beside = np.empty((n, 0)) if covariates is None else covariates - covariates.mean(axis=0)
+    base: Array = np.column_stack([np.ones(n), beside])
     rest = value - base @ np.linalg.lstsq(base, value)[0]
     scatter = float(median_abs_deviation(np.diff(rest), scale="normal")) / np.sqrt(2)
     weight = 1 / np.maximum(np.hypot(deviation, scatter), 1e-300)
-    fit = _Fit(value * weight, weight)
     if n < FEWEST:
-        return fit.result("constant", 0, base, None, 1.0)
-    k = np.arange(n)[:, None]
-    places = np.arange(EDGE, n - EDGE + 1)
-    steps = (k >= places).astype(float)
-    begins = np.r_[0, places[:-EDGE]]
-    ramps = np.maximum(k - begins, 0) / (n - 1 - begins)
-    shapes = np.hstack([steps, ramps])
-    outside = fit.outside(base)
-    H, r = outside(shapes * weight[:, None]), outside(fit.y)
+        return _fitted("constant", base[:, :0], base, value, weight, 1.0)
+    steps: Array = (np.arange(n)[:, None] >= np.arange(EDGE, n - EDGE + 1)).astype(float)
+    known = np.linalg.qr(base * weight[:, None])[0]
+    H = steps * weight[:, None]
+    H -= known @ (known.T @ H)
     H /= np.maximum(np.linalg.norm(H, axis=0), 1e-300)
-    ratio = (H.T @ r) ** 2 / max(r @ r, 1e-300)
-    random = np.random.default_rng(0)
-    drawn = outside(random.permuted(np.tile(r, (round(DRAWS / false_alarms), 1)), axis=1).T)
-    largest = np.max((H.T @ drawn) ** 2, axis=0) / np.sum(drawn**2, axis=0)
-    chance = (1 + np.sum(largest >= ratio.max())) / (1 + len(largest))
+    copies = np.tile(rest * weight, (1 + round(DRAWS / false_alarms), 1))
+    copies[1:] = np.random.default_rng(0).permuted(copies[1:], axis=1)
+    r = copies.T - known @ (known.T @ copies.T)
+    ratios = (H.T @ r) ** 2 / np.maximum(np.sum(r**2, axis=0), 1e-300)
+    largest, best = ratios.max(axis=0), int(np.argmax(ratios[:, 0]))
+    chance = float(np.mean(largest >= largest[0]))
     if chance > false_alarms:
-        return fit.result("constant", 0, base, None, float(chance))
-    step, ramp = int(np.argmax(ratio[: len(places)])), int(np.argmax(ratio[len(places) :]))
-    waves = np.cos(np.pi * (k + 0.5) / n * np.arange(1, WAVES + 1))
-    options = [
-        fit.result("step", int(places[step]), base, steps[:, [step]], float(chance)),
-        fit.result("drift", int(begins[ramp]), base, ramps[:, [ramp]], float(chance)),
-        fit.result("drift", 0, base, waves, float(chance)),
-    ]
-    costs = [n * np.log(fit.left(one.fitted)) + 2 * np.log(n) for one in options]
-    costs[-1] += (WAVES - 2) * np.log(n)
-    best = options[int(np.argmin(costs))]
-    if best.kind == "step":
-        return best
-    shape = np.hstack([ramps[:, [ramp]], waves])  # a ramp alone tells less than the whole drift
-    whole = fit.result("drift", best.place, base, shape, float(chance))
-    return replace(whole, deviation=best.deviation)
+        return _fitted("constant", base[:, :0], base, value, weight, chance)
+    step = _fitted("step", steps[:, [best]], base, value, weight, chance)
+    cubic = np.asarray(legvander(np.linspace(-1, 1, n), DEGREE)[:, 1:], float)
+    drift = _fitted("drift", cubic, base, value, weight, chance)
+    # the Bayesian information criterion; a step has a place and a size
+    return drift if n * np.log(step.left / drift.left) > (DEGREE - 2) * np.log(n) else step
 
 
-class _Fit:
-    """Weighted least squares of one sequence by several designs."""
-
-    def __init__(self, y: Array, weight: Array) -> None:
-        self.y, self.weight = y, weight
-
-    def outside(self, design: Array):  # type: ignore[no-untyped-def]
-        """Return the projection on what a design does not explain."""
-        Q = np.linalg.qr(design * self.weight[:, None])[0]
-        return lambda x: x - Q @ (Q.T @ x)
-
-    def left(self, fitted: Array) -> float:
-        """Return the mean square that a fit leaves, in units of the deviations."""
-        return float(np.mean((self.y - fitted * self.weight) ** 2)) + 1e-300
-
-    def result(
-        self,
-        kind: Literal["constant", "step", "drift"],
-        place: int,
-        base: Array,
-        shape: Array | None,
-        chance: float,
-    ) -> Explained:
-        """Return what comes of a design."""
-        design = base if shape is None else np.hstack([base, shape])
-        Z = design * self.weight[:, None]
-        inverse = np.linalg.pinv(Z)
-        beta, q = inverse @ self.y, base.shape[1]
-        fitted = design @ beta
-        sd = np.linalg.norm(inverse, axis=1) * np.sqrt(max(self.left(fitted), 1.0))
-        change = design[:, q:] @ beta[q:] if shape is not None else np.zeros(len(design))
-        first, last = sorted((int(np.argmin(change)), int(np.argmax(change))))
-        return Explained(
-            kind,
-            place,
-            float(change[last] - change[first]),
-            float(sd[q:].max(initial=0.0)),
-            chance,
-            float(beta[0] + change[0]),
-            beta[1:q],
-            sd[1:q],
-            fitted,
-        )
+def _fitted(  # noqa: PLR0917
+    kind: Kind, shape: Array, base: Array, value: Array, weight: Array, chance: float
+) -> Explained:
+    """Return the weighted least squares of a sequence by a base and the shape of a change."""
+    design, q = np.hstack([base, shape]), base.shape[1]
+    inverse = np.linalg.pinv(design * weight[:, None])
+    beta = inverse @ (value * weight)
+    fitted, change = design @ beta, shape @ beta[q:]
+    left = float(np.mean(((value - fitted) * weight) ** 2)) + 1e-300
+    begin, end = sorted((int(np.argmin(change)), int(np.argmax(change))))
+    spread = np.sqrt(max(left, 1.0)) * inverse
+    return Explained(
+        kind,
+        begin,
+        end,
+        float(change[end] - change[begin]),
+        float(np.linalg.norm((shape[end] - shape[begin]) @ spread[q:])),
+        chance,
+        float(beta[0] + change[begin]),
+        beta[1:q],
+        np.linalg.norm(spread[1:q], axis=1),
+        fitted,
+        left,
+    )
 
 
 @dataclass(frozen=True)
@@ -171,36 +145,37 @@ class Change:
     ----------
     name : str
     kind : {"step", "drift"}
-    time : float
-        Of the step, or where the drift begins [s], to about one window.
-    relative : float
-        Change over the value before it; of a drift, up to the end of the log.
-    scatters : float
-        Change in units of its standard deviation, from the scatter between windows.
+    time, end : float
+        Of the step [s], to about one window; or from where to where the parameter drifts.
+    relative, deviation : float
+        Change over the value before it, and its standard deviation.
     """
 
     name: str
     kind: str
     time: float
+    end: float
     relative: float
-    scatters: float
+    deviation: float
 
     @property
     def text(self) -> str:
         """The change in words."""
-        verb = "changed" if self.kind == "step" else "drifts"
-        when = f"at {self.time:.2f} s" if self.kind == "step" else f"from {self.time:.2f} s on"
-        size = f"{100 * self.relative:+.1f} %"
-        return f"{self.name} {verb} by {size} {when} ({self.scatters:.0f} times its scatter)"
+        size = f"{100 * self.relative:+.1f} ± {100 * self.deviation:.1f} %"
+        if self.kind == "step":
+            return f"{self.name} changed by {size} at {self.time:.1f} s"
+        return f"{self.name} drifts by {size} from {self.time:.1f} s to {self.end:.1f} s"
 
 
-def changes_along(look: Look, time: Array, theta: Array, names: Sequence[str]) -> list[Change]:
+def changes_along(
+    look: Look, time: Array, theta: Array, names: Sequence[str]
+) -> tuple[list[Change], list[str]]:
     """Find changes of parameters in a record, without any recursive estimator.
 
     ε ≈ ψᵀ Δθ for a small change of the parameters: the local approach of M. Basseville and
     I. Nikiforov, *Detection of Abrupt Changes* (1993), chapter 8. Least squares in each of forty
-    windows gives forty nearly independent Δθ, in which `series.explain` finds a step or a drift.
-    Both sides of a step are fitted from their own values and searched again.
+    windows gives forty nearly independent Δθ, in which `explain` finds a step or a drift. Both
+    sides of a step are fitted from their own samples.
 
     Parameters
     ----------
@@ -214,34 +189,29 @@ def changes_along(look: Look, time: Array, theta: Array, names: Sequence[str]) -
 
     Returns
     -------
-    list of Change
-        In the order of time. Windows without information, or in which no value explains the
-        motion, do not count.
+    changes : list of Change
+        The surest, and others of its kind at its time. Windows without information, or in which
+        no value explains the motion, do not count.
+    unseen : list of str
+        Parameters of which the windows show too little to tell.
     """
-
-    def along(inside: Flags, theta: Array) -> list[Change]:
-        theta = _fitted(look, inside, theta)
-        error, psi = (signal[inside] for signal in look(theta))
-        told = changes_in(time[inside], error, psi * theta, names, share=float(np.mean(inside)))
-        if not told or told[0].kind == "drift":
-            return [one for one in told if one.kind == "drift"]
-        at = told[0].time
-        sides = inside & (time < at), inside & (time >= at)
-        before, after = (_fitted(look, side, theta) for side in sides)
-        sizes = dict(zip(names, (after / before - 1).tolist(), strict=True))
-        here = [
-            replace(one, relative=sizes[one.name])
-            for one in told
-            if one.kind == "step" and one.time == at and abs(sizes[one.name]) >= SMALLEST
-        ]
-        return [*along(sides[0], before), *here, *along(sides[1], after)] if here else []
-
-    return along(np.ones(len(time), bool), theta)
+    theta = fitted_to(look, np.ones(len(time), bool), theta)
+    error, psi = look(theta)
+    windows = _windows(time, error, psi * theta, len(names))
+    least = np.median(windows[2], axis=0) * 2 / np.sqrt(len(windows[0])) if len(windows[0]) else []
+    seen = [sd < SEEN for sd in least] if len(windows[0]) >= FEWEST else [False] * len(names)
+    unseen = [name for name, known in zip(names, seen, strict=True) if not known]
+    changes = _changes(*windows, names)
+    if not changes or changes[0].kind == "drift":
+        return [change for change in changes if change.kind == "drift"], unseen
+    at = changes[0].time
+    before, after = (fitted_to(look, side, theta) for side in (time < at, time >= at))
+    sizes = dict(zip(names, (after / before - 1).tolist(), strict=True))
+    here = [replace(change, relative=sizes[change.name]) for change in changes if change.time == at]
+    return [change for change in here if abs(change.relative) >= SMALLEST], unseen
 
 
-def changes_in(
-    time: Array, error: Array, J: Array, names: Sequence[str], *, share: float = 1.0
-) -> list[Change]:
+def changes_in(time: Array, error: Array, J: Array, names: Sequence[str]) -> list[Change]:
     """Return the step or drift of each parameter, the surest first.
 
     Parameters
@@ -251,50 +221,48 @@ def changes_in(
     J : ndarray (N, q)
         Its gradient by relative changes, of the named parameters first.
     names : sequence of str
-    share : float
-        Of the record, that these samples are.
     """
-    at, local, spread = _windows(time, error, J, len(names), share)
-    result = list[Change]()
-    if len(at) < FEWEST:
-        return result
+    return _changes(*_windows(time, error, J, len(names)), names)
+
+
+def _changes(edges: Array, local: Array, spread: Array, names: Sequence[str]) -> list[Change]:
+    changes = list[Change]()
     for name, x, sd in zip(names, local.T, spread.T, strict=False):
         one = explain(x, sd, false_alarms=FALSE_ALARMS / len(names))
-        relative = one.size / (1 + one.level)
-        if one.kind != "constant" and abs(relative) >= SMALLEST:
-            sureness = abs(one.size) / max(one.deviation, 1e-300)
-            result.append(Change(name, one.kind, float(at[one.place]), relative, sureness))
-    return sorted(result, key=lambda one: -one.scatters)
+        relative, deviation = one.size / (1 + one.level), one.deviation / (1 + one.level)
+        if one.kind == "constant" or abs(relative) < SMALLEST:
+            continue
+        begin, end = float(edges[one.begin, 0]), float(edges[one.end, 1])
+        if one.kind == "step":
+            begin = end = float(edges[one.end - 1, 1] + edges[one.end, 0]) / 2
+        changes.append(Change(name, one.kind, begin, end, relative, deviation))
+    return sorted(changes, key=lambda change: -abs(change.relative) / max(change.deviation, 1e-300))
 
 
-def _windows(
-    time: Array, error: Array, J: Array, p: int, share: float
-) -> tuple[Array, Array, Array]:
-    """Return begin (m,), estimate and deviation (m, p) of windows that show the parameters."""
-    pieces = np.array_split(np.arange(len(time)), max(round(WINDOWS * share), 1))
+def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array, Array]:
+    """Return ends (m, 2), estimate and deviation (m, p) of windows that show the parameters."""
     rows = []
-    for k in (piece for piece in pieces if len(piece) > 10 * J.shape[1]):
+    for k in np.array_split(np.arange(len(time)), WINDOWS):
+        if len(k) <= 10 * J.shape[1]:
+            continue
         x = np.linalg.lstsq(J[k], error[k], rcond=1e-12)[0]
         left = float(np.std(error[k] - J[k] @ x))
         known = np.abs(np.diag(np.linalg.pinv(J[k].T @ J[k], rcond=1e-14)))[:p]
         sd = np.where(known > 0, left * np.sqrt(known), np.inf)
-        rows.append((time[k[0]], left, float(np.linalg.norm(J[k])), x[:p], sd))
-    if not any(row[2] for row in rows):
-        return np.empty(0), *np.empty((2, 0, p))
-    at, left, strength, x, sd = (np.array(column) for column in zip(*rows, strict=True))  # type: ignore[assignment]
-    seen = strength > np.median(strength[strength > 0]) / BLIND
-    seen &= left < FOREIGN * np.median(left[seen])  # type: ignore[index]
-    seen &= (sd < BLIND * np.median(sd[seen], axis=0)).all(axis=1)
-    return at[seen], x[seen], sd[seen]
+        rows.append((time[k[[0, -1]]], x[:p], sd, np.append(sd, left)))
+    if not rows:
+        return np.empty((0, 2)), *np.empty((2, 0, p))
+    edges, x, sd, size = (np.array(column) for column in zip(*rows, strict=True))
+    seen = (size < USUAL * np.quantile(size, QUIET, axis=0, method="lower")).all(axis=1)
+    return edges[seen], x[seen], sd[seen]
 
 
-def _fitted(look: Look, inside: Flags, theta: Array) -> Array:
+def fitted_to(look: Look, inside: Flags, theta: Array) -> Array:
     """Return the parameters (p,) of a stretch: as long as steps of Gauss and Newton help."""
     best, least, at = theta, np.inf, theta
     for _ in range(STEPS + 1):
         error, psi = (signal[inside] for signal in look(at))
-        square = float(error @ error)
-        if not square < least:
+        if not (square := float(error @ error)) < least:
             break
         best, least = at, square
         step = np.linalg.lstsq(psi * at, error, rcond=1e-10)[0]

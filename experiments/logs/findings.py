@@ -1,15 +1,10 @@
-"""Findings: how grave one is, its words, what to type against it; how problems are printed."""
+"""Findings: how grave one is, its words, and what to type against it."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any, Literal
-
-from flexaxis.experiments.running.progress import QUIET
+from dataclasses import dataclass
+from typing import Literal
 
 ROUNDING = 1e-6  # of whatever unit a value has: less is that of numbers in a computer
 Kind = Literal["problem", "note", "info", "ok"]
@@ -56,11 +51,6 @@ class Finding:
         name = f"{self.name}: " if self.name else ""
         return f"{name}{self.text}" + (f". Type: {self.command}" if self.command else "")
 
-    def told(self) -> dict[str, Any]:
-        """Return it as plain data, for JSON."""
-        content = asdict(self)
-        return {"name": self.name, "verdict": content.pop("kind")} | content
-
 
 def ordered(every: Iterable[Finding]) -> list[Finding]:
     """Return findings, the gravest first."""
@@ -70,17 +60,3 @@ def ordered(every: Iterable[Finding]) -> list[Finding]:
 def texts_of(every: Iterable[Finding], *kinds: Kind) -> list[str]:
     """Return the sentences of findings of some kinds."""
     return [one.sentence for one in every if one.kind in kinds]
-
-
-def say_problems(path: Path, checks: Iterable[Finding]) -> None:
-    """Print a line for each problem of a log."""
-    for text in texts_of(checks, "problem"):
-        print(f"✗ {path}: {text}", file=sys.stderr)
-
-
-def waiting(doing: str) -> AbstractContextManager[Any]:
-    """Show on a terminal that something goes on; nothing in a file."""
-    from rich.console import Console
-
-    quiet = QUIET.get() or not sys.stderr.isatty()
-    return nullcontext() if quiet else Console(stderr=True).status(doing)

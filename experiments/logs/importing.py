@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -11,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.files import is_same
 from flexaxis.experiments.logs.checks import Evidence, examine, refuse_nonsense, torque_kind
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding
@@ -130,7 +128,7 @@ def import_any(
     RecordError
         If the record cannot be read.
     """
-    if "versions" not in attributes(path):
+    if not is_record(path):
         return import_log(path, tables, resample=resample, burn_in=burn_in)
     record = load_record(path)
     if wrong := [name.replace("_", "-") for name in (*tables, *["resample"] * bool(resample))]:
@@ -142,26 +140,12 @@ def import_any(
     return Imported(record if burn_in is None else _with_burn_in(record, burn_in), ())
 
 
-def record_beside(log: Path) -> Path:
-    """Return where the record of a log goes by default: beside it, and over nothing but itself."""
-    path = log.with_suffix(".nc")
-    free = not path.exists() or (not is_same(path, log) and source_of(path) == log.name)
-    return path if free else log.with_name(f"{log.stem}-imported.nc")
-
-
-def source_of(path: Path) -> str | None:
-    """Return the name of the log from which a record was imported; None if it was not."""
-    return json.loads(attributes(path).get("versions", "{}")).get("log")
-
-
-def attributes(path: Path) -> dict[str, str]:
-    """Return the texts that describe a NetCDF file as a whole; none of any other file."""
+def is_record(path: Path) -> bool:
+    """Return whether a file is a record that flexaxis wrote."""
     import h5py
 
-    if path.suffix != ".nc":
-        return {}
     try:
         with h5py.File(path) as file:
-            return {name: str(value) for name, value in file.attrs.items()}
+            return "versions" in file.attrs
     except (OSError, RuntimeError, ValueError):
-        return {}
+        return False

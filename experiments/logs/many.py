@@ -17,13 +17,14 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.fit import deviations_of
 from flexaxis.experiments.logs.identify import free_names, identify
-from flexaxis.experiments.logs.importing import attributes, import_any, source_of
+from flexaxis.experiments.logs.importing import import_any
 from flexaxis.experiments.logs.read import open_log
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
 from flexaxis.sim.errors import FlexaxisError
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".log", ".dat", ".mat", ".h5", ".hdf5", ".nc")
+MADE = ("-imported", "-track", "-estimates")  # at the end of names of what flexaxis made of a log
 SEEN = 0.1  # relative deviation of a parameter in the first log, up to which it is followed
 SURE = 3.0  # standard deviations of the effect of a covariate
 
@@ -62,17 +63,14 @@ def find_logs(folder: Path) -> list[Path]:
     LogError
         If there is none.
     """
-    inside = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES]
-    names = {path.name for path in inside}
-    logs = [path for path in inside if path.name[0] != "." and not _is_made(path, names)]
+    logs = [
+        path
+        for path in folder.iterdir()
+        if path.suffix.lower() in SUFFIXES and path.name[0] != "." and not path.stem.endswith(MADE)
+    ]
     if not logs:
         raise LogError(f"{folder}: has no log, which would end in {', '.join(SUFFIXES)}")
     return sorted(logs, key=lambda path: [t.zfill(20) for t in re.split(r"(\d+)", path.name)])
-
-
-def _is_made(path: Path, names: set[str]) -> bool:
-    """Return whether a file is what flexaxis made of a log: estimates, or its record."""
-    return "estimator" in attributes(path) or source_of(path) in names
 
 
 def identify_many(
@@ -110,28 +108,23 @@ def identify_many(
                 axis = identify(record, axis).axis
             known = [n for n in axis.deviation if n in axis.model.parameters]
             names = free_names(axis, free or known, ())
-            setup = Setup(
-                log_of(record, axis), axis.model, names, delay=axis.delay, highpass=axis.highpass
-            )
+            log = log_of(record, axis)
+            setup = Setup(log, axis.model, names, delay=axis.delay, highpass=axis.highpass)
             fitted = setup.solve()
             sd = deviations_of(setup, fitted)
-            if not free and not rows:
-                free = [
-                    n for n, z, s in zip(names, fitted.z, sd, strict=False) if s < SEEN * abs(z)
-                ]
             values = dict(zip(names, zip(fitted.z, sd, strict=True), strict=False))
+            free = free or [n for n, (value, s) in values.items() if s < SEEN * abs(value)]
             row = {n: values[n][0] for n in free} | {f"{n}_sd": values[n][1] for n in free}
-            columns = (
-                open_log(path, tables.get("header")).read([*covariates], slice(None))
-                if covariates
-                else {}
-            )
-            rows[path.name] = row | {n: float(np.nanmean(columns[n])) for n in covariates}
+            if covariates:
+                columns = open_log(path, tables.get("header")).read([*covariates], slice(None))
+                row |= {n: float(np.nanmean(column)) for n, column in columns.items()}
+            rows[path.name] = row
         except FlexaxisError as error:
             findings.append(Finding("problem", f"{path.name} is left out: {error}"))
     table = pd.DataFrame.from_dict(rows, orient="index")
-    if not len(table):
-        raise LogError("; ".join(one.text for one in findings))
+    if not free:
+        texts = [one.text for one in findings] or ["no parameter is seen to 10 %: give --free NAME"]
+        raise LogError("; ".join(texts))
     beside = table[list(covariates)].to_numpy(float)
     explained = {
         name: explain(
@@ -140,20 +133,20 @@ def identify_many(
         )
         for name in free
     }  # fmt: skip
-    told = [_told(name, one, table, covariates) for name, one in explained.items()]
-    return Many(table, explained, [*sorted(told, key=lambda f: f.kind == "ok"), *findings])
+    sentences = [_sentence(name, one, table, covariates) for name, one in explained.items()]
+    return Many(table, explained, [*sorted(sentences, key=lambda f: f.kind == "ok"), *findings])
 
 
-def _told(name: str, one: Explained, table: pd.DataFrame, covariates: Sequence[str]) -> Finding:
+def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequence[str]) -> Finding:
     """Return what became of a parameter, in a sentence."""
-    level, where = abs(one.level), table.index[one.place]
+    level, first, last = abs(one.level), table.index[one.begin], table.index[one.end]
     text = f"{name} = {one.level:.4g}, no change"
     if one.kind != "constant":
-        verb = "changed" if one.kind == "step" else "drifted"
-        text = (
-            f"{name} {verb} by {100 * one.size / level:+.1f} ± {100 * one.deviation / level:.1g} % "
-            f"from {where} on (by chance once in {1 / one.chance:.0f})"
-        )
+        size = f"{100 * one.size / level:+.1f} ± {100 * one.deviation / level:.1g} %"
+        text = f"{name} changed by {size} from {last} on"
+        if one.kind == "drift":
+            text = f"{name} drifted by {size} from {first} to {last}"
+        text += f" (by chance once in {1 / one.chance:.0f})"
     for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
         if abs(slope) > SURE * sd:
             size = f"{100 * slope / level:+.2g} ± {100 * sd / level:.1g} %"

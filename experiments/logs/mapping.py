@@ -54,7 +54,7 @@ class LogMap(BaseModel):
     angle: str | None = None
     speed: str | None = None
     rate: Annotated[float, Field(ge=0.01, le=1e12)] | None = None
-    scale: dict[Signal, float] = {}
+    scale: dict[Signal, Annotated[float, Field(strict=False)]] = {}
     unit: dict[Signal, str] = {}
     counts: Annotated[float, Field(gt=0, strict=False)] | None = None
     torque_is: Literal["held", "smooth"] | None = None

@@ -88,19 +88,16 @@ def on_clock(raw: Raw) -> tuple[Raw, str]:
     LogError
         If there are too few samples, or time does not advance.
     """
-    for name, values in {"time": raw.time, **raw.signals}.items():
+    known = np.isfinite(raw.time)  # a row without time is a gap
+    signals = {name: values[known] for name, values in raw.signals.items()}
+    for name, values in {"time": raw.time[known], **signals}.items():
         if (count := int(np.isfinite(values).sum())) < FEWEST:
             raise LogError(f"{name} has {count} samples; {FEWEST} or more are needed")
-    if not np.isfinite(raw.time).all():
-        raise LogError(
-            f"time is missing at sample {int(np.argmin(np.isfinite(raw.time)))}: cut the log there "
-            "with --rows A:B, or give --rate HZ in place of the time"
-        )
-    time, remark = raw.time - raw.time[0], ""
+    time, remark = raw.time[known] - raw.time[known][0], ""
     for turn in CLOCKS:
         if 0.99 * turn < -np.diff(time).min() < 1.01 * turn:
             time, remark = np.unwrap(time, period=turn), f"the clock restarts after {turn:.9g} s"
-    if tick := coarse_tick(time, raw.signals):
+    if tick := coarse_tick(time, signals):
         time = np.linspace(time[0], time[-1], len(time))
         remark = f"stamps are rounded to {1e3 * tick:.3g} ms; the sampling is taken as even"
     back = np.flatnonzero(np.diff(time) <= 0)
@@ -113,7 +110,7 @@ def on_clock(raw: Raw) -> tuple[Raw, str]:
             f"{text}, and does not advance at {len(back)} rows: take out rows that are logged "
             "twice or out of order, or, if the sampling was even, give --rate HZ in place of time"
         )
-    return replace(raw, time=time + raw.time[0]), remark
+    return replace(raw, time=time + raw.time[known][0], signals=signals), remark
 
 
 def coarse_tick(time: Array, signals: Mapping[str, Array]) -> float:
@@ -225,15 +222,14 @@ def prepare(raw: Raw, *, smooth: bool = False, resample: float | None = None) ->
         values, at = logged[known], stamps[known]
         if name == "angle":
             values, wrap = unwrapped(values)
-        if name == "torque" and not (smooth or even):
-            signals[name] = interval_means(at, values, time, period, smooth=False)
-        else:
-            signals[name] = np.interp(time, at, values)
+        if name == "torque" and not smooth:  # it stays until the next sample, whenever that is
+            at = time[index[known]]
+        signals[name] = np.interp(time, at, values)
     result = Prepared(time, signals, valid, period, float(np.std(off) / period), wrap)
     if resample is not None:
         result = _resampled(result, resample, smooth=smooth)
     elif smooth:
-        signals["torque"] = interval_means(time, signals["torque"], time, period, smooth=True)
+        signals["torque"] = interval_means(time, signals["torque"], time, period)
     if result.period > SLOWEST or (result.period >= 1 and "time" not in raw.stated):
         raise LogError(
             f"a sample every {result.period:.3g} s: that is too slow for an axis; is time in ms, "
@@ -284,15 +280,10 @@ def unwrapped(angle: Array) -> tuple[Array, Wrap]:
     return free, Wrap(turn, int(jumps.sum()), float(np.abs(np.diff(free)).max()) / turn)
 
 
-def interval_means(at: Array, values: Array, time: Array, period: float, *, smooth: bool) -> Array:
-    """Return the means over [t, t + T) of a signal that is held, or smooth, between samples."""
+def interval_means(at: Array, values: Array, time: Array, period: float) -> Array:
+    """Return the means over [t, t + T) of a signal that is smooth between samples."""
     edges = np.clip(np.append(time, time[-1] + period), at[0], at[-1])
-    if smooth:
-        integral = CubicSpline(at, values).antiderivative()(edges)
-    else:
-        area = np.r_[0.0, np.cumsum(values[:-1] * np.diff(at))]
-        integral = np.interp(edges, at, area)
-    width = np.diff(edges)
+    width, integral = np.diff(edges), CubicSpline(at, values).antiderivative()(edges)
     last = np.full(len(width), values[-1])  # after the last sample its value is kept
     return np.divide(np.diff(integral), width, out=last, where=width > 0)
 
@@ -310,7 +301,7 @@ def _resampled(old: Prepared, rate: float, *, smooth: bool) -> Prepared:
     new = {name: CubicSpline(old.time, values)(time) for name, values in signals.items()}
     # what has passed a low-pass is no longer held, but smooth between middles
     at = old.time if smooth else old.time + old.period / 2
-    new["torque"] = interval_means(at, signals["torque"], time, period, smooth=True)
+    new["torque"] = interval_means(at, signals["torque"], time, period)
     # a new sample is known if the old ones on both sides of it are
     valid = np.interp(time, old.time, old.valid.astype(float)) > 1 - 1e-9
     return replace(old, time=time, signals=new, valid=valid, period=period)

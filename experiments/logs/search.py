@@ -26,7 +26,7 @@ from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import columns_beside
 from flexaxis.experiments.logs.spectra import (
     STRONG,
-    Response,
+    Spectra,
     fit_response,
     measured_response,
     rough_guess,
@@ -267,13 +267,13 @@ class Search:
         return candidate(setup, self._explored(setup, places).z)
 
     @cached_property
-    def _seen(self) -> Response | None:
+    def _seen(self) -> Spectra | None:
         """The frequency response, where the torque explains the motion."""
         with suppress(LogError):
             return self._response()
         return None
 
-    def _response(self, level: float = 0.0, floor: float = STRONG) -> Response:
+    def _response(self, level: float = 0.0, floor: float = STRONG) -> Spectra:
         """Return the frequency response from the torque less some dry friction."""
         log = self.setup.log
         u = log.u - level * np.sign(log.y)

@@ -48,10 +48,19 @@ class Spectra:
     cross: NDArray[np.complex128]
 
     @property
+    def omega(self) -> Array:
+        """Angular frequency (M,) [rad/s]."""
+        return 2 * np.pi * self.frequency
+
+    @property
+    def gain(self) -> NDArray[np.complex128]:
+        """Frequency response (M,) from torque to motion."""
+        return self.cross / self.torque
+
+    @property
     def coherence(self) -> Array:
-        """Share of the motion that the torque explains (M,); 0 where there is neither."""
-        both = self.torque * self.motion
-        return np.divide(np.abs(self.cross) ** 2, both, out=np.zeros_like(both), where=both > 0)
+        """Share of the motion that the torque explains (M,)."""
+        return np.abs(self.cross) ** 2 / np.maximum(self.torque * self.motion, 1e-300)
 
     @property
     def band(self) -> tuple[float, float]:
@@ -61,10 +70,8 @@ class Spectra:
         return float(low), float(high)
 
 
-def spectra(
-    u: Array, y: Array, period: float, *, pieces: int = 2, length: int = 0, trend: bool = False
-) -> Spectra:
-    """Return averaged spectra of two signals (N,).
+def spectra(u: Array, y: Array, period: float, *, pieces: int = 2) -> Spectra:
+    """Return averaged spectra of two signals (N,), without the straight line of each piece.
 
     Parameters
     ----------
@@ -73,38 +80,15 @@ def spectra(
         [s].
     pieces : int
         That a short record has at the least; of a long one they are `SEGMENT` long.
-    length : int
-        Of a piece, in samples, in place of that.
-    trend : bool
-        Whether a straight line is taken from each piece, and not its mean alone.
     """
-    length = length or min(len(u) // pieces, round(SEGMENT / period))
-    detrend = "linear" if trend else "constant"
+    length = min(len(u) // pieces, round(SEGMENT / period))
     first, second = np.stack([u, y, u]), np.stack([u, y, y])
-    frequency, power = csd(first, second, fs=1 / period, nperseg=length, detrend=detrend)
+    frequency, power = csd(first, second, fs=1 / period, nperseg=length, detrend="linear")
     return Spectra(frequency, power[0].real, power[1].real, power[2])
 
 
-@dataclass(frozen=True)
-class Response:
-    """Frequency response from torque to output where the excitation shows it.
-
-    Attributes
-    ----------
-    omega : ndarray (M,)
-        [rad/s].
-    gain : ndarray (M,) of complex
-    coherence : ndarray (M,)
-        Share of the output that the torque explains.
-    """
-
-    omega: Array
-    gain: NDArray[np.complex128]
-    coherence: Array
-
-
-def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) -> Response:
-    """Estimate the frequency response by averaged spectra (Welch), where coherence is above 0.8.
+def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) -> Spectra:
+    """Return averaged spectra (Welch) where the excitation shows the response: coherence > 0.8.
 
     Parameters
     ----------
@@ -121,7 +105,7 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     LogError
         If the torque explains the output at fewer than ten frequencies.
     """
-    s = spectra(u, y, period, pieces=PIECES, trend=True)
+    s = spectra(u, y, period, pieces=PIECES)
     order = np.argsort(s.torque)[::-1]
     power = s.torque[order]
     middle = power[np.searchsorted(np.cumsum(power), 0.5 * power.sum())]
@@ -132,12 +116,12 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
             "shifted columns, or an excitation too small or too slow: log a multisine, or try "
             "--model one_mass"
         )
-    return Response(2 * np.pi * s.frequency[seen], (s.cross / s.torque)[seen], s.coherence[seen])
+    return Spectra(s.frequency[seen], s.torque[seen], s.motion[seen], s.cross[seen])
 
 
 def fit_response(
     model: Model,
-    response: Response,
+    response: Spectra,
     *,
     identify: Sequence[str],
     period: float,
@@ -153,7 +137,7 @@ def fit_response(
     Parameters
     ----------
     model : Model
-    response : Response
+    response : Spectra
     identify : sequence of str
         Parameters to fit; they keep the sign of their nominal values.
     period : float
@@ -172,57 +156,46 @@ def fit_response(
     """
     chosen = SIGNALS[output].predicted(model, period).parametrize(identify)
     # a hundred frequencies, evenly over the logarithm, say all there is to say
-    wanted = np.geomspace(response.omega[0], response.omega[-1], 100)
-    lines = np.unique(np.searchsorted(response.omega, wanted * 0.9999))
+    grid = np.geomspace(response.omega[0], response.omega[-1], 100)
+    lines = np.unique(np.searchsorted(response.omega, grid * 0.9999))
     omega, gain = response.omega[lines], response.gain[lines]
     # deviation of the logarithm, where the least coherence that is used has one
     share = np.minimum(response.coherence[lines], SUREST)
     weight = np.sqrt(share / (1 - share) * (1 - COHERENT) / COHERENT)
-    p, late = len(chosen.names), -1j * omega * period
+    p, free = len(chosen.names), float(delay is None)
 
-    def misfit(x: Array) -> Array:
-        model, _ = frequency_response(chosen, scale(x), omega, period=period)
-        error = np.log(model / gain * np.exp(-1j * omega * lag(x)) + 1e-300) * weight
-        return np.concatenate([error.real, error.imag])
-
-    def slope(x: Array) -> Array:
-        model, slopes = frequency_response(chosen, scale(x), omega, period=period)
-        rows = np.column_stack([slopes * scale(x) / model[:, None], late * (delay is None)])
-        rows *= weight[:, None]
-        return np.concatenate([rows.real, rows.imag])
-
-    def scale(x: Array) -> Array:
-        return chosen.theta * np.exp(x[:-1])
-
-    def lag(x: Array) -> float:
-        return float(x[-1] * period) if delay is None else delay
+    def compared(x: Array) -> tuple[Array, Array]:
+        """Return the misfit (2M,) at logarithms of θ and a delay in samples, and its gradient."""
+        theta, late = chosen.theta * np.exp(x[:p]), x[p] if delay is None else delay / period
+        fitted, slopes = frequency_response(chosen, theta, omega, period=period)
+        turn = -1j * omega * period
+        error = weight * np.log(fitted / gain * np.exp(turn * late) + 1e-300)
+        rows = weight[:, None] * np.column_stack([slopes * theta / fitted[:, None], turn * free])
+        return np.r_[error.real, error.imag], np.r_[rows.real, rows.imag]
 
     with np.errstate(all="ignore"):
-        if not np.isfinite(misfit(np.zeros(p + 1))).all():
+        if not np.isfinite(compared(np.zeros(p + 1))[0]).all():
             raise LogError(
                 f"from these values the model has no finite response: {dict(chosen.nominal)}; "  # type: ignore[attr-defined]
                 "give others with --start NAME=VALUE"
             )
     box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), LATEST]
     random = np.random.default_rng(0)
+    starts = (np.clip(spread * random.standard_normal(p), -2, 2) for spread in SPREAD)
     fits = [
         least_squares(
-            misfit,
-            np.r_[np.clip(spread * random.standard_normal(p), -2, 2), 0.1],
-            jac=slope,
-            bounds=box,
-            loss="soft_l1",
-            f_scale=0.3,
-            max_nfev=60,
+            lambda x: compared(x)[0], np.r_[start, 0.1], jac=lambda x: compared(x)[1],
+            bounds=box, loss="soft_l1", f_scale=0.3, max_nfev=60,
         )
-        for spread in SPREAD
-    ]
+        for start in starts
+    ]  # fmt: skip
     best = min(fits, key=lambda fit: float(fit.cost)).x
-    return scale(best), max(lag(best), earliest)
+    late = max(float(best[p] * period), earliest) if delay is None else delay
+    return chosen.theta * np.exp(best[:p]), late
 
 
 def rough_guess(
-    model: Model, response: Response, resonance: float | None = None
+    model: Model, response: Spectra, resonance: float | None = None
 ) -> dict[str, float]:
     """Guess the size of the parameters of a shipped model; empty where it has no way to.
 

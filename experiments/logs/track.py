@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,10 @@ from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.signals import log_of
-from flexaxis.experiments.logs.validate import correlation, fit_of
+from flexaxis.experiments.logs.validate import correlation, validate
 from flexaxis.experiments.running.estimate import run_on, write_estimates
 from flexaxis.experiments.running.estimators import Spec, make_estimator
+from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -33,6 +34,8 @@ Flags = NDArray[np.bool_]
 
 WHITE = 0.1  # correlation of a residual with its past, below which it is called white
 OFF = 0.1  # relative difference from what was identified that is worth a word
+WINDOW = 1.0  # s, in which a motion is compared with that of the model
+STOPPED = 0.2  # of the motion of the model, below which an axis is stopped from outside
 
 
 @dataclass(frozen=True)
@@ -47,13 +50,11 @@ class Tracked:
     theta : ndarray (N, p)
     deviations : ndarray (N, p) or None
         Claimed by the estimator.
-    nominal : ndarray (p,)
-        Nominal values, for comparison.
+    last, nominal : ndarray (p,)
+        Median of the last fifth of the estimates, and nominal values, for comparison.
     usable : ndarray (N,) of bool
     fit : float
         Of the output simulated at the last estimate, above the high-pass of the axis if it has one.
-    correlation : float
-        Largest correlation of the residual with its own past, 1 to 20 samples back.
     alarms : ndarray (M,)
         Times [s] at which the estimator raised its own alarm, if it has one.
     changes : list of Change
@@ -65,18 +66,13 @@ class Tracked:
     time: Array
     theta: Array
     deviations: Array | None
+    last: Array
     nominal: Array
     usable: Flags
     fit: float
-    correlation: float
     alarms: Array
     changes: list[Change]
     findings: list[Finding]
-
-    @property
-    def last(self) -> Array:
-        """Median (p,) of the last fifth of the estimates."""
-        return last_of(self.theta)
 
     @property
     def status(self) -> int:
@@ -93,11 +89,6 @@ class Tracked:
         """
         about = {"estimator": estimator}
         write_estimates(path, self.time, self.theta, self.names, about, deviation=self.deviations)
-
-
-def last_of(theta: Array) -> Array:
-    """Return the median (p,) of the last fifth of estimates (N, p)."""
-    return np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
 
 
 def track(
@@ -129,17 +120,19 @@ def track(
     """
     axis.check_known()
     axis.check_rate(record.period)
-    valid = np.ones(len(record.time), bool) if record.valid is None else record.valid
     log, lawful = log_of(record, axis), bool(axis.model.laws)
     axis.model.parametrize(identify)  # refuses unknown names
     torque = delayed(log.u, axis.delay / log.period, smooth=log.smooth) + axis.offset
     colour = replace(colourless(axis.highpass, log.period), inverse=np.array(axis.whitening))
     u, y = (torque, log.y) if lawful else (colour.white(torque), colour.white(log.y))
     estimator = _build(spec, axis, identify, start, period=log.period, output=log.output, torque=u)
-    theta, claimed, alarms = run_on(estimator, u, y, valid if lawful else colour.settled(valid))
-    names, good = tuple(estimator.names), colour.settled(log.ok)
+    names = tuple(estimator.names)
     model = SIGNALS[log.output].predicted(axis.model, log.period).parametrize(names)
-    last, nominal = last_of(theta), axis.model.parametrize(names).theta
+    stopped = _stopped(log.y, predict(model, model.theta, torque, period=log.period)[0], log.period)
+    valid = (True if record.valid is None else record.valid) & ~stopped
+    theta, claimed, alarms = run_on(estimator, u, y, valid if lawful else colour.settled(valid))
+    good = colour.settled(log.ok & ~stopped)
+    last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
 
     def look(theta: Array) -> tuple[Array, Array]:
         simulated, psi = predict(model, theta, torque, period=log.period)
@@ -153,34 +146,68 @@ def track(
             "the estimates diverged, or a simulation with the last ones does: identify first, or "
             "choose another estimator"
         )
-    changes = changes_along(look, record.time[good], last, names)
-    error = log.y - predict(model, last, torque, period=log.period)[0]
-    fit, past = fit_of(log.y, error, log.ok, colour), correlation(residual)
-    spread = None if claimed is None else np.sqrt(np.abs(np.diagonal(claimed, axis1=1, axis2=2)))
-    doubts = _at_limits(estimator, names, last, nominal)
+    changes, unseen = changes_along(look, record.time[good], last, names)
+    pairs = zip(map(physical, names), last, strict=True)
+    valued = axis.having({name: float(value**power) for (name, power), value in pairs})
+    checked, past = validate(replace(record, valid=valid), valued), correlation(residual)
     # one value does not fit what was before a change and after it
-    if not (doubts or changes or (abs(past) < WHITE and axis.usual is None)):
-        doubts = [said for said in (fit.unlike(axis.usual),) if said]
-    findings = [Finding("problem", text) for text in doubts]
-    findings += [Finding("note", change.text) for change in changes]
-    if not findings:
-        findings.append(Finding("ok", "no parameter changed within this log"))
-        findings += [
-            Finding("note", f"{name} is {100 * by:+.1f} % off what was identified, all along")
-            for name, by in zip(names, last / nominal - 1, strict=True)
-            if abs(by) > OFF
-        ]
+    fits = not checked.unlike or changes or (abs(past) < WHITE and axis.usual is None)
+    problems = [] if fits else [checked.unlike]
+    off = dict(zip(names, last / model.theta - 1, strict=True))
+    findings = _findings(problems, changes, unseen, off)
+    if stopped.any():
+        begin, end = record.time[np.flatnonzero(stopped)[[0, -1]]]
+        text = (
+            f"the motor stands still between {begin:.1f} s and {end:.1f} s although the torque "
+            "would move it, as if stopped from outside; these samples are not used"
+        )
+        findings.append(Finding("note", text))
     white = "white" if abs(past) < WHITE else "so the estimates do not explain everything"
     findings += [
-        Finding("info", f"fit of a simulation from the torque alone: {fit.percent:.1f} %"),
+        Finding("info", f"fit of a simulation from the torque alone: {checked.fit.percent:.1f} %"),
         Finding("info", f"the residual correlates with its past by {past:.3f}, {white}"),
     ]
     if alarms.any():
         findings.append(Finding("info", f"alarms of the estimator: {int(alarms.sum())}"))
+    spread = None if claimed is None else np.sqrt(np.abs(np.diagonal(claimed, axis1=1, axis2=2)))
     return Tracked(
-        names, record.time, theta, spread, nominal, good, fit.percent, past, record.time[alarms],
-        changes, findings,
+        names, record.time, theta, spread, last, model.theta, good, checked.fit.percent,
+        record.time[alarms], changes, findings,
     )  # fmt: skip
+
+
+def _findings(
+    problems: Sequence[str],
+    changes: Sequence[Change],
+    unseen: Sequence[str],
+    off: Mapping[str, float],
+) -> list[Finding]:
+    """Return what is wrong, what changed, or that nothing did; `off` are relative differences."""
+    findings = [Finding("problem", text) for text in problems]
+    findings += [Finding("note", change.text) for change in changes]
+    if unseen:
+        text = f"this log does not show whether {', '.join(unseen)} changed"
+        findings.append(Finding("note", text))
+    return findings or [
+        Finding("ok", "no parameter changed within this log"),
+        *(
+            Finding("note", f"{name} is {100 * by:+.1f} % off what was identified, all along")
+            for name, by in off.items()
+            if abs(by) > OFF
+        ),
+    ]
+
+
+def _stopped(y: Array, simulated: Array, period: float) -> Flags:
+    """Return where (N,) an axis stands still although the model moves."""
+    window = np.ones(max(round(WINDOW / period), 1))
+
+    def power(x: Array) -> Array:
+        return np.convolve(x**2, window / len(window), "same")
+
+    moves = power(simulated) > STOPPED**2 * np.mean(y**2)
+    still = moves & (power(y) < STOPPED**2 * power(simulated))
+    return np.convolve(still, window, "same") > 0.5
 
 
 def default_estimator(axis: Axis) -> str:
@@ -223,17 +250,3 @@ def _build(
             f"{', '.join(identify)} from {output!r}"
         )
     return estimator
-
-
-def _at_limits(
-    estimator: Estimator, names: Sequence[str], last: Array, nominal: Array
-) -> list[str]:
-    """Return in a sentence which estimates stand at a limit that their estimator has."""
-    bounds = np.atleast_2d(np.asarray(getattr(estimator, "bounds", np.empty((0, 0))), float))
-    stuck = [
-        f"{name} at {value / known:.3g} times what was identified"
-        for name, value, known, *ends in zip(names, last, nominal, *bounds, strict=False)
-        if value in ends
-    ]
-    ask = "is it a log of this axis, in the same units, and does its torque have the same sign?"
-    return [f"at a limit, which is no estimate: {', '.join(stuck)}; {ask}"] if stuck else []

@@ -197,7 +197,7 @@ def test_a_log_is_imported_identified_and_tracked(tmp_path):
     head = "time [s],torque [Nm],angle [deg]"
     np.savetxt(path, rows, "%.12g", ",", header=head, comments="")
     read = fx.import_log(path, torque_is="held")
-    assert set(read.table["verdict"]) <= {"ok", "note", "info"}
+    assert set(read.table["kind"]) <= {"ok", "note", "info"}
     found = fx.identify(read, "one_mass", friction="none")
     assert found.table["value"]["J_m"] == pytest.approx(VALUES[1]["J_m"], rel=0.01)
     for result in (read, found):

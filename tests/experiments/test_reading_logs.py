@@ -218,7 +218,7 @@ def test_several_axes_of_one_file_and_some_of_its_rows(tmp_path):
     (tmp_path / "log.csv").write_text("\n".join(lines))
     words = ["--time", "t", "--torque", "u_{}", "--speed", "v_{}", "--axis", "2", "--rows"]
     assert main(["import", str(tmp_path / "log.csv"), *words, "100:900"]) == 0
-    record = load_record(tmp_path / "log.nc")
+    record = load_record(tmp_path / "log-imported.nc")
     assert len(record.time) == 800
     np.testing.assert_allclose(record.speed, columns["v_2"][100:900], rtol=1e-6)
     assert main(["import", str(tmp_path / "log.csv"), *words, "9:3"]) == 2

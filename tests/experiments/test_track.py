@@ -88,8 +88,9 @@ def test_after_a_standstill_only_the_change_is_told(tmp_path, capsys):
 
 
 def test_a_brake_from_outside_is_no_change_of_friction(tmp_path, capsys):
-    _, told = tracked(tmp_path, capsys, brake=4300)
-    assert told["changes"] == []
+    status, told = tracked(tmp_path, capsys, AXIS, "--identify", "1/J_m", brake=4300)
+    assert status == 0 and told["changes"] == []
+    assert "stands still between 17" in (tmp_path / "log-track.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("gaps", [1, 5, 40])
@@ -97,13 +98,13 @@ def test_gaps_are_no_changes(gaps, tmp_path, capsys):
     rng, kept = np.random.default_rng(gaps), np.ones(N, bool)
     for begin in rng.integers(100, N - 100, gaps):
         kept[begin : begin + rng.integers(1, 20)] = False
-    _, told = tracked(tmp_path, capsys, kept=kept)
-    assert told["changes"] == []
+    status, told = tracked(tmp_path, capsys, kept=kept)
+    assert status == 0 and told["changes"] == []
 
 
 @pytest.mark.parametrize(
     ("times", "said"),
-    [(2, "and its errors elsewhere would leave 9"), (-1, "at a limit"), (0.2, "")],
+    [(2, "and its errors elsewhere would leave 9"), (-1, "of another sign"), (0.2, "")],
 )
 def test_a_torque_in_another_unit_or_sign_is_status_1(tmp_path, capsys, times, said):
     status, told = tracked(tmp_path, capsys, torque_times=times)
