@@ -127,7 +127,8 @@ class Fitted:
         their units; none of them moves by more of its own deviation.
         """
         step, p = self.step(), self.problem.trajectory.p
-        if (abs(step[:p]) <= EXACT * abs(self.z[:p])).all():
+        free = not self.problem.held[:p].all()
+        if free and (abs(step[:p]) <= EXACT * abs(self.z[:p])).all():
             return 0.0  # no arithmetic comes nearer
         gain = float(self.curvature[1] @ step)
         return float(np.sqrt(max(gain, 0.0) * self.good.sum() / self.square))

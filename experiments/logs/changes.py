@@ -2,9 +2,8 @@
 
 The estimates x of n windows or logs are a level, covariates and at most one change: a step at the
 place of the greatest likelihood ratio (M. Basseville and I. Nikiforov, *Detection of Abrupt
-Changes*, 1993, section 2.4), or a cubic, where this explains more. The chance of such a ratio in a
-sequence without a change comes from permutations of the residuals, so that the rate of false
-alarms is the stated one.
+Changes*, 1993, section 2.4), or a cubic. The chance of such a ratio in a sequence without a change
+comes from permutations of the residuals, so that the rate of false alarms is the stated one.
 """
 
 from __future__ import annotations
@@ -93,19 +92,18 @@ def explain(
         return _fitted("constant", base[:, :0], base, value, weight, 1.0)
     steps: Array = (np.arange(n)[:, None] >= np.arange(EDGE, n - EDGE + 1)).astype(float)
     known = np.linalg.qr(base * weight[:, None])[0]
-    H = steps * weight[:, None]
-    H -= known @ (known.T @ H)
-    H /= np.maximum(np.linalg.norm(H, axis=0), 1e-300)
+    cubic = np.asarray(legvander(np.linspace(-1, 1, n), DEGREE)[:, 1:], float)
+    H, D = (x - known @ (known.T @ x) for x in (steps * weight[:, None], cubic * weight[:, None]))
+    H, D = H / np.maximum(np.linalg.norm(H, axis=0), 1e-300), np.linalg.qr(D)[0]
     copies = np.tile(rest * weight, (1 + round(DRAWS / false_alarms), 1))
     copies[1:] = np.random.default_rng(0).permuted(copies[1:], axis=1)
     r = copies.T - known @ (known.T @ copies.T)
-    ratios = (H.T @ r) ** 2 / np.maximum(np.sum(r**2, axis=0), 1e-300)
-    largest, best = ratios.max(axis=0), int(np.argmax(ratios[:, 0]))
-    chance = float(np.mean(largest >= largest[0]))
+    ratios, slow = (H.T @ r) ** 2, np.sum((D.T @ r) ** 2, axis=0)
+    largest = np.maximum(ratios.max(axis=0), slow) / np.maximum(np.sum(r**2, axis=0), 1e-300)
+    best, chance = int(np.argmax(ratios[:, 0])), float(np.mean(largest >= largest[0]))
     if chance > false_alarms:
         return _fitted("constant", base[:, :0], base, value, weight, chance)
     step = _fitted("step", steps[:, [best]], base, value, weight, chance)
-    cubic = np.asarray(legvander(np.linspace(-1, 1, n), DEGREE)[:, 1:], float)
     drift = _fitted("drift", cubic, base, value, weight, chance)
     # the Bayesian information criterion; a step has a place and a size
     return drift if n * np.log(step.left / drift.left) > (DEGREE - 2) * np.log(n) else step

@@ -21,8 +21,9 @@ def explained(value, covariates=None, *, false_alarms=0.01, deviation=0.003):
         (0.12 * K / (N - 1), "drift", (0, 59)),
         (0.12 * (1 - np.exp(-K / 15)), "drift", (0, 59)),
         (0.06 * np.sin(2 * np.pi * K / N), "drift", (15, 45)),
+        (0.1 * np.sin(np.pi * K / 40), "drift", (20, 59)),
     ],
-    ids=["step", "from the middle", "ramp", "exponential", "sine"],
+    ids=["step", "from the middle", "ramp", "exponential", "sine", "half a sine"],
 )
 def test_a_change_has_its_kind_its_place_and_its_size(shape, kind, ends):
     value = 1 + shape + 0.005 * np.random.default_rng(1).standard_normal(N)
