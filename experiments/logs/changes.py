@@ -225,7 +225,8 @@ def changes_in(time: Array, error: Array, J: Array, names: Sequence[str]) -> lis
 
 def _changes(edges: Array, local: Array, spread: Array, names: Sequence[str]) -> list[Change]:
     changes = list[Change]()
-    for name, x, sd in zip(names, local.T, spread.T, strict=False):
+    named = zip(names, local.T, spread.T, strict=False) if len(edges) >= FEWEST else ()
+    for name, x, sd in named:
         one = explain(x, sd, false_alarms=FALSE_ALARMS / len(names))
         relative, deviation = one.size / (1 + one.level), one.deviation / (1 + one.level)
         if one.kind == "constant" or abs(relative) < SMALLEST:

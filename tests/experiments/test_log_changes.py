@@ -95,3 +95,12 @@ def test_constant_records_have_no_changes():
         look = lambda theta, n=noise, J=J: (n, J)  # noqa: E731
         count += len(changes_along(look, TIME[:4000], np.ones(2), "ab")[0])
     assert count <= 2
+
+
+def test_a_log_that_shows_too_little_is_no_proof_of_constancy():
+    few = slice(0, 200)  # windows of five samples
+    look = look_of(1.0, 1.0)
+    assert changes_along(
+        lambda theta: tuple(signal[few] for signal in look(theta)),
+        TIME[few], np.array([1.0, 1.0]), ("a", "b"),
+    ) == ([], ["a", "b"])  # fmt: skip
