@@ -27,6 +27,7 @@ SUFFIXES = (".csv", ".tsv", ".txt", ".log", ".dat", ".mat", ".h5", ".hdf5", ".nc
 MADE = ("-imported", "-track", "-estimates")  # at the end of names of what flexaxis made of a log
 SEEN = 0.1  # relative deviation of a parameter in the first log, up to which it is followed
 SURE = 3.0  # standard deviations of the effect of a covariate
+SMALLEST = 1e-3  # relative change, and effect of a covariate over its range, that is worth a word
 
 
 @dataclass(frozen=True)
@@ -141,14 +142,15 @@ def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequen
     """Return what became of a parameter, in a sentence."""
     level, first, last = abs(one.level), table.index[one.begin], table.index[one.end]
     text = f"{name} = {one.level:.4g}, no change"
-    if one.kind != "constant":
+    changed = one.kind != "constant" and abs(one.size) > SMALLEST * level
+    if changed:
         size = f"{100 * one.size / level:+.1f} ± {100 * one.deviation / level:.1g} %"
         text = f"{name} changed by {size} from {last} on"
         if one.kind == "drift":
             text = f"{name} drifted by {size} from {first} to {last}"
         text += f" (by chance once in {1 / one.chance:.0f})"
     for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
-        if abs(slope) > SURE * sd:
+        if abs(slope) > max(SURE * sd, SMALLEST * level / float(np.ptp(table[column]))):
             size = f"{100 * slope / level:+.2g} ± {100 * sd / level:.1g} %"
             text += f"; {size} for each unit of {column}"
-    return Finding("ok" if one.kind == "constant" else "note", text)
+    return Finding("note" if changed else "ok", text)
