@@ -26,6 +26,7 @@ def test_no_regression_in_json_only(capsys, short_toml, tmp_path):
     told = json.loads(out)
     assert status == 0 and told["verdict"] == "same" and told["status"] == 0
     assert {row["metric"] for row in told["rows"]} == {"lag", "std"}
+    assert (told["look"], told["looks"]) == (1, 1)
 
 
 @pytest.mark.slow
