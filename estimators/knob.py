@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +10,7 @@ from flexaxis.estimators.errors import EstimatorError, did_you_mean
 
 Options = Mapping[str, float]
 Way = Callable[[float], Options]
-Points = Mapping[float, Options] | Sequence[tuple[float, Options]]
-Declared = str | Points | Way
+Declared = str | Way
 
 FARTHEST = 1024.0  # times its usual position, to either side
 FORGETS = 0.9  # an option alone with a default from here to 1 is a forgetting factor
@@ -80,12 +79,11 @@ def make_knob(declared: Declared, defaults: Mapping[str, Any], *, usual: float =
 
     Parameters
     ----------
-    declared : str, mapping, sequence of pairs, or callable
+    declared : str or callable
         ``"gain"``: this option, which grows with speed; ``"1-lam"``: λ, turned in 1−λ and never
         at 1; ``"1/window"``: an option that falls with speed. A name alone whose default lies in
-        [0.9, 1) is a forgetting factor, whatever it is called. Several options are a path:
-        ``{position: options}`` (or pairs), straight in the logarithms between these points, or a
-        function of the position.
+        [0.9, 1) is a forgetting factor, whatever it is called. Several options are a function of
+        the position, with 1 the usual one, that returns them by name.
     defaults : mapping
         The options of the estimator, with their defaults.
     usual : float
@@ -100,43 +98,40 @@ def make_knob(declared: Declared, defaults: Mapping[str, Any], *, usual: float =
     --------
     >>> make_knob("1-lam", {"lam": 0.99}).turned(2.0)
     {'lam': 0.98}
-    >>> along = {1: {"walk": 0.001, "jump": 0.1}, 4: {"walk": 0.004, "jump": 0.1}}
-    >>> make_knob(along, {"walk": 0.001, "jump": 0.2}).at(2.0)
+    >>> make_knob(lambda x: {"walk": 0.001 * x, "jump": 0.1}, {"walk": 0.001, "jump": 0.2}).at(2.0)
     {'walk': 0.002, 'jump': 0.1}
     """
     if isinstance(declared, str):
         return _of_one(declared, defaults)
-    way, least, most = _path(declared)
-    if not least <= usual <= most:
+    if not callable(declared):
         raise EstimatorError(
-            f"its `knob` goes from {least:g} to {most:g}, and does not hold {usual:g}, where the "
-            "estimator stands if nothing is said"
+            f"its `knob` is {declared!r}; give an option by name, or a function of a position "
+            "that returns options"
         )
-    names = tuple(_checked(way(usual)))
+    names = tuple(_checked(declared(usual)))
     for name in names:
         if name not in defaults:
             raise EstimatorError(
                 f"its `knob` {name!r} is no option: {did_you_mean(name, defaults)}"
             )
-    return Knob(names, way, usual, least, most)
+    return Knob(names, declared, usual, usual / FARTHEST, usual * FARTHEST)
 
 
 def options_of(declared: Declared) -> tuple[str, ...]:
     """Return the names of the options that a knob turns: ("lam",) of "1-lam"."""
     if isinstance(declared, str):
         return (_read(declared)[1],)
-    way, least, most = _path(declared)
-    return tuple(_checked(way(min(max(least, 1.0), most))))
+    return tuple(_checked(declared(1.0)))
 
 
 def _read(declared: str) -> tuple[str, str]:
-    found = re.fullmatch(_WORDS, declared.strip())
-    if found is None:
+    read = re.fullmatch(_WORDS, declared.strip())
+    if read is None:
         raise EstimatorError(
             f'its `knob` {declared!r} cannot be read; write "gain", "1-lam" or "1/window", or a '
             "path through several options"
         )
-    return found[1] or "", found[2]
+    return read[1] or "", read[2]
 
 
 def _of_one(declared: str, defaults: Mapping[str, Any]) -> Knob:
@@ -159,36 +154,6 @@ def _of_one(declared: str, defaults: Mapping[str, Any]) -> Knob:
     return Knob((name,), lambda x: {name: of(x)}, usual, usual / FARTHEST, most, transform)
 
 
-def _path(declared: Points | Way) -> tuple[Way, float, float]:
-    if callable(declared):
-        return declared, 1 / FARTHEST, FARTHEST
-    try:
-        points = dict(sorted(dict(declared).items()))
-        ends = [float(position) for position in points]
-        names = {tuple(sorted(_checked(options))) for options in points.values()}
-    except (TypeError, ValueError) as error:
-        raise EstimatorError(f"its `knob` is no path: {error}; {_FORM}") from None
-    if not (ends and ends[0] > 0 and len(names) == 1):
-        raise EstimatorError(
-            f"its `knob` needs positions above 0, and the same options at each; {_FORM}"
-        )
-
-    def way(position: float) -> Options:
-        """Return the options between two points, straight in the logarithms."""
-        high = next(i for i, end in enumerate(ends) if position <= end)
-        low = max(high - 1, 0)
-        if ends[low] == ends[high]:
-            return points[ends[high]]
-        share = math.log(position / ends[low]) / math.log(ends[high] / ends[low])
-        first, second = points[ends[low]], points[ends[high]]
-        return {n: first[n] * (second[n] / first[n]) ** share for n in first}
-
-    return way, ends[0], ends[-1]
-
-
-_FORM = 'give it as {0.1: {"walk": 1e-4, "jump": 0.3}, 1: {"walk": 1e-3, "jump": 0.3}}'
-
-
 def _checked(options: Any) -> Options:
     """Return options that are a mapping of names to numbers above 0."""
     good = isinstance(options, Mapping) and options and all(
@@ -197,5 +162,5 @@ def _checked(options: Any) -> Options:
     )  # fmt: skip
     if not good:
         raise EstimatorError(f"its `knob` gives {options!r}; give options with numbers above 0")
-    found: Options = options
-    return found
+    checked: Options = options
+    return checked

@@ -81,8 +81,8 @@ class Problem:
 
     def factor(self, name: str, forgetting: float | None) -> float:
         """Return λ: as given, as tuned for this axis, or of 1 s; warn where that is short."""
-        given = self.tuned(name) if forgetting is None else forgetting
-        weight = forgetting_factor(given, self.period)
+        usual = self.tuned(name) if forgetting is None else forgetting
+        weight = forgetting_factor(usual, self.period)
         rates = np.abs(moving_poles(self.model).real)
         memory, slowest = self.period / max(1 - weight, 1e-300), 1 / rates.min(initial=np.inf)
         if memory < SHORT * slowest:

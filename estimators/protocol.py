@@ -118,13 +118,15 @@ def run_estimator(
     return estimates
 
 
-def theta_of(given: ArrayLike, names: Sequence[str], estimator: Estimator) -> NDArray[np.float64]:
+def theta_of(
+    returned: ArrayLike, names: Sequence[str], estimator: Estimator
+) -> NDArray[np.float64]:
     """
     Return what a step returned as numbers, one for each name.
 
     Parameters
     ----------
-    given : (p,) array_like
+    returned : (p,) array_like
         A single number as well, where p is 1.
     names : sequence of str
     estimator : Estimator
@@ -140,21 +142,21 @@ def theta_of(given: ArrayLike, names: Sequence[str], estimator: Estimator) -> ND
         If it has another number of values; one would otherwise stand for all of them. Or if they
         are texts or truths, which only look like numbers.
     """
-    theta = numbers_of(given, estimator.step)
-    if given is not None and theta.size == len(names):
+    theta = numbers_of(returned, estimator.step)
+    if returned is not None and theta.size == len(names):
         return theta.reshape(-1)
-    several = "nothing" if given is None else f"{theta.size} number{'s'[: theta.size != 1]}"
+    several = "nothing" if returned is None else f"{theta.size} number{'s'[: theta.size != 1]}"
     told = f"step returned {several}, names has {len(names)}: {', '.join(names)}"
     raise StepError(told + _place(estimator.step))
 
 
-def numbers_of(given: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
+def numbers_of(returned: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
     """
     Return what a call returned as floats, NaN where an array is masked.
 
     Parameters
     ----------
-    given : array_like
+    returned : array_like
     call : callable
         What returned it, for the message.
 
@@ -167,19 +169,19 @@ def numbers_of(given: ArrayLike, call: Callable[..., object]) -> NDArray[np.floa
     StepError
         If it is something else, although NumPy may make floats of it.
     """
-    found = np.asarray(given)
-    kind = found.dtype.kind
+    array = np.asarray(returned)
+    kind = array.dtype.kind
     if kind == "O":  # such as decimals, but not whatever a float can be read from
-        odd = next((x for x in found.flat if isinstance(x, str | bytes | bool)), 0.0)
+        odd = next((x for x in array.flat if isinstance(x, str | bytes | bool)), 0.0)
         kind = np.asarray(odd).dtype.kind
     if kind in _NO_NUMBERS:
         name = getattr(call, "__name__", "it")
         raise StepError(
             f"{name} returned {_NO_NUMBERS[kind]}, and numbers are needed{_place(call)}"
         )
-    values = np.asarray(found, float)
-    if isinstance(given, np.ma.MaskedArray):
-        return np.where(np.ma.getmaskarray(given), np.nan, values)
+    values = np.asarray(array, float)
+    if isinstance(returned, np.ma.MaskedArray):
+        return np.where(np.ma.getmaskarray(returned), np.nan, values)
     return values
 
 

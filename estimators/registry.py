@@ -67,33 +67,33 @@ class Entry:
         else by the paper's recipe on ``torque``, the (N,) torque of a nominal run; the others take
         and leave it.
         """
-        mine = [*inspect.signature(self.make).parameters.values()][1:]
+        own = [*inspect.signature(self.make).parameters.values()][1:]
         every = inspect.signature(make_problem).parameters
         asked = {n: p for n, p in every.items() if n != "noise" or self.told_noise}
 
-        def factory(nominal: Nominal, period: float, **given: Any) -> "Estimator":
-            if unknown := given.keys() - asked.keys() - {p.name for p in mine}:
+        def factory(nominal: Nominal, period: float, **arguments: Any) -> "Estimator":
+            if unknown := arguments.keys() - asked.keys() - {p.name for p in own}:
                 raise TypeError(f"{self.name} has no option {min(unknown)!r}")
             problem = make_problem(
-                nominal, period, **{k: v for k, v in given.items() if k in asked}
+                nominal, period, **{k: v for k, v in arguments.items() if k in asked}
             )
-            return self.make(problem, **{k: v for k, v in given.items() if k not in asked})
+            return self.make(problem, **{k: v for k, v in arguments.items() if k not in asked})
 
-        signature = inspect.Signature([*asked.values(), *mine])
+        signature = inspect.Signature([*asked.values(), *own])
         factory.__signature__ = signature  # type: ignore[attr-defined]
         return factory
 
     @property
     def options(self) -> Mapping[str, Any]:
         """Names of the options with their defaults on the nominal axis, as the factory has them."""
-        found, tuning = self._own, self.tuning
+        options, tuning = self._own, self.tuning
         if isinstance(self.knob, str):
             (name,) = options_of(self.knob)
-            if found.get(name) is None:
-                found[name] = tuning.value if tuning else self.default or 0.0
+            if options.get(name) is None:
+                options[name] = tuning.value if tuning else self.default or 0.0
         elif self.knob is not None and tuning:
-            found |= make_knob(self.knob, found, usual=tuning.value).turned(1.0) or {}
-        return found
+            options |= make_knob(self.knob, options, usual=tuning.value).turned(1.0) or {}
+        return options
 
     @property
     def turning(self) -> Knob | None:
@@ -116,8 +116,8 @@ class Entry:
     def _own(self) -> dict[str, Any]:
         """The options with their defaults, as the factory's signature has them."""
         signature = inspect.signature(self.factory).parameters.values()
-        found = {p.name: p.default for p in signature if p.kind is p.KEYWORD_ONLY}
-        return {name: value for name, value in found.items() if name not in GIVEN}
+        keywords = {p.name: p.default for p in signature if p.kind is p.KEYWORD_ONLY}
+        return {name: value for name, value in keywords.items() if name not in GIVEN}
 
 
 DEFAULT_IDENTIFY = PAPER
@@ -155,5 +155,5 @@ A name that is not there raises an error that is an `EstimatorError` and a `KeyE
 @lru_cache
 def _entries() -> Mapping[str, Entry]:
     modules = pkgutil.iter_modules(methods.__path__, methods.__name__ + ".")
-    found = [e for m in modules for e in getattr(import_module(m.name), "ENTRIES", ())]
-    return {e.name: e for e in sorted(found, key=lambda e: e.rank)}
+    entries = [e for m in modules for e in getattr(import_module(m.name), "ENTRIES", ())]
+    return {e.name: e for e in sorted(entries, key=lambda e: e.rank)}

@@ -110,5 +110,5 @@ def tuned(name: str, model: Model, period: float, identify: Sequence[str]) -> fl
     identify : sequence of str
         What it is to estimate.
     """
-    found = at_equal_noise(name)
-    return found.value if found and found.holds_for(model, period, identify) else None
+    tuning = at_equal_noise(name)
+    return tuning.value if tuning and tuning.holds_for(model, period, identify) else None

@@ -41,9 +41,9 @@ class Told(NamedTuple):
         Of each group: its places in the union, −1 for none, and what was told.
     limit : (groups,) array
         c.
-    given : (u,) array
-        The estimate; given_P + given_between is its covariance.
-    given_P, given_between, P : (u, u) arrays
+    drawn : (u,) array
+        The estimate; drawn_P + drawn_between is its covariance.
+    drawn_P, drawn_between, P : (u, u) arrays
     mean, column : (u,) arrays
     share : (groups,) array
         w.
@@ -53,9 +53,9 @@ class Told(NamedTuple):
     members: NDArray[np.int64]
     values: NDArray[np.float64]
     limit: NDArray[np.float64]
-    given: NDArray[np.float64]
-    given_P: NDArray[np.float64]
-    given_between: NDArray[np.float64]
+    drawn: NDArray[np.float64]
+    drawn_P: NDArray[np.float64]
+    drawn_between: NDArray[np.float64]
     mean: NDArray[np.float64]
     P: NDArray[np.float64]
     column: NDArray[np.float64]
@@ -94,9 +94,9 @@ def told_arrays(
         "members": members,
         "told": values,
         "limit": limit,
-        "given": q,
-        "given_P": square,
-        "given_between": square,
+        "drawn": q,
+        "drawn_P": square,
+        "drawn_between": square,
         "told_mean": q,
         "told_P": square,
         "column": q,
@@ -127,19 +127,19 @@ def draw_estimates(told, P, theta, estimates):
     """
     Write estimates (q,) given what was told, as far as the data do not contradict it.
 
-    θ (p,) and P are what is thought without it. Of all that is given, ``given_P + given_between``
+    θ (p,) and P are what is thought without it. Of all that is given, ``drawn_P + drawn_between``
     is the covariance.
     """
-    union, given, given_P = told.union, told.given, told.given_P
+    union, drawn, drawn_P = told.union, told.drawn, told.drawn_P
     for a in range(len(union)):
-        given[a] = theta[union[a]]
+        drawn[a] = theta[union[a]]
         for b in range(a + 1):
-            given_P[a, b] = given_P[b, a] = P[union[a], union[b]]
-    told.given_between[:] = 0.0
+            drawn_P[a, b] = drawn_P[b, a] = P[union[a], union[b]]
+    told.drawn_between[:] = 0.0
     for g in range(len(told.share)):
         told.share[g] = _draw(told, g)
     for i in range(len(estimates)):
-        estimates[i] = given[i]
+        estimates[i] = drawn[i]
 
 
 @inlined
@@ -150,31 +150,31 @@ def _draw(told, g):
     The group is a measurement without noise of one parameter after the other; what varies no more
     given those before is as it was told already.
     """
-    given, P, between = told.given, told.given_P, told.given_between
+    drawn, P, between = told.drawn, told.drawn_P, told.drawn_between
     mean, C, column = told.mean, told.P, told.column
-    for a in range(len(given)):
-        mean[a] = given[a]
-        for b in range(len(given)):
+    for a in range(len(drawn)):
+        mean[a] = drawn[a]
+        for b in range(len(drawn)):
             C[a, b] = P[a, b]
     square = 0.0
     for i in range(told.members.shape[1]):
         m = told.members[g, i]
         if m < 0 or C[m, m] <= SETTLED * P[m, m]:
             continue
-        for a in range(len(given)):
+        for a in range(len(drawn)):
             column[a] = C[a, m]
         e, variance = told.values[g, i] - mean[m], column[m]
         square += e**2 / variance
-        for a in range(len(given)):
+        for a in range(len(drawn)):
             mean[a] += column[a] * e / variance
-            for b in range(len(given)):
+            for b in range(len(drawn)):
                 C[a, b] -= column[a] * column[b] / variance
     share = 1.0 / (1.0 + np.exp(min(0.5 * (square - told.limit[g]), 100.0)))
-    for a in range(len(given)):
-        for b in range(len(given)):
-            apart = (mean[a] - given[a]) * (mean[b] - given[b])
+    for a in range(len(drawn)):
+        for b in range(len(drawn)):
+            apart = (mean[a] - drawn[a]) * (mean[b] - drawn[b])
             between[a, b] += share * (1.0 - share) * apart
             P[a, b] += share * (C[a, b] - P[a, b])
-    for a in range(len(given)):
-        given[a] += share * (mean[a] - given[a])
+    for a in range(len(drawn)):
+        drawn[a] += share * (mean[a] - drawn[a])
     return share

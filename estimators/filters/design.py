@@ -142,8 +142,8 @@ def make_design(
     )
 
 
-def _scale(start: Array, given: ArrayLike | None) -> Array:
-    scale = start if given is None else finite_vector("scale", given, len(start))
+def _scale(start: Array, asked: ArrayLike | None) -> Array:
+    scale = start if asked is None else finite_vector("scale", asked, len(start))
     if not scale.all():
         raise EstimatorError(
             f"a parameter of a law starts at 0 ({start}), which gives it no scale: start it at the "
@@ -205,17 +205,19 @@ def _weights(regularization: ArrayLike, p: int) -> Array:
 
 def _state(name: str, value: ArrayLike | None, model: Parametrization) -> Array:
     state = np.zeros(model.n) if value is None else np.array(value, float)
-    if state.shape == (model.given,):
+    if state.shape == (model.own_states,):
         # states that are zero when a sample begins, or that laws have, come last, and need not be
         # given
-        state = np.concatenate([state, np.zeros(model.n - model.given)])
+        state = np.concatenate([state, np.zeros(model.n - model.own_states)])
     if state.shape != (model.n,) or not np.all(np.isfinite(state)):
-        raise EstimatorError(f"{name} is {value!r}; give {model.given} finite values, one a state")
+        raise EstimatorError(
+            f"{name} is {value!r}; give {model.own_states} finite values, one a state"
+        )
     return state
 
 
 def _state_covariance(value: ArrayLike | None, model: Parametrization) -> Array:
-    P, n = np.zeros((model.states, model.states)), model.given
+    P, n = np.zeros((model.states, model.states)), model.own_states
     if value is not None:
         P[:n, :n] = covariance_matrix("x0_covariance", value, n, certain=True, what="states")
     return P

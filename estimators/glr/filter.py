@@ -13,14 +13,14 @@ from flexaxis.estimators.glr.cogging import strongest_wave
 from flexaxis.estimators.glr.comparison import ALARM, Comparison
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
 from flexaxis.estimators.glr.loop import glr
-from flexaxis.estimators.glr.mixture import beliefs, hypotheses, mean
 from flexaxis.estimators.glr.records import Jumps, Timing, bank_of
-from flexaxis.estimators.glr.workspace import Kit, Workspace, take_up
-from flexaxis.estimators.models.axes import COGGING
+from flexaxis.estimators.glr.workspace import Workspace, take_up
 from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.protocol import Finding
 
 Array = NDArray[np.float64]
+
+COMPARING, LEARNING = 1 / 8, 3 / 4  # of the budget, as which a look at re-run samples counts
 
 
 class Glr(RecursiveEstimator):
@@ -70,7 +70,7 @@ class Glr(RecursiveEstimator):
         Waves in a turn of cogging that was found, though nobody told; 0 for none.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_kit", "_plain", "_rich")
+    _shared = (*RecursiveEstimator._shared, "_plain", "_rich")
 
     def __init__(
         self,
@@ -111,22 +111,21 @@ class Glr(RecursiveEstimator):
             for levels, of in shapes.items()
         }
         states = Memory(arrays, times=2)
-        self._plain = Kit(design, jumps, timing, values, dict(fixable), at, states, bank, angle)
+        self._plain = Workspace(
+            design, jumps, timing, tracked, values, dict(fixable), at, angle, states, bank, states
+        )
         self._rich = richer._plain if richer else None
         self.reset()
         self.run([], [])  # what it compiles it compiles now, not in the first step
 
     def _start(self) -> None:
         self._before: list[Finding] = []
-        self._kit = self._plain
-        self._begin_at(0, self._kit.begin())
+        self._begin_at(0, self._plain.fresh())
 
     def _begin_at(self, origin: int, work: Workspace) -> None:
         """Be about to take the first sample, or to go through the first seconds again."""
-        first = FirstSeconds(
-            work, len(self.names), self._kit.told, self._kit.fixable, self._kit.shapes
-        )
-        self._parts = work, Comparison(work, origin), first  # together, as a copy copies them
+        # together, as a copy copies them
+        self._parts = work, Comparison(work, origin), FirstSeconds(work)
         self._origin, self.alarm = origin, False
         self.fixed_because: dict[str, str] = {}
         self.cogging = 0
@@ -143,12 +142,12 @@ class Glr(RecursiveEstimator):
 
     @property
     def theta(self) -> Array:  # noqa: D102
-        return mean(self._work)[0][: len(self.names)]
+        return self._work.mean()[0][: len(self.names)]
 
     @property
     def covariance(self) -> Array:  # noqa: D102
         p = len(self.names)
-        return mean(self._work)[1][:p, :p]
+        return self._work.mean()[1][:p, :p]
 
     @property
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
@@ -156,46 +155,17 @@ class Glr(RecursiveEstimator):
 
     @property
     def learnt(self) -> dict[str, tuple[float, float]]:  # noqa: D102
-        return self._named(*mean(self._work))
-
-    @property
-    def beliefs(self) -> dict[str, float]:  # noqa: D102
-        return beliefs(self._work)
-
-    @property
-    def hypotheses(self) -> dict[str, Array]:  # noqa: D102
-        return hypotheses(self._work)
-
-    def _named(self, theta: Array, P: Array) -> dict[str, tuple[float, float]]:
-        """Return value and standard deviation by name."""
+        theta, P = self._work.mean()
         pairs = zip(theta.tolist(), np.sqrt(np.maximum(np.diag(P), 0)).tolist(), strict=True)
         return dict(zip(self._work.names, pairs, strict=True))
 
-    def commissioned(self) -> dict[str, dict[str, float]]:
-        """
-        Return what is known of the axis now, from which another estimator may begin.
+    @property
+    def beliefs(self) -> dict[str, float]:  # noqa: D102
+        return self._work.beliefs()
 
-        Returns
-        -------
-        dict
-            ``nominal``: values of physical parameters; ``deviations``: their standard deviations.
-            What was fixed is not among them, nor cogging that was found; they are those of the
-            data, not drawn to what was told.
-        """
-        scale, p = self._work.design.scale, self._work.p
-        states, cogging = self._work.states, COGGING.names if self.cogging else ()
-        all_of = self._named(
-            states["theta"][0] * scale, states["P"][0, :p, :p] * np.outer(scale, scale)
-        )
-        found: dict[str, dict[str, float]] = {"nominal": {}, "deviations": {}}
-        for name, (value, deviation) in all_of.items():
-            if name in self.fixed_because or name in cogging:
-                continue
-            inverse = name.startswith("1/")
-            physical = name.removeprefix("1/")
-            found["nominal"][physical] = 1 / value if inverse else value
-            found["deviations"][physical] = deviation / value**2 if inverse else deviation
-        return found
+    @property
+    def hypotheses(self) -> dict[str, Array]:  # noqa: D102
+        return self._work.hypotheses()
 
     def __deepcopy__(self, memo: object) -> "Glr":
         return self.copy()
@@ -206,10 +176,10 @@ class Glr(RecursiveEstimator):
         done, running = 0, True
         while running:
             rest, work = slice(done, None), self._work
-            given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
-            self.alarm = self.alarm and not len(given[0])
+            samples = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
+            self.alarm = self.alarm and not len(samples[0])
             states, bank = work.states, work.bank
-            done += glr(states.block, states.at, bank.block, bank.at, *given)
+            done += glr(states.block, states.at, bank.block, bank.at, *samples)
             self._attend()
             if done and not np.isfinite(estimates[done - 1]).all():  # it has just begun anew
                 estimates[done - 1] = self._work.states["theta"][0, : len(self.names)]
@@ -218,19 +188,29 @@ class Glr(RecursiveEstimator):
         estimates *= self._plain.design.scale[: len(self.names)]
 
     def _attend(self) -> None:
-        """Do what is due after a sample."""
+        """Do what is due after a sample, if the budget of this one allows, else after the next."""
         work, bank = self._work, self._work.bank
+        cost = int(work.timing.budget * (COMPARING if bank["awake"] else LEARNING))
         if work.states["anew"][0] > 0:
             self._begin_anew()
-        elif work.caught_up and not bank["awake"]:
-            self._parts[2].go_on()
-        elif work.caught_up:
-            self.alarm = self._comparison.go_on()
-        elif work.busy or not bank["asks"]:
+        elif not (work.caught_up if work.busy else bank["asks"]):
             return
-        elif not bank["awake"]:
-            if not self._take_up_cogging():  # else that is enough for one sample
-                self.fixed_because = self._parts[2].begin()
+        elif bank["left"] < cost:
+            bank["left"] = 0
+        else:
+            bank["left"] -= cost
+            self._decide()
+
+    def _decide(self) -> None:
+        """Decide on what was re-run, or what to re-run."""
+        work, bank, learning = self._work, self._work.bank, self._parts[2]
+        if not bank["awake"]:
+            if work.busy:
+                learning.go_on()
+            elif not self._take_up_cogging():  # else that is enough for one sample
+                self.fixed_because = learning.begin()
+        elif work.busy:
+            self.alarm = self._comparison.go_on()
         elif 0 <= bank["due"] <= work.now:
             self._comparison.review()
         else:
@@ -243,9 +223,8 @@ class Glr(RecursiveEstimator):
             variance = float(rich.design.scale[-2]) ** 2
             wave = strongest_wave(work.bank, variance)
         if rich and wave:
-            richer = rich.begin()
+            richer = rich.fresh()
             take_up(work, richer, wave)
-            self._kit = rich
             self._begin_at(self._origin, richer)
             self.cogging = wave[0]
         self._work.bank["searching"] = 0
@@ -264,6 +243,6 @@ class Glr(RecursiveEstimator):
             return
         begin_anew(work.states, work.begin)
         numbers, taken = work.states["now"].copy(), int(work.bank["taken"])
-        self._before, self._kit = list(self.findings), self._plain
-        self._begin_at(self._origin + taken, self._plain.begin())
+        self._before = list(self.findings)
+        self._begin_at(self._origin + taken, self._plain.fresh())
         self._work.states["now"] = numbers

@@ -10,8 +10,6 @@ may end anywhere. No sample counts twice for that: in the end P⁻¹ loses D, an
 began at θ₀ + δ for the prior's θ₀, moves by P (D (θ − θ₀ − δ) − P(0)⁻¹ δ), with the new P.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,58 +33,43 @@ class FirstSeconds:
     Parameters
     ----------
     work : Workspace
-    tracked : int
-        Parameters that are not fixed, whatever is seen of them.
-    told : mapping of int to float
-        Values at which parameters are fixed.
-    fixable : mapping of str to str
-        What is fixed where it is not seen, and why, in words.
-    shapes : mapping of tuple of int to tuple of int
-        Levels of dry friction, and what means nothing while all of these are zero.
     """
 
-    def __init__(
-        self,
-        work: Workspace,
-        tracked: int,
-        told: Mapping[int, float],
-        fixable: Mapping[str, str],
-        shapes: Mapping[tuple[int, ...], tuple[int, ...]],
-    ) -> None:
-        self._work, self._tracked, self._told, self._fixable = work, tracked, told, fixable
-        self._shapes = shapes
+    def __init__(self, work: Workspace) -> None:
+        self._work = work
         self._fixed: list[int] = []
         self._shapeless: list[int] = []  # what friction that is not there would be shaped by
         self._free = np.arange(work.p)
         self._open = np.zeros((work.p, work.p))  # what a start knows besides the prior
         self._from = np.empty(0)
+        self._next: Array | None = None  # where a pass begins that is still to be set up
         self._best: tuple | None = None  # cost, record, and the sample that it has come to
         self._left = work.timing.passes
         self._catches_up = False
 
     def begin(self) -> dict[str, str]:
-        """Fix what was not seen, begin the first pass, and return what was fixed, and why."""
-        work, P = self._work, self._work.states["P"][0]
+        """Fix what was not seen, and return it, and why; the first pass is set up by `go_on`."""
+        work, bank, P = self._work, self._work.bank, self._work.states["P"][0]
         theta, variance = work.states["theta"][0], np.diag(P)[: work.p]
         known, absent = seen(variance, np.diag(work.design.P0)), theta**2 < CLEAR**2 * variance
-        fixable = [work.names.index(n) for n in self._fixable if n in work.names[self._tracked :]]
-        fixed = [i for i in fixable if not known[i] or (self._told[i] == 0.0 and absent[i])]
+        fixable = [work.names.index(n) for n in work.fixable if n in work.names[work.tracked :]]
+        fixed = [i for i in fixable if not known[i] or (work.told[i] == 0.0 and absent[i])]
         self._shapeless = [
-            i for levels, of in self._shapes.items() if absent[list(levels)].all() for i in of
+            i for levels, of in work.shapes.items() if absent[list(levels)].all() for i in of
         ]
         held = np.flatnonzero(np.diag(work.begin["P"][0])[: work.p] == 0).tolist()
         self._fixed = [*fixed, *self._shapeless, *held]
         P[:, self._fixed] = P[self._fixed] = 0.0
         for i in (*fixed, *self._shapeless):
-            theta[i] = self._told.get(i, work.begin["theta"][0, i])
+            theta[i] = work.told.get(i, work.begin["theta"][0, i])
         if fixed:
-            work.bank["variance"][np.isin(work.jumps.which, fixed)] = 0.0
-        work.bank["mark"] = work.bank["taken"]
-        free = np.flatnonzero(np.diag(work.states["P"][0])[: work.p] > 0)
-        self._free, learnt = free, work.states["P"][0][np.ix_(free, free)]
+            bank["variance"][np.isin(work.jumps.which, fixed)] = 0.0
+        bank["mark"] = bank["taken"]
+        free = np.flatnonzero(np.diag(P)[: work.p] > 0)
+        self._free, learnt = free, P[np.ix_(free, free)]
         self._open = np.linalg.inv(OPEN * learnt)
-        self._pass(work.states["theta"][0].copy())
-        return {work.names[i]: self._fixable[work.names[i]] for i in fixed}
+        self._next, bank["busy"], bank["end"] = theta.copy(), 1, bank["at"]
+        return {work.names[i]: work.fixable[work.names[i]] for i in fixed}
 
     def _pass(self, theta: Array) -> None:
         work, begin = self._work, self._work.begin
@@ -100,8 +83,17 @@ class FirstSeconds:
         self._from = theta
 
     def go_on(self) -> bool:
-        """Go on from where a pass has come to; return whether it was the last."""
+        """
+        Go on from where a pass has come to; return whether it was the last.
+
+        A pass is judged after one sample and the next one set up after another, as either takes as
+        long as many samples.
+        """
         work, bank = self._work, self._work.bank
+        if self._next is not None:
+            self._pass(self._next)
+            self._next = None
+            return False
         if not self._catches_up:
             theta, deviation = self._weigh_once()
             cost = float(bank["cost_first"]) if np.isfinite(theta).all() else np.inf
@@ -112,7 +104,7 @@ class FirstSeconds:
             step = np.abs((theta - self._from)[free] / deviation[free]).max(initial=0.0)
             self._left -= 1
             if better and step > NEAR and self._left:
-                self._pass(theta)
+                self._next = theta
                 return False
             assert self._best is not None
             work.states.block[1], bank["at"] = self._best[1:]

@@ -1,7 +1,6 @@
 """The memory of a filter with a bank, what is done to it between samples, and its start."""
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,22 +23,43 @@ class Workspace:
     design : Design
     jumps : Jumps
     timing : Timing
+    tracked : int
+        Number of the first parameters, which are estimates; the others are learnt once.
+    told : dict of int to float
+        Values by parameter, in units of the scale.
+    fixable : dict of str to str
+        What is fixed where it is not seen, and why, in words.
+    shapes : dict of tuple of int to tuple of int
+        Levels of dry friction, and what means nothing while all of these are zero.
+    angle : int
+        Which state is the angle of the motor, or would be.
     states : Memory
-        Two joint filters: this one, and one that goes through samples again.
+        Two joint filters: this one, and one that re-runs samples.
     bank : Memory
     begin : Memory
         The states before the first sample.
-    angle : int
-        Which state is the angle of the motor, or would be.
     """
 
     design: Design
     jumps: Jumps
     timing: Timing
+    tracked: int
+    told: dict[int, float]
+    fixable: dict[str, str]
+    shapes: dict[tuple[int, ...], tuple[int, ...]]
+    angle: int
     states: Memory
     bank: Memory
     begin: Memory
-    angle: int = 0
+
+    def fresh(self) -> "Workspace":
+        """Return the same before the first sample, of one that has taken none."""
+        return replace(
+            self, states=self.states.copy(), bank=self.bank.copy(), begin=self.begin.copy()
+        )
+
+    def __deepcopy__(self, memo: object) -> "Workspace":
+        return replace(self, states=self.states.copy(), bank=self.bank.copy())
 
     @property
     def p(self) -> int:
@@ -58,13 +78,54 @@ class Workspace:
 
     @property
     def busy(self) -> bool:
-        """Whether samples are gone through again."""
+        """Whether samples are re-run."""
         return bool(self.bank["busy"])
 
     @property
     def caught_up(self) -> bool:
-        """Whether those that are gone through again are."""
+        """Whether those that are re-run are."""
         return self.busy and bool(self.bank["at"] >= self.bank["end"])
+
+    def mean(self) -> tuple[Array, Array]:
+        """Return all parameters (p,) and their covariance (p, p), over all hypotheses."""
+        bank, scale, p = self.bank, self.design.scale, self.p
+        theta, P = self.states["theta"][0].copy(), self.states["P"][0, :p, :p].copy()
+        if bank["taken"]:
+            theta[:] = bank["mixed"]
+            union = bank["union"]
+            theta[union] = bank["drawn"]
+            P[np.ix_(union, union)] = bank["drawn_P"] + bank["drawn_between"]
+            P += self._between()
+        return theta * scale, P * np.outer(scale, scale)
+
+    def _between(self) -> Array:
+        """Return what of the covariance of θ lies between the hypotheses, and in their sizes."""
+        bank = self.bank
+        likely = np.flatnonzero(bank["weight"] > 1e-9)
+        D, weight = bank["D"][: self.p, likely], bank["weight"][likely]
+        size = bank["size"][likely]
+        variance = bank["variance"][likely % len(self.jumps.which)]
+        spread = 1.0 / (bank["J"][likely] / bank["kappa"] + 1.0 / variance)
+        moved = D @ (weight * size)
+        return (D * (weight * (size**2 + spread))) @ D.T - np.outer(moved, moved)
+
+    def beliefs(self) -> dict[str, float]:
+        """Return the probability that each parameter has jumped."""
+        by = self.bank["weight"].reshape(-1, len(self.jumps.which)).sum(axis=0)
+        return {self.names[i]: float(w) for i, w in zip(self.jumps.which, by, strict=True)}
+
+    def hypotheses(self) -> dict[str, Array]:
+        """Return by parameter how many samples ago (H, 3), how likely and by how much it jumped."""
+        bank, which = self.bank, self.jumps.which
+        held = np.flatnonzero(bank["onset"] >= 0)
+        rows = held[np.argsort(-bank["onset"][held], kind="stable")]
+        weight, size = (bank[key].reshape(-1, len(which))[rows] for key in ("weight", "size"))
+        ago = self.now - bank["onset"][rows]
+        names, scale = self.names, self.design.scale
+        return {
+            names[i]: np.stack([ago, weight[:, j], size[:, j] * scale[i]], axis=1)
+            for j, i in enumerate(which)
+        }
 
     def go_through(self, xi: Array, P: Array, at: int, *, first: bool, follow: bool) -> None:
         """
@@ -109,44 +170,6 @@ class Workspace:
         bank["onset"], bank["weight"], bank["evidence"] = NEVER, 0.0, -np.inf
         bank["none"], bank["busy"], bank["odds"] = 1.0, 0, -np.inf
         bank["end_follows"], bank["end"] = 0, bank["at"]
-
-
-class Kit(NamedTuple):
-    """
-    What a filter is made of, and no sample changes.
-
-    Attributes
-    ----------
-    design : Design
-    jumps : Jumps
-    timing : Timing
-    told : dict of int to float
-        Values by parameter, in units of the scale.
-    fixable : dict of str to str
-    shapes : dict of tuple of int to tuple of int
-        Levels of dry friction, and what shapes it.
-    states, bank : Memory
-        As `Workspace` has them.
-    angle : int
-        Which state is the angle of the motor, or would be.
-    """
-
-    design: Design
-    jumps: Jumps
-    timing: Timing
-    told: dict[int, float]
-    fixable: dict[str, str]
-    shapes: dict[tuple[int, ...], tuple[int, ...]]
-    states: Memory
-    bank: Memory
-    angle: int
-
-    def begin(self) -> Workspace:
-        """Return a workspace as before the first sample."""
-        states, bank = self.states.copy(), self.bank.copy()
-        return Workspace(
-            self.design, self.jumps, self.timing, states, bank, self.states, self.angle
-        )
 
 
 def take_up(plain: Workspace, rich: Workspace, wave: tuple[int, float, float]) -> None:

@@ -46,7 +46,6 @@ def glr(
     *,
     learn: Sequence[str] | str = "auto",
     track: Sequence[str] = TRACKED,
-    suspects: Sequence[str] | str = "auto",
     deviations: Mapping[str, float] | None = None,
     walk: float = WALK,
     jump: float = JUMP,
@@ -66,20 +65,17 @@ def glr(
     ----------
     problem : Problem
         Of an axis with a data sheet's ``poles``, ``torque_limit`` and ``noise`` where it says so;
-        or a model with laws of its own. What `Glr.commissioned` gives may be among its values. Its
-        torque gives the sizes of friction and play; its P(0) is left, for that of what is thought
-        of each parameter.
+        or a model with laws of its own. Its torque gives the sizes of friction and backlash; P(0)
+        follows from what is thought of each parameter.
     learn : "auto", "none" or sequence of str
-        What is learnt once. Of all that the model has, "auto" learns what the first seconds show;
-        the rest is fixed as told, and `Glr.fixed_because` says so.
+        What is learnt once, of which springs, dampers and the motor's inertia may jump. Of all that
+        the model has, "auto" learns what the first seconds show; the rest is fixed as told, and
+        `Glr.fixed_because` says so.
     track : sequence of str
         What may change in use and is estimated, besides ``identify``.
-    suspects : "auto" or sequence of str
-        What of ``learn`` may jump all the same, to be named; springs, dampers and the motor's
-        inertia by default.
     deviations : mapping of str to float, optional
-        Standard deviations of physical parameters, in their units, such as those of
-        `Glr.commissioned`; then nothing is learnt in the first seconds by default.
+        Standard deviations of physical parameters, in their units; then nothing is learnt
+        in the first seconds by default.
     walk : float
         Standard deviation of the random walk of tracked parameters after a second, over their
         scale; friction walks 4.5 times as far.
@@ -105,8 +101,8 @@ def glr(
     """
     nominal, period, noise = problem.nominal, problem.period, problem.noise
     _check(period=period, walk=walk, jump=jump, rate=rate, spread=spread, budget=budget)
-    asked = {*np.ravel(track), *np.ravel(suspects)}  # checked where they are used
-    bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *problem.identify, *asked}
+    asked = {*problem.identify, *np.ravel(track)}  # checked where they are used
+    bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *asked}
     geared = flag("gear", gear) and not bristles
     model = with_laws(nominal, torque=problem.torque, period=period, geared=geared)
     told = told_of(nominal)
@@ -118,7 +114,6 @@ def glr(
         told=told,
         learn=learn,
         track=track,
-        suspects=suspects,
         deviations=deviations,
         walk=walk,
         jump=jump,
@@ -144,7 +139,6 @@ def _made(
     told: Sequence[str],
     learn: Sequence[str] | str,
     track: Sequence[str],
-    suspects: Sequence[str] | str,
     deviations: Mapping[str, float] | None,
     walk: float,
     jump: float,
@@ -157,12 +151,11 @@ def _made(
     """Return the filter for a model that learns some parameters besides."""
     period, torque = problem.period, problem.torque
     inverses = (f"1/{p}" for p in model.parameters if p not in model.law_parameters)
-    may = (*model.parameters, *inverses)
-    track = names_of("track", track, (*may, *TRACKED))
+    track = names_of("track", track, (*model.parameters, *inverses, *TRACKED))
     tracked = (*problem.identify, *(n for n in track if is_left(model, n, problem.identify)))
     learnt = (*learnt_of(model, tracked, learn), *beside)
     names = (*tracked, *learnt)
-    which = (*tracked, *_suspects(model, suspects, tracked, learnt, may))
+    which = (*tracked, *(n for n in structure(model) if n in learnt))
     model = without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])
     sizes = state_sizes(model, torque, period)
     thought = prior(model, names, torque=torque, period=period, told=told, spread=spread)
@@ -198,24 +191,6 @@ def _made(
     )
 
 
-def _suspects(
-    model: Model,
-    suspects: Sequence[str] | str,
-    tracked: Sequence[str],
-    learnt: Sequence[str],
-    may: Sequence[str],
-) -> list[str]:
-    """Return what of that which is learnt once may jump all the same."""
-    usual = structure(model)
-    asked = usual if suspects == "auto" else names_of("suspects", suspects, may)
-    if odd := [name for name in asked if name not in (*tracked, *learnt, *usual)]:
-        raise EstimatorError(
-            f"suspects names {odd[0]!r}, which is not learnt; of what is learnt there are "
-            f"{', '.join(learnt) or 'none'}"
-        )
-    return [name for name in asked if name in learnt]
-
-
 def _most_waves(model: Model, torque: ArrayLike | None, period: float) -> int:
     """Return the most waves in a turn that cogging is looked for with."""
     ((_, motion), *_) = measured(model, torque, period)
@@ -248,8 +223,8 @@ def _check(*, budget: int, **options: float) -> None:
             f"rate is {options['rate']}; a jump comes less than once in a sample of "
             f"{options['period']} s"
         )
-    given = at_least_zero("budget", budget, "how many samples are gone through again in one")
-    if given < 8 or given != int(given):
+    samples = at_least_zero("budget", budget, "how many samples are gone through again in one")
+    if samples < 8 or samples != int(samples):
         raise EstimatorError(
             f"budget is {budget!r}; give 8 samples or more, whole ones, that are gone through "
             "again in one"

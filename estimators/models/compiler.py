@@ -168,6 +168,12 @@ def cache_folder() -> Path | None:
     return folder
 
 
+def is_uncompiled() -> bool:
+    """Return whether nothing was ever compiled of these sources, and may be kept."""
+    folder = cache_folder()
+    return folder is not None and not (folder / "begun").exists()
+
+
 @lru_cache
 def _tell(how: str) -> None:
     print(f"flexaxis: compiling filters {how} …", file=sys.stderr, flush=True)

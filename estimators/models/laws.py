@@ -210,12 +210,12 @@ class Law:
                     + did_you_mean(name, self.roles)
                 )
         for name, role in self.roles.items():
-            given = self.parameters.get(name, 0.0)
-            if isinstance(given, str) or role.signed:
+            value = self.parameters.get(name, 0.0)
+            if isinstance(value, str) or role.signed:
                 continue
-            if not given >= 0 or (role.needed and not given > 0):
+            if not value >= 0 or (role.needed and not value > 0):
                 least = "above 0" if role.needed else "0 or above it"
-                raise EstimatorError(f"law {self.kind!r} takes a {name} {least}, not {given!r}")
+                raise EstimatorError(f"law {self.kind!r} takes a {name} {least}, not {value!r}")
         for formula in self.acts.values():
             multiply_out(formula)
         if not self.drive or not self.acts:

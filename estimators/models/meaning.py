@@ -24,26 +24,21 @@ LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
 
 def named(laws: Sequence[Law], roles: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters that laws have in some roles, in the order of laws and roles."""
-    found = (law.parameters.get(role) for law in laws for role in roles)
-    return tuple(dict.fromkeys(name for name in found if isinstance(name, str)))
-
-
-def dry_friction(model: Model) -> tuple[str, ...]:
-    """Return the levels of dry friction, such as f_c."""
-    return named(model.laws, ("coulomb",))
+    parameters = (law.parameters.get(role) for law in laws for role in roles)
+    return tuple(dict.fromkeys(name for name in parameters if isinstance(name, str)))
 
 
 def shapes_of_friction(
     model: Model, names: Sequence[str]
 ) -> dict[tuple[str, ...], tuple[str, ...]]:
     """Return levels of dry friction among names, and what shapes it where one is not zero."""
-    found = {}
+    shapes = {}
     for law in model.laws:
         levels = [n for n in named([law], LEVELS) if n in names]
         shape = [n for n in law.names if n in names and n not in levels[:1]]
         if LAWS[law.kind].rubs and levels and shape:
-            found[tuple(levels)] = tuple(shape)
-    return found
+            shapes[tuple(levels)] = tuple(shape)
+    return shapes
 
 
 def fixable(model: Model) -> tuple[str, ...]:
@@ -63,14 +58,12 @@ def structure(model: Model) -> tuple[str, ...]:
     Springs and dampers between states, and where there are any the inertia on which the input acts,
     which the modes weigh against the others; a single inertia leaves the scale of all torques open.
     """
-    springs = [name for name in _linear(model) if _couples(model, name)]
-    inertias = [name for name in _linear(model) if _is_driven(model, name)] if springs else []
-    found = [name for name in (*inertias, *springs) if name not in model.fixed]
-    return tuple(sorted(found, key=lambda name: (name not in LEARNT, _place(name))))
-
-
-def _place(name: str) -> int:
-    return LEARNT.index(name) if name in LEARNT else 0
+    used = {name for *_, powers in _terms(model) for name in powers}
+    linear = [name for name in model.parameters if name in used]
+    springs = [name for name in linear if _couples(model, name)]
+    inertias = [name for name in linear if _is_driven(model, name)] if springs else []
+    names = [name for name in (*inertias, *springs) if name not in model.fixed]
+    return tuple(sorted(names, key=lambda name: [*LEARNT, name].index(name)))
 
 
 def _couples(model: Model, name: str) -> bool:
@@ -90,12 +83,6 @@ def _is_driven(model: Model, name: str) -> bool:
 def _always(model: Model, name: str, power: int) -> bool:
     """Return whether a parameter has the same power wherever it stands."""
     return {p[name] for *_, p in _terms(model) if p.get(name, 0)} == {power}
-
-
-def _linear(model: Model) -> tuple[str, ...]:
-    """Return the parameters of A and B, in the order of the model."""
-    used = {name for *_, powers in _terms(model) for name in powers}
-    return tuple(name for name in model.parameters if name in used)
 
 
 def _terms(model: Model) -> Iterator[tuple[int, int, Mapping[str, int]]]:
@@ -151,10 +138,10 @@ def moves_as(model: Model, name: str) -> bool:
     name : str
         As for `is_axis`.
     """
-    ours, theirs = _rates(model), _rates(_axis(name))
-    if len(ours) != len(theirs) or not ours.all():
+    rates, reference = _rates(model), _rates(_axis(name))
+    if len(rates) != len(reference) or not rates.all():
         return False
-    return bool(np.abs(np.log(ours / theirs)).max() <= np.log(NEAR))
+    return bool(np.abs(np.log(rates / reference)).max() <= np.log(NEAR))
 
 
 def moving_poles(model: Model) -> NDArray[np.complex128]:

@@ -199,22 +199,22 @@ class Model:
         """
         identify = self.identify if identify is None else identify
         physical = [name.removeprefix("1/") for name in identify]
-        for name, given in zip(physical, identify, strict=True):
+        for name, asked in zip(physical, identify, strict=True):
             if name not in self.parameters:
                 raise EstimatorError(
-                    f"model {self.name!r} has no parameter {given!r} to identify: "
+                    f"model {self.name!r} has no parameter {asked!r} to identify: "
                     + did_you_mean(name, self.parameters)
                     + "; or an inverse, such as '1/J_a'"
                 )
-            shared = {mine for law in self.laws for mine in law.shared}
-            if name in shared and name != given:
+            shared = {parameter for law in self.laws for parameter in law.shared}
+            if name in shared and name != asked:
                 raise EstimatorError(
-                    f"{given!r} cannot be identified beside a law that depends on {name}; name "
+                    f"{asked!r} cannot be identified beside a law that depends on {name}; name "
                     f"{name!r} itself"
                 )
-            if name in self.law_parameters and name != given:
+            if name in self.law_parameters and name != asked:
                 raise EstimatorError(
-                    f"{given!r} cannot be identified: {name} is the parameter of a law and may be "
+                    f"{asked!r} cannot be identified: {name} is the parameter of a law and may be "
                     f"zero; name {name!r} itself"
                 )
             if physical.count(name) > 1:

@@ -60,7 +60,7 @@ class Parametrization:
         return self.n - self.forces
 
     @property
-    def given(self) -> int:
+    def own_states(self) -> int:
         """Number of states that a user may give: not those of laws, nor those that are reset."""
         own = np.sum(self.laws.records["memory"] >= 0)
         return self.states - int(own) - len(self.reset)

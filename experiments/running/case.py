@@ -113,6 +113,13 @@ def run_unit(unit: Unit, options: Options) -> Outcome:
         return [_run(unit, case, known[case[2]], options) for case in unit.cases()]
 
 
+def simulate_units(units: Sequence[Unit], options: Options) -> None:
+    """Put the records of units into the cache."""
+    for unit in units:
+        seeds = list(dict.fromkeys(seed for _, _, seed in unit.cases()))
+        _records(unit.scenario, seeds, options.cache)
+
+
 def _records(
     scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None
 ) -> dict[int, Record | str]:

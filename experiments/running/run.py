@@ -22,14 +22,15 @@ import pandas as pd
 from loky import ProcessPoolExecutor
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.compiler import is_uncompiled
 from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.case import Done, Options, Outcome, run_unit
+from flexaxis.experiments.running.case import Done, Options, Outcome, run_unit, simulate_units
 from flexaxis.experiments.running.estimators import Misfit, Spec, build, parse
 from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.store import CSV, Store
-from flexaxis.experiments.running.study import Study, Unit, describe, missing, units
+from flexaxis.experiments.running.study import UNITS, Study, Unit, describe, missing, units
 from flexaxis.experiments.running.user_code import (
     TIME_LIMIT,
     EstimatorCrash,
@@ -208,6 +209,7 @@ class Runner:
     def _outcomes(self, todo: Iterable[Unit], options: Options) -> Iterator[Outcome]:
         """Yield the outcomes of units as they come."""
         queue, free = deque(todo), list(self._workers)
+        self._compile(list(queue)[:UNITS], options)
         running: dict[Future[Outcome], tuple[Any, Unit, str]] = {}
         while running or queue:
             while queue and free:
@@ -223,6 +225,21 @@ class Runner:
                     yield future.result()
                 else:
                     yield self._after_death(worker, unit, log, error, queue)
+
+    def _compile(self, todo: Sequence[Unit], options: Options) -> None:
+        """Let one worker compile what never was on this machine, while the others simulate."""
+        first, *others = self._workers
+        if not (others and options.cache and isinstance(first, Worker) and is_uncompiled()):
+            return
+        pairs = {
+            setting.text: (unit.scenario, setting.spec)
+            for unit in todo for setting in unit.settings if not setting.spec.is_users
+        }  # fmt: skip
+        compiling = first.submit(_problems, list(pairs.values()), options)
+        for i, worker in enumerate(others):
+            worker.submit(simulate_units, todo[i :: len(others)], options)
+        while not wait([compiling], timeout=0.5).done:  # hears Ctrl-C
+            pass
 
     def _after_death(
         self, worker: Any, unit: Unit, log: str, error: BaseException, queue: deque[Unit]

@@ -82,6 +82,14 @@ def test_a_folder_that_cannot_be_written_is_told_in_a_line(copy, tmp_path):
     assert not list(copy.rglob("*.nbi"))
 
 
+@pytest.mark.slow
+def test_two_processes_at_once_compile_once(copy, tmp_path):
+    cache = tmp_path / "cache"
+    values, words = zip(*map(ended, [start(copy, cache), start(copy, cache)]), strict=True)
+    assert values == ("6.0", "6.0") and "".join(words).count("compiling") == 1
+    assert len(list(cache.rglob("*.nbc"))) == 1
+
+
 STEPS = """
 import sys
 import numpy as np

@@ -24,6 +24,6 @@ def test_what_was_told_is_conditioning_by_hand():
     union = bank.union
     full, d = P[np.ix_(union, union)], P[np.ix_(union, [2, 4])] @ inverse @ apart
     part = P[np.ix_(union, [2, 4])] @ inverse @ P[np.ix_([2, 4], union)]
-    claimed = bank.given_P + bank.given_between
+    claimed = bank.drawn_P + bank.drawn_between
     mixture = share * (full - part) + (1 - share) * full + share * (1 - share) * np.outer(d, d)
     np.testing.assert_allclose(claimed, mixture, rtol=1e-9, atol=1e-12)

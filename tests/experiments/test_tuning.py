@@ -73,20 +73,10 @@ class Mine:
         assert 0 < lam < 1, f"asked for {lam}"
 class Window(Mine):
     knob = "1/low"
-class Along(Mine):
-    knob = {
-        0.25: {"low": 0.1, "high": 1.0}, 1: {"low": 0.2, "high": 1.0}, 4: {"low": 3.2, "high": 2.0}
-    }
 class Called(Mine):
     knob = lambda x: {"low": 0.1 * x, "lam": 1 - 0.01 * x}
-class Outside(Mine):
-    knob = {2: {"low": 0.1}, 4: {"low": 0.2}}
-class Strange(Mine):
-    knob = {1: {"low": 0.1}, 4: {"lov": 0.2}}
 class Elsewhere(Mine):
     knob = lambda x: {"lov": x}
-class Negative(Mine):
-    knob = {0.5: {"low": -0.1}, 4: {"low": 0.2}}
 class Words(Mine):
     knob = "low, high"
 """
