@@ -75,10 +75,6 @@ class Window(Mine):
     knob = "1/low"
 class Called(Mine):
     knob = lambda x: {"low": 0.1 * x, "lam": 1 - 0.01 * x}
-class Elsewhere(Mine):
-    knob = lambda x: {"lov": x}
-class Words(Mine):
-    knob = "low, high"
 """
 
 
