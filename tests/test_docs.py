@@ -2,7 +2,6 @@
 
 import importlib.util
 import re
-import runpy
 import shlex
 import sys
 from pathlib import Path
@@ -38,14 +37,6 @@ def test_what_python_on_a_page_imports_is_there():
     for where, module, name in found:
         there = hasattr(importlib.import_module(module), name)
         assert there or importlib.util.find_spec(f"{module}.{name}"), (where, module, name)
-
-
-@pytest.mark.parametrize(
-    "path", sorted((ROOT / "tests/experiments").glob("*_tables.py")), ids=lambda path: path.stem
-)
-def test_what_makes_a_measured_table_finds_all_that_it_names(path, monkeypatch):
-    monkeypatch.syspath_prepend(path.parent)
-    runpy.run_path(str(path), run_name="imported")
 
 
 def typed():

@@ -73,10 +73,6 @@ def test_a_nuisance_in_the_same_sample_is_no_part_of_the_event():
     assert found(STEP, nuisance=[STEP | {"factor": 3.0}]) == [near(2000, F_M, 1.5 * F_M)]
 
 
-def test_an_equal_nuisance_is_not_taken_for_the_fault():
-    assert found(STEP, nuisance=[STEP]) == [near(2000, F_M, 1.5 * F_M)]
-
-
 @pytest.mark.parametrize("kind", [STEP, RAMP, THERMAL])
 def test_a_fault_towards_zero_ends_there(kind):
     ((_, before, after),) = found(kind | {"factor": 0.0})

@@ -35,11 +35,6 @@ def test_zero_is_for_dampings_and_frictions_only(name):
             preset("n1").replace(**{name: 0.0})
 
 
-def test_a_gear_ratio_turned_upside_down_is_told():
-    with pytest.raises(ParameterError, match="1/118, not 118"):
-        preset("n1").replace(r=118)
-
-
 @pytest.mark.parametrize(("name", "modes"), [("n1", (100.2, 150.8)), ("n2", None)])
 def test_presets_have_the_modes_they_are_meant_to_have(name, modes):
     p = preset(name)

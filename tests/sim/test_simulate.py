@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 
-from flexaxis.sim.errors import ScenarioError, SimulationError
+from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate
@@ -134,9 +134,3 @@ def test_an_unstable_run_names_scenario_seed_and_time(make, tmp_path, monkeypatc
     assert f"t = {caught.value.time:.3f} s (MuJoCo warning" in message
     assert 1.0 < caught.value.time < 20.0
     assert os.listdir(tmp_path) == []
-
-
-@pytest.mark.parametrize("seeds", [[], [-1]])
-def test_impossible_seeds_are_refused(seeds, make):
-    with pytest.raises(ScenarioError, match="seeds"):
-        simulate(make(duration=1.0), seeds)
