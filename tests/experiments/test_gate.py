@@ -96,6 +96,13 @@ def test_words_are_those_of_the_textbook():
     assert seen == {"worse", "better", "slight", "same", "undecided"}
 
 
+def test_an_interval_over_few_pairs_is_student_s():
+    x = np.random.default_rng(2).normal(0.3, 0.1, 6)
+    (found,) = judged(x[None]).to_dict("records")
+    ends = stats.ttest_1samp(x, 0.0).confidence_interval(1 - SHARES[False] * ALPHA)
+    assert (found["low"], found["high"]) == pytest.approx(tuple(ends))
+
+
 def test_a_small_change_takes_many_runs():
     """On 0.9³² = 3.4 % of 32 runs, a failure of every tenth run does not show."""
     one = judged(np.full((1, 32), -STEP))
@@ -172,6 +179,7 @@ def test_a_deviation_is_about_the_common_mean_and_a_grown_bias_is_worse():
     before, after = (abs(np.mean([r["bias"] for r in rows])) for rows in (base, candidate))
     assert bias["verdict"] == found.verdict == "worse"
     assert bias["change"] == pytest.approx(after - before)
+    assert bias["scale"] == pytest.approx(np.sqrt(np.mean([r["std"] ** 2 for r in base])))
     assert row(compared(candidate, base), "bias")["verdict"] == "not more"
 
 
