@@ -169,13 +169,6 @@ def test_a_run_that_takes_too_long_is_ended(short):
     assert "no end within 0.2 s" in failures["error"][0]
 
 
-@pytest.mark.parametrize("seed", [1.5, True, None, "1", -1])
-def test_a_seed_that_is_no_number_of_a_run(short, seed):
-    for take in (fx.simulate, fx.make_axis):
-        with pytest.raises(FlexaxisError, match="whole number"):
-            take(short, seed=seed)
-
-
 def test_an_axis_stepped_by_hand_is_the_plant_of_the_record(short):
     noisy = short.override({"noise.torque": 0.01, "encoder.counts": 65536})
     record, axis = fx.simulate(noisy, seed=2), fx.make_axis(noisy, seed=2)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flexaxis.experiments.scoring import pooling
+from flexaxis.experiments.scoring import intervals, pooling
 from flexaxis.experiments.scoring.intervals import (
     by_seed,
     mean_interval,
@@ -92,6 +92,7 @@ def test_levels_of_points_are_no_draws():
     apart = by_seed(logs, np.arange(12), points)
     assert apart.mean() == pytest.approx(np.log(10))
     assert apart.var(ddof=1) == pytest.approx(np.sum(np.r_[own, other] ** 2) / 10)
+    assert intervals._freedom(np.r_[own, other], np.arange(12), points) == 10
 
 
 def swept(n, points, alike, apart, rng):

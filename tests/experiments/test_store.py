@@ -102,14 +102,6 @@ def test_what_is_no_store_is_refused(tmp_path):
         Store(tmp_path / "file")
 
 
-def test_wrong_columns_and_scores(outcomes):
-    results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
-    with pytest.raises(StudyError, match="Did you mean 'estimator'"):
-        results.scores("estimater")
-    with pytest.raises(StudyError, match="score"):
-        results.scores(scores=["lagg"])
-
-
 def test_files_for_others(tmp_path, outcomes):
     results = Results(filled(None, outcomes), describe(STUDY, units(STUDY)))
     results.to_csv(tmp_path / "rows.csv")

@@ -45,11 +45,12 @@ def load_friction(x):
     return (0.03 + 0.1 * abs(load(N1, x))) * np.tanh(x[3] / 0.1)
 
 
-def test_friction_that_grows_with_the_load():
-    u = torque()
-    reference = rubbed(N1, u, load_friction)
-    assert distance(stepped(N1, u, LOAD), reference) < 1e-5
-    assert distance(stepped(N1, u), reference) > 0.01  # and it matters
+def test_friction_that_grows_with_the_load_beside_a_static_one():
+    u, other = torque(), {"f_c": 0.02, "f_s": 0.01, "alpha": 3.0, "beta": 8.0}
+    reference = rubbed(N1, u, lambda x: load_friction(x) + curve(x[3], **other))
+    assert distance(stepped(N1, u, LOAD, StaticFrictionConfig(**other)), reference) < 1e-5
+    assert distance(stepped(N1, u, LOAD), reference) > 1e-3  # both matter
+    assert distance(stepped(N1, u), reference) > 0.01
 
 
 GEAR = {"f_c": 0.03, "f_s": 0.05, "motor": 0.2, "external": 0.05, "motor_slow": 0.1,
