@@ -7,8 +7,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.offline.adaptation import estimate_covariance, steady_P
 from flexaxis.estimators.offline.frequency import information, line_spectrum
+from flexaxis.estimators.offline.priors import estimate_covariance, steady_P
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 

@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.offline.adaptation import drift_for, steady_P, tracking_error
 from flexaxis.estimators.offline.frequency import information, line_spectrum
+from flexaxis.estimators.offline.priors import drift_for, steady_P, tracking_error
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 

@@ -26,8 +26,14 @@ from flexaxis.estimators.offline.roles import (
     told_groups,
     without,
 )
-from flexaxis.estimators.offline.sizes import measured, state_sizes
-from flexaxis.estimators.offline.structure import TRACKED, prior, told_of, with_laws
+from flexaxis.estimators.offline.structure import (
+    TRACKED,
+    measured,
+    prior,
+    state_sizes,
+    told_of,
+    with_laws,
+)
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 

@@ -85,7 +85,7 @@ class Kind(NamedTuple):
     loaded : bool
         Whether it grows with a load, by which a law ``spring`` of the model is driven.
     nominal : (drive, force, rate), optional
-        Its sizes on the nominal axis and its reference, as of `flexaxis.estimators.offline.sizes`.
+        Its sizes on the nominal axis and its reference: `flexaxis.estimators.offline.structure`.
     """
 
     roles: Mapping[str, Role]

@@ -33,27 +33,23 @@ class Sampled(NamedTuple):
         Transitions over T, T/2, T/4, … of an axis that slides, and of one that sticks.
     output : (n+1,) array
         y, of the states.
-    acceleration : (n+1,) array
-        Derivative of the speed, of the states.
-    speed, friction : int
-        Places of the speed and of the torque of friction among the states.
+    pull : (n+1,) array
+        Change of the speed in a sample by its derivative, of the states.
+    speed : int
+        Place of the speed among the states; the torque of friction is the last but one.
     level : float
-        f_c, with the sign by which it acts on that place; 0 for an axis without friction.
+        f_c; 0 for an axis without friction.
     cleared : (r,) int array
         States that are zero at the start of every sample.
-    period : float
-        T [s].
     """
 
     slides: Array
     sticks: Array
     output: Array
-    acceleration: Array
+    pull: Array
     speed: int
-    friction: int
     level: float
     cleared: NDArray[np.int64]
-    period: float
 
 
 def is_dry(model: Parametrization, period: float) -> bool:
@@ -61,42 +57,38 @@ def is_dry(model: Parametrization, period: float) -> bool:
 
     Bristles that swing faster than a period [s] can show, as (σ₀/J)^½ rad/s, are that.
     """
-    laws = model.laws
-    if len(laws.records) != 1 or laws.records["kind"][0] != BRISTLE:
+    laws, n = model.laws, model.n
+    if laws.records["kind"].tolist() != [BRISTLE]:
         return False
-    force = model.blocks(model.theta)[0, : model.n, model.n - 1]
-    value, parameter = laws.records["value"][0], laws.records["parameter"][0]
-    others = [r for r in range(len(value)) if r not in {COULOMB, STIFFNESS}]
-    if value[others].any() or (np.delete(parameter, COULOMB) >= 0).any():
-        return False
-    speed = int(np.argmax(laws.drive[0]))
-    alone = np.flatnonzero(force).tolist() == [speed] and np.sum(laws.drive[0] != 0) == 1
-    return bool(alone and np.sqrt(value[STIFFNESS] * abs(force[speed])) * period >= STIFF)
+    (drive,), (value,), (parameter,) = laws.drive, laws.records["value"], laws.records["parameter"]
+    force, (speed, *more) = model.blocks(model.theta)[0, :n, n - 1], np.flatnonzero(drive)
+    shaped = (
+        np.delete(value, [COULOMB, STIFFNESS]).any() or (np.delete(parameter, COULOMB) >= 0).any()
+    )
+    alone = np.flatnonzero(force).tolist() == [speed] and force[speed] < 0 and not more
+    stiffness = np.sqrt(value[STIFFNESS] * abs(force[speed])) * period
+    return bool(alone and not shaped and stiffness >= STIFF)
 
 
 def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
     """Return an axis that is linear, or `is_dry`, at parameters θ (p,), sampled with a period."""
-    n, (generator, *_) = model.n, model.blocks(theta)
-    output, laws, level, speed = generator[n].copy(), model.laws, 0.0, 0
-    generator[n] = 0.0
-    parts = np.ones(1)
+    generator, laws, level, speed = model.blocks(theta)[0] * period, model.laws, 0.0, 0
+    output, generator[-1], parts = generator[-1] / period, 0.0, 1
     stuck = generator.copy()
     if len(laws.records):
-        speed, parts = int(np.argmax(laws.drive[0])), 0.5 ** np.arange(HALVINGS + 1.0)
+        speed, parts = int(np.argmax(laws.drive[0])), HALVINGS + 1
         stuck[speed] = 0.0
         place = laws.records["parameter"][0, COULOMB]
         level = laws.records["value"][0, COULOMB] * (theta[place] if place >= 0 else 1.0)
-        level *= -np.sign(generator[speed, n - 1])
-    slides, sticks = (_transitions(one, period * parts) for one in (generator, stuck))
+    slides = _transitions(generator, parts)
+    sticks = _transitions(stuck, parts) if level else slides
     cleared = np.array(model.reset, np.int64)
-    return Sampled(
-        slides, sticks, output, generator[speed].copy(), speed, n - 1, float(level), cleared, period
-    )
+    return Sampled(slides, sticks, output, generator[speed].copy(), speed, float(level), cleared)
 
 
-def _transitions(generator: Array, times: Array) -> Array:
-    """Return exp(G t) (times, n, n) for a generator (n, n) and times [s]."""
-    small = generator * (times / 2**SQUARINGS)[:, None, None]
+def _transitions(generator: Array, parts: int) -> Array:
+    """Return exp(G), exp(G/2), exp(G/4), … (parts, n, n) for a generator (n, n)."""
+    small = generator * 0.5 ** (SQUARINGS + np.arange(parts))[:, None, None]
     term = result = np.broadcast_to(np.eye(len(generator)), small.shape)
     for k in range(1, ORDER + 1):
         term = term @ small / k
@@ -126,54 +118,55 @@ def follow(axis, x, torque):
     x : (n+1,) array
     torque : (N,) array
     """
-    v, whole, after = axis.speed, 1 << (len(axis.slides) - 1), np.zeros(len(x))
-    hold = abs(axis.acceleration[axis.friction] * axis.level)
+    v, last, after = axis.speed, len(axis.slides) - 1, np.zeros(len(x))
+    hold = abs(axis.pull[-2] * axis.level)
     y, way = np.zeros(len(torque)), np.sign(x[v])
+    x[-2] += axis.level * way
     for k in range(len(torque)):
         for i in axis.cleared:
             x[i] = 0.0
         x[-1] = torque[k]
-        if axis.level != 0.0:
-            way = _way(axis, x, way, hold)
+        if hold > 0.0 and way == 0.0:
+            way = _way(axis, x, hold)
         place = 0
-        while place < whole:
-            part, size = 0, whole if place == 0 else place & -place
-            while whole >> part > size:
+        while place < 1 << last:
+            part = 0  # of the longest step that ends where one of its length does
+            while place & ((1 << (last - part)) - 1):
                 part += 1
-            while True:
-                steps = axis.slides[part] if way != 0.0 or hold == 0.0 else axis.sticks[part]
+            met = True
+            while met:
+                steps = axis.sticks[part] if way == 0.0 and hold > 0.0 else axis.slides[part]
                 for i in range(len(x)):
                     after[i] = _times(steps[i], x)
                 met = hold > 0.0 and _meets(axis, x, after, way, hold, part)
-                if not met or part == len(axis.slides) - 1:
+                if part == last:
                     break
-                part += 1
+                part += met
             x[:] = after
-            place += whole >> part
+            place += 1 << (last - part)
             if met:
-                x[v], way = 0.0, _way(axis, x, 0.0, hold)
+                x[v], way = 0.0, _way(axis, x, hold)
         y[k] = _times(axis.output, x)
     return y
 
 
 @inlined
-def _way(axis, x, way, hold):
-    """Return which way an axis slides from here on, 0 if it sticks; write its friction into x."""
-    x[axis.friction] = 0.0
-    pull = _times(axis.acceleration, x)
-    if way == 0.0 and abs(pull) > hold:
-        way = np.sign(pull)
-    x[axis.friction] = axis.level * way
+def _way(axis, x, hold):
+    """Return which way an axis at rest slides, 0 if it sticks; write its friction into x."""
+    x[-2] = 0.0
+    pull = _times(axis.pull, x)
+    way = np.sign(pull) if abs(pull) > hold else 0.0
+    x[-2] = axis.level * way
     return way
 
 
 @inlined
 def _meets(axis, x, after, way, hold, part):  # noqa: PLR0917
     """Return whether a step meets an event: friction gives way, or the speed may reach zero."""
-    last = _times(axis.acceleration, after)
+    end = _times(axis.pull, after)
     if way == 0.0:
-        return abs(last) > hold
-    before, now, h = way * x[axis.speed], way * after[axis.speed], axis.period / (1 << part)
-    first, last = way * _times(axis.acceleration, x), way * last
-    dips = first < 0.0 < last and min(before + first * h, now - last * h) < 0.0
+        return abs(end) > hold
+    first, end, h = way * _times(axis.pull, x), way * end, 1.0 / (1 << part)
+    before, now = way * x[axis.speed], way * after[axis.speed]
+    dips = first < 0.0 < end and min(before + first * h, now - end * h) < 0.0
     return now <= 0.0 or (dips and part < len(axis.slides) - 1)

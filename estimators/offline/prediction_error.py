@@ -33,6 +33,7 @@ FULFILLED, BROKEN = 0.75, 0.25  # shares of the fall that was promised
 FORGOTTEN = 1e-2  # of what a stretch tells of its state, that counts
 EXACT = 1e-10  # of a parameter, to which arithmetic is exact
 ROUNDING = 1e-12  # of the greatest eigenvalue of a curvature
+PIECES = 10  # of a record, over which estimates spread
 
 
 @dataclass(frozen=True)
@@ -269,3 +270,28 @@ def damped_step(H: Array, g: Array, damping: float) -> Array:
     scaled = H[np.ix_(seen, seen)] / np.outer(size, size) + damping * np.eye(len(size))
     step[seen] = np.linalg.lstsq(scaled, g[seen] / size, rcond=ROUNDING)[0] / size
     return step
+
+
+def pieces(ok: Flags) -> NDArray[np.int64]:
+    """Return the number of the piece (N,) that each sample is in; all have as many usable ones."""
+    count = np.cumsum(ok)
+    return np.minimum(count * PIECES // max(int(count[-1]), 1), PIECES - 1)
+
+
+def jackknife(J: Array, e: Array, good: Flags) -> tuple[Array, Array]:
+    """
+    Return the regression (q,) of e (N,) on rows of J (q, N), and its deviation from pieces.
+
+    B. Efron and C. Stein, *The jackknife estimate of variance*, Ann. Statist. 9, 1981: each of the
+    estimates without a piece of the record is one step of Gauss and Newton from that with all.
+    Where white noise is all that there is, it is what a covariance says; what the model leaves out
+    comes on top.
+    """
+    number = np.where(good, pieces(good), PIECES)
+    parts = [J[:, number == i] for i in range(PIECES)]
+    H = np.array([rows @ rows.T for rows in parts])
+    g = np.array([rows @ e[number == i] for i, rows in enumerate(parts)])
+    left = [damped_step(H.sum(axis=0) - H[i], g.sum(axis=0) - g[i], 0.0) for i in range(PIECES)]
+    off = np.array(left) - np.mean(left, axis=0)
+    whole = damped_step(H.sum(axis=0), g.sum(axis=0), 0.0)
+    return whole, np.sqrt((PIECES - 1) / PIECES * np.sum(off**2, axis=0))

@@ -13,7 +13,7 @@ from flexaxis.estimators.models.simulation import along, simulation
 Array = NDArray[np.float64]
 
 
-def as_torque(given: ArrayLike) -> Array:
+def as_torque(values: ArrayLike) -> Array:
     """
     Return the torque of a run (N,) [N m] as floats, one behind the other in memory.
 
@@ -23,13 +23,13 @@ def as_torque(given: ArrayLike) -> Array:
         If it is none.
     """
     try:
-        found = np.ascontiguousarray(given, float)
-        if np.iscomplexobj(given) or np.ndim(given) != 1 or not len(found):
+        torque = np.ascontiguousarray(values, float)
+        if np.iscomplexobj(values) or np.ndim(values) != 1 or not len(torque):
             raise ValueError
     except (TypeError, ValueError):
-        said = " ".join(reprlib.repr(given).split())
-        raise EstimatorError(f"torque is {said}: give that of a run, (N,) numbers [N m]") from None
-    return found
+        text = " ".join(reprlib.repr(values).split())
+        raise EstimatorError(f"torque is {text}: give that of a run, (N,) numbers [N m]") from None
+    return torque
 
 
 def predict(

@@ -25,20 +25,20 @@ AS_TOLD = "the first seconds hardly move what it acts on, so it stays as it was 
 AS_ABSENT = "the first seconds hardly move what it acts on, so it is taken as absent"
 
 
-def names_of(option: str, given: object, allowed: Sequence[str]) -> tuple[str, ...]:
+def names_of(option: str, names: object, allowed: Sequence[str]) -> tuple[str, ...]:
     """Return names that an option gives, refused where there is no such parameter."""
-    if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray):
+    if isinstance(names, str) or not isinstance(names, Sequence | np.ndarray):
         raise EstimatorError(
-            f"{option} is {given!r}; give names among {', '.join(allowed)}"
+            f"{option} is {names!r}; give names among {', '.join(allowed)}"
             + ("; or 'auto' or 'none'" if option == "learn" else "")
         )
-    for name in given:
+    for name in names:
         if name not in allowed:
             raise EstimatorError(
                 f"{option} names {name!r}, which is no parameter for that: "
                 + did_you_mean(str(name), allowed)
             )
-    return tuple(dict.fromkeys(given))
+    return tuple(dict.fromkeys(names))
 
 
 def is_left(model: Model, name: str, identify: Sequence[str]) -> bool:
@@ -49,12 +49,12 @@ def is_left(model: Model, name: str, identify: Sequence[str]) -> bool:
 
 def learnt_of(model: Model, tracked: Sequence[str], learn: Sequence[str] | str) -> tuple[str, ...]:
     """Return what is learnt once; of "auto" all but what is zero, which gives it no size."""
-    found = structure_names(model, tracked)
+    names = structure_names(model, tracked)
     if learn == "auto":
-        return tuple(n for n in found if n in model.law_parameters or model.nominal[n])
+        return tuple(n for n in names if n in model.law_parameters or model.nominal[n])
     if learn == "none":
         return ()
-    return names_of("learn", learn, found)
+    return names_of("learn", learn, names)
 
 
 def without(model: Model, absent: Sequence[str]) -> Model:
@@ -99,8 +99,10 @@ def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) 
     for i, name in enumerate(thought.names):
         physical = name.removeprefix("1/")
         if physical in deviations:
-            given = above_zero(f"deviations[{physical!r}]", deviations[physical], "its deviation")
-            deviation[i] = given if name == physical else given * thought.start[i] ** 2
+            sd = above_zero(
+                f"deviations[{physical!r}]", deviations[physical], "its deviation"
+            )
+            deviation[i] = known_sd if name == physical else known_sd * thought.start[i] ** 2
     return replace(thought, deviation=deviation)
 
 

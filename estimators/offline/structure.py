@@ -14,14 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.axes import PAPER, real_axis
-from flexaxis.estimators.models.laws import Law
-from flexaxis.estimators.models.meaning import structure
+from flexaxis.estimators.models.axes import N1, PAPER, real_axis, three_mass
+from flexaxis.estimators.models.discretisation import discretize
+from flexaxis.estimators.models.formula import multiply_out
+from flexaxis.estimators.models.laws import INPUT, LAWS, Law
+from flexaxis.estimators.models.meaning import is_axis, structure
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.sizes import Motion, Sizes, measured, moved
+from flexaxis.estimators.offline.predictor import as_torque, respond
 
 Array = NDArray[np.float64]
-
 
 TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
 """What changes while an axis is in use: the paper's three, and dry friction."""
@@ -29,7 +30,160 @@ TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
 TOLD = 0.2  # relative deviation of a parameter that a data sheet or an old log tells
 DAMPING = 0.3  # of one that damps, which hardly anybody measures
 FIRM = 0.1  # of the other parameters of the structure: masses and springs are computed
+SETTLED = 5000  # times of the fastest mode, after which the others have shown how large they are
 BOX = (0.1, 10.0)  # times the start, of all these
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """
+    How far what drives a law moves, rms.
+
+    Attributes
+    ----------
+    drive : float
+        Of what drives it: a speed, a twist, an angle or a torque.
+    force : float
+        Torque of the law that would move its state as the rms input does.
+    rate : float
+        Of the derivative of the drive, over the drive, or of the fastest mode of the model if that
+        is faster [1/s].
+    """
+
+    drive: float
+    force: float
+    rate: float
+
+
+NOMINAL: Mapping[str, Sizes] = {
+    name: Sizes(*kind.nominal) for name, kind in LAWS.items() if kind.nominal
+}
+"""By kind of law, of the nominal axis on its reference."""
+
+
+NOMINAL_STATES = {
+    "twist_gear": 7.5e-4,
+    "twist_arm": 2.2e-3,
+    "speed_motor": 5.0,
+    "speed_gear": 0.09,
+    "speed_arm": 0.22,
+}
+"""By state, likewise."""
+
+
+def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tuple[Law, Sizes]]:
+    """
+    Return the laws of a model with their sizes.
+
+    Parameters
+    ----------
+    model : Model
+    torque : (N,) array_like or None
+        Of a run in which the axis moves [N m]; None stands for the reference of the nominal axis.
+    period : float
+        Sampling period [s].
+
+    Raises
+    ------
+    EstimatorError
+        If the torque cannot be used, or there is none and this is not the nominal axis.
+    """
+    if torque is None:
+        return [(law, _stored(model, law)) for law in model.laws]
+    u = as_torque(torque)
+    if not np.all(np.isfinite(u)) or not u.any():
+        raise EstimatorError("torque must be that of a run in which the axis moves, not all 0")
+    A, B, _ = _matrices(model)
+    fastest = float(max(abs(np.linalg.eigvals(A))))  # a slow reference says nothing of contacts
+    result = []
+    for law in model.laws:
+        drive = np.array([law.drive.get(state, 0.0) for state in model.states])
+        w, change = _respond(model, B, np.array([drive, drive @ A]), u, period)
+        size = float(np.std(w + law.drive.get(INPUT, 0.0) * u))
+        if not size > 0:
+            drives = ", ".join(law.drive)
+            raise EstimatorError(f"the torque does not move {drives}, that drives a law")
+        rate = float(np.sqrt(np.mean((change + (drive @ B) * u) ** 2))) / size
+        force = _force(model, law, B) * float(np.sqrt(np.mean(u**2)))
+        result.append((law, Sizes(size, force, max(rate, fastest))))
+    return result
+
+
+def _matrices(model: Model) -> tuple[Array, Array, Array]:
+    """Return A (n, n), B (n,) and C (n,) of a model without its laws, its output as a speed."""
+    linear = replace(model, laws=())
+    one = linear.parametrize(linear.parameters[:1])
+    A, B, C = one.matrices(one.theta)
+    return A, B[:, 0], C[0] / np.abs(C).sum()
+
+
+def _impulse(model: Model) -> tuple[Array, float]:
+    """Return an impulse (N,) and its period [s]: it moves all modes, and lets all but creep end."""
+    A, _, _ = _matrices(model)
+    return np.eye(1, SETTLED)[0], 1.0 / float(max(abs(np.linalg.eigvals(A))))
+
+
+def _respond(model: Model, B: Array, rows: Array, u: Array, period: float) -> Array:
+    """Return rows @ x (m, N) of the linear model, driven by u (N,) through B (n,), from rest."""
+    transition, gain = discretize(_matrices(model)[0], B[:, None], period)
+    return respond(transition.copy(), gain[:, 0].copy(), rows, u).T
+
+
+def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
+    """
+    Return how far the states (n,) of a model move, rms, as `measured`; zero for angles.
+
+    An angle counts from where it starts.
+    """
+    if torque is None:
+        return np.array([NOMINAL_STATES.get(state, 0.0) for state in model.states])
+    A, B, _ = _matrices(model)
+    moved = np.std(_respond(model, B, np.eye(len(A)), as_torque(torque), period), axis=1)
+    integrates = ~np.any(A, axis=0)  # on which nothing depends
+    return np.where(integrates, 0.0, moved)
+
+
+def _force(model: Model, law: Law, B: Array) -> float:
+    """
+    Return the torque of a law that moves its state as an input of one does.
+
+    Where the input does not act on any of its states, such as friction of a load: that moves the
+    output so.
+    """
+    acts = _acts(model, law)
+    for i in (list(model.states).index(state) for state in law.acts):
+        if B[i] and acts[i]:
+            return abs(float(B[i] / acts[i]))
+    u, period = _impulse(model)
+    output = _matrices(model)[2][None]
+    by_law, by_input = (np.std(_respond(model, b, output, u, period)) for b in (acts, B))
+    return float(by_input / by_law) if by_law > 0 and by_input > 0 else 1.0
+
+
+def _acts(model: Model, law: Law) -> Array:
+    """Return by what (n,) the torque of a law enters the derivatives of the states."""
+    acts = np.zeros(len(model.states))
+    for state, formula in law.acts.items():
+        acts[list(model.states).index(state)] = sum(
+            c * float(np.prod([model.nominal[name] ** e for name, e in powers.items()]))
+            for c, powers in multiply_out(formula)
+        )
+    return acts
+
+
+def _stored(model: Model, law: Law) -> Sizes:
+    """Return the sizes of the nominal axis on its reference, if the model is that."""
+    linear = three_mass(model.nominal) if set(N1) <= set(model.nominal) else None
+    if linear is None or tuple(model.states[: len(linear.states)]) != tuple(linear.states):
+        known = False
+    else:
+        known = is_axis(linear, "n1", [p for p in linear.parameters if p != "r"])
+    if not known or law.kind not in NOMINAL:
+        raise EstimatorError(
+            "how large friction, play and cogging can be is known only of the nominal axis; for "
+            "another one give torque, that of some tens of seconds in which it moves"
+        )
+    return NOMINAL[law.kind]
 
 
 @dataclass(frozen=True)
@@ -102,41 +256,18 @@ def with_laws(
         missing |= dict.fromkeys(("mu_m", "mu_e", "mu_ms", "mu_es"), 0.0)
         missing |= dict.fromkeys(("v_s", "sharpness", "v_0"), 1.0)
     empty = real_axis(missing | dict(nominal))
-    return guessed(empty, told_of(nominal), torque=torque, period=period)
+    start = {
+        name: _guess(role, law, sizes)[0]
+        for law, sizes in measured(empty, torque, period)
+        for role, name in law.own.items()
+        if name not in nominal
+    }
+    return replace(empty, nominal=dict(empty.nominal) | start)
 
 
 def told_of(nominal: Mapping[str, float] | Model) -> tuple[str, ...]:
     """Return the parameters whose values somebody gave: a model of one's own has all of them."""
     return nominal.parameters if isinstance(nominal, Model) else tuple(nominal)
-
-
-def guessed(
-    model: Model,
-    told: Sequence[str],
-    *,
-    torque: ArrayLike | None = None,
-    period: float,
-    motion: Motion | None = None,
-) -> Model:
-    """
-    Return a model with each parameter of its laws that is not told at its start.
-
-    Parameters
-    ----------
-    model : Model
-    told : sequence of str
-    torque, period
-        As for `with_laws`.
-    motion : Motion, optional
-        How the axis moves, in the place of a torque, where its output drives all laws.
-    """
-    start = {
-        name: _guess(role, law, sizes)[0]
-        for law, sizes in _sized(model, torque, period, motion)
-        for role, name in law.own.items()
-        if name not in told
-    }
-    return replace(model, nominal=dict(model.nominal) | start)
 
 
 def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str, ...]:
@@ -156,8 +287,8 @@ def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str
     ]
     # what is zero is not there, and has no size of its own
     linear = [p for p in structure(model) if model.nominal[p]]
-    found = dict.fromkeys([*linear, *laws])
-    return tuple(name for name in found if name not in taken)
+    names = dict.fromkeys([*linear, *laws])
+    return tuple(name for name in names if name not in taken)
 
 
 def prior(
@@ -168,7 +299,6 @@ def prior(
     period: float,
     told: Sequence[str] = (),
     spread: float = TOLD,
-    motion: Motion | None = None,
 ) -> Prior:
     """
     Return what is thought of parameters before they are seen.
@@ -179,8 +309,8 @@ def prior(
         As from `with_laws`.
     names : sequence of str
         Parameters or their inverses; the paper's three have the deviation ``spread``.
-    torque, period, motion
-        As for `guessed`.
+    torque, period
+        As for `with_laws`.
     told : sequence of str
         Parameters of laws that are known; they have the deviation `TOLD` or that of their size,
         whichever is smaller.
@@ -189,7 +319,7 @@ def prior(
     """
     guesses: dict[str, Array] = {}
     if any(name in model.law_parameters for name in names):
-        for law, sizes in _sized(model, torque, period, motion):
+        for law, sizes in measured(model, torque, period):
             for role, name in law.own.items():
                 if name in names:
                     guesses[name] = _guess(role, law, sizes)
@@ -202,12 +332,6 @@ def prior(
             box = sorted(factor * start for factor in BOX)
             rows.append((start, deviation, *box, start))
     return Prior(tuple(names), *np.array(rows, float).reshape(-1, 5).T)
-
-
-def _sized(
-    model: Model, torque: ArrayLike | None, period: float, motion: Motion | None
-) -> list[tuple[Law, Sizes]]:
-    return measured(model, torque, period) if motion is None else moved(model, motion)
 
 
 def _relative(model: Model, name: str, spread: float) -> float:

@@ -1,8 +1,8 @@
 """A model along a record, with derivatives by parameters, initial states, offset and delay."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -179,13 +179,18 @@ class Trajectory:
         size[-1] = 10 * STEP * self.period
         return size
 
+    @cached_property
+    def _late(self) -> Callable[[float], Array]:
+        """The torque by its delay in samples; most unknowns move without it."""
+        return lru_cache(2)(lambda samples: delayed(self.u, samples, smooth=self.smooth))
+
     def _ends(self) -> list[tuple[int, int]]:
         return list(pairwise([*self.begins, len(self.u) - 1]))
 
     def _simulated(self, z: Array) -> tuple[Array, Array]:
         """Return ŷ (N,) and, where laws are solved in steps, derivatives (q, N) by θ and states."""
         p, theta, in_steps = self.p, z[: self.p], self.in_steps
-        torque = delayed(self.u, z[-1] / self.period, smooth=self.smooth) + z[-2]
+        torque = self._late(z[-1] / self.period) + z[-2]
         torque += z[p : self.first] @ self.beside if len(self.beside) else 0.0
         axis = None if in_steps else sampled(self.model, theta, self.period)
         steps = STEPS * law_steps(replace(self.model, theta=theta), self.period) if in_steps else 0

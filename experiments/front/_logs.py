@@ -17,7 +17,7 @@ from flexaxis.experiments.logs.findings import MARKS, texts_of
 from flexaxis.experiments.logs.identify import identify as fitted
 from flexaxis.experiments.logs.importing import Imported, import_any
 from flexaxis.experiments.logs.many import find_logs, identify_many
-from flexaxis.experiments.logs.validate import validate as validated
+from flexaxis.experiments.logs.verdict import validate as validated
 from flexaxis.experiments.running.estimators import parse
 
 Log = Any  # a path, a record, or what `import_log` returned
@@ -165,7 +165,7 @@ def identify(
             many.status,
         )  # fmt: skip
     record = _read(log, columns).record
-    result = fitted(record, axis, fix=tuple(fix), given=laws, **options)
+    result = fitted(record, axis, fix=tuple(fix), levels=laws, **options)
     other = None if validate is None else validated(_read(validate, columns).record, result.axis)
     title = f"{result.axis.model.name} from {record.versions.get('log', 'a record')}"
     page = pages.identification_page(result, record.period, other, title)

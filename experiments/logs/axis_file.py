@@ -202,9 +202,9 @@ def is_smooth(record: Record) -> bool:
 
 def usable(record: Record) -> NDArray[np.bool_]:
     """Return where the output of a record can be used (N,): there, and past the burn-in."""
-    there = np.ones(len(record.time), bool) if record.valid is None else record.valid.copy()
-    there[record.time - record.time[0] < record.burn_in] = False
-    return there
+    ok = np.ones(len(record.time), bool) if record.valid is None else record.valid.copy()
+    ok[record.time - record.time[0] < record.burn_in] = False
+    return ok
 
 
 def output_of(record: Record) -> str:

@@ -15,19 +15,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.colour import colourless
-from flexaxis.estimators.offline.inverse import (
-    Inverse,
-    inverse_dynamics,
-    jackknife,
-    motion_of,
-    pieces,
-)
-from flexaxis.estimators.offline.prediction_error import Fitted
-from flexaxis.estimators.signals import SIGNALS
+from flexaxis.estimators.offline.prediction_error import Fitted, jackknife, pieces
 from flexaxis.experiments.logs.setup import Setup
-from flexaxis.experiments.logs.signals import Log, noise_of
+from flexaxis.experiments.logs.signals import noise_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -40,7 +31,7 @@ LEAST_GAIN = 0.01  # part by which the error of a simulation is to fall, to be w
 SURE = 3.0  # standard deviations of a level of friction, below which it is none
 RIGHT = 1.1  # times its noise, that a simulation leaves where the model is right
 NOTHING = 1e-3  # of the motion, of which no more is said
-ROUNDING = 1e-9  # of a parameter, to which arithmetic is exact
+EXACT = 1e-9  # of a parameter, to which arithmetic and a log of that many digits are exact
 STEPS = 1e-3  # of a parameter of a law, that solving it in steps is off: 0.24 % at 50 Hz
 
 
@@ -71,13 +62,12 @@ class Candidate:
         """Standard deviation of the best simulation of what was held out."""
         return float(np.sqrt(np.mean(self.errors(self.best))))
 
-    @property
+    @cached_property
     def lacks(self) -> bool:
         """Whether it leaves more than noise: the model has not all that acts."""
-        there = self.setup.counted
-        noise, size = noise_of(self.best.residual[there]), float(np.std(self.setup.log.y[there]))
-        noise = max(noise, self.setup.log.rounding)
-        return bool(self.error > max(RIGHT * noise, NOTHING * size))
+        counted, log = self.setup.counted, self.setup.log
+        noise = max(noise_of(self.best.residual[counted]), log.rounding)
+        return bool(self.error > max(RIGHT * noise, NOTHING * float(np.std(log.y[counted]))))
 
     def errors(self, fitted: Fitted, highpass: float | None = None) -> Array:
         """Return mean squares of the errors of a simulation, in parts of what was held out.
@@ -87,12 +77,12 @@ class Candidate:
         ok, corner = self.setup.ok, self.setup.highpass if highpass is None else highpass
         colour = colourless(corner, self.setup.log.period)
         high = colour.high(colour.bridged(fitted.residual, ok))
-        there = np.flatnonzero(self.held & ok)
-        there = there[there >= colour.skip]
+        places = np.flatnonzero(self.held & ok)
+        places = places[places >= colour.skip]
         number = len(HELD_OUT) * PARTS
-        if len(there) < number or not np.isfinite(fitted.square):
+        if len(places) < number or not np.isfinite(fitted.square):
             return np.full(1, np.inf)
-        return np.array([np.mean(high[k] ** 2) for k in np.array_split(there, number)])
+        return np.array([np.mean(high[k] ** 2) for k in np.array_split(places, number)])
 
     def better(self, other: Candidate, highpass: float | None = None) -> bool:
         """Return whether another one simulates better, beyond chance and by what is worth it."""
@@ -131,9 +121,10 @@ def held_out(setup: Setup) -> Flags:
     edges = [*setup.begins, len(held)]
     first = [b + round(AGAIN * (e - b)) * (i > 0) for i, (b, e) in enumerate(pairwise(edges))]
     for piece in HELD_OUT:
-        there = np.flatnonzero(number == piece)
+        places = np.flatnonzero(number == piece)
         runs = [
-            (max(b, there[0]), min(e, there[-1] + 1)) for b, e in zip(first, edges[1:], strict=True)
+            (max(b, places[0]), min(e, places[-1] + 1))
+            for b, e in zip(first, edges[1:], strict=True)
         ]
         begin, end = max(runs, key=lambda run: run[1] - run[0])
         held[begin:end] = True
@@ -157,6 +148,13 @@ class Answer:
     fitted: Fitted
     deviations: Array
 
+    @property
+    def stuck(self) -> list[str]:
+        """The parameters at the bound of the search."""
+        problem, z = self.fitted.problem, self.fitted.z
+        at = (z <= problem.lower * (1 + 1e-9)) | (z >= problem.upper * (1 - 1e-9))
+        return [name for name, side in zip(self.setup.names, at, strict=False) if side]
+
 
 def answer(best: Candidate) -> Answer:
     """Return the fit to the whole log that is believed.
@@ -170,48 +168,26 @@ def answer(best: Candidate) -> Answer:
         fitted = setup.solve(part.z)
         fits.append(Answer(setup, fitted, deviations_of(setup, fitted)))
     fits = [one for one in fits if np.isfinite(one.fitted.square)]
-    inside = [one for one in fits if not stuck(one)] or fits
-    taken = inside[-1 if best.lacks else 0]
-    deviations = taken.deviations
+    inside = [one for one in fits if not one.stuck] or fits
+    chosen = inside[-1 if best.lacks else 0]
+    deviations = chosen.deviations
     for other in inside:
-        off = abs(other.fitted.z - taken.fitted.z)
+        off = abs(other.fitted.z - chosen.fitted.z)
         if best.lacks:
             deviations = np.hypot(deviations, off / 2)
         else:
-            apart = off > 2 * np.hypot(taken.deviations, other.deviations)
+            apart = off > 2 * np.hypot(chosen.deviations, other.deviations)
             deviations = np.where(apart, np.maximum(deviations, off), deviations)
-    return replace(taken, deviations=deviations)
-
-
-def stuck(one: Answer) -> list[str]:
-    """Return the parameters at the bound of the search."""
-    problem, z = one.fitted.problem, one.fitted.z
-    at = (z <= problem.lower * (1 + 1e-9)) | (z >= problem.upper * (1 - 1e-9))
-    return [name for name, side in zip(one.setup.names, at, strict=False) if side]
+    return replace(chosen, deviations=deviations)
 
 
 def deviations_of(setup: Setup, fitted: Fitted) -> Array:
-    """Return standard deviations (q,): for white residuals or over pieces, and of solving laws."""
+    """Return standard deviations (q,): for white residuals or over pieces, and of arithmetic."""
     free, spread = np.diag(fitted.covariance) > 0, np.zeros(len(fitted.z))
     spread[free] = jackknife(fitted.gradient[free], fitted.white, fitted.good)[1]
-    off = np.maximum(abs(fitted.step()), ROUNDING * abs(fitted.z))
-    for i, name in enumerate(setup.names):
-        if fitted.problem.trajectory.in_steps and name in setup.model.law_parameters:
-            off[i] = max(off[i], STEPS * abs(fitted.z[i]))
-    off[~free] = 0.0
-    return np.hypot(np.maximum(fitted.deviations, spread), off)
-
-
-def explain(log: Log, delay: float, names: tuple[str, ...]) -> Inverse | None:
-    """Return the inverse dynamics of a log by some regressors; None where too little moves."""
-    after = np.append(log.y[1:], log.y[-1])
-    later, earlier = SIGNALS[log.output].mean_speed(log.period)
-    angle = (log.angle + np.append(log.angle[1:], log.angle[-1])) / 2
-    torque = np.interp(np.arange(len(log.u)) - delay / log.period, np.arange(len(log.u)), log.u)
-    ok = log.ok & np.append(log.ok[1:], False)
-    speed = later * after + earlier * log.y
-    moved = motion_of(torque, speed, angle, ok, log.period, held=not log.smooth)
-    try:
-        return inverse_dynamics(moved, names)
-    except EstimatorError:
-        return None
+    off = np.maximum(abs(fitted.step()), EXACT * abs(fitted.z))
+    lawful = [name in setup.model.law_parameters for name in setup.names]
+    if fitted.problem.trajectory.in_steps:
+        places = np.flatnonzero(lawful)
+        off[places] = np.maximum(off[places], STEPS * abs(fitted.z[places]))
+    return np.hypot(np.maximum(fitted.deviations, spread), off * free)

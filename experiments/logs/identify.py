@@ -18,8 +18,7 @@ from flexaxis.experiments.logs.fit import Answer, answer
 from flexaxis.experiments.logs.search import FRICTION, Search, Tried
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
-from flexaxis.experiments.logs.validate import Fit, correlation, fit_of
-from flexaxis.experiments.logs.verdict import judged
+from flexaxis.experiments.logs.verdict import Fit, correlation, fit_of, judged
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.record import Record
 
@@ -133,7 +132,7 @@ def identify(
     *,
     free: Sequence[str] = (),
     fix: Sequence[str] = (),
-    given: Mapping[str, float] = MappingProxyType({}),
+    levels: Mapping[str, float] = MappingProxyType({}),
     delay: float | None = None,
     friction: str = "auto",
     gravity: str = "auto",
@@ -150,7 +149,7 @@ def identify(
         Parameters to identify; by default all but k_T and r, and those that a known axis has at 0.
     fix : sequence of str
         Parameters to leave at their nominal values.
-    given : mapping of str to float
+    levels : mapping of str to float
         Values of parameters of the law that `friction` brings: where they start, and stay if fixed.
     delay : float, optional
         Known delay of the torque [s]; it is identified too if not given.
@@ -170,11 +169,11 @@ def identify(
     for option, value, known in (("friction", friction, KINDS), ("gravity", gravity, GRAVITY)):
         if value not in known:
             raise LogError(f"--{option} {value}: it is one of {', '.join(known)}")
-    wanted = FRICTION.get("coulomb" if friction == "auto" else friction, {})
-    if given and (axis.model.laws or not given.keys() <= {*wanted.values()}):
+    roles = FRICTION.get("coulomb" if friction == "auto" else friction, {})
+    if levels and (axis.model.laws or not levels.keys() <= {*roles.values()}):
         known = (*axis.model.parameters, *LAWFUL)
-        hints = "".join(did_you_mean(name, known) for name in given if name not in known)
-        raise LogError(f"--friction {friction} has no {', '.join(given)}.{hints}")
+        hints = "".join(did_you_mean(name, known) for name in levels if name not in known)
+        raise LogError(f"--friction {friction} has no {', '.join(levels)}.{hints}")
     linear = record.versions.get("motion") == "linear"
     corner = axis.highpass if highpass is None else highpass
     log = log_of(record, replace(axis, beside={}))
@@ -195,7 +194,7 @@ def identify(
             "logged; shift its column by whole samples if it is further off"
         )
     falls = "none" if linear and gravity == "auto" else gravity
-    search = Search(setup, axis.known, friction, falls, given, tuple(fix))
+    search = Search(setup, axis.known, friction, falls, levels, tuple(fix))
     return _result(search, axis, record, len(log.u) > MOST)
 
 
@@ -208,14 +207,10 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     values = dict(zip((*setup.names, *setup.beside), fitted.z.tolist(), strict=False))
     model = setup.having({n: values[n] for n in setup.names}).model
     _check_rate(model, log.period)
-    tables = axis.tables
-    if "tau_y" in setup.names:
-        tables = {key: getattr(model, key) for key in ("name", "states", "A", "B", "C")}
     offset = float(fitted.z[-2])
     result = replace(
         axis,
         model=model,
-        tables=tables,
         known=True,
         delay=lag,
         whitening=tuple(fitted.colour.inverse.tolist()),
@@ -231,16 +226,16 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     size = np.r_[list(values.values()), 1.0, log.period]
     time = log.period * np.flatnonzero(fitted.good)
     changes = changes_in(time, fitted.white[fitted.good], (J * size[:, None]).T, tuple(values))  # type: ignore[arg-type]
-    found = judged(search, best, taken, fit, changes)
+    findings = judged(search, best, taken, fit, changes)
     if cut:
         text = f"identified from the {MOST} samples with the greatest torque, of {len(record.time)}"
-        found.append(Finding("info", text))
+        findings.append(Finding("info", text))
     word = "as told" if axis.model.laws else "none"
     if setup.model.laws and not axis.model.laws:
         word = "coulomb" if "f_s" not in setup.model.parameters else "stribeck"
     return Identification(
         result, taken, fit, whole, word, tuple(search.tried),
-        tuple(found), record.versions.get("torque_unit", ""),
+        tuple(findings), record.versions.get("torque_unit", ""),
         record.versions.get("motion") == "linear",
     )  # fmt: skip
 
@@ -248,8 +243,8 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
 def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters to identify: those that are named, or all that a log can show."""
     known = axis.model.parameters
-    wanted = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
-    axis.having(dict.fromkeys(wanted, 1.0))  # raises for unknown names
+    named = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
+    axis.having(dict.fromkeys(named, 1.0))  # raises for unknown names
     usual = [n for n in known if n not in GIVEN and (not axis.known or axis.model.nominal[n])]
     chosen = [name for name in ([n for n in free if n in known] or usual) if name not in fix]
     if not chosen:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -19,7 +20,7 @@ from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.importing import Imported
 from flexaxis.experiments.logs.many import Many
 from flexaxis.experiments.logs.track import Tracked
-from flexaxis.experiments.logs.validate import Validation
+from flexaxis.experiments.logs.verdict import Validation
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.figures import Series, curves
 from flexaxis.experiments.reporting.tables import Cell, Table
@@ -30,8 +31,8 @@ Array = NDArray[np.float64]
 
 MOST = 4000  # points of a curve
 GAPS = 200  # that are shaded: more are a pattern, and seen as one
-PERIODS = 20  # of the motion, that is shown of a log: its liveliest piece
-TOLD = 3  # estimates in the sentence that the page begins with
+PIECE = 500  # samples that are shown of a simulation
+SUREST = 3  # estimates in the sentence that the page begins with
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,9 @@ class Chart:
 
     title: str
     words: str
-    x: str
     panels: Mapping[str, Sequence[Series]]
     options: Mapping[str, Any] = field(default_factory=dict)
+    x: str = "time [s]"
 
     def draw(self, **options: Any) -> Figure:
         """Draw it, as `reporting.figures.curves` does."""
@@ -60,37 +61,41 @@ class LogPage:
         The answer, in one sentence.
     remarks : sequence of Finding
     charts : sequence of Chart
-    tables : sequence of Table
+    tables : mapping of str to DataFrame
+        By their titles.
     """
 
     title: str
     finding: Finding
     remarks: Sequence[Finding]
     charts: Sequence[Chart]
-    tables: Sequence[Table]
+    tables: Mapping[str, pd.DataFrame]
 
     def write(self, path: Path) -> None:
         """Write the page as one HTML file that needs no network."""
-        drawn = [(page.drawn(chart.draw, chart.title), chart.words) for chart in self.charts]
-        content = vars(self) | {"figures": drawn, "marks": MARKS, "version": version("flexaxis"),
-                                "command": LINE.get()}  # fmt: skip
+        content = vars(self) | {
+            "figures": [(page.drawn(one.draw, one.title), one.words) for one in self.charts],
+            "tables": [_table(name, frame) for name, frame in self.tables.items()],
+            "marks": MARKS, "version": version("flexaxis"), "command": LINE.get(),
+        }  # fmt: skip
         write_text(path, page.render("logs/templates/log.html", looks={}, **content))
 
 
-def _table(name: str, heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> Table:
-    """Return a table of texts and numbers."""
-    cells = [[Cell(x if isinstance(x, str) else f"{x:.5g}", x) for x in row] for row in rows]
-    return Table(name, heads, [("", row) for row in cells])
+def _table(name: str, frame: pd.DataFrame) -> Table:
+    rows = [
+        ("", [Cell(x if isinstance(x, str) else f"{x:.5g}", x) for x in row])
+        for row in frame.reset_index().to_numpy()
+    ]
+    return Table(name, [frame.index.name or "", *frame.columns], rows)
 
 
-def _line(x: Array, y: Array, label: str, **more: Any) -> Series:
+def _line(x: Array, y: Array, label: str, role: Any = "data") -> Series:
     """Return a curve of at most `MOST` points, the extremes of each bin."""
     if len(x) > 2 * MOST:
         bins = np.array_split(np.arange(len(x)), MOST // 2)
-        ends = [(b[np.argmin(y[b])], b[np.argmax(y[b])]) for b in bins]
-        k = np.sort(np.ravel(ends))
+        k = np.sort(np.ravel([(b[np.argmin(y[b])], b[np.argmax(y[b])]) for b in bins]))
         x, y = x[k], y[k]
-    return Series(x=x, y=y, label=label, **more)
+    return Series(x=x, y=y, label=label, role=role)
 
 
 def _gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
@@ -101,86 +106,75 @@ def _gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
 
 def import_page(result: Imported, log: str) -> LogPage:
     """Return the page of an import."""
-    checks, record = ordered(result.checks), result.record
-    bad = ", ".join(one.name for one in checks if one.kind == "problem")
+    checks = ordered(result.checks)
     finding = Finding("ok", "Nothing speaks against this log.")
-    if bad:
+    if bad := ", ".join(one.name for one in checks if one.kind == "problem"):
         finding = Finding("problem", f"As it is, this log spoils estimates: {bad}.")
-    rows = [(one.name, one.measured, MARKS[one.kind], one.text, one.command) for one in checks]
-    table = _table("Checks", ["checked", "measured", "", "in words", "what to type"], rows)
-    told = [one for one in checks if one.kind in ("problem", "note")]
-    return LogPage(f"Import of {log}", finding, told, [log_chart(record)], [table])
+    rows = {one.name: (one.measured, MARKS[one.kind], one.text, one.command) for one in checks}
+    heads = ["measured", "", "in words", "what to type"]
+    frame = pd.DataFrame.from_dict(rows, "index", columns=heads).rename_axis("checked")
+    remarks = [one for one in checks if one.kind in ("problem", "note")]
+    return LogPage(
+        f"Import of {log}", finding, remarks, [log_chart(result.record)], {"Checks": frame}
+    )
 
 
 def log_chart(record: Record) -> Chart:
     """Return torque and motion over time."""
     motion = np.asarray(getattr(record, output_of(record)))
     panels = {
-        "torque [as logged]": [_line(record.time, record.torque, "log", role="data")],
-        "speed [rad/s]": [_line(record.time, motion, "log", role="data")],
+        "torque [as logged]": [_line(record.time, record.torque, "log")],
+        "speed [rad/s]": [_line(record.time, motion, "log")],
     }
-    spans = {"spans": _gaps(record.time, usable(record))}
     words = "The log. Shaded: missing, or before the end of the burn-in."
-    return Chart("The log", words, "time [s]", panels, spans)
+    return Chart("The log", words, panels, {"spans": _gaps(record.time, usable(record))})
 
 
 def identification_page(
     result: Identification, period: float, other: Validation | None, title: str
 ) -> LogPage:
     """Return the page of an identification, with its simulation of another log if there is one."""
-    findings = ordered(findings_of(result, other))
+    findings = findings_of(result, other)
     every = zip(result.names, result.theta, result.deviations, strict=True)
     sure = sorted((sd / abs(v), f"{name} = {v:.4g} ± {sd:.1g}") for name, v, sd in every if v)
+    problems = texts_of(findings, "problem")
     text = (
         f"The model simulates {result.fit:.1f} % of what it was not fitted to from the torque "
-        f"alone; surest: {', '.join(text for _, text in sure[:TOLD])}."
+        f"alone; surest: {', '.join(text for _, text in sure[:SUREST])}."
     )
-    against = texts_of(findings, "problem")
-    text += f" These numbers cannot be used: {against[0]}." if against else ""
+    text += f" These numbers cannot be used: {problems[0]}." if problems else ""
     log = result.answer.setup.log
     time = period * np.arange(float(len(log.y)))
-    charts = [_compared("Simulation from the torque", time, log.y, log.y - result.residual, log.ok)]
+    charts = [_compared("Simulation from the torque", time, log.y, log.y - result.residual)]
     if other is not None:
-        ok = np.ones(len(other.time), bool)
         title_of = "Simulation of the other log"
-        charts.append(_compared(title_of, other.time, other.measured, other.simulated, ok))
-    finding = Finding("problem" if against else "ok", text)
-    tables = [estimates_table(result), _table("Trust", ["what", "value"], facts(result, other))]
-    return LogPage(title, finding, findings, charts, tables)
+        charts.append(_compared(title_of, other.time, other.measured, other.simulated))
+    estimates = pd.DataFrame(result.estimates, ["estimate", "± sd"]).T.rename_axis("parameter")
+    tables = {
+        "Estimates": estimates,
+        "Trust": pd.DataFrame({"value": facts(result, other)}).rename_axis("what"),
+    }
+    return LogPage(title, Finding("problem" if problems else "ok", text), findings, charts, tables)
 
 
 def findings_of(result: Identification, other: Validation | None) -> list[Finding]:
-    """Return what was found on both logs, the gravest first."""
+    """Return the findings on both logs, the gravest first."""
     unlike = "" if other is None else other.unlike
     more = [Finding("problem", f"on the other log, {unlike}")] if unlike else []
     return ordered([*more, *result.findings])
 
 
-def estimates_table(result: Identification) -> Table:
-    """Return the estimates; of what stands at a bound, or was given, without a deviation."""
-    rows = [
-        (
-            name,
-            value,
-            f"{sd:.2g}" if sd else "–",
-            f"{100 * sd / abs(value):.2g}" if value and sd else "–",
-        )
-        for name, (value, sd) in result.estimates.items()
-    ]
-    return _table("Estimates", ["parameter", "estimate", "± sd", "[%]"], rows)
-
-
-def facts(result: Identification, other: Validation | None) -> list[tuple[str, str]]:
+def facts(result: Identification, other: Validation | None) -> dict[str, str]:
     """Return how far to trust an identification: names and values."""
-    told = [
-        ("units", result.units),
-        ("law of friction", result.friction),
-        ("simulation of held-out pieces from the torque alone", f"{result.fit:.1f} %"),
-        ("simulation of the whole log", f"{result.whole.percent:.1f} %"),
-        ("correlation of white residuals", f"{result.correlation:.3f}"),
-    ]
+    told = {
+        "units": result.units,
+        "law of friction": result.friction,
+        "simulation of held-out pieces from the torque alone": f"{result.fit:.1f} %",
+        "simulation of the whole log": f"{result.whole.percent:.1f} %",
+        "correlation of white residuals": f"{result.correlation:.3f}",
+    }
     if other is not None:
-        told.append(("simulation of the other log", f"{other.fit.percent:.1f} %"))
+        told["simulation of the other log"] = f"{other.fit.percent:.1f} %"
     return told
 
 
@@ -200,22 +194,18 @@ def content(result: Identification, other: Validation | None) -> dict[str, Any]:
     }
 
 
-def _compared(title: str, time: Array, y: Array, simulated: Array, ok: NDArray[np.bool_]) -> Chart:
+def _compared(title: str, time: Array, y: Array, simulated: Array) -> Chart:
     """Return the liveliest piece of a log with its simulation, and the error."""
-    # a sine moves by its angular frequency times itself
-    rate = float(np.std(np.diff(simulated[ok])) / max(float(np.std(simulated[ok])), 1e-300))
-    length = int(np.clip(PERIODS * 2 * np.pi / max(rate, 1e-9), 20, len(time) // 2))
-    power = np.convolve(np.where(ok, y, 0.0) ** 2, np.ones(length), "valid")
-    piece = slice(int(np.argmax(power)), int(np.argmax(power)) + length)
-    t = time[piece]
+    power = np.cumsum(np.r_[0.0, np.nan_to_num(y) ** 2])
+    length = min(PIECE, len(y))
+    begin = int(np.argmax(power[length:] - power[:-length]))
+    piece = slice(begin, begin + length)
+    t, y, simulated = time[piece], y[piece], simulated[piece]
     panels = {
-        "speed [rad/s]": [
-            _line(t, y[piece], "log", role="data"),
-            _line(t, simulated[piece], "simulation", role="truth"),
-        ],
-        "error [rad/s]": [_line(t, (y - simulated)[piece], "error", role="data")],
+        "speed [rad/s]": [_line(t, y, "log"), _line(t, simulated, "simulation", "truth")],
+        "error [rad/s]": [_line(t, y - simulated, "error")],
     }
-    return Chart(title, "The liveliest piece, simulated from the torque alone.", "time [s]", panels)
+    return Chart(title, "The liveliest piece, simulated from the torque alone.", panels)
 
 
 def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log: str) -> LogPage:
@@ -229,21 +219,16 @@ def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log:
     problems : sequence of str
         What spoils estimates from this log.
     log : str
-        Name of the log, and the line that makes this again.
+        Name of the log.
     """
     first, *more = result.findings
-    told = [*(Finding("problem", f"the log: {text}") for text in problems), *more]
+    remarks = [*(Finding("problem", f"the log: {text}") for text in problems), *more]
     finding = Finding("problem" if problems else first.kind, first.text)
+    last = {"last estimate": result.last, "nominal": result.nominal}
+    frame = pd.DataFrame(last, result.names).rename_axis("parameter")
+    frame["over nominal"] = result.last / result.nominal
     chart = estimates_chart(result, estimator)
-    return LogPage(f"{estimator} on {log}", finding, told, [chart], [last_table(result)])
-
-
-def last_table(result: Tracked) -> Table:
-    """Return name, last estimate, nominal value and their ratio, a row each."""
-    rows = [
-        *zip(result.names, result.last, result.nominal, result.last / result.nominal, strict=True)
-    ]
-    return _table("Last estimates", ["parameter", "last estimate", "nominal", "over nominal"], rows)
+    return LogPage(f"{estimator} on {log}", finding, remarks, [chart], {"Last estimates": frame})
 
 
 def estimates_chart(result: Tracked, estimator: str) -> Chart:
@@ -261,7 +246,7 @@ def estimates_chart(result: Tracked, estimator: str) -> Chart:
     marks += [(float(at), "alarm") for at in result.alarms]
     words = "Estimates over nominal, ±2σ as the estimator claims. Vertical: changes and alarms."
     spans = _gaps(result.time, result.usable)
-    return Chart("Estimates", words, "time [s]", panels, {"marks": marks, "spans": spans})
+    return Chart("Estimates", words, panels, {"marks": marks, "spans": spans})
 
 
 def many_page(result: Many, title: str) -> LogPage:
@@ -269,14 +254,12 @@ def many_page(result: Many, title: str) -> LogPage:
     table, k = result.table, np.arange(1.0, len(result.table) + 1)
     panels = {}
     for name, one in result.explained.items():
-        sd = table[f"{name}_sd"].to_numpy()
-        y = table[name].to_numpy()
-        points = Series(x=k, y=y, low=y - 2 * sd, high=y + 2 * sd, kind="points", label="log, ±2σ")
+        y, band = table[name].to_numpy(), 2 * table[f"{name}_sd"].to_numpy()
+        points = Series(x=k, y=y, low=y - band, high=y + band, kind="points", label="log, ±2σ")
         panels[name] = [points, Series(x=k, y=one.fitted, role="truth", label="explained")]
     words = "Each log with ±2σ; the line is what covariates and a change explain."
-    chart = Chart("Estimates over the logs", words, "log", panels)
-    rows = [[name, *row] for name, row in zip(table.index, table.to_numpy(), strict=True)]
+    chart = Chart("Estimates over the logs", words, panels, x="log")
     return LogPage(
         title, result.findings[0], result.findings[1:], [chart],
-        [_table("Estimates", ["log", *table.columns], rows)],
+        {"Estimates": table.rename_axis("log")},
     )  # fmt: skip

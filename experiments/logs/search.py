@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import BRISTLES, STATIC
-from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.inverse import Inverse
-from flexaxis.estimators.offline.prediction_error import Fitted, damped_step
-from flexaxis.estimators.offline.sizes import motion
-from flexaxis.estimators.offline.structure import guessed, prior
+from flexaxis.estimators.offline.inverse import inverse_dynamics
+from flexaxis.estimators.offline.prediction_error import damped_step
+from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.fit import SURE, Candidate, candidate, explain
+from flexaxis.experiments.logs.fit import SURE, Candidate, candidate
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import columns_beside
 from flexaxis.experiments.logs.spectra import (
@@ -42,14 +40,16 @@ FRICTION: Mapping[str, Mapping[str, str]] = {
 """Laws of dry friction of the motor: roles, and parameters of those names."""
 STIFF = 100.0  # rad a sample, at which bristles swing that stand for Coulomb's friction
 LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
+LEVEL, BREAKAWAY = 3.0, 5.0  # of the rms torque, that f_c and f_s may come to
+SHAPES = {"alpha": (10.0, 1.0, 50.0), "beta": (20.0, 1.0, 100.0)}
+"""Start and bounds of the shape of Stribeck's hump, over the rms speed."""
 LINEAR = ("inertia", "viscous", "dry", "constant")
 RIGID = {"J_m": "inertia", "f_m": "viscous", "f_c": "dry"}
-GRAVITY, SIDED = ("g_sin", "g_cos"), ("f_sided",)
-CERTAIN, MOVES = 5.0, 0.01  # deviations of a regressor, and part of the torque, to be tried
+GRAVITY, SIDED = {"g_sin": "sine", "g_cos": "cosine"}, {"f_sided": "sided"}
+CERTAIN = 5.0  # deviations of a regressor, to be tried
 TURN = 0.5  # rad of the load, below which gravity is about a constant
 DRIFT = 0.5  # of the variance that a simulation leaves, that lies below the excitation
 EARLY = 4.0  # samples, by which a torque is looked for before it is logged
-FILTERED = 0.5  # samples of delay, from which on a speed may be filtered
 ENOUGH, QUICK = 10_000, 4000  # samples, to tell which start is the best, and where not
 LIKELY, RUNGS = 3, 6  # starts that are looked at twice, and resonances that are tried
 FASTEST = 1.0  # rad a sample, of these
@@ -88,7 +88,7 @@ class Search:
         Whether its nominal values are somebody's, and not a rough guess of their size.
     friction : {"auto", "none", "coulomb", "stribeck"}
     gravity : {"auto", "none", "sine"}
-    given : mapping of str to float
+    levels : mapping of str to float
         Values of parameters of the law of friction: starts, or what they stay at if fixed.
     fix : tuple of str
     tried : list of Tried
@@ -99,7 +99,7 @@ class Search:
     known: bool
     friction: str = "auto"
     gravity: str = "auto"
-    given: Mapping[str, float] = field(default_factory=dict)
+    levels: Mapping[str, float] = field(default_factory=dict)
     fix: tuple[str, ...] = ()
     tried: list[Tried] = field(default_factory=list)
 
@@ -112,20 +112,23 @@ class Search:
         if corner and self.setup.highpass is None and self._drifts(best, corner):
             other = self._searched(replace(self.setup, highpass=corner))
             best = self._taken(f"residuals above {corner:g} Hz only", best, other, highpass=corner)
-        return self._filtered(self._early(best))
+        return self._early(best)
 
     def _guess(self) -> dict[str, float]:
         """Return the size of the parameters, by the frequency response or the inverse dynamics."""
-        if self._seen is not None:
-            return rough_guess(self.setup.model, self._seen)
-        rigid = self._rigid
-        known = rigid is not None and set(self.setup.names) <= RIGID.keys()
-        return {n: abs(rigid.value[RIGID[n]]) for n in self.setup.names} if rigid and known else {}
+        seen = self._seen
+        return rough_guess(self.setup.model, seen) if seen else self._rigid_start(self.setup)
+
+    def _rigid_start(self, setup: Setup) -> dict[str, float]:
+        """Return parameters of a rigid axis by its inverse dynamics; none of any other."""
+        if not self._rigid or not set(setup.names) <= RIGID.keys():
+            return {}
+        k_T = setup.model.nominal.get("k_T", 1.0)
+        return {name: abs(k_T * self._rigid[RIGID[name]][0]) for name in setup.names}
 
     def _searched(self, setup: Setup) -> Candidate:
         """Return a setup with the friction and what else acts beside the torque."""
-        best, kind = self._beside(self._fitted(setup), GRAVITY, "sine", "cosine"), self.friction
-        model = setup.model
+        best, kind, model = self._beside(self._fitted(setup), GRAVITY), self.friction, setup.model
         able = "speed_motor" in model.states and "J_m" in model.parameters
         if kind in FRICTION and not (able or model.laws):
             raise LogError(
@@ -134,14 +137,14 @@ class Search:
             )
         if able and not model.laws:
             dry = self._rubbing(best, "stribeck" if kind == "stribeck" else "coulomb")
-            if kind in FRICTION or self.given:
+            if kind in FRICTION or self.levels:
                 best = dry
             else:
                 better = self._taken("dry friction", best, dry, "f_c")
                 best = best if kind == "none" else better
             if kind == "auto" and best is dry and best.lacks:
                 best = self._taken("Stribeck's hump", best, self._rubbing(best, "stribeck"), "f_s")
-        return self._beside(best, SIDED, "sided")
+        return self._beside(best, SIDED)
 
     def _taken(
         self,
@@ -154,7 +157,7 @@ class Search:
         """Return the other one where it simulates better and is sure, else the first; note it."""
         sizes = [float(np.sqrt(np.mean(c.errors(c.best, highpass)))) for c in (best, other)]
         taken = best.better(other, highpass) and other.sure(*sure)
-        self.tried.append(Tried(name, *sizes, taken))  # type: ignore[arg-type, call-arg]
+        self.tried.append(Tried(name, sizes[0], sizes[1], taken))
         return other if taken else best
 
     def _corner(self) -> float | None:
@@ -165,91 +168,79 @@ class Search:
         return corner if corner > 2 / (len(log.u) * log.period) else None
 
     def _drifts(self, best: Candidate, corner: float) -> bool:
-        above, all_of = (float(np.mean(best.errors(best.best, c))) for c in (corner, None))
-        return above < (1 - DRIFT) * all_of
+        above, whole = (float(np.mean(best.errors(best.best, c))) for c in (corner, None))
+        return above < (1 - DRIFT) * whole
 
-    def _beside(self, best: Candidate, names: Sequence[str], *regressors: str) -> Candidate:
+    def _beside(self, best: Candidate, regressors: Mapping[str, str]) -> Candidate:
         """Return it with what acts beside the torque, where that is stated or simulates better."""
-        log, asked = self.setup.log, self.gravity == "sine" and names is GRAVITY
+        log, asked = self.setup.log, self.gravity == "sine" and regressors is GRAVITY
         turns = self.gravity != "none" and float(np.ptp(log.angle[log.ok])) > TURN
         if not asked:
-            if best.setup.highpass is not None or (names is GRAVITY and not turns):
+            if best.setup.highpass is not None or (regressors is GRAVITY and not turns):
                 return best
-            more = ("sine", "cosine") if turns else ()
-            seen = explain(log, 0.0, (*LINEAR, "sided", *more))
-            if seen is None or max(map(seen.sure, regressors)) < CERTAIN:
-                return best
-            if seen.gain(regressors) < MOVES:
+            seen = self._explained(*LINEAR, "sided", *(("sine", "cosine") if turns else ()))
+            pairs = [seen[name] for name in regressors.values()] if seen else []
+            if all(abs(value) < CERTAIN * sd for value, sd in pairs):
                 return best
         columns = columns_beside(log.angle, log.y, log.period)
-        setup = replace(
-            best.setup,
-            beside=best.setup.beside | {name: columns[name] for name in names},  # type: ignore[operator]
-        )
-        at = len(setup.names) + len(best.setup.beside)
-        other = candidate(setup, np.insert(best.best.z, [at] * len(names), 0.0))
-        return other if asked else self._taken(" and ".join(names), best, other, *names)
+        beside = dict(best.setup.beside) | {name: columns[name] for name in regressors}
+        at = len(best.setup.names) + len(best.setup.beside)
+        start = np.insert(best.best.z, [at] * len(regressors), 0.0)
+        other = candidate(replace(best.setup, beside=beside), start)
+        return other if asked else self._taken(" and ".join(regressors), best, other, *regressors)
 
     def _rubbing(self, best: Candidate, kind: str) -> Candidate:
         """Return it with a law of friction, from where it fits without."""
-        setup, lag = best.setup.having(best.setup.values(best.best)), float(best.best.z[-1])
-        model, log, roles = setup.model, setup.log, dict[str, str | float](FRICTION[kind])
-        linear = replace(model, laws=())
-        model = replace(linear, nominal={n: model.nominal[n] for n in linear.parameters})
+        setup, log = best.setup.having(best.setup.values(best.best)), self.setup.log
+        linear, roles = replace(setup.model, laws=()), dict[str, str | float](FRICTION[kind])
+        nominal = {name: setup.model.nominal[name] for name in linear.parameters}
         if kind == "coulomb":
-            roles["stiffness"] = (STIFF / log.period) ** 2 * abs(model.nominal["J_m"])
+            roles["stiffness"] = (STIFF / log.period) ** 2 * abs(nominal["J_m"])
         law = replace(STATIC if kind == "stribeck" else BRISTLES, parameters=roles)
-        moves = motion(log.u[log.ok], log.y[log.ok], log.period)
-        nominal = dict(model.nominal) | dict.fromkeys(law.names, 1.0)
-        model = guessed(
-            replace(model, laws=(law,), nominal=nominal), model.parameters,
-            period=log.period, motion=moves,
+        k_T, speed = abs(nominal.get("k_T", 1.0)), float(np.sqrt(np.mean(log.y[log.ok] ** 2)))
+        torque = k_T * float(np.std(log.u[log.ok]))
+        level = max(k_T * self._rigid.get("dry", (0.0, 0.0))[0], LEAST_LEVEL * torque)
+        box = {"f_c": (0.0, LEVEL * torque), "f_s": (0.0, BREAKAWAY * torque)}
+        start = {"f_c": level, "f_s": LEAST_LEVEL * torque}
+        for name, (usual, low, high) in SHAPES.items():
+            start[name], box[name] = usual / speed, (low / speed, high / speed)
+        start = {name: start[name] for name in law.names} | dict(self.levels)
+        names = [n for n in setup.names if n in linear.parameters and n not in law.names]
+        names += [n for n in law.names if n not in self.fix]
+        setup = replace(
+            setup, model=replace(linear, laws=(law,), nominal=nominal | start), names=tuple(names),
+            box={name: box[name] for name in law.names},
         )  # fmt: skip
-        k_T = model.nominal.get("k_T", 1.0)
-        dry = 0.0 if self._rigid is None else self._rigid.value["dry"]
-        level = abs(k_T) * max(dry, LEAST_LEVEL * float(np.std(log.u[log.ok])))
-        model = replace(model, nominal=dict(model.nominal) | {"f_c": level} | dict(self.given))
-        thought = prior(model, law.names, period=log.period, motion=moves)
-        box = {
-            name: (0.0 if name == "f_c" else low, high)
-            for name, low, high in zip(law.names, thought.lower, thought.upper, strict=True)
-        }
-        own = tuple(name for name in law.names if name not in self.fix)
-        names = (*(n for n in setup.names if n in model.parameters and n not in law.names), *own)
-        setup = replace(setup, model=model, names=names, box=box)
-        places = [(model.parametrize(names).theta, lag), *self._places(setup, level / k_T)]
-        return candidate(setup, self._explored(setup, places).z)
+        places = [(setup.start, float(best.best.z[-1])), *self._places(setup, level / k_T)]
+        return self._explored(setup, places)
 
     @cached_property
-    def _rigid(self) -> Inverse | None:
+    def _rigid(self) -> dict[str, tuple[float, float]]:
         """The inverse dynamics of the log as that of a rigid axis."""
-        return explain(self.setup.log, self.setup.delay or 0.0, LINEAR)
+        return self._explained(*LINEAR, delay=self.setup.delay or 0.0)
+
+    def _explained(self, *names: str, delay: float = 0.0) -> dict[str, tuple[float, float]]:
+        """Return coefficients of the inverse dynamics, with deviations; empty if little moves."""
+        log = self.setup.log
+        after, k = np.append(log.y[1:], log.y[-1]), np.arange(len(log.u))
+        later, earlier = SIGNALS[log.output].mean_speed(log.period)
+        angle = (log.angle + np.append(log.angle[1:], log.angle[-1])) / 2
+        torque = np.interp(k - delay / log.period, k, log.u)
+        ok = log.ok & np.append(log.ok[1:], False)
+        speed = later * after + earlier * log.y
+        return inverse_dynamics(torque, speed, angle, ok, log.period, names)
 
     def _early(self, best: Candidate) -> Candidate:
         """Return it with a torque that acts before it is logged, where the fit pulls that way."""
         fitted, setup = best.white, best.setup
         if setup.log.smooth or setup.delay is not None or fitted.z[-1] > setup.earliest:
             return best
-        J = fitted.gradient[:, fitted.good]
-        pull = damped_step(J @ J.T, J @ fitted.white[fitted.good], 0.0)[-1]
-        if pull > -SURE * fitted.deviations[-1]:
+        if damped_step(*fitted.curvature, 0.0)[-1] > -SURE * fitted.deviations[-1]:
             return best
         setup = replace(setup, early=EARLY)
-        places = [(best.best.z[: len(setup.names)], -k * setup.log.period) for k in (0.5, 1.5, 2.5)]
-        other = candidate(setup, self._explored(setup, places).z)
+        theta, lags = best.best.z[: len(setup.names)], -setup.log.period * np.array([0.5, 1.5, 2.5])
+        other = self._explored(setup, [(theta, float(lag)) for lag in lags])
         return self._taken("a torque that acts before it is logged", best, other)
-
-    def _filtered(self, best: Candidate) -> Candidate:
-        """Return it with a speed behind a low-pass, where delay and errors look like one."""
-        setup, late = best.setup, float(best.best.z[-1])
-        one = setup.log.output == "speed" and setup.model.C.count("1") == 1
-        if not one or not best.lacks or late < FILTERED * setup.log.period:
-            return best
-        model = behind_lowpass(setup.having(setup.values(best.best)).model, late)
-        setup = replace(setup, model=model, names=(*setup.names, "tau_y"))
-        place = model.parametrize(setup.names).theta, 0.0
-        other = candidate(setup, self._explored(setup, [place]).z)
-        return self._taken("a speed behind a low-pass", best, other, "tau_y")
 
     def _fitted(self, setup: Setup) -> Candidate:
         places = self._places(setup, 0.0)
@@ -257,14 +248,11 @@ class Search:
             self._response()  # raises the error
         if not self.known and (seen := self._seen) is not None:
             # slow motion shows a spring below its resonance, where no peak says where to start
-            rungs = np.geomspace(seen.omega[0], FASTEST / setup.log.period, RUNGS)
-            guesses = [setup.having(rough_guess(setup.model, seen, rung)) for rung in rungs]
-            starts = [(one.model.parametrize(setup.names).theta, 0.0) for one in guesses]
-            if not np.array_equal(starts[0][0], starts[-1][0]):
-                quick = setup.part(QUICK)
-                left = [quick.solve(*at, rounds=1, search=True, plain=True).square for at in starts]
-                places += [starts[i] for i in np.argsort(left)[:2]]
-        return candidate(setup, self._explored(setup, places).z)
+            for resonance in np.geomspace(seen.omega[0], FASTEST / setup.log.period, RUNGS):
+                rung = setup.having(rough_guess(setup.model, seen, resonance))
+                if not np.array_equal(rung.start, setup.start):  # an axis without a resonance
+                    places.append((rung.start, 0.0))
+        return self._explored(setup, places)
 
     @cached_property
     def _seen(self) -> Spectra | None:
@@ -285,66 +273,43 @@ class Search:
         linear = replace(setup.model, laws=())
         own = tuple(name for name in setup.names if name in linear.parameters)
         for floor in (STRONG, 0.0):
-            try:
+            with suppress(LogError):
                 theta, lag = fit_response(
                     linear, self._response(level, floor), identify=own, period=setup.log.period,
                     output=setup.log.output, delay=setup.delay, earliest=setup.earliest,
                 )  # fmt: skip
-            except LogError:
-                continue
-            values = dict(setup.model.nominal) | dict(zip(own, theta.tolist(), strict=True))
-            places.append((np.array([values[name] for name in setup.names]), lag))
+                values = dict(zip(own, theta.tolist(), strict=True))
+                places.append((setup.having(values).start, lag))
         if self.known:
-            places.append((setup.model.parametrize(setup.names).theta, 0.0))
-        rigid = self._rigid
-        if rigid is not None and set(setup.names) <= RIGID.keys():
-            values = [rigid.value[RIGID[name]] for name in setup.names]  # type: ignore[assignment]
-            places.append((np.array(values) * setup.model.nominal.get("k_T", 1.0), 0.0))
+            places.append((setup.start, 0.0))
+        if rigid := self._rigid_start(setup):
+            places.append((setup.having(rigid).start, 0.0))
         return places
 
-    def _explored(self, setup: Setup, places: Sequence[Place]) -> Fitted:
-        """Return the best of a few rounds from each place, on a part of the log that is enough.
+    def _explored(self, setup: Setup, places: Sequence[Place]) -> Candidate:
+        """Return a setup fitted from the best of some places, on parts of the log that are enough.
 
         A rich model of the noise explains what a model that is far off leaves, and little leads
-        away from there, so that noise is taken for white at first.
+        away from there, so that noise is taken for white at first; where an axis drifts, that is
+        what parameters would explain.
         """
-        short = setup.part(ENOUGH)
-        tried = [
-            short.solve(*place, rounds=2, search=True, plain=plain)
+        quick, short = setup.part(QUICK), setup.part(ENOUGH)
+        likely = sorted(
+            (quick.solve(*at, rounds=1, search=True, plain=True).square, i)
+            for i, at in enumerate(places)
+        )
+        fits = [
+            short.solve(*places[i], rounds=2, search=True, plain=plain)
+            for _, i in likely[:LIKELY]
             for plain in (setup.whiten, False)
-            for place in (places if plain else places[:LIKELY])
         ]
-        likely = sorted(tried, key=lambda fitted: fitted.square)[:LIKELY]
-        again = [short.solve(one.z, rounds=2, plain=True, search=True) for one in likely]
-        best = min([*likely, *again], key=lambda fitted: fitted.square)
+        best = min(fits, key=lambda fitted: fitted.square)
         if not np.isfinite(best.square):
             raise LogError(
                 "no start could be simulated over the log: give nominal values of the right size, "
                 "with --start NAME=VALUE"
             )
-        if len(short.log.u) == len(setup.log.u):
-            return best
-        # a part has an initial state of its own, so that no more than parameters are taken from it
-        return setup.solve(best.z[: len(setup.names)], float(best.z[-1]), rounds=2, search=True)
-
-
-def behind_lowpass(model: Model, tau: float) -> Model:
-    """Return a model whose speed is read behind a first-order low-pass.
-
-    Examples
-    --------
-    >>> from flexaxis.estimators.models.axes import one_mass
-    >>> behind_lowpass(one_mass({"k_T": 1.0, "J_m": 1e-3, "f_m": 0.01}), 0.005).A[1]
-    ('1/tau_y', '-1/tau_y')
-    """
-    own = tuple("1/tau_y" if entry == "1" else "0" for entry in model.C)
-    return replace(
-        model,
-        name=f"{model.name}, filtered speed",
-        states=(*model.states, "speed_filtered"),
-        A=(*((*row, "0") for row in model.A), (*own, "-1/tau_y")),
-        B=(*model.B, "0"),
-        C=(*("0" for _ in own), "1"),
-        nominal=dict(model.nominal) | {"tau_y": tau},
-        positive=(*model.positive, "tau_y"),
-    )
+        if len(short.log.u) < len(setup.log.u):  # a part has an initial state of its own
+            theta, lag = best.z[: len(setup.names)], float(best.z[-1])
+            best = setup.solve(theta, lag, rounds=2, search=True)
+        return candidate(setup, best.z)

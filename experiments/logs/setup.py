@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -76,7 +76,7 @@ class Setup:
         latest = self.latest if self.delay is None else max(self.delay, 0.0)
         return int(np.ceil(latest / self.log.period - 1e-9)) + self.log.smooth
 
-    @property
+    @cached_property
     def ok(self) -> Flags:
         """Usable samples (N,) but for those in which the torque of a gap may act."""
         ok = self.log.ok.copy()
@@ -87,7 +87,7 @@ class Setup:
     @property
     def counted(self) -> Flags:
         """Samples (N,) that count: where a stretch begins an increment has no past."""
-        ok = self.ok
+        ok = self.ok.copy()
         ok[self.begins] = False
         return ok
 
@@ -101,47 +101,44 @@ class Setup:
         """Greatest delay to look for [s]."""
         return min(max(LATEST[0], LATEST[1] * self.log.period), 0.1 * len(self.log.u))
 
+    @property
+    def start(self) -> Array:
+        """The nominal values of what is identified."""
+        return self.model.parametrize(self.names).theta
+
     def problem(self, without: Flags | None = None) -> Problem:
         """Return it as a problem, without some samples if these are held out."""
-        log, beside = self.log, np.array([*self.beside.values()]).reshape(-1, len(self.log.u))
-        along = self._course(self.begins, beside)
-        lower, upper = self._bounds(along)
+        log = self.log
+        along = trajectory(
+            self.model, self.names, log.u, period=log.period, output=log.output,
+            smooth=log.smooth, resting=log.resting, begins=self.begins,
+            beside=np.array([*self.beside.values()]).reshape(-1, len(log.u)),
+        )  # fmt: skip
         held = np.zeros(along.q, bool)
         held[-2:] = self.highpass is not None, self.delay is not None  # no offset passes a filter
         for state in along.states:
             # how bristles are bent at first is forgotten once they have given, and seen by nothing
             held[state.start + len(self.model.states) : state.stop] = True
-        ok = self.counted
-        if without is not None:
-            ok &= ~without
-        return Problem(along, log.y, ok, lower, upper, held, self.whiten, self.highpass)
-
-    def _course(self, begins: Sequence[int], beside: Array | None = None) -> Trajectory:
-        log = self.log
-        return trajectory(
-            self.model, self.names, log.u, period=log.period, output=log.output,
-            smooth=log.smooth, resting=log.resting, begins=begins, beside=beside,
-        )  # fmt: skip
+        ok = self.counted if without is None else self.counted & ~without
+        return Problem(along, log.y, ok, *self._bounds(along), held, self.whiten, self.highpass)
 
     def _bounds(self, along: Trajectory) -> tuple[Array, Array]:
-        theta = self.model.parametrize(self.names).theta
-        lower, upper = np.full(along.q, -np.inf), np.full(along.q, np.inf)
-        for i, name in enumerate(self.names):
+        """Return the box (q,): states stay near what was measured, on its side of zero."""
+        lower, upper, log = np.full(along.q, -np.inf), np.full(along.q, np.inf), self.log
+        for i, (name, start) in enumerate(zip(self.names, self.start, strict=True)):
             lawful = name in self.model.law_parameters
-            usual = (0.0, np.inf) if lawful else np.sort([theta[i] / REACH, theta[i] * REACH])
+            usual = (0.0, np.inf) if lawful else np.sort([start / REACH, start * REACH])
             lower[i], upper[i] = self.box.get(name, usual)
         lower[-1], upper[-1] = min(self.earliest, self.delay or 0.0), self.latest
-        log, states = self.log, self.model.states
         # a start of a search may be an axis whose load is seen by nothing
-        sizes = float(abs(log.y[log.ok]).max()), float(np.ptp(log.angle))
-        most = [FAR * sizes[not name.startswith("speed")] for name in states]
+        speed, angle = FAR * float(abs(log.y[log.ok]).max()), FAR * float(np.ptp(log.angle))
+        most = [speed if name.startswith("speed") else angle for name in self.model.states]
         for state, speeds in zip(along.states, self._speeds(along), strict=True):
-            if len(along.begins) > 1:
-                size = min(len(most), state.stop - state.start)
-                lower[state][:size], upper[state][:size] = np.negative(most[:size]), most[:size]
+            if state.stop > state.start and len(along.begins) > 1:
+                upper[state][: len(most)] = most
+                lower[state][: len(most)] = np.negative(most)
             # on the wrong side of dry friction's sign a fit would stay there
-            lower[state][speeds > 0] = 0.0
-            upper[state][speeds < 0] = 0.0
+            lower[state][speeds > 0] = upper[state][speeds < 0] = 0.0
         return lower, upper
 
     def _speeds(self, along: Trajectory) -> list[Array]:
@@ -171,40 +168,24 @@ class Setup:
 
         By default it starts at the nominal values.
         """
-        problem, p = self.problem(without), len(self.names)
-        begin = self.model.parametrize(self.names).theta if start is None else start
-        if len(begin) == problem.trajectory.q:
-            z = np.clip(begin, problem.lower, problem.upper)
-        else:
-            lag = float(begin[-1]) if len(begin) > p else lag if self.delay is None else self.delay
-            z = self._start(problem, begin[:p], lag)
+        problem, z = self.problem(without), self.start if start is None else start
+        if len(z) != problem.trajectory.q:
+            z = self._begun(problem, z, 0.0, lag if self.delay is None else self.delay).z
         return fit(problem, z, rounds=rounds, search=search, plain=plain)
-
-    def _start(self, problem: Problem, theta: Array, delay: float) -> Array:
-        """Return unknowns (q,) at parameters and a delay, the others by a few linear steps."""
-        along = problem.trajectory
-        z = np.zeros(along.q)
-        z[: len(theta)], z[-1] = theta, delay
-        z[along.first : -2] = np.concatenate(self._speeds(along))
-        return self.settled(problem, z, len(theta)).z
-
-    def settled(self, problem: Problem, z: Array, fixed: int) -> Fitted:
-        """Return the fit in white noise from z (q,), of which the first stay, and the delay."""
-        held = problem.held.copy()
-        held[:fixed], held[-1] = True, True
-        rest = replace(problem, held=held)
-        return rest.descend(rest.at(z), SETTLING)[0]
 
     def begun(self, offset: float, delay: float) -> Fitted:
         """Return the fit of how a log begins, and goes on behind gaps, where all else is known."""
         problem = self.problem()
-        z = np.zeros(problem.trajectory.q)
-        theta = self.model.parametrize(self.names).theta
-        z[: len(theta)], z[-2:] = theta, (offset, delay)
-        z[problem.trajectory.first : -2] = np.concatenate(self._speeds(problem.trajectory))
-        held = problem.held.copy()
-        held[-2] = True
-        return self.settled(replace(problem, held=held), z, problem.trajectory.first)
+        problem.held[-2] = True
+        return self._begun(problem, self.start, offset, delay)
+
+    def _begun(self, problem: Problem, theta: Array, offset: float, delay: float) -> Fitted:
+        """Return a few steps to all but parameters and delay, in white noise."""
+        along, held = problem.trajectory, problem.held.copy()
+        held[: len(theta)] = held[-1] = True
+        rest, states = replace(problem, held=held), np.concatenate(self._speeds(along))
+        z = np.r_[theta, np.zeros(along.first - len(theta)), states, offset, delay]
+        return rest.descend(rest.at(z), SETTLING)[0]
 
     def having(self, values: Mapping[str, float]) -> Setup:
         """Return it from other nominal values."""

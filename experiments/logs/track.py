@@ -23,7 +23,7 @@ from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.signals import log_of
-from flexaxis.experiments.logs.validate import correlation, validate
+from flexaxis.experiments.logs.verdict import correlation, validate
 from flexaxis.experiments.running.estimate import run_on, write_estimates
 from flexaxis.experiments.running.estimators import Spec, make_estimator
 from flexaxis.experiments.scoring.parameter_names import physical

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline import priors
-from flexaxis.estimators.offline.adaptation import steady_P
 from flexaxis.estimators.offline.frequency import information, line_spectrum
-from flexaxis.estimators.offline.identification import Identified, output_error
+from flexaxis.estimators.offline.output_error import Identified, output_error
 from flexaxis.estimators.offline.predictor import predict
+from flexaxis.estimators.offline.priors import steady_P
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.scoring.nominal import nominal_torque

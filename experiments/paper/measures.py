@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import find_peaks
 
-from flexaxis.estimators.offline.adaptation import drift_for, estimate_covariance
 from flexaxis.estimators.offline.frequency import fit_arx, frequency_response
+from flexaxis.estimators.offline.priors import drift_for, estimate_covariance
 from flexaxis.experiments.paper.evidence import (
     FORGETTING,
     METHODS,

@@ -1,15 +1,12 @@
 """What is thought of friction, play and cogging beforehand: sizes, whatever the units."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from flexaxis.estimators.models.axes import BRISTLES, N1
-from flexaxis.estimators.offline.sizes import NOMINAL, Motion
+from flexaxis.estimators.models.axes import N1
 from flexaxis.estimators.offline.structure import (
+    NOMINAL,
     TRACKED,
-    guessed,
     prior,
     structure_names,
     with_laws,
@@ -48,18 +45,3 @@ def test_the_stored_sizes_are_those_of_the_nominal_reference():
     stored = with_laws(nominal, period=PERIOD)
     assert {law.kind for law in stored.laws} <= set(NOMINAL)
     assert measured == pytest.approx(stored.nominal, rel=0.02)
-
-
-def test_a_measured_prior_has_the_units_of_the_axis():
-    names = ("f_m", "f_c", "sigma_0", "v_s")
-    found = []
-    for torque in (1.0, 100.0):
-        model = replace(with_laws(N1, period=PERIOD), laws=(BRISTLES,))
-        model = replace(model, nominal=dict(model.nominal) | in_other_units(N1, torque))
-        moves = Motion(0.85 * torque, 5.0, 0.04)
-        model = guessed(model, tuple(N1), period=PERIOD, motion=moves)
-        found.append(prior(model, names, period=PERIOD, motion=moves))
-    unit = np.array([100.0, 100.0, 100.0, 1.0])
-    for field in ("start", "deviation", "lower", "upper"):
-        here, there = (getattr(one, field) for one in found)
-        np.testing.assert_allclose(here * unit, there, rtol=1e-9)

@@ -12,7 +12,7 @@ from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import identify
 from flexaxis.experiments.logs.track import track
-from flexaxis.experiments.logs.validate import Fit, validate
+from flexaxis.experiments.logs.verdict import Fit, validate
 from flexaxis.experiments.running.estimators import parse
 
 F_C = 10 * VALUES[1]["f_m"]

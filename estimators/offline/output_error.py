@@ -6,7 +6,7 @@ gradient. For white output noise this is the prediction-error method, at its Cra
 L. Ljung, *System Identification: Theory for the User*, 2nd ed., sections 7.2–7.4, 9.4 and 10.2.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,7 +16,6 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from flexaxis.estimators.filters.design import DEFAULT_BOX, finite_vector
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.signals import check_signals
 
@@ -45,8 +44,6 @@ class Identified:
     condition : float
         Effect on the output of the relative change of the parameters that the data see best, over
         that of the one they see least; a singular problem has 1e10 and more.
-    weakest : (p,) array
-        Relative change of the parameters, of length one, that the data see least.
     warnings : tuple of str
         What speaks against the result, in words; empty if nothing does.
     """
@@ -56,7 +53,6 @@ class Identified:
     covariance: Array
     correlation: float
     condition: float
-    weakest: Array
     warnings: tuple[str, ...]
 
     @property
@@ -93,10 +89,6 @@ def output_error(
     max_evaluations : int
         Steps after which the search gives up.
 
-    Returns
-    -------
-    Identified
-
     Raises
     ------
     EstimatorError
@@ -109,26 +101,22 @@ def output_error(
     0.85 to 1.7 times it; from 0.7 or 2 times it does not, and says so.
     """
     u, y, _ = check_signals(u, y)
-    parametrization = model.parametrize(identify)
-    initial = finite_vector("start", start, len(parametrization.names))
-    misfit, slope = _misfit(parametrization, u, y, period=period, scale=initial)
-    search = least_squares(
-        misfit, np.ones_like(initial), jac=slope, bounds=DEFAULT_BOX, max_nfev=max_evaluations
-    )
-    return _result(parametrization.names, initial, search)
+    chosen = model.parametrize(identify)
+    scale = finite_vector("start", start, len(chosen.names))
 
-
-def _misfit(
-    model: Parametrization, u: Array, y: Array, *, period: float, scale: Array
-) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
-    """Return ŷ − y and its derivative as functions of θ/scale."""
-
-    @lru_cache(maxsize=1)  # both come from one simulation
+    @lru_cache(maxsize=1)  # misfit and slope come from one simulation
     def simulated(x: tuple[float, ...]) -> tuple[Array, Array]:
-        predicted, psi = predict(model, np.array(x) * scale, u, period=period)
+        predicted, psi = predict(chosen, np.array(x) * scale, u, period=period)
         return predicted - y, psi * scale
 
-    return (lambda x: simulated(tuple(x))[0]), (lambda x: simulated(tuple(x))[1])
+    search = least_squares(
+        lambda x: simulated(tuple(x))[0],
+        np.ones(len(scale)),
+        jac=lambda x: simulated(tuple(x))[1],
+        bounds=DEFAULT_BOX,
+        max_nfev=max_evaluations,
+    )
+    return _result(chosen.names, scale, search)
 
 
 def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Identified:
@@ -138,55 +126,30 @@ def _result(names: tuple[str, ...], scale: Array, search: OptimizeResult) -> Ide
     _, singular, changes = np.linalg.svd(search.jac * search.x, full_matrices=False)
     singular = np.maximum(singular, 1e-12 * singular[0])  # smaller ones are rounding
     deviations = np.sqrt(variance) / singular
-    correlation = residual[1:] @ residual[:-1] / (residual @ residual)
-    weakest = changes[-1] * np.sign(changes[-1][np.argmax(abs(changes[-1]))])
+    correlation = float(residual[1:] @ residual[:-1] / (residual @ residual))
     problems = [
-        *_end_of_search(names, search),
-        *_colour(float(correlation), len(residual)),
-        *_blindness(names, weakest, float(deviations[-1])),
+        f"{name}: at the bound of the search"
+        for name, side in zip(names, search.active_mask, strict=True)
+        if side
     ]
+    if search.status == 0:
+        problems.append(f"not converged after {search.nfev} evaluations")
+    if abs(correlation) > max(COLOURED, 4 / np.sqrt(len(residual))):
+        problems.append(
+            f"successive residuals correlate by {correlation:.2f}, so more than white noise is "
+            "left: a local minimum (start elsewhere), or an axis that the model does not describe"
+        )
+    if deviations[-1] > UNDETERMINED:
+        share = changes[-1] / changes[-1][np.argmax(abs(changes[-1]))]
+        parts = [f"{n} {x:+.1f} %" for n, x in zip(names, share, strict=True) if abs(x) > 0.1]
+        problems.append(
+            f"the data hardly see a change in the proportion {', '.join(parts)}: fix one of them"
+        )
     return Identified(
         names=names,
         theta=theta,
         covariance=(changes.T * deviations**2) @ changes * np.outer(theta, theta),
-        correlation=float(correlation),
+        correlation=correlation,
         condition=float(singular[0] / singular[-1]),
-        weakest=weakest,
         warnings=tuple(problems),
     )
-
-
-def _end_of_search(names: tuple[str, ...], search: OptimizeResult) -> list[str]:
-    stuck = [name for name, side in zip(names, search.active_mask, strict=True) if side]
-    problems = [f"{', '.join(stuck)}: at the bound of the search"] if stuck else []
-    if search.status == 0:
-        problems.append(f"not converged after {search.nfev} evaluations")
-    return problems
-
-
-def _colour(correlation: float, samples: int) -> list[str]:
-    if abs(correlation) <= max(COLOURED, 4 / np.sqrt(samples)):
-        return []
-    return [
-        f"successive residuals correlate by {correlation:.2f}, so more than white noise is left: "
-        "a local minimum (start elsewhere), or an axis that the model does not describe"
-    ]
-
-
-def _blindness(names: tuple[str, ...], weakest: Array, deviation: float) -> list[str]:
-    return [_in_words(names, weakest, deviation)] if deviation > UNDETERMINED else []
-
-
-def _in_words(names: tuple[str, ...], change: Array, deviation: float) -> str:
-    largest = np.abs(change).max()
-    proportion = ", ".join(
-        f"{name} {share / largest:+.1f} %"
-        for name, share in zip(names, change, strict=True)
-        if abs(share) > largest / 10
-    )
-    known = (
-        "without any effect on the output, so fix one of them"
-        if deviation > 1e3
-        else f"known to ±{100 * deviation * largest:.2g} % of the largest"
-    )
-    return f"seen least is a change in the proportion {proportion}: {known}"

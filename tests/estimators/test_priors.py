@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.offline.adaptation import (
+from flexaxis.estimators.offline.priors import (
     estimate_covariance,
     steady_P,
 )
