@@ -24,6 +24,7 @@ Flags = NDArray[np.bool_]
 SLOW = 0.1  # of the top speed: slower, friction is what the torque is, and has a hump
 TOP = 99.0  # percentile of |v| that is called top speed
 WIDE = 5.0  # times the band of the motion, of the low-pass
+MEAN = np.array([1.0, 4.0, 1.0]) / 6  # over two samples, by the rule of Simpson
 FAST = 0.25  # of the sampling rate, where that ends
 
 
@@ -56,7 +57,10 @@ def inverse_dynamics(  # noqa: PLR0917
         "sine": np.sin(angle),
         "cosine": np.cos(angle),
     }
-    u, v, *rows = sosfiltfilt(sos, [torque, speed, *(columns[name] for name in names)])
+    # a difference over two samples is a mean over them, of which all else is to have one too
+    signals = [torque, speed, *(columns[name] for name in names if name != "inertia")]
+    means = [np.convolve(x, MEAN, "same") for x in signals]
+    u, v, a, *rows = sosfiltfilt(sos, [*means[:2], columns["inertia"], *means[2:]])
     # a filter remembers what is missing for a while, and begins and ends with what is none
     memory = round(1 / (corner * period))
     missing = np.convolve(~ok, np.ones(2 * memory + 1), "same") > 0.5
@@ -65,5 +69,6 @@ def inverse_dynamics(  # noqa: PLR0917
     used = ~missing & (abs(v) > SLOW * top)
     if used.sum() <= 20 * PIECES:
         return {}
-    theta, deviation = jackknife(np.array(rows), u, used)
+    names = ("inertia", *(name for name in names if name != "inertia"))
+    theta, deviation = jackknife(np.array([a, *rows]), u, used)
     return dict(zip(names, zip(theta.tolist(), deviation.tolist(), strict=True), strict=True))

@@ -99,10 +99,8 @@ def known_better(model: Model, thought: Prior, deviations: Mapping[str, float]) 
     for i, name in enumerate(thought.names):
         physical = name.removeprefix("1/")
         if physical in deviations:
-            sd = above_zero(
-                f"deviations[{physical!r}]", deviations[physical], "its deviation"
-            )
-            deviation[i] = known_sd if name == physical else known_sd * thought.start[i] ** 2
+            sd = above_zero(f"deviations[{physical!r}]", deviations[physical], "its deviation")
+            deviation[i] = sd if name == physical else sd * thought.start[i] ** 2
     return replace(thought, deviation=deviation)
 
 
