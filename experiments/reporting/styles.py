@@ -1,8 +1,8 @@
 """The look of every figure: matplotlib settings, and nine styles of colour, dash and marker.
 
 Any two of the nine colours differ by ΔE*76 ≥ 20, also for a deuteranope, and have a contrast of 3
-or more with what they are drawn on (WCAG 2.1, 1.4.11), in the light and in the dark variant;
-``tests/experiments/test_styles.py`` measures it. Chosen once by a random search near named hues.
+or more with the background (WCAG 2.1, 1.4.11), in the light and in the dark variant. They were
+chosen by a random search near named hues; measure both numbers again if you change one.
 """
 
 from __future__ import annotations
