@@ -4,10 +4,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache
-from hashlib import sha256
 from importlib import import_module
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +12,6 @@ from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.files import atomic, json_value, read_text
 
 REPORT, SUMMARY = "report.html", "summary.json"
-SHORT = 12
-"""Hexadecimal digits of a digest."""
 PathLike = str | os.PathLike[str] | None
 
 
@@ -138,15 +133,3 @@ def optional_package(name: str) -> Any:
         return import_module(name)
     except ImportError as error:
         raise StudyError(f"this needs {name}: python -m pip install {name}") from error
-
-
-@cache
-def digest_of(*packages: str) -> str:
-    """Return a digest of the code, models and settings in packages of flexaxis."""
-    content = sha256()
-    for package in packages:
-        folder = Path(str(files(f"flexaxis.{package}")))
-        for path in sorted(folder.rglob("*")):
-            if path.suffix in {".py", ".xml", ".toml"}:
-                content.update(path.read_bytes())
-    return content.hexdigest()[:SHORT]

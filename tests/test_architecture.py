@@ -62,6 +62,24 @@ def test_imports_follow_the_arrows(path):
         assert others <= ESTIMATORS_NEED | ESTIMATORS_MAY_USE.get(place, set())
 
 
+COMMANDS_MAY = (
+    "flexaxis.sim.errors", "flexaxis.experiments.commands.",
+    "flexaxis.experiments.files",
+    "flexaxis.experiments.logs.importing.record_beside",
+    "flexaxis.experiments.logs.as_log.LogStyle",
+    "flexaxis.experiments.logs.options", "flexaxis.experiments.reporting.terminal",
+)  # fmt: skip
+"""Files and errors; what `answer` cannot print; options of logs, as they are declared."""
+
+
+@pytest.mark.parametrize(
+    "path", [*(ROOT / "experiments/commands").glob("*.py")], ids=lambda p: p.stem
+)
+def test_commands_call_fx(path):
+    ours = {name for name in imported(path) if name.startswith("flexaxis.")}
+    assert not {name for name in ours if not name.startswith(COMMANDS_MAY)}
+
+
 def test_the_check_sees_a_wrong_arrow(tmp_path):
     wrong = tmp_path / "wrong.py"
     wrong.write_text("from flexaxis.sim.plant.plant import Plant\n")

@@ -2,11 +2,13 @@
 
 import inspect
 import re
+from dataclasses import asdict
 from typing import Any
 
 from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import REGISTRY, Entry
+from flexaxis.experiments.catalogue.find import find_scenario, find_suite, suite_names
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.sim.scenario import Scenario
 
@@ -64,6 +66,35 @@ def _parts(scenario: Scenario) -> dict[str, list[str]]:
         "data sheet": [f"known {name} = {value:g}" for name, value in s.data_sheet.items()],
         "excitation": [s.excitation.in_words()],
     }
+
+
+def show(name: str) -> tuple[dict[str, Any], list[str]]:
+    """Return all values of a scenario, a suite or an estimator, and the same as lines.
+
+    Parameters
+    ----------
+    name : str
+        For a scenario a path will do, too; its lines are TOML below a card.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such thing.
+    """
+    if name in REGISTRY:
+        entry = REGISTRY[name]
+        known = options(entry)
+        lines = [f"{key} = {default}\n    {text}" for key, (default, text) in known.items()]
+        content = {"name": name, "summary": entry.summary, "options": known}
+        return content, [f"{name}: {entry.summary}", *lines]
+    if name in suite_names():
+        content = asdict(find_suite(name))
+        return content, [f"{key}: {value}" for key, value in content.items()]
+    scenario = find_scenario(name)
+    card = reference_card(scenario) | {"content hash": scenario.hash}
+    lines = [f"# {key}: {' '.join(value.split())}" for key, value in card.items()]
+    content = scenario.resolved() | {"hash": scenario.hash}
+    return content, [*lines, "", scenario.to_toml().rstrip()]
 
 
 def options(entry: Entry) -> dict[str, tuple[Any, str]]:

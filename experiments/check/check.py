@@ -4,8 +4,6 @@ A rule looks at fresh estimators on one simulated record. It returns whether it 
 not (False) or does not apply (None), and what was seen.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from contextlib import suppress

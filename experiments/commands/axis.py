@@ -12,8 +12,7 @@ from flexaxis.sim.errors import FlexaxisError
 
 def _target(args: Args, default: str, *inputs: Any) -> Path:
     """Return the path to write; refuse one that is an input, or has another ending."""
-    if not args.log.is_dir():
-        check_file(args.log)
+    check_file(args.log)
     path = args.output or args.log.with_name(args.log.stem + default)
     check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))
     if path.suffix != Path(default).suffix:

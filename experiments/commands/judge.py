@@ -1,13 +1,11 @@
 """Commands that judge estimators: compare, tune, check, new."""
 
-from importlib.resources import files
 from pathlib import Path
 
 import flexaxis as fx
-from flexaxis.experiments.catalogue.find import check_names
 from flexaxis.experiments.commands.options import Args, answer, command
 from flexaxis.experiments.commands.run import work
-from flexaxis.experiments.files import check_not_input, write_text
+from flexaxis.experiments.files import check_not_input
 from flexaxis.sim.errors import FlexaxisError
 
 
@@ -42,7 +40,7 @@ def compare(args: Args) -> int:
                 "name the estimators with --base E --candidate E, as in `flexaxis compare --base "
                 "rpem-forgetting --candidate glr fm_step`, or two folders of finished runs"
             )
-        check_names(args.names)
+        fx.check_names(args.names)
     margins = {}
     for text in filter(None, args.margin.split(",")):
         score, _, share = text.partition("=")
@@ -59,7 +57,7 @@ def compare(args: Args) -> int:
     return answer(args, result.content, status, result, f"report: {result.content['report']}")
 
 
-@command("estimators", "--seeds", "--save", "-o", "--jobs",
+@command("estimators", "--sweep", "--seeds", "--save", "-o", "--jobs",
          "--overwrite", "--time-limit")  # fmt: skip
 def tune(args: Args) -> int:
     r"""Find the setting at which an estimator is as noisy as the reference.
@@ -68,25 +66,27 @@ def tune(args: Args) -> int:
     is rpem-forgetting with default settings. Both must have the same excess prediction error, one
     number for all parameters. At most 12 settings are tried, from 1/1024 to 1024 times the default.
 
+    With --sweep the estimators run at several settings on a scenario with a fault instead: a table
+    and a figure of tracking speed over noise, and the lags at the noise of the reference.
+
     example:
       flexaxis tune ekf
+      flexaxis tune ekf glr --sweep fm_step
       flexaxis tune --save estimators/tuned.toml
     """
+    folder = args.output or Path("results/tune")
     table = fx.tune(
-        *args.estimators, seeds=args.seeds or "0:16", folder=args.output or Path("results/tune"),
+        *args.estimators, sweep=args.sweep, seeds=args.seeds or "0:16", folder=folder,
         file=args.save, **work(args),
     )  # fmt: skip
-    lines = []
-    for row in table.to_dict("records"):
-        if row["problem"]:
-            lines.append(f"{row['estimator']} is not matched: {row['problem']}")
-        else:
-            lines.append(
-                f"{row['setting']} is as noisy as rpem-forgetting: {row['ratio']:.3f} times its "
-                f"{row['match']}."
-            )
-    status = int(table["problem"].astype(bool).any())
-    return answer(args, {"rows": table.to_dict("records")}, status, *lines)
+    if args.sweep:
+        table.plot().savefig(figure := folder / "sweep.svg")
+        return answer(args, table.content | {"figure": figure}, 0, table, f"figure: {figure}")
+    match = "{setting} is as noisy as rpem-forgetting: {ratio:.3f} times its {match}."
+    rows = table.to_dict("records")
+    lines = [("{estimator} is not matched: {problem}" if row["problem"] else match).format(**row)
+             for row in rows]  # fmt: skip
+    return answer(args, {"rows": rows}, int(any(table["problem"])), *lines)
 
 
 @command("estimator")
@@ -113,14 +113,6 @@ def check(args: Args) -> int:
     return answer(args, {"rules": rules}, int(bool(broken)), *lines)
 
 
-TEMPLATES = {
-    ".py": ("my_estimator.py",),
-    ".c": ("my_estimator.c", "flexaxis.h"),
-    ".m": ("my_estimator.m",),
-}
-"""The files to write by suffix; the first one gets the name that was given."""
-
-
 @command("path")
 def new(args: Args) -> int:
     """Write a working template of an own estimator, to be changed.
@@ -135,23 +127,6 @@ def new(args: Args) -> int:
       flexaxis compare --base old.py:Mine --candidate my_estimator.py:Mine fm_step
       flexaxis new my_estimator.c
     """
-    path = args.path
-    if path.suffix not in TEMPLATES or not path.stem.isidentifier():
-        raise FlexaxisError(
-            f"{path}: give a file that Python can import, such as my_estimator.py, or one in C or "
-            "Octave, such as my_estimator.c or my_estimator.m"
-        )
-    if path.exists():
-        raise FlexaxisError(f"{path} exists already; give another name")
-    home = files("flexaxis.experiments.check") / "templates"
-    for name in TEMPLATES[path.suffix]:
-        text = (home / name).read_text(encoding="utf-8")
-        target = path if name.startswith("my_") else path.with_name(name)
-        write_text(target, text.replace("my_estimator", path.stem))
-    text = {".py": "{}:Mine", ".m": "'pipe:octave-cli -q {}'", ".c": "pipe:./{}"}[path.suffix]
-    now = text.format(path.with_suffix("") if path.suffix == ".c" else path)
-    lines = [f"cc -O2 -o {path.with_suffix('')} {path} -lm"] * (path.suffix == ".c")
-    lines += [f"flexaxis check {now}",
-              f"flexaxis compare --base rpem-forgetting --candidate {now} fm_step"]  # fmt: skip
-    words = f"{path} estimates the motor friction f_m. Change it, then:"
-    return answer(args, {"path": path, "next": lines}, 0, words, *(f"  {each}" for each in lines))
+    lines = fx.new(args.path)
+    words = f"{args.path} estimates the motor friction f_m. Change it, then:"
+    return answer(args, {"path": args.path, "next": lines}, 0, words, *(f"  {x}" for x in lines))

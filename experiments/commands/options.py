@@ -96,6 +96,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "compare: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: the number of "
     "the suite, 32 for single scenarios; all common ones of finished runs).",
     "tune: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: 0:16).",
+    "--sample N": ("Run only N cases, spread over all (default: all).", ZERO),
     "--seed N": ("Random seed: the same number gives the same run (default: 0).", ZERO),
     "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's, or 0).", WHOLE),
     # how they are run
@@ -126,6 +127,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--match-std": "Tune both to the same noise first, and compare the lag alone (default: compare "
     "them as they are).",
     "--strict": "Exit with status 3 if the verdict is undecided (default: 0).",
+    "--sweep SCENARIO": ("Run several settings of each estimator on this scenario; repeat it for "
+                         "several (default: match the noise instead).", SEVERAL),
     "--save FILE.toml": ("Write the settings to this file, too (default: print them).", PATH),
     # logs of a real axis
     "--model MODEL": ("Model: one_mass, two_mass, three_mass, or a TOML file (default: "
@@ -165,7 +168,7 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "run: -o DIR": ("Folder for rows, summary and report (default: results/NAME).", PATH),
     "study: -o DIR": ("Folder for rows and report (default: results/NAME).", PATH),
     "compare: -o DIR": ("Folder for rows, verdict and report (default: results/compare).", PATH),
-    "tune: -o DIR": ("Folder for rows (default: results/tune).", PATH),
+    "tune: -o DIR": ("Folder for rows and figure (default: results/tune).", PATH),
     "simulate: -o FILE": ("File for the record or log (default: SCENARIO-SEED.nc or .csv).", PATH),
     "estimate: -o FILE": ("File for the estimates (default: RECORD-estimates.nc).", PATH),
     "import: -o REC.nc": ("File for the record (default: LOG-imported.nc).", PATH),

@@ -1,10 +1,9 @@
-"""Commands that run cases or a single record: run, study, report, simulate, estimate."""
+"""Commands that run cases or a single record: run, study, report, rerun, simulate, estimate."""
 
 from pathlib import Path
 from typing import Any
 
 import flexaxis as fx
-from flexaxis.experiments.catalogue.find import check_names
 from flexaxis.experiments.commands.options import Args, answer, command
 from flexaxis.experiments.files import REPORT, check_file, check_not_input, summary_of
 from flexaxis.sim.errors import FlexaxisError
@@ -42,13 +41,11 @@ def run(args: Args) -> int:
         if args.output is None:
             raise FlexaxisError("--from: name the folder of the whole with -o DIR")
         check_not_input(args.shards, args.output)
-        from flexaxis.experiments.studies.benchmark import merge
-
-        results, missing = merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
-        return _results(args, fx.load(results.folder), missing)
+        fx.merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
+        return _results(args, fx.load(args.output))
     if not args.names:
         raise FlexaxisError("name a suite or a scenario, such as smoke; `flexaxis list` shows them")
-    check_names(args.names)
+    fx.check_names(args.names)
     folder = args.output or Path("results", Path(args.names[0]).stem)
     check_not_input(args.names, folder)
     results = fx.benchmark(
@@ -86,10 +83,7 @@ def study(args: Args) -> int:
     folder = args.output or Path("results", args.file.stem)
     check_not_input([args.file], folder)
     if args.dry_run:
-        from flexaxis.experiments.studies.benchmark import plan
-        from flexaxis.experiments.studies.definition import load_study
-
-        known = plan(load_study(args.file))
+        known = fx.plan(args.file)
         lines = [", ".join(f"{key} = {value}" for key, value in each.items())
                  for each in known["variants"]]  # fmt: skip
         words = (
@@ -98,31 +92,24 @@ def study(args: Args) -> int:
             f"estimators of your own; {known['megabytes']:.1f} MB in {folder}"
         )
         return answer(args, known, 0, *lines, words)
-    results = fx.study(
-        args.file, folder=folder, **work(args)
-    )  # fmt: skip
-    return _results(args, results)
+    return _results(args, fx.study(args.file, folder=folder, **work(args)))
 
 
-def _results(args: Args, results: Any, missing: int = 0) -> int:
+def _results(args: Args, results: Any) -> int:
     """Print scores, failures and the path of the report."""
-    from flexaxis.experiments.reporting.terminal import show_run
-    from flexaxis.experiments.reporting.words import failures_in_words
+    from flexaxis.experiments.reporting.terminal import run_text
 
-    whole, failures = args.shard == (1, 1), results.failures.to_dict("records")
-    is_run = whole and not results.axes
-    content = summary_of(results.folder) if is_run else {"rows": results.pooled()}
-    lines = [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
+    whole, lines = args.shard == (1, 1), results.problems
+    missing, path = results.missing * whole, results.folder / (REPORT * whole)
     lines += [f"{missing} cases are in no shard"] * bool(missing)
-    if whole and results.axes:
-        lines.insert(0, repr(results))
-    elif whole and not args.json:
-        show_run(content)
-    crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
-    status = 70 if crashed else int(bool(failures or missing))
-    path = results.folder / REPORT if whole else results.folder
+    crashed = results.failures["error"].str.startswith("EstimatorCrash").any()
+    status = 70 if crashed else int(bool(lines))
+    content, text = {"rows": results.pooled()}, results
+    if whole and not results.axes:
+        content = summary_of(results.folder)
+        text = run_text(content)
     content |= {"report": path, "cases": results.cases, "missing": missing}
-    return answer(args, content, status, *lines, f"report: {path}" if whole else path)
+    return answer(args, content, status, *[text] * whole, *lines, f"report: {path}")
 
 
 @command("folder")
@@ -136,8 +123,28 @@ def report(args: Args) -> int:
     return answer(args, {"report": path}, 0, f"report: {path}")
 
 
-@command("scenario", "--seed", "-o", *("--as-log", "--units", "--jitter", "--gaps",
-         "--counts"))  # fmt: skip
+@command("folder", "--sample", "--jobs", "--time-limit")
+def rerun(args: Args) -> int:
+    """Run cases of a folder again, such as one of somebody else, and compare their scores.
+
+    The folder stays as it is. Code that its estimators name is run: it must be at the same place.
+
+    exit status: 0 if no score differs by more than 1e-6 of its value, 1 if one does
+
+    example:
+      flexaxis rerun results/smoke --sample 20
+      flexaxis rerun results/friction
+    """
+    rows = fx.load(args.folder).rerun(args.sample, **work(args))
+    worst = rows.loc[rows["difference"].idxmax()].to_dict()
+    text = "{difference:.1g} ({score} of {parameter}, {estimator} on {scenario}, seed {seed})"
+    words = f"{len(rows)} rows again: the largest relative difference is {text.format(**worst)}."
+    status = int(worst["difference"] > 1e-6)  # another computer rounds otherwise
+    return answer(args, {"rows": rows.to_dict("records"), "worst": worst}, status, words)
+
+
+@command("scenario", "--seed", "-o", "--as-log", "--units", "--jitter", "--gaps",
+         "--counts")  # fmt: skip
 def simulate(args: Args) -> int:
     """Simulate a scenario and save the record: measured signals and true values.
 
@@ -149,10 +156,9 @@ def simulate(args: Args) -> int:
       flexaxis simulate coulomb_fm_step --as-log csv --units deg,A,ms --counts 65536 -o log.csv
       flexaxis simulate moves_fm_step --as-log csv --jitter 2e-4 --gaps 3 -o log.csv
     """
-    from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
-    from flexaxis.sim.streams import stream
+    from flexaxis.experiments.logs.as_log import LogStyle
 
-    check_names([args.scenario])
+    fx.check_names([args.scenario])
     units = tuple(filter(None, args.units.split(",")))
     style, ending = LogStyle(units, args.jitter, args.gaps, args.counts or 0), args.as_log or "nc"
     path = args.output or Path(f"{Path(args.scenario).stem}-{args.seed}.{ending}")
@@ -166,7 +172,7 @@ def simulate(args: Args) -> int:
     if not args.as_log:
         record.save(path)
         return answer(args, content, 0, path)
-    write_log(path, logged(record, style, stream(record.hash, args.seed, "log")))
+    record.save_log(path, style)
     line = f"flexaxis import '{path}' --torque-is held"
     return answer(args, content | {"import": line}, 0, f"import it by: {line}", path)
 

@@ -1,7 +1,5 @@
 """Rank estimators on paired runs: the best for each fault, and those not significantly worse."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

@@ -8,8 +8,6 @@ which has no units. Where no setting is as quiet as the reference (or as noisy),
 gives a bound on one side.
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence

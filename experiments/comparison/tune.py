@@ -4,8 +4,6 @@ Its tuning parameter, the knob, is the way through its options that buys speed w
 (`flexaxis.estimators.knob`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path

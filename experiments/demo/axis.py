@@ -1,7 +1,5 @@
 """The axis as it runs: plant and loop; faults, friction, noise and excitation may change."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -24,7 +22,6 @@ Array = NDArray[np.float64]
 FRICTION: Mapping[str, Mapping[str, Any]] = {
     "none": {},
     "Coulomb 0.1 N m": {"friction": {"coulomb": 0.1}},
-    "static curve": {"static_friction": {"f_c": 0.1, "f_s": 0.1, "alpha": 2.0, "beta": 5.0}},
     "LuGre": {
         "lugre": {
             "coulomb": 0.1, "static": 0.2, "stribeck": 0.5, "stiffness": 100.0, "damping": 0.3

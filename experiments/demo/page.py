@@ -1,7 +1,5 @@
 """The page: the axis in 3-D, buttons, sliders, curves and a table, for any number of viewers."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
@@ -30,6 +28,8 @@ RUN, PAUSE, STEP = "Run", "Pause", f"Step {MARK * PERIOD:g} s"
 EDGE = "± 2σ"
 SHARE = {"range": (0.0, 1.1)}
 SINCE = {"time": False, "distr": 3, "range": (PERIOD, LENGTH * PERIOD)}
+TWIST = 100.0
+"""Factor on the twist of the joints in the picture."""
 LATEST = 8
 """Changes in the table."""
 
@@ -43,31 +43,19 @@ class Page:
     session : DemoSession
     acts : list of dict
         What is done without a click, as `flexaxis.experiments.demo.serve.load_lesson` returns it.
-    exaggerate, speed : float
-        As for `flexaxis.experiments.demo.serve.serve`.
 
     Attributes
     ----------
-    speed : float
-        Simulated seconds a second.
     paused : bool
     steps : int
         Steps of `MARK` samples that viewers have asked for.
     """
 
-    def __init__(
-        self,
-        server: Any,
-        session: DemoSession,
-        acts: list[dict[str, Any]],
-        exaggerate: float,
-        speed: float,
-    ) -> None:
+    def __init__(self, server: Any, session: DemoSession, acts: list[dict[str, Any]]) -> None:
         from mjviser import ViserMujocoScene
 
         self._server, self._session, self._acts = server, session, acts
-        self._exaggerate, self._lock = exaggerate, threading.Lock()
-        self.speed, self.paused, self.steps = speed, False, 0
+        self._lock, self.paused, self.steps = threading.Lock(), False, 0
         self._engine = scene()
         self._scene = ViserMujocoScene(server, self._engine[1], num_envs=1)
         self._scene.camera_tracking_enabled = False
@@ -89,7 +77,7 @@ class Page:
         """Show where the axis is."""
         mujoco, model, data = self._engine
         axis = self._session.axis
-        data.qpos[:] = exaggerated(axis.angles, ratio=axis.nominal.r, exaggerate=self._exaggerate)
+        data.qpos[:] = exaggerated(axis.angles, ratio=axis.nominal.r, exaggerate=TWIST)
         mujoco.mj_kinematics(model, data)
         with self._server.atomic():
             self._scene.update_from_mjdata(data)
@@ -120,7 +108,7 @@ class Page:
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(440)
-        gui.set_panel_label(f"flexaxis: break it! (twist × {self._exaggerate:g} for the eye)")
+        gui.set_panel_label(f"flexaxis: break it! (twist × {TWIST:g} for the eye)")
         sheet = (files("flexaxis.experiments.demo") / "page.css").read_text(encoding="utf-8")
         gui.add_html(f"<style>{sheet}:root {{ --a: {A[1]}; --b: {B[1]}; }}</style>")
         acts: Any = {label: ("inject", *fault) for label, fault in BUTTONS.items()}

@@ -1,7 +1,5 @@
 """An estimator in the race: built by name, tuned while it runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Serving the live axis: the address, who may come in, the clock, and the way to stop."""
 
-from __future__ import annotations
-
 import io
 import signal
 import time
@@ -32,8 +30,6 @@ def serve(
     *,
     lesson: Path | None = None,
     seed: int | None = None,
-    speed: float = 1.0,
-    exaggerate: float = 100.0,
     port: int | None = None,
     browser: bool = True,
 ) -> None:
@@ -49,10 +45,6 @@ def serve(
         What is done without a click.
     seed : int, optional
         By default that of the lesson, or 0.
-    speed : float
-        Simulated seconds a second.
-    exaggerate : float
-        Factor on the twist of the joints in the picture.
     port : int, optional
         This port or none; by default 8080, or the next that is free.
     browser : bool
@@ -81,7 +73,7 @@ def serve(
     with suppress(KeyboardInterrupt):
         address = f"http://{HOST}:{server.get_port()}"
         print(f"the live axis is at {address}  (Ctrl-C ends it)", flush=True)
-        page = Page(server, session, plan["act"], exaggerate, speed)
+        page = Page(server, session, plan["act"])
         page.advance(sample_index(WARM, PERIOD))
         page.draw_curves()
         if browser:
@@ -178,7 +170,7 @@ def _loop(page: Page, server: Any, stopping: Event) -> None:
         elapsed, before = now - before, now
         if not server.get_clients():
             continue
-        owed += 0.0 if page.paused else min(elapsed, BEHIND) * page.speed / PERIOD
+        owed += 0.0 if page.paused else min(elapsed, BEHIND) / PERIOD
         due, page.steps = int(owed) + page.steps * MARK, 0
         owed %= 1
         page.advance(due)

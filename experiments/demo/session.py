@@ -1,7 +1,5 @@
 """The demo without a screen: an axis, two estimators that race on it, and what was changed."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -3,8 +3,6 @@
 Only samples in which the reference moves count, as in docs/scores.md.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

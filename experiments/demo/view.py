@@ -1,7 +1,5 @@
 """The axis in 3-D: a window that replays a run, or one picture of it."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time
@@ -78,7 +76,7 @@ def view(
     if not 0 <= at <= (end := run.time[-1]):
         raise FlexaxisError(f"at={at:g}: give a time of the run, 0 to {end:g} s")
     angles = poses(run, exaggerate=exaggerate)[round(at / run.period) :]
-    mujoco, model, data = scene(model_of(run))
+    mujoco, model, data = scene(run.scenario.get("model", DEFAULT))
     if target is None:
         _replay(mujoco, model, data, angles, run.period)
     else:
@@ -147,11 +145,6 @@ def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) ->
             mujoco.mj_forward(model, data)
             viewer.sync()
             time.sleep(STRIDE * period)
-
-
-def model_of(record: Record) -> str:
-    """Return the name of the plant's model."""
-    return str(record.scenario.get("model", DEFAULT))
 
 
 def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:

@@ -42,8 +42,14 @@ _NAMES = {
     "_logs": ("LogResult", "identify", "import_log", "track"),
     "_records": ("Axis", "Recording", "Sample", "cache", "load", "make_axis", "simulate"),
     "_results": ("Comparison", "Results", "benchmark", "check", "compare", "study", "tune"),
-    "experiments.catalogue.find": ("scenarios",),
     "experiments.demo.view": ("view",),
+    # The rest is for the commands.
+    "experiments.catalogue.card": ("show",),
+    "experiments.catalogue.find": ("GROUPS", "check_names", "faults", "scenarios", "suites"),
+    "experiments.check.template": ("new",),
+    "experiments.demo.serve": ("serve",),
+    "experiments.paper.reproduce": ("reproduce",),
+    "experiments.studies.benchmark": ("merge", "plan"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -3,16 +3,15 @@
 A record has its figure; an axis is stepped by hand, for a controller of one's own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
 from flexaxis.experiments.reporting.figures import Series, around, curves
 from flexaxis.experiments.reporting.styles import SETTINGS
 from flexaxis.experiments.running.cache import default_cache
@@ -24,9 +23,6 @@ from flexaxis.sim.scenario import Scenario, scenario_from
 from flexaxis.sim.simulate import simulate as run
 from flexaxis.sim.streams import stream
 from flexaxis.sim.tables.sensors import reading
-
-if TYPE_CHECKING:
-    from flexaxis._results import Results
 
 
 class Recording(Record):
@@ -64,6 +60,10 @@ class Recording(Record):
             one = Series(role="data", x=self.time, y=getattr(self, name))
             panels[f"{name.replace('_', ' ')} [{SIGNALS[name][0]}]"] = [one]
         return draw(panels, ax, self.definition)
+
+    def save_log(self, path: Path, style: LogStyle) -> None:
+        """Write what a robot would have logged, as CSV: no truth, its own units and clock."""
+        write_log(path, logged(self, style, stream(self.hash, self.seed or 0, "log")))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a pandas DataFrame: a line a sample, time [s] as index.
@@ -143,7 +143,7 @@ def changed(scenario: str | Path | Scenario, changes: Mapping[str, Any]) -> Scen
     return result.override(changes) if changes else result
 
 
-def load(path: str | Path) -> Recording | Results:
+def load(path: str | Path) -> Any:
     """Return the record in an ``.nc`` file, or the results in a folder.
 
     Parameters
@@ -151,6 +151,10 @@ def load(path: str | Path) -> Recording | Results:
     path : str or Path
         A record, as `Recording.save` and ``flexaxis simulate`` write it; or the folder of
         ``flexaxis run`` or ``flexaxis study``, or of `benchmark`.
+
+    Returns
+    -------
+    Recording or Results
 
     Raises
     ------

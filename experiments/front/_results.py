@@ -12,6 +12,7 @@ from flexaxis._records import axes_for, draw
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import select
 from flexaxis.experiments.check import check as rules
+from flexaxis.experiments.comparison.ranking import faults_of
 from flexaxis.experiments.comparison.tune import Trials, match_noise, save
 from flexaxis.experiments.files import REPORT
 from flexaxis.experiments.gate import gate
@@ -19,9 +20,11 @@ from flexaxis.experiments.gate.report import as_dict, write
 from flexaxis.experiments.reporting import figures
 from flexaxis.experiments.reporting.study import over_axis
 from flexaxis.experiments.reporting.tables import between
+from flexaxis.experiments.reporting.words import answer, failures_in_words, fault_words
 from flexaxis.experiments.running import results as engine
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.estimators import parse, text_of
+from flexaxis.experiments.running.run import rerun
 from flexaxis.experiments.studies import benchmark as studies
 from flexaxis.experiments.studies.definition import load_study, seeds_of, study_from, texts_of
 from flexaxis.sim.errors import FlexaxisError
@@ -36,6 +39,10 @@ SHOWN = (
     "diverged", "failed", "runs",
 )  # fmt: skip
 """The columns of a table of pooled scores, with the axes of a study."""
+TURNED = (
+    "scenario", "parameter", "setting", "lag", "lag_interval", "std", "lag_bound", "diverged",
+)  # fmt: skip
+"""The columns of a table of settings."""
 
 
 class Results(engine.Results):
@@ -50,6 +57,30 @@ class Results(engine.Results):
         rows = self.scores()
         changed = rows.query("changed")
         return (rows if changed.empty else changed)[[*self.axes, *SHOWN]].reset_index(drop=True)
+
+    @property
+    def problems(self) -> list[str]:
+        """The first failure of each estimator in a sentence, with the number of such cases."""
+        failures = self.failures.to_dict("records")
+        return [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
+
+    def rerun(self, sample: int = 0, **work: Any) -> pd.DataFrame:
+        """Run cases again, such as those of somebody else's folder, and compare the scores.
+
+        Parameters
+        ----------
+        sample : int
+            Number of cases, spread over all; 0 for all.
+        **work
+            ``jobs`` and ``time_limit``, as of `benchmark`.
+
+        Returns
+        -------
+        DataFrame
+            As from `flexaxis.experiments.running.run.rerun`: a row a case and parameter.
+        """
+        with studies.working(**work) as runner:
+            return rerun(self, runner, sample)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
         """Draw the lag after a fault: against the noise, or over an axis of a study.
@@ -79,9 +110,12 @@ class Results(engine.Results):
 
     def __repr__(self) -> str:
         text = f"{self.cases} cases, {len(self.failures)} of them failed"
-        words, number = {"lag_interval": between}, "{:.3g}".format
-        table = self.table.to_string(index=False, formatters=words, float_format=number)
-        return f"{text}\n{table}"
+        return f"{text}\n{_text(self.table)}"
+
+
+def _text(table: pd.DataFrame) -> str:
+    words, number = {"lag_interval": between}, "{:.3g}".format
+    return table.to_string(index=False, formatters=words, float_format=number)
 
 
 def benchmark(
@@ -273,14 +307,43 @@ def compare(
     return Comparison(content, result.status())
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep:
+    """Estimators at several settings of their tuning parameters.
+
+    Attributes
+    ----------
+    content : dict
+        ``tradeoff`` with ``points`` (a setting each) and ``matched`` (at the noise of
+        rpem-forgetting), as in summary.json.
+    """
+
+    content: dict[str, Any]
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Lag and noise of each setting, std in % of nominal; lag_bound is the Cramér–Rao bound."""
+        return pd.DataFrame(self.content["tradeoff"]["points"])[[*TURNED]]
+
+    def plot(self) -> Any:
+        """Return a figure: lag against noise, a line an estimator, a panel a fault, the bound."""
+        found = self.content["tradeoff"]
+        return figures.speed_noise(faults_of(found["points"]), fault_words(found))
+
+    def __repr__(self) -> str:
+        sentence, facts = answer(self.content)
+        return "\n".join([_text(self.table), f"{sentence}.", *facts])
+
+
 def tune(
     *estimators: str,
+    sweep: Scenarios = (),
     seeds: Seeds = "0:16",
     folder: Place = None,
     file: Place = None,
     **work: Any,
-) -> pd.DataFrame:
-    """Find the settings at which estimators are as noisy as rpem-forgetting.
+) -> pd.DataFrame | Sweep:
+    """Find the settings at which estimators are as noisy as rpem-forgetting, or compare settings.
 
     Each is tuned on the nominal axis without a fault.
 
@@ -288,6 +351,8 @@ def tune(
     ----------
     *estimators : str
         All registered ones with a tuning parameter by default.
+    sweep : str, Path, Scenario, or several of them
+        Scenarios with a fault: run several settings on these instead of tuning.
     seeds
         As for `benchmark`.
     folder : str or Path, optional
@@ -301,11 +366,16 @@ def tune(
     -------
     DataFrame
         A line an estimator: ``setting, knob, value, match, ratio`` (of its noise to the
-        reference), and ``problem`` if there is no such setting.
+        reference), and ``problem`` if there is no such setting. A `Sweep` with `sweep`.
     """
+    numbers = seeds_of(seeds, 16)
     names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []
     with studies.working(folder, **work) as runner:
-        trials = Trials(seeds_of(seeds, 16), runner.rows)
+        if sweep:
+            found = studies.swept(select(sweep).scenarios, names, numbers, runner)
+            about = {"title": "sweep", "estimators": names, "seeds": numbers, "tradeoff": found}
+            return Sweep(about)
+        trials = Trials(numbers, runner.rows)
         for name in names:
             tuned, line = None, {"estimator": name, "problem": ""}
             try:

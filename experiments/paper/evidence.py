@@ -3,8 +3,6 @@
 No estimator is tuned on the seeds. Everything is computed once it is asked for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -14,12 +12,11 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline import priors
-from flexaxis.estimators.offline.frequency import information, line_spectrum
 from flexaxis.estimators.offline.output_error import Identified, output_error
 from flexaxis.estimators.offline.predictor import predict
-from flexaxis.estimators.offline.priors import steady_P
+from flexaxis.estimators.offline.priors import drift_for, steady_P
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.cache import RecordCache, records
+from flexaxis.experiments.running.cache import default_cache, records
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.studies.definition import FIRST
 from flexaxis.sim.record import Record
@@ -28,16 +25,17 @@ Array = NDArray[np.float64]
 Adaptation = Mapping[str, Any]
 """What is chosen in the recursive method, as `Rpem` takes it: λ or Δ."""
 
-FAULTS = {"k_T": "kt_step-v1", "1/J_a": "ja_step-v1", "f_m": "fm_step-v1"}
-"""The step-fault scenario of each identified parameter."""
-SMALL = {"k_T": 0.97, "1/J_a": 1.02, "f_m": 1.1}
-"""Factors on k_T, J_a and f_m that are small enough for a linear theory, well above the noise."""
+Method = str | tuple[float, ...]
+
+FAULTS = {"k_T": ("kt_step-v1", 0.97), "1/J_a": ("ja_step-v1", 1.02), "f_m": ("fm_step-v1", 1.1)}
+"""The step-fault scenario of each identified parameter, and a factor on k_T, J_a or f_m that is
+small enough for a linear theory, well above the noise."""
 PAUSE = (10.0, 30.0)
 """Standstill of the scenario that shows windup [s]."""
 FORGETTING = 0.995
 METHODS = ("forgetting", "modification")
-SIZES = {"nominal": 30, "long": 8, "others": 16}
-"""Runs of the paper's experiment; of 60 s of it; of each standstill or fault."""
+SIZES = {"nominal": 30, "long": 8, "calm": 30, "others": 16}
+"""Runs of the paper's experiment; 60 s of it; it from the truth; each standstill or fault."""
 STRIDE = 20
 """Samples from one kept P to the next."""
 
@@ -66,38 +64,34 @@ class Evidence:
         Seed of the first run.
     sizes : mapping of str to int
         As `SIZES`.
-    store : RecordCache, optional
-        Where records are kept.
 
     Attributes
     ----------
     scenario : Scenario
         The paper's experiment.
     scenarios : dict of str to Scenario
-        That (``"nominal"``), 60 s of it (``"long"``), with a standstill and θ(0) at the truth
-        (``"pause"``), with a step fault (by the identified parameter that it changes), and with a
-        small one (such as ``"small f_m"``).
+        That (``"nominal"``); with θ(0) at the truth: it (``"calm"``), 60 s of it (``"long"``), with
+        a standstill (``"pause"``), with a step fault (by the identified parameter that it changes),
+        and with a small one (such as ``"small f_m"``).
     onset : int
         First sample after each of the faults.
     model : Parametrization
-        The nominal axis as a function of the identified parameters, with nominal values `theta`.
+        The nominal axis as a function of the identified parameters.
+    theta : ndarray (p,)
+        Their nominal values.
     adaptations : dict of str to Adaptation
-        By method: the paper's λ, and Δ of eq. (32); and slower ones.
+        By method: the paper's λ, and Δ of eq. (32); and slower ones. Time constants [s] of the
+        parameters are a method, too.
     """
 
-    def __init__(
-        self,
-        *,
-        first: int = FIRST,
-        sizes: Mapping[str, int] = SIZES,
-        store: RecordCache | None = None,
-    ) -> None:
-        self.first, self.sizes, self._store = first, sizes, store
+    def __init__(self, *, first: int = FIRST, sizes: Mapping[str, int] = SIZES) -> None:
+        self.first, self.sizes = first, sizes
         self.scenario = scenario = find_scenario("paper_nominal-v1")
         self.period, self.names = scenario.period, scenario.identify
         self.excitation: Any = scenario.excitation
         self.axis = three_mass(scenario.nominal.as_dict())
         self.model = self.axis.parametrize(self.names)
+        self.theta = self.model.theta
         self.drift = np.array([*priors.DRIFT.values()])
         self.adaptations: Mapping[str, Adaptation] = {
             "forgetting": {"forgetting": FORGETTING},
@@ -105,15 +99,17 @@ class Evidence:
             "slow forgetting": {"forgetting": 0.999},
             "slow modification": {"drift": self.drift / 16},  # a quarter of the speed
         }
-        pause = {"start": 1.0, "duration": 45.0, "excitation.pause": [list(PAUSE)]}
+        calm = scenario.override({"start": 1.0})
+        pause = {"duration": 45.0, "excitation.pause": [list(PAUSE)]}
         self.scenarios = {
             "nominal": scenario,
-            "long": scenario.override({"duration": 60.0}),
-            "pause": scenario.override(pause),
+            "calm": calm,
+            "long": calm.override({"duration": 60.0}),
+            "pause": calm.override(pause),
         }
-        for name, text in FAULTS.items():
+        for name, (text, small) in FAULTS.items():
             self.scenarios[name] = fault = find_scenario(text)
-            self.scenarios[f"small {name}"] = fault.override({"fault[0].factor": SMALL[name]})
+            self.scenarios[f"small {name}"] = fault.override({"fault[0].factor": small})
             self.onset = fault.events()[0].index
 
     @cache  # noqa: B019
@@ -121,7 +117,7 @@ class Evidence:
         """Return the records of one of `scenarios`."""
         number = self.sizes.get(group, self.sizes["others"])
         seeds = range(self.first, self.first + number)
-        return records(self.scenarios[group], seeds, self._store)
+        return records(self.scenarios[group], seeds, default_cache())
 
     @cached_property
     def reference(self) -> Array:
@@ -130,29 +126,27 @@ class Evidence:
 
     def predict(self, torque: Array) -> tuple[Array, Array]:
         """Return ŷ (N,) and ψ (N, p) at nominal parameters for a torque (N,)."""
-        return predict(self.model, self.model.theta, torque, period=self.period)
+        return predict(self.model, self.theta, torque, period=self.period)
 
     def steady(self, signal: Array) -> Array:
         """Return the last two periods of a signal (N, …), in which no transient is left."""
         return signal[-2 * round(self.excitation.period / self.period) :]
 
-    def lines(self, torque: Array) -> tuple[Array, Array]:
-        """Return frequency [rad/s] and power of the lines of a torque (N,)."""
-        return line_spectrum(self.steady(torque), period=self.period)
-
-    def information(self, torque: Array) -> Array:
-        """Return E ψψᵀ (p, p) at nominal parameters by the spectrum of a torque, eq. (28), (31)."""
-        lines = self.lines(torque)
-        return information(self.model, self.model.theta, *lines, period=self.period)
-
     @cached_property
     def Q(self) -> Array:
-        """E ψψᵀ (p, p) of the reference torque."""
-        return self.information(self.reference)
+        """E ψψᵀ (p, p) of the reference torque, eq. (31)."""
+        psi = self.steady(self.predict(self.reference)[1])
+        return psi.T @ psi / len(psi)
 
-    def steady_P(self, adaptation: Adaptation) -> Array:
+    def adaptation(self, method: Method) -> Adaptation:
+        """Return what a method chooses; for time constants it is Δ."""
+        if isinstance(method, str):
+            return self.adaptations[method]
+        return {"drift": drift_for(method, self.Q, period=self.period)}
+
+    def steady_P(self, method: Method) -> Array:
         """Return P (p, p) of eq. (29) or (30)."""
-        return steady_P(self.Q, **adaptation)
+        return steady_P(self.Q, **self.adaptation(method))
 
     @cache  # noqa: B019
     def recipe(self, method: str) -> Array:
@@ -160,51 +154,38 @@ class Evidence:
         known: Any = {"identify": self.names, "period": self.period, **self.adaptations[method]}
         return priors.nominal_P(self.axis, self.reference, **known)
 
-    @cache  # noqa: B019
-    def runs(self, method: str) -> Runs:
+    def runs(self, method: Method) -> Runs:
         """Return runs of a method: from 1.2 times nominal; slow ones over 60 s, from nominal."""
-        adaptation = self.adaptations[method]
-        if method not in METHODS:
-            return self.filtered("long", adaptation)
-        P0 = self.recipe(method)
-        return self.filtered("nominal", adaptation, P0=P0, start=self.scenario.start)
+        return self.filtered("nominal" if method in METHODS else "long", method)
 
-    def filtered(
-        self,
-        group: str,
-        adaptation: Adaptation,
-        *,
-        P0: Any = None,
-        start: float = 1.0,
-        mu: float = 0.0,
-    ) -> Runs:
+    @cache  # noqa: B019
+    def filtered(self, group: str, method: Method, *, mu: float = 0.0, prior: float = 0.0) -> Runs:
         """Run the recursive prediction-error method on each record of a group.
+
+        From nominal P(0) is that of eq. (29) or (30), else that of the recipe.
 
         Parameters
         ----------
         group : str
-        adaptation : Adaptation
-        P0 : ndarray (p,), optional
-            By default that of eq. (29) or (30).
-        start : float
-            θ(0) over nominal.
+        method : str or tuple of float
+            As in `adaptations`, or time constants [s].
         mu : float
             μ of eq. (12).
+        prior : float
+            If it is not 0, P is reset at the onset of the fault to that of estimates with this
+            standard deviation, over nominal.
         """
-        theta, P = [], []
-        P0 = self.steady_P(adaptation) if P0 is None else P0
-        known: Any = {
-            "identify": self.names,
-            "period": self.period,
-            "ceiling": np.inf,
-            **adaptation,
-        }
-        nominal = self.model.theta
+        theta, P, nominal, start = [], [], self.theta, self.scenarios[group].start
+        P0 = self.steady_P(method) if start == 1 else self.recipe(str(method))
+        known: Any = {"identify": self.names, "period": self.period, "ceiling": np.inf}
+        known |= self.adaptation(method)
         estimator = Rpem(self.axis, theta0=start * nominal, P0=P0, regularization=mu, **known)
         for record in self.records(group):
             estimator.reset()
             parts = [signal.reshape(-1, STRIDE) for signal in signals(record)]
-            for u, y in zip(*parts, strict=True):
+            for k, (u, y) in enumerate(zip(*parts, strict=True)):
+                if prior and k * STRIDE == self.onset:
+                    estimator.P = (prior * nominal / self.scenario.noise.speed) ** 2
                 theta.append(estimator.run(u, y))
                 P.append(np.diag(estimator.P))
         shape = len(self.records(group)), -1, len(self.names)
@@ -224,12 +205,8 @@ class Evidence:
 
     @cached_property
     def physical(self) -> Identified:
-        """All parameters but r and k_T, which sets the scale."""
-        return self.identified(self.all_but("r", "k_T"), 1.2)
-
-    def all_but(self, *names: str) -> tuple[str, ...]:
-        """Return the parameters of the axis without some."""
-        return tuple(name for name in self.axis.parameters if name not in names)
+        """All parameters but r, the last, and k_T, the first, which sets the scale."""
+        return self.identified(self.axis.parameters[1:-1], 1.2)
 
 
 def signals(record: Record) -> Any:

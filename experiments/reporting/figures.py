@@ -5,8 +5,6 @@ estimator, and shows a value on hover, by the tags that `styles.tag` gives to ar
 430 px wide: letters are readable on a telephone, and a screen shows several side by side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -115,7 +113,8 @@ def curves(
                 logarithmic(axis)
         ax.autoscale()  # the axes may have limits from an earlier call
         usual = None if label in logs else _usual(ax)
-        ax.set(ylabel=symbols(label), ylim=limits.get(label, usual), xlim=limits.get(x))
+        ends = {"ylim": limits.get(label, usual), "xlim": limits.get(x)}
+        ax.set(ylabel=symbols(label), **{key: pair for key, pair in ends.items() if pair})
         if not looks and ax.get_legend_handles_labels()[0]:
             ax.legend()
     axes[-1].set_xlabel(symbols(x))

@@ -4,8 +4,6 @@ Text in a figure stays text. Colours are variables of the style sheet, so that a
 night; an estimator has a class of its own, by which the script hides it.
 """
 
-from __future__ import annotations
-
 import html
 import io
 import json

@@ -1,7 +1,5 @@
 """The report of a run: the answer on the first screen, every scenario below it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any

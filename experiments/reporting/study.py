@@ -1,7 +1,5 @@
 """The report of a study: the answer first, scores over its axes, then maps and tables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any

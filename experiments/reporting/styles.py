@@ -5,8 +5,6 @@ or more with the background (WCAG 2.1, 1.4.11), in the light and in the dark var
 chosen by a random search near named hues; measure both numbers again if you change one.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace

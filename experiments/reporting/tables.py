@@ -1,7 +1,5 @@
 """Tables of pages: how numbers are written, and cells from the columns of a DataFrame."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple

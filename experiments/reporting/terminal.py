@@ -1,7 +1,5 @@
 """Lags at equal noise and scores at default settings as tables, and tables in the terminal."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -24,13 +22,16 @@ LEGEND = (
 )
 
 
-def show(table: rich.table.Table) -> None:
-    """Print a table, in a file or a pipe as wide as it needs."""
+def as_text(*tables: Table) -> str:
+    """Return tables as text, in a file or a pipe as wide as they need."""
     # No name is cut in the log of a build.
-    Console(width=None if sys.stdout.isatty() else 200).print(table)
+    console = Console(width=None if sys.stdout.isatty() else 200)
+    with console.capture() as capture:
+        console.print(*map(_shown, tables))
+    return capture.get().rstrip()
 
 
-def lines(table: Table) -> rich.table.Table:
+def _shown(table: Table) -> rich.table.Table:
     """Return a table for the terminal, with its name above and its notes below it."""
     shown = rich.table.Table(box=None, padding=(0, 1, 0, 0), title=table.name, title_justify="left",
                              caption="\n".join(table.notes), caption_justify="left")  # fmt: skip
@@ -42,17 +43,17 @@ def lines(table: Table) -> rich.table.Table:
     return shown
 
 
-def show_run(summary: Mapping[str, Any]) -> None:
-    """Print the main tables of a run: lags at equal noise, then default settings.
+def run_text(summary: Mapping[str, Any]) -> str:
+    """Return the main tables of a run: lags at equal noise, then default settings.
 
     Parameters
     ----------
     summary : mapping
         As in summary.json.
     """
-    if (summary.get("tradeoff") or {}).get("matched"):
-        show(lines(equal_noise_table(summary["tradeoff"])))
-    show(lines(default_table(summary["rows"])))
+    swept = summary.get("tradeoff") or {}
+    first = [equal_noise_table(swept)] if swept.get("matched") else []
+    return as_text(*first, default_table(summary["rows"]))
 
 
 def equal_noise_table(swept: Mapping[str, Any]) -> Table:

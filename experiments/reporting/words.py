@@ -3,8 +3,6 @@
 All of them are computed. Terminal and page use the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -4,19 +4,18 @@ A record is known by what plant and sensors see of its scenario (`Scenario.recor
 the version of MuJoCo and a digest of the simulation code and the MJCF.
 """
 
-from __future__ import annotations
-
 import io
 import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
+from functools import cache as cached
 from hashlib import sha256
+from importlib.resources import files
 from pathlib import Path
 
 import h5py
 
-from flexaxis.experiments.files import digest_of
 from flexaxis.experiments.scoring.nominal import nominal_runs
 from flexaxis.sim.files import atomic
 from flexaxis.sim.record import SIGNALS, Record
@@ -24,6 +23,8 @@ from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import made_with, record_of, simulate
 
 LIMIT = 2 * 1024**3  # bytes
+SHORT = 12
+"""Hexadecimal digits of a digest."""
 
 
 @dataclass(frozen=True)
@@ -106,3 +107,15 @@ def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None)
 def keep_nominal_runs(cache: RecordCache | None) -> AbstractContextManager[None]:
     """Keep the nominal runs that are simulated inside, too: each serves many scenarios."""
     return nominal_runs(lambda scenario: records(scenario, [0], cache)[0].torque)
+
+
+@cached
+def digest_of(*packages: str) -> str:
+    """Return a digest of the code, models and settings in packages of flexaxis."""
+    content = sha256()
+    for package in packages:
+        folder = Path(str(files(f"flexaxis.{package}")))
+        for path in sorted(folder.rglob("*")):
+            if path.suffix in {".py", ".xml", ".toml"}:
+                content.update(path.read_bytes())
+    return content.hexdigest()[:SHORT]

@@ -1,7 +1,5 @@
 """The work on one unit: simulate its records, run the estimators and score the estimates."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Run one estimator on one record, and write its estimates and claimed covariances to a file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ The text is a name of the registry or of an entry point in the group `flexaxis.e
 (``rpem-forgetting[forgetting=0.99]``), or ``pipe:COMMAND``, a program in any language.
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 import pickle
@@ -29,7 +27,7 @@ from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.offline.priors import stored_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.files import SHORT
+from flexaxis.experiments.running.cache import SHORT
 from flexaxis.experiments.running.user_code import (
     PIPE,
     PipeEstimator,

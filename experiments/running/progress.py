@@ -1,7 +1,5 @@
 """Progress and remarks on stderr, or neither with --quiet."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -37,7 +37,7 @@ class Results:
     ----------
     store : Store
     study : mapping
-        As from `describe`; without its ``variants`` all cases are meant.
+        As from `describe`.
 
     Attributes
     ----------
@@ -57,17 +57,18 @@ class Results:
         Raises
         ------
         StudyError
-            If it holds no rows.
+            If it holds no rows, or none of a run or a study.
         """
         store = Store.read(Path(folder))
-        return cls(store, store.told("study") or {"name": Path(folder).name, "axes": []})
+        if study := store.told("study"):
+            return cls(store, study)
+        raise StudyError(f"{folder} holds the trials of a verdict or of a tuning, and no study")
 
     @cached_property
     def frame(self) -> pd.DataFrame:
         """All rows, a line a case and parameter; the columns that matter most come first."""
         table = self._store.frame(self._variants)
-        seeds = self.study.get("seeds", table["seed"])
-        table = table[table["seed"].isin(seeds)].reset_index(drop=True)
+        table = table[table["seed"].isin(self.study["seeds"])].reset_index(drop=True)
         for key in self.axes:
             table[key] = [_plain(point.get(key)) for point in table["axes"]]
         return table[[*FIRST, *self.axes, *score_columns(), *LAST]]
@@ -76,7 +77,7 @@ class Results:
     def _variants(self) -> dict[int, dict[str, Any]]:
         """The properties that the cases of an estimator on a scenario share, in row order."""
         every = self._store.variants()
-        labels = {_key(label): label for label in self.study.get("variants", every.values())}
+        labels = {_key(label): label for label in self.study["variants"]}
         order = {key: place for place, key in enumerate(labels)}
         known = [(n, about | labels[_key(about)]) for n, about in every.items()
                  if _key(about) in labels]  # fmt: skip
@@ -90,6 +91,11 @@ class Results:
     def cases(self) -> int:
         """Number of cases, failed ones included."""
         return int(self.frame["case"].nunique())
+
+    @property
+    def missing(self) -> int:
+        """Number of cases that were asked for and are not here, such as those of other shards."""
+        return len(self.study["variants"]) * len(self.study["seeds"]) - self.cases
 
     @property
     def failures(self) -> pd.DataFrame:

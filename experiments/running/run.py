@@ -1,7 +1,5 @@
 """Run the missing cases of a study or of a shard, on worker processes or any executor."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading
@@ -18,6 +16,7 @@ from shutil import rmtree
 from tempfile import mkdtemp
 from typing import Any, Self
 
+import numpy as np
 import pandas as pd
 from loky import ProcessPoolExecutor
 
@@ -25,7 +24,14 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.compiler import is_uncompiled
 from flexaxis.experiments.files import NotRun, StudyError
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.case import Done, Options, Outcome, run_unit, simulate_units
+from flexaxis.experiments.running.case import (
+    NUMBERS,
+    Done,
+    Options,
+    Outcome,
+    run_unit,
+    simulate_units,
+)
 from flexaxis.experiments.running.estimators import Misfit, Spec, build, parse
 from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.running.results import Results
@@ -286,6 +292,40 @@ def _problems(pairs: Sequence[Pair], options: Options) -> dict[str, EstimatorErr
         except EstimatorError as error:
             problems[scenario.name] = error
     return problems
+
+
+def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
+    """Run cases of a folder again and compare their scores, in whatever version this is.
+
+    Parameters
+    ----------
+    results : Results
+        Of the folder, which stays as it is.
+    runner : Runner
+        Without that folder.
+    sample : int
+        Number of cases, spread over all; 0 for all.
+
+    Returns
+    -------
+    DataFrame
+        ``scenario, estimator, seed, parameter``, the ``score`` that differs most, and the
+        ``difference`` over its value; infinite if one of the two is not defined.
+    """
+    scores, key = [name for name in NUMBERS if "cost." not in name], ["seed", "parameter"]
+    cases, lines = results.frame["case"].unique(), []
+    chosen = cases[:: max(1, len(cases) // (sample or len(cases)))]
+    stored = results.frame[results.frame["case"].isin(chosen)]
+    for (_, setting), own in stored.groupby(["hash", "setting"], sort=False):
+        scenario = results.scenario(own.iloc[0])
+        again = runner.rows([scenario], [setting], own["seed"].unique().tolist())
+        old, new = (rows.set_index(key)[scores].astype(float) for rows in (own, again))
+        new = new.reindex(old.index)
+        share = (old - new).abs() / np.maximum(old.abs(), new.abs())
+        share = share.mask((old == new) | (old.isna() & new.isna()), 0.0).fillna(np.inf)
+        found = {"score": share.idxmax(axis=1), "difference": share.max(axis=1)}
+        lines.append(own[["scenario", "estimator", *key]].join(pd.DataFrame(found), on=key))
+    return pd.concat(lines)
 
 
 def check_failures(frame: pd.DataFrame) -> None:

@@ -24,9 +24,9 @@ from flexaxis.experiments.files import (
     NotRun,
     OutputError,
     StudyError,
-    digest_of,
     make_folder,
 )
+from flexaxis.experiments.running.cache import digest_of
 from flexaxis.experiments.running.case import NUMBERS, Done, unpack
 from flexaxis.experiments.scoring.summary import Case
 from flexaxis.sim.simulate import versions

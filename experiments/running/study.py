@@ -1,7 +1,5 @@
 """Studies: scenarios × estimators × seeds × swept keys, split into units that share records."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -3,8 +3,6 @@
 User code runs in the process that runs the case. It is trusted: run only code you trust.
 """
 
-from __future__ import annotations
-
 import errno
 import faulthandler
 import importlib

@@ -5,8 +5,6 @@ docs/scores.md has the formulas with their sources. All of them take the gradien
 along the true parameters, and a white output noise of variance σ².
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

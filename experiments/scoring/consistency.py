@@ -1,7 +1,5 @@
 """Consistency: whether an estimator knows its own errors, of its estimates and its predictions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

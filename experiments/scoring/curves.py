@@ -4,8 +4,6 @@ Every tenth sample of a run is kept. Estimates change faster than that after a f
 sample around the first fault is kept as well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

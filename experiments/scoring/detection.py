@@ -1,7 +1,5 @@
 """Detection scores: alarms, delays, and the parameters that are named."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

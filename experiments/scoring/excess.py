@@ -1,7 +1,5 @@
 """Excess prediction error: the part of the residual that is due to errors of the parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

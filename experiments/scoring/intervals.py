@@ -6,8 +6,6 @@ seed by seed (`by_seed`). `tests/experiments/test_intervals.py` measures
 the coverage.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

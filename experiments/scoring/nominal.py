@@ -1,7 +1,5 @@
 """The torque of a scenario's reference on the nominal axis, without faults and noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar

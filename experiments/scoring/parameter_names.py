@@ -1,7 +1,5 @@
 """The meaning of θ: estimated names, physical parameters and models."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ columns too, because seeds are the unit of chance (`flexaxis.experiments.scoring
 runs count in all scores except the consistency of the claimed covariance, which they lack.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 

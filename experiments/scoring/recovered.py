@@ -1,7 +1,5 @@
 """The share of the tracking error due to a fault that a controller avoids by using estimates."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

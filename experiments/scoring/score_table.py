@@ -4,8 +4,6 @@ Rows, summaries, tables, reports, columns of studies, exports and `compare` read
 that a new score is one entry.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal

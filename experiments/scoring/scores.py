@@ -4,8 +4,6 @@ Errors θ̃ = θ̂ − θ_true are in per cent of nominal before and beside a fa
 the size D = |θ_after − θ_before| of the fault. docs/scores.md has the definitions in words.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

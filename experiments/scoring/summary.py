@@ -1,7 +1,5 @@
 """Pool the scores of all seeds into one row per scenario, estimator and parameter."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias

@@ -1,7 +1,5 @@
 """The estimators' model of an axis as it truly is, where one can describe it, and its path."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """When errors are scored: the quiet time before a fault, and the window after it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, wraps

@@ -30,6 +30,7 @@ from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.run import Runner
 from flexaxis.experiments.running.store import CSV
 from flexaxis.experiments.running.study import Study, units
+from flexaxis.experiments.studies.definition import load_study
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 
@@ -71,7 +72,7 @@ def benchmark(
             remark(f"{name} is left out: {reason}")
         own = [s for s in own if s.name not in left_out] or own  # running them says why
         swept = [s for s in swept if s.name not in left_out]
-        turned = [*dict.fromkeys([REFERENCE, *estimators])]
+        turned = estimators
     texts = tuple(estimators or suite.estimators)
     study = Study(suite.name, tuple(own), texts, tuple(seeds))
     return run(study, runner, swept=(swept, turned))
@@ -106,8 +107,8 @@ def run(
     return results
 
 
-def merge(shards: Sequence[Path], folder: Path, **options: Any) -> tuple[Results, int]:
-    """Put shards together in a folder and report; return results and the number of lost cases.
+def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
+    """Put shards together in a folder, and report.
 
     Parameters
     ----------
@@ -122,8 +123,6 @@ def merge(shards: Sequence[Path], folder: Path, **options: Any) -> tuple[Results
         results = Results.load(folder)
         results.to_csv(folder / CSV)
         finish(results, runner)
-    study = results.study
-    return results, len(study["variants"]) * len(study["seeds"]) - results.cases
 
 
 def finish(results: Results, runner: Runner) -> None:
@@ -131,6 +130,8 @@ def finish(results: Results, runner: Runner) -> None:
     assert results.folder is not None
     if not results.axes:
         study = results.study
+        plans = study["tradeoff"]
+        scenarios = [scenario_from(each, source="sweep") for each in plans["scenarios"]]
         summary = {
             "title": study["title"],
             "command": study["command"],
@@ -140,7 +141,7 @@ def finish(results: Results, runner: Runner) -> None:
             "estimators": {text: _describe(text) for text in study["estimators"]},
             "rows": results.pooled("scenario", "estimator"),
             "failures": results.failures.to_dict("records"),
-            "tradeoff": _sweep(results, runner),
+            "tradeoff": scenarios and swept(scenarios, plans["estimators"], study["seeds"], runner),
         }
         write_json(results.folder / SUMMARY, summary)
     write_report(results, results.folder / REPORT)
@@ -158,20 +159,28 @@ def _describe(text: str) -> str:
     return REGISTRY[name].summary if name in REGISTRY else "an estimator of your own"
 
 
-def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
-    """Return the points of the trade-off figure, and the lags at equal noise."""
-    plan, seeds = results.study["tradeoff"], results.study["seeds"]
-    if not plan["scenarios"]:
-        return None
-    scenarios = [scenario_from(s, source="sweep") for s in plan["scenarios"]]
-    able = sweep.able(scenarios, plan["estimators"], seeds, runner.rows)
+def swept(
+    scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], runner: Runner
+) -> dict[str, Any]:
+    """Return the points of the figure of speed over noise, and the lags at equal noise.
+
+    Parameters
+    ----------
+    scenarios : sequence of Scenario
+    estimators : sequence of str
+        The reference is added; those that fail at one of their first settings are left out.
+    seeds : sequence of int
+    runner : Runner
+    """
+    names = list(dict.fromkeys([REFERENCE, *estimators]))
+    able = sweep.able(scenarios, names, seeds, runner.rows)
     result = sweep.sweep(scenarios, able, seeds, runner.rows)
     matched = faults_of(result.matched)
     if not matched.empty:  # once more, with what the report draws of the nearest settings
         own = matched[matched["fault"] == widest(matched)]
         drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
         runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
-    left_out = [name for name in plan["estimators"] if name not in able]
+    left_out = [name for name in names if name not in able]
     return asdict(result) | {
         "left_out": left_out,
         "overall": overall(result.at_excess),
@@ -179,7 +188,7 @@ def _sweep(results: Results, runner: Runner) -> dict[str, Any] | None:
     }
 
 
-def plan(study: Study) -> dict[str, Any]:
+def plan(path: Path) -> dict[str, Any]:
     """Return the size of a study and an estimate of its time, from one seed of its first variant.
 
     Returns
@@ -188,6 +197,7 @@ def plan(study: Study) -> dict[str, Any]:
         ``variants`` (a dict of swept values each), ``cases``, ``seconds`` of one core, of
         estimators of users none, and ``megabytes`` of their rows.
     """
+    study = load_study(path)
     first = units(study)[0]
     settings = tuple(each for each in first.settings if not each.spec.is_users)
     one = replace(first, settings=settings, seeds=study.seeds[:1])

@@ -6,9 +6,11 @@ import json
 import os
 import re
 import shutil
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import h5netcdf
 import numpy as np
@@ -61,7 +63,7 @@ def test_every_option_of_an_estimator_has_a_sentence(name):
 
 
 def test_the_help_has_every_command(capsys):
-    assert len(COMMANDS) == 16 and typed(capsys)[:2] == (0, TOP.format_help())
+    assert len(COMMANDS) == 17 and typed(capsys)[:2] == (0, TOP.format_help())
     for name, (main, _) in COMMANDS.items():
         assert re.search(rf"^ +{name} +{main.__doc__[:20]}", TOP.format_help(), re.MULTILINE)
 
@@ -261,6 +263,31 @@ def test_a_benchmark_from_the_command_line_to_its_artefacts(capsys, short_toml, 
     assert (whole / "report.html").read_bytes() == page
     status, out, _ = flexaxis(capsys, "run", "--from", parts[0], "-o", tmp_path / "half")
     assert status == 1 and "2 cases are in no shard" in out
+    status, out, _ = flexaxis(capsys, "rerun", whole, "--sample", 2, "--jobs", 1)
+    assert status == 0 and "6 rows again: the largest relative difference is 0 " in out
+    with sqlite3.connect(whole / "scores.sqlite") as rows:
+        rows.execute("UPDATE cases SET numbers = (SELECT numbers FROM cases WHERE seed = 1000)")
+    status, out, _ = flexaxis(capsys, "rerun", whole, "--jobs", 1)
+    assert status == 1 and "seed 1001" in out
+
+
+def test_a_sweep_is_a_table_a_sentence_and_a_figure(capsys, short_toml, monkeypatch, tmp_path):
+    """Faster settings are noisier; the reference is beside any estimator."""
+    monkeypatch.chdir(tmp_path)
+    status, out, _ = flexaxis(capsys, "tune", "ekf", "--sweep", short_toml, *ONE)
+    *table, sentence, path = out.splitlines()
+    assert status == 0 and path == "figure: results/tune/sweep.svg"
+    assert "too few to rank" in sentence and sum("ekf[" in line for line in table) == 5
+    told = json.loads(flexaxis(capsys, "tune", "ekf", "--sweep", short_toml, *ONE, "--json")[1])
+    for name in ("ekf", "rpem-forgetting"):
+        own = [row for row in told["tradeoff"]["points"] if row["estimator"] == name]
+        own.sort(key=lambda row: row["factor"])
+        assert len({row["std"] for row in own}) == len(own) >= 5
+        assert own[0]["lag"] > own[-1]["lag"] and own[0]["std"] < own[-1]["std"]
+    tree = ElementTree.parse(path.removeprefix("figure: "))
+    assert "lag [s]" in "".join(tree.getroot().itertext())
+    status, _, err = flexaxis(capsys, "rerun", "results/tune")
+    assert status == 2 and "no study" in err
 
 
 STUDY = """\

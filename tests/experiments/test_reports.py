@@ -193,18 +193,13 @@ def test_a_figure_of_a_page_has_classes_titles_and_variables():
     assert html == page.drawn(figures.curves, "f", {"y": series}, x="x", looks=looks)
 
 
-def text_of(table, capsys):
-    terminal.show(terminal.lines(table))
-    return capsys.readouterr().out
-
-
-def test_the_terminal_says_who_leads(capsys):
-    shown = text_of(terminal.equal_noise_table(summary(THREE)["tradeoff"]), capsys)
+def test_the_terminal_says_who_leads():
+    shown = terminal.as_text(terminal.equal_noise_table(summary(THREE)["tradeoff"]))
     assert "motor friction +100 %: lag [s]" in shown and "recommended" in shown
     lines = [line.split() for line in shown.splitlines()]
     assert ["glr", "★", "0.050", "★", "0.10", "★", "90"] in lines
     few = every(THREE, values={"lag": [0.0, 0.1]})
-    shown = text_of(terminal.equal_noise_table(summary(few)["tradeoff"]), capsys)
+    shown = terminal.as_text(terminal.equal_noise_table(summary(few)["tradeoff"]))
     assert "2 seeds are too few" in shown and "★ 0.050" not in shown
 
 

@@ -1,0 +1,47 @@
+"""The template of an own estimator, and what to type when it has been changed."""
+
+from importlib.resources import files
+from pathlib import Path
+
+from flexaxis.experiments.files import write_text
+from flexaxis.sim.errors import FlexaxisError
+
+TEMPLATES = {
+    ".py": ("my_estimator.py",),
+    ".c": ("my_estimator.c", "flexaxis.h"),
+    ".m": ("my_estimator.m",),
+}
+"""The files to write by suffix; the first one gets the name that was given."""
+
+
+def new(path: Path) -> list[str]:
+    """Write a working estimator and return the lines to type next.
+
+    Parameters
+    ----------
+    path : Path
+        Python (.py), C (.c) or GNU Octave (.m).
+
+    Raises
+    ------
+    FlexaxisError
+        If the name does not do, or the file exists.
+    """
+    if path.suffix not in TEMPLATES or not path.stem.isidentifier():
+        raise FlexaxisError(
+            f"{path}: give a file that Python can import, such as my_estimator.py, or one in C or "
+            "Octave, such as my_estimator.c or my_estimator.m"
+        )
+    if path.exists():
+        raise FlexaxisError(f"{path} exists already; give another name")
+    home = files("flexaxis.experiments.check") / "templates"
+    for name in TEMPLATES[path.suffix]:
+        text = (home / name).read_text(encoding="utf-8")
+        target = path if name.startswith("my_") else path.with_name(name)
+        write_text(target, text.replace("my_estimator", path.stem))
+    text = {".py": "{}:Mine", ".m": "'pipe:octave-cli -q {}'", ".c": "pipe:./{}"}[path.suffix]
+    now = text.format(path.with_suffix("") if path.suffix == ".c" else path)
+    lines = [f"cc -O2 -o {path.with_suffix('')} {path} -lm"] * (path.suffix == ".c")
+    lines += [f"flexaxis check {now}",
+              f"flexaxis compare --base rpem-forgetting --candidate {now} fm_step"]  # fmt: skip
+    return lines
