@@ -37,7 +37,7 @@ class Results:
     ----------
     store : Store
     study : mapping
-        As from `describe`.
+        As from `describe`; without its ``variants`` all cases are meant.
 
     Attributes
     ----------
@@ -68,7 +68,9 @@ class Results:
     def frame(self) -> pd.DataFrame:
         """All rows, a line a case and parameter; the columns that matter most come first."""
         table = self._store.frame(self._variants)
-        table = table[table["seed"].isin(self.study["seeds"])].reset_index(drop=True)
+        table = table[table["seed"].isin(self.study.get("seeds", table["seed"]))].reset_index(
+            drop=True
+        )
         for key in self.axes:
             table[key] = [_plain(point.get(key)) for point in table["axes"]]
         return table[[*FIRST, *self.axes, *score_columns(), *LAST]]
@@ -77,7 +79,7 @@ class Results:
     def _variants(self) -> dict[int, dict[str, Any]]:
         """The properties that the cases of an estimator on a scenario share, in row order."""
         every = self._store.variants()
-        labels = {_key(label): label for label in self.study["variants"]}
+        labels = {_key(label): label for label in self.study.get("variants", every.values())}
         order = {key: place for place, key in enumerate(labels)}
         known = [(n, about | labels[_key(about)]) for n, about in every.items()
                  if _key(about) in labels]  # fmt: skip

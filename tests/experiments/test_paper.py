@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from flexaxis.estimators.models.parametrization import Parametrization
@@ -26,14 +27,17 @@ LITTLE = {"first": 0, "sizes": {"nominal": 8, "long": 2, "calm": 16, "others": 8
 
 
 def test_limits_are_what_they_say():
-    assert within(0, 1)({"a": 0.0, "b": 1.0}) and not within(0, 1)({"a": 0.5, "b": 1.1})
-    assert not within(0, 1, least=3)({"a": 0.5, "b": 0.5}) and not within(0, 1)({"a": np.nan})
-    assert below(1)({"a": 0.9}) and not below(1)({"a": 0.0, "b": 1.1})
-    assert above(1)({"a": 1.1}) and not above(1)({"a": 2.0, "b": np.nan})
-    near = {"a": 1.1, "b": 0.9}
+    def measured(*values):
+        return pd.Series(values, dtype=float)
+
+    assert within(0, 1)(measured(0, 1)) and not within(0, 1)(measured(0.5, 1.1))
+    assert not within(0, 1, least=3)(measured(0.5, 0.5)) and not within(0, 1)(measured(np.nan))
+    assert below(1)(measured(0.9)) and not below(1)(measured(0, 1.1))
+    assert above(1)(measured(1.1)) and not above(1)(measured(2, np.nan))
+    near = measured(1.1, 0.9)
     assert half_of_P(0.3)(near) and not half_of_P(0.05)(near)
     # of σ² P, √2 of σ² P/2, all lie within 40 %, and nearer to another value
-    assert not half_of_P(0.5)({"a": 2**0.5, "b": 2**0.5})
+    assert not half_of_P(0.5)(measured(2**0.5, 2**0.5))
     np.testing.assert_allclose(worst([[0.1, 1.1, 5.0], [2.0, 0.95, 0.5]]), [10, 1.1, 5])
 
 
