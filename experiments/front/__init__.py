@@ -38,10 +38,10 @@ __all__ = [
 ]
 
 _NAMES = {
-    "_estimates": ("Estimate", "estimate", "score"),
+    "_estimates": ("Estimate", "check", "estimate", "score"),
     "_logs": ("LogResult", "identify", "import_log", "track"),
     "_records": ("Axis", "Recording", "Sample", "cache", "load", "make_axis", "simulate"),
-    "_results": ("Comparison", "Results", "benchmark", "check", "compare", "study", "tune"),
+    "_results": ("Comparison", "Results", "benchmark", "compare", "study", "tune"),
     "experiments.demo.view": ("view",),
     # The rest is for the commands.
     "experiments.catalogue.card": ("show",),

@@ -1,7 +1,7 @@
 """One estimator on one record: `estimate`, and its scores: `score`."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from flexaxis._records import Recording, changed, draw, load
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.check import check as rules
 from flexaxis.experiments.reporting.figures import Series
+from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.case import follow, track_of
 from flexaxis.experiments.running.estimate import run_on, true_values, write_estimates
 from flexaxis.experiments.running.estimators import build, parse, text_of
@@ -239,3 +241,25 @@ def score(
     # In a row a std is about zero; it is shown about the mean, as of many runs.
     lines = [row | pool_columns(columns_of([row]), ["std"]) for row in rows(track)]
     return pd.DataFrame(lines).assign(estimator=result.estimator)[[*SCORES]]
+
+
+def check(estimator: EstimatorLike) -> pd.DataFrame:
+    """Check whether an estimator keeps the rules: no look-ahead, `step` equals `run`, and so on.
+
+    Parameters
+    ----------
+    estimator : str or class
+        As for `benchmark`.
+
+    Returns
+    -------
+    DataFrame
+        A line a rule: ``rule, holds`` (None if it does not apply), ``seen, reason, hint, raised``.
+
+    Raises
+    ------
+    EstimatorError, EstimatorCrash
+        If it cannot be made at all.
+    """
+    spec = parse(text_of(estimator))
+    return pd.DataFrame(map(asdict, rules.check(spec, store=default_cache())))

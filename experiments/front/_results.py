@@ -1,4 +1,4 @@
-"""Many runs, scored, pooled and compared: `benchmark`, `study`, `compare`, `tune`, `check`."""
+"""Many runs, scored, pooled and compared: `benchmark`, `study`, `compare`, `tune`."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -11,7 +11,6 @@ from flexaxis._estimates import EstimatorLike
 from flexaxis._records import axes_for, draw
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import select
-from flexaxis.experiments.check import check as rules
 from flexaxis.experiments.comparison.ranking import faults_of
 from flexaxis.experiments.comparison.tune import Trials, match_noise, save
 from flexaxis.experiments.files import REPORT
@@ -22,8 +21,7 @@ from flexaxis.experiments.reporting.study import over_axis
 from flexaxis.experiments.reporting.tables import between
 from flexaxis.experiments.reporting.words import answer, failures_in_words, fault_words
 from flexaxis.experiments.running import results as engine
-from flexaxis.experiments.running.cache import default_cache
-from flexaxis.experiments.running.estimators import parse, text_of
+from flexaxis.experiments.running.estimators import text_of
 from flexaxis.experiments.running.run import rerun
 from flexaxis.experiments.studies import benchmark as studies
 from flexaxis.experiments.studies.definition import load_study, seeds_of, study_from, texts_of
@@ -387,25 +385,3 @@ def tune(
             if file:
                 save(Path(file), name, tuned)
     return pd.DataFrame(lines)
-
-
-def check(estimator: EstimatorLike) -> pd.DataFrame:
-    """Check whether an estimator keeps the rules: no look-ahead, `step` equals `run`, and so on.
-
-    Parameters
-    ----------
-    estimator : str or class
-        As for `benchmark`.
-
-    Returns
-    -------
-    DataFrame
-        A line a rule: ``rule, holds`` (None if it does not apply), ``seen, reason, hint, raised``.
-
-    Raises
-    ------
-    EstimatorError, EstimatorCrash
-        If it cannot be made at all.
-    """
-    spec = parse(text_of(estimator))
-    return pd.DataFrame(map(asdict, rules.check(spec, store=default_cache())))
