@@ -96,6 +96,5 @@ def paper(args: Args) -> int:
     claims, page = fx.reproduce(args.output or Path("results/paper"))
     lines = [f"{'✓' if claim['holds'] else '✗'} {claim['claim']}" for claim in claims]
     holds = sum(claim["holds"] for claim in claims)
-    content = {"claims": claims, "page": page}
-    words = f"{holds} of {len(claims)} claims hold"
-    return answer(args, content, int(holds < len(claims)), *lines, words, page)
+    lines += [f"{holds} of {len(claims)} claims hold"]
+    return answer(args, {"claims": claims, "page": page}, int(holds < len(claims)), *lines, page)
