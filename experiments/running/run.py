@@ -314,6 +314,8 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
     """
     scores, key = [name for name in NUMBERS if "cost." not in name], ["seed", "parameter"]
     cases, lines = results.frame["case"].unique(), []
+    if not len(cases):
+        raise StudyError(f"{results.folder} has no finished cases: run its command first")
     chosen = cases[:: max(1, len(cases) // (sample or len(cases)))]
     stored = results.frame[results.frame["case"].isin(chosen)]
     for (_, setting), own in stored.groupby(["hash", "setting"], sort=False):
