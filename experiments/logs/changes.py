@@ -248,11 +248,12 @@ def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array,
         left = float(np.std(error[k] - J[k] @ x))
         known = np.abs(np.diag(np.linalg.pinv(J[k].T @ J[k], rcond=1e-14)))[:p]
         sd = np.where(known > 0, left * np.sqrt(known), np.inf)
-        rows.append((time[k[[0, -1]]], x[:p], sd, np.append(sd, left)))
+        rows.append((time[k[[0, -1]]], x[:p], sd, left))
     if not rows:
         return np.empty((0, 2)), *np.empty((2, 0, p))
-    edges, x, sd, size = (np.array(column) for column in zip(*rows, strict=True))
-    seen = (size < USUAL * np.quantile(size, QUIET, axis=0, method="lower")).all(axis=1)
+    edges, x, sd, left = (np.array(column) for column in zip(*rows, strict=True))  # type: ignore[assignment]
+    seen = (sd <= USUAL * np.quantile(sd, QUIET, axis=0, method="lower")).all(axis=1)
+    seen &= left <= USUAL * np.median(left[seen])  # type: ignore[index]
     return edges[seen], x[seen], sd[seen]
 
 

@@ -191,7 +191,9 @@ def _findings(
     return findings or [
         Finding("ok", "no parameter changed within this log"),
         *(
-            Finding("note", f"{name} is {100 * by:+.1f} % off what was identified, all along")
+            Finding(
+                "note", f"the estimate of {name} ends {100 * by:+.1f} % off what was identified"
+            )
             for name, by in off.items()
             if abs(by) > OFF
         ),
