@@ -131,7 +131,7 @@ def track(
     stopped = _stopped(log.y, predict(model, model.theta, torque, period=log.period)[0], log.period)
     valid = (True if record.valid is None else record.valid) & ~stopped
     theta, claimed, alarms = run_on(estimator, u, y, valid if lawful else colour.settled(valid))
-    good = colour.settled(log.ok & ~stopped)
+    good = colour.settled(log.ok & ~stopped & ~_quiet(torque, log.period))
     last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
 
     def look(theta: Array) -> tuple[Array, Array]:
@@ -202,14 +202,21 @@ def _findings(
 
 def _stopped(y: Array, simulated: Array, period: float) -> Flags:
     """Return where (N,) an axis stands still although the model moves."""
-    window = np.ones(max(round(WINDOW / period), 1))
-
-    def power(x: Array) -> Array:
-        return np.convolve(x**2, window / len(window), "same")
-
-    moves = power(simulated) > STOPPED**2 * np.mean(y**2)
-    still = moves & (power(y) < STOPPED**2 * power(simulated))
+    model, window = _power(simulated, period), np.ones(max(round(WINDOW / period), 1))
+    still = (model > STOPPED**2 * np.mean(y**2)) & (_power(y, period) < STOPPED**2 * model)
     return np.convolve(still, window, "same") > 0.5
+
+
+def _quiet(torque: Array, period: float) -> Flags:
+    """Return where (N,) too little torque acts to tell a change of a parameter from a brake."""
+    window = np.ones(max(round(WINDOW / period), 1))
+    quiet = _power(torque, period) < STOPPED**2 * np.mean(torque**2)
+    return np.convolve(quiet, window, "same") > 0.5
+
+
+def _power(x: Array, period: float) -> Array:
+    window = np.ones(max(round(WINDOW / period), 1))
+    return np.convolve(x**2, window / len(window), "same")
 
 
 def default_estimator(axis: Axis) -> str:
