@@ -84,25 +84,6 @@ def test_a_tuning_parameter_moves_while_it_runs():
     np.testing.assert_allclose(session.racers[0].theta[:3], [1.0, 1.25, 0.1], rtol=0.1)
 
 
-def test_what_cannot_be_done_is_a_message():
-    session = DemoSession()
-    for action in (
-        ("inject", "f_q", 2.0),
-        ("inject", "f_m", 9.0),
-        ("inject", "f_m"),
-        ("advance", 9),
-        ("set_friction", "coulomb"),
-        ("set_excitation", "of"),
-        ("choose", "A", "ekg"),
-    ):
-        session.do(*action)
-        assert not session.message.startswith("at 0.0 s"), action
-    session.do("inject", "k_a", 0.9)
-    assert "no estimated parameter" in session.message and session.axis.samples == 0
-    with pytest.raises(FlexaxisError, match="give two"):
-        DemoSession(("ekf",))
-
-
 def speeds(theta, torque, x):
     """Motor speed of the linear model from a state on, by the exponential of the whole system."""
     k_T, inverse, f_m = theta

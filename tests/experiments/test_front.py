@@ -147,22 +147,6 @@ def test_results_are_a_table_and_a_figure(short, tmp_path):
         results.plot("nope")
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"scenarios": []}, "at least one scenario"),
-        ({"seeds": 2.0}, "seeds '2.0'"),
-        ({"seeds": [1.5]}, "seed 1.5"),
-        ({"seeds": 0}, "seeds '0': give a number"),
-        ({"time_limit": 0}, "above 0"),
-        ({"jobs": 0}, "finite numbers above 0"),
-    ],
-)
-def test_a_benchmark_of_nothing(short, wrong, words):
-    with pytest.raises(FlexaxisError, match=words):
-        fx.benchmark("frozen", **({"scenarios": short, "seeds": 1} | wrong))
-
-
 @pytest.mark.slow
 def test_a_run_that_takes_too_long_is_ended(short):
     failures = fx.benchmark(Endless, scenarios=short, seeds=1, time_limit=0.2).failures

@@ -5,7 +5,6 @@ import numpy as np
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant.loop import closed_loop
 from flexaxis.sim.scenario import parse_scenario
-from flexaxis.sim.simulate import simulate, tracked
 from flexaxis.sim.tables.controller import Controller
 
 N1 = preset("n1")
@@ -81,22 +80,3 @@ def test_a_follower_is_given_what_the_log_has():
         assert np.array_equal(u, truth.torque[:, 0])
         wanted = truth.speed[:, 0] + noise[:, 0] if output == "speed" else increment
         np.testing.assert_allclose(y, wanted, rtol=0, atol=1e-12)
-
-
-def test_without_a_follower_it_stays_nominal():
-    nominal = np.vstack([NOMINAL] * SCENARIO.samples)
-    assert np.array_equal(loop(None).torque, loop(Follower(nominal)).torque)
-    (record,) = simulate(SCENARIO, [4])
-    error, limited = tracked(SCENARIO, [SCENARIO], 4, [None])
-    assert error.shape == (SCENARIO.samples, 1) and not limited.any()
-    both, _ = tracked(SCENARIO, [SCENARIO, SCENARIO], 4, [None, Follower(nominal)])
-    assert np.array_equal(both, np.hstack([error, error]))  # whatever runs beside it
-    assert np.array_equal(np.diff(error[:, 0] + record.true_angle_m), np.diff(_path(record)))
-
-
-def _path(record):
-    from flexaxis.sim.streams import stream
-
-    return SCENARIO.excitation.reference(
-        SCENARIO.grid, stream(SCENARIO.key, record.seed, "excitation")
-    )
