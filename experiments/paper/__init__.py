@@ -1,5 +1,5 @@
 """The paper of Östring and Gunnarsson, reproduced on MuJoCo data.
 
-`evidence` simulates and estimates, `measures` makes numbers of it, `claims` says which of them
-decide what the paper claims (`claim`), `figures` draws, and `reproduce` writes it all.
+`evidence` simulates and estimates, `measures` makes numbers of it, `claims` (with ``claims.toml``)
+decides by them what the paper claims, `figures` draws, and `reproduce` writes it all.
 """

@@ -22,9 +22,7 @@ from flexaxis.experiments.studies.definition import FIRST
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
-Adaptation = Mapping[str, Any]
-"""What is chosen in the recursive method, as `Rpem` takes it: λ or Δ."""
-
+ByName = Mapping[str, Any]
 Method = str | tuple[float, ...]
 
 FAULTS = {"k_T": ("kt_step-v1", 0.97), "1/J_a": ("ja_step-v1", 1.02), "f_m": ("fm_step-v1", 1.1)}
@@ -79,8 +77,9 @@ class Evidence:
         The nominal axis as a function of the identified parameters.
     theta : ndarray (p,)
         Their nominal values.
-    adaptations : dict of str to Adaptation
-        By method: the paper's λ, and Δ of eq. (32); and slower ones. Time constants [s] of the
+    adaptations : dict of str to dict
+        By method what is chosen in it, as `Rpem` takes it: the paper's λ, and Δ of eq. (32); and
+        slower ones. Time constants [s] of the
         parameters are a method, too.
     """
 
@@ -93,7 +92,7 @@ class Evidence:
         self.model = self.axis.parametrize(self.names)
         self.theta = self.model.theta
         self.drift = np.array([*priors.DRIFT.values()])
-        self.adaptations: Mapping[str, Adaptation] = {
+        self.adaptations: Mapping[str, ByName] = {
             "forgetting": {"forgetting": FORGETTING},
             "modification": {"drift": self.drift},
             "slow forgetting": {"forgetting": 0.999},
@@ -132,13 +131,17 @@ class Evidence:
         """Return the last two periods of a signal (N, …), in which no transient is left."""
         return signal[-2 * round(self.excitation.period / self.period) :]
 
-    @cached_property
-    def Q(self) -> Array:
-        """E ψψᵀ (p, p) of the reference torque, eq. (31)."""
-        psi = self.steady(self.predict(self.reference)[1])
+    def gradient_power(self, torque: Array) -> Array:
+        """Return E ψψᵀ (p, p) for a torque (N,), eq. (31)."""
+        psi = self.steady(self.predict(torque)[1])
         return psi.T @ psi / len(psi)
 
-    def adaptation(self, method: Method) -> Adaptation:
+    @cached_property
+    def Q(self) -> Array:
+        """E ψψᵀ (p, p) of the reference torque."""
+        return self.gradient_power(self.reference)
+
+    def adaptation(self, method: Method) -> ByName:
         """Return what a method chooses; for time constants it is Δ."""
         if isinstance(method, str):
             return self.adaptations[method]
@@ -149,10 +152,12 @@ class Evidence:
         return steady_P(self.Q, **self.adaptation(method))
 
     @cache  # noqa: B019
-    def recipe(self, method: str) -> Array:
+    def recipe(self, method: Method) -> Array:
         """Return the diagonal of P(0) (p,) by the recipe of section 5.2."""
-        known: Any = {"identify": self.names, "period": self.period, **self.adaptations[method]}
-        return priors.nominal_P(self.axis, self.reference, **known)
+        return priors.nominal_P(
+            self.axis, self.reference, identify=self.names, period=self.period,
+            **self.adaptation(method),
+        )  # fmt: skip
 
     def runs(self, method: Method) -> Runs:
         """Return runs of a method: from 1.2 times nominal; slow ones over 60 s, from nominal."""
@@ -176,10 +181,11 @@ class Evidence:
             standard deviation, over nominal.
         """
         theta, P, nominal, start = [], [], self.theta, self.scenarios[group].start
-        P0 = self.steady_P(method) if start == 1 else self.recipe(str(method))
-        known: Any = {"identify": self.names, "period": self.period, "ceiling": np.inf}
-        known |= self.adaptation(method)
-        estimator = Rpem(self.axis, theta0=start * nominal, P0=P0, regularization=mu, **known)
+        P0 = self.steady_P(method) if start == 1 else self.recipe(method)
+        estimator = Rpem(
+            self.axis, identify=self.names, theta0=start * nominal, P0=P0, period=self.period,
+            regularization=mu, ceiling=np.inf, **self.adaptation(method),
+        )  # fmt: skip
         for record in self.records(group):
             estimator.reset()
             parts = [signal.reshape(-1, STRIDE) for signal in signals(record)]
@@ -194,9 +200,11 @@ class Evidence:
     def identified(self, names: Sequence[str], start: float, record: int = 0) -> Identified:
         """Identify parameters off line from a run of 60 s, started at so many times nominal."""
         theta = start * self.axis.parametrize(names).theta
-        known: Any = {"period": self.period, "max_evaluations": 30, "start": theta}
-        u, y = signals(self.records("long")[record])
-        return output_error(self.axis, u, y, identify=names, **known)
+        measured = signals(self.records("long")[record])
+        return output_error(
+            self.axis, *measured, identify=names, period=self.period, start=theta,
+            max_evaluations=30,
+        )  # fmt: skip
 
     @cached_property
     def offline(self) -> list[Identified]:

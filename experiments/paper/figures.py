@@ -1,7 +1,6 @@
 """Figures 3 to 9 of the paper: each is a function of the evidence, which returns a Figure."""
 
-from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -17,12 +16,20 @@ from flexaxis.experiments.reporting.figures import Series, curves
 FREQUENCY, TIME = "frequency [rad/s]", "time [s]"
 
 
+def named(names: Iterable[str], x: Any, rows: Any, **options: Any) -> list[Series]:
+    """Return a curve with a name for each row (M,)."""
+    return [
+        Series(x=x, y=y, estimator=name, **options) for name, y in zip(names, rows, strict=True)
+    ]
+
+
 def fig3(e: Measures) -> Figure:
     """Draw the spectrum of the torque in closed loop."""
     omega, amplitude = e.torque_lines()
     return curves(
-        {"amplitude [N m]": [Series(x=omega, y=amplitude, role="data")]},
+        {"amplitude [N m]": [Series(x=omega, y=amplitude, role="data", label="torque")]},
         x=FREQUENCY,
+        limits={"amplitude [N m]": (0, 0.2)},
         marks=[(peak, "peak of the paper") for peak in PEAKS],
         spans=[(0.0, 70.0, f"{e.low_energy():.1f} % of the energy")],
     )
@@ -31,27 +38,22 @@ def fig3(e: Measures) -> Figure:
 def fig4(e: Measures) -> Figure:
     """Draw the Bode diagrams of the axis, the identified physical model and an ARX model."""
     omega = np.geomspace(20, 400, 600)
-    result, panels = e.responses(omega), defaultdict(list)
-    for name in ("axis", PHYSICAL, "ARX, order 40"):
-        phase = np.degrees(np.unwrap(np.angle(result[name])))
-        for label, y in (("gain [dB]", decibels(result[name])), ("phase [°]", phase)):
-            panels[label].append(Series(x=omega, y=y, estimator=name))
-    return curves(
-        panels,
-        x=FREQUENCY,
-        logs=[FREQUENCY],
-        limits={"gain [dB]": (-12, 38)},
-    )
+    result, names = e.responses(omega), (PHYSICAL, "ARX, order 40")
+    rows = np.array([result[name] for name in ("axis", *names)])
+    phases = np.degrees(np.unwrap(np.angle(rows)))
+    panels = {
+        label: [Series(x=omega, y=true, role="truth", label="axis"), *named(names, omega, models)]
+        for label, (true, *models) in (("gain [dB]", decibels(rows)), ("phase [°]", phases))
+    }
+    limits = {"gain [dB]": (-12, 38), "phase [°]": (-300, 120)}
+    return curves(panels, x=FREQUENCY, logs=[FREQUENCY], limits=limits)
 
 
 def fig5(e: Measures) -> Figure:
     """Draw |G_θ|² of the three parameters."""
     omega = np.linspace(1, 220, 1000)
     _, slopes = frequency_response(e.model, e.theta, omega, period=e.period)
-    gains = [
-        Series(x=omega, y=np.abs(slope) ** 2, estimator=name)
-        for name, slope in zip(e.names, slopes.T, strict=True)
-    ]
+    gains = named(e.names, omega, np.abs(slopes.T) ** 2)
     limits = {"|G_θ|²": (1e-6, 1e8)}
     return curves({"|G_θ|²": gains}, x=FREQUENCY, logs=["|G_θ|²"], limits=limits)
 
@@ -71,13 +73,11 @@ def estimates(method: str, e: Measures) -> Figure:
 
 def diagonal(method: str, e: Measures) -> Figure:
     """Draw diag P of the first run beside theory, on the same axes for each method."""
-    time, runs = e.scenario.times[STRIDE - 1 :: STRIDE], e.runs(method)
-    steady, series = np.diag(e.steady_P(method)), []
-    for name, P, level in zip(e.names, runs.P[0].T, steady, strict=True):
-        ends = Series(x=time[[0, -1]], y=[level, level], estimator=name, role="bound", label="_")
-        series += [Series(x=time, y=P, estimator=name), ends]
-    y = "diagonal of P"
-    return curves({y: series}, x=TIME, logs=[y], limits={y: (1.5e-6, 2e-3)})
+    time, y = e.scenario.times[STRIDE - 1 :: STRIDE], "diagonal of P"
+    levels = np.outer(np.diag(e.steady_P(method)), [1, 1])
+    theory = named(e.names, time[[0, -1]], levels, role="bound", label="_")
+    series = [*named(e.names, time, e.runs(method).P[0].T), *theory]
+    return curves({y: series}, x=TIME, logs=[y], limits={y: (1.5e-6, 2e-2)})
 
 
 FIGURES: Mapping[str, tuple[Any, str, str]] = {

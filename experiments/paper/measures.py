@@ -1,11 +1,11 @@
 """What the claims are decided on: numbers of the evidence, one or one for each parameter."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import approx_fprime
 from scipy.signal import find_peaks
 
@@ -21,23 +21,24 @@ from flexaxis.experiments.paper.evidence import (
     FORGETTING,
     METHODS,
     PAUSE,
+    Array,
+    ByName,
     Evidence,
     Method,
     Runs,
     signals,
 )
 from flexaxis.experiments.scoring.parameter_names import true_theta
-from flexaxis.experiments.scoring.scores import lag, settling
+from flexaxis.experiments.scoring.scores import lag, rms, settling
 from flexaxis.sim.simulate import simulate
-
-Array = NDArray[np.float64]
-ByName = Mapping[str, Any]
 
 PHYSICAL = "physical model, identified"
 BAND = (40.0, 188.0)
 """Where the excitation reaches and Fig. 4 is compared [rad/s]."""
 ORDERS = (10, 30, 40)
 """Of the ARX models."""
+SLOW = (3 * (1.2,), 3 * (2.4,))
+"""Time constants of the parameters that exceed the memory of the plant [s]."""
 MU = (0.1, 1.0, 10.0)
 """Values of μ of eq. (12) with which P(0) lies below the bound on P."""
 WINDOW = 1000
@@ -124,14 +125,18 @@ class Measures(Evidence):
         omega, amplitude = self.torque_lines()
         return 100 * np.sum(amplitude[omega < 70] ** 2) / np.sum(amplitude**2)
 
+    def gradient_variances(self) -> Array:
+        """Return E ψ² of each parameter (p,)."""
+        return np.diag(self.Q)
+
     def power_over_spectrum(self) -> Array:
         """Return the mean of ψ² over the integral of |G_θ|² over the spectrum, the worst run's."""
         ratios = []
         for record in self.records("nominal"):
-            power = np.mean(self.steady(self.predict(record.torque)[1]) ** 2, axis=0)
+            power = self.gradient_power(record.torque)
             lines = line_spectrum(self.steady(record.torque), period=self.period)
             spectral = information(self.model, self.theta, *lines, period=self.period)
-            ratios.append(power / np.diag(spectral))
+            ratios.append(np.diag(power / spectral))
         return worst(ratios)
 
     def offline_error(self) -> Array:
@@ -141,6 +146,14 @@ class Measures(Evidence):
     def offline_deviations(self) -> Array:
         """Return the off-line errors (S, p) over the standard deviations claimed with them."""
         return np.abs([(r.theta - self.theta) / r.standard_deviations for r in self.offline])
+
+    def worst_deviations(self) -> Array:
+        """Return the largest of `offline_deviations` of each parameter (p,)."""
+        return self.offline_deviations().max(axis=0)
+
+    def rms_deviation(self) -> Any:
+        """Return the rms of all `offline_deviations`."""
+        return rms(self.offline_deviations().ravel())
 
     def near_starts(self) -> ByName:
         """Return how far the results from 1.2 and from 1.5 differ at most, and the warnings."""
@@ -176,19 +189,29 @@ class Measures(Evidence):
         result = self.responses(np.linspace(*BAND, 400))
         return {name: np.abs(decibels(result[name] / result["axis"])).max() for name in names}
 
-    def final_error(self) -> Array:
-        """Return the error of the last estimates with forgetting (S, p) [% of nominal]."""
-        return 100 * np.abs(self.runs("forgetting").theta[:, -1] - 1)
+    def final_error(self, percentile: float) -> Array:
+        """Return a percentile over the runs of the last error (p,) with forgetting [%]."""
+        errors = np.abs(self.runs("forgetting").theta[:, -1] - 1)
+        return 100 * np.percentile(errors, percentile, axis=0)
+
+    def settled(self, errors: Iterable[Array], level: float) -> Array:
+        """Return when the median of each parameter's errors (S, n) stays within a level [s]."""
+        medians = [np.median(error, axis=0) for error in errors]
+        return np.array([settling(error, level, self.period) for error in medians], float)
 
     def times(self, method: str, level: float) -> Array:
         """Return when all but `level` of the initial error is gone (p,) [s], median run."""
-        error = np.median((self.runs(method).theta - 1) / (self.scenario.start - 1), axis=0)
-        return np.array([settling(column, level, self.period) for column in error.T], float)
+        errors = (self.runs(method).theta - 1) / (self.scenario.start - 1)
+        return self.settled(errors.transpose(2, 0, 1), level)
 
     def mean_P(self, method: str) -> Array:
         """Return the mean of diag P (p,) over the second half of all runs."""
         P = self.runs(method).P
         return P[:, P.shape[1] // 2 :].mean(axis=(0, 1))
+
+    def growth_of_P(self) -> Array:
+        """Return diag P with Δ of (32) over that with Δ/16 (p,)."""
+        return self.mean_P("modification") / self.mean_P("slow modification")
 
     def recipe_over_mean(self) -> Array:
         """Return P(0) of the recipe over the mean of diag P, the worse of both methods."""
@@ -251,16 +274,28 @@ class Measures(Evidence):
         errors = self.steps("", method, **options)
         return np.array([lag(error[:, :WINDOW].T, self.period).mean() for error in errors])
 
+    def lag_ratio(self, prior: float, base: float) -> Array:
+        """Return the lags (p,) with a reset to a prior over those with another; 0 is no reset."""
+        return self.lags("forgetting", prior=prior) / self.lags("forgetting", prior=base)
+
     def prices(self) -> ByName:
         """Return the lag with μ = 1 over that without, for the parameter that pays most."""
         return {method: np.max(self.lags(method, mu=1.0) / self.lags(method)) for method in METHODS}
 
-    def t63_over(self, targets: Method) -> Array:
+    def t63_over(self, *targets: float) -> Array:
         """Return the time of 63 % of a small step with Δ for time constants [s], over these."""
-        errors = self.steps("small ", targets)
-        t63 = [settling(np.median(error, axis=0), 0.37, self.period) for error in errors]
-        return np.array(t63, float) / targets
+        return self.settled(self.steps("small ", targets), 0.37) / targets
 
-    def std_over(self, targets: Method) -> Array:
-        """Return the standard deviation with Δ for time constants [s], over that predicted."""
-        return std(self.filtered("calm", targets)) / self.claimed(self.steady_P(targets))
+    def slow_t63(self) -> Array:
+        """Return the worst of `t63_over` with slow time constants (p,)."""
+        return worst([self.t63_over(*targets) for targets in SLOW])
+
+    def slow_std(self) -> Array:
+        """Return the standard deviation with slow time constants over that predicted (p,), mean."""
+        return np.mean(
+            [
+                std(self.filtered("calm", targets)) / self.claimed(self.steady_P(targets))
+                for targets in SLOW
+            ],
+            axis=0,
+        )

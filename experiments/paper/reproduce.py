@@ -5,13 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.files import make_folder, write_json, write_text
-from flexaxis.experiments.paper.claims import CHECKS
+from flexaxis.experiments.paper.claims import CLAIMS, decide
 from flexaxis.experiments.paper.figures import FIGURES
 from flexaxis.experiments.paper.measures import Measures
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.running.progress import LINE, progress
-
-CLAIMS, PAGE = "claims.json", "index.html"
 
 
 def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
@@ -35,17 +33,17 @@ def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
     """
     make_folder(folder)
     e, claims = Measures(), list[dict[str, Any]]()
-    with progress("claims", len(CHECKS)) as advance:
-        for check in CHECKS:
-            claims.append(check(e))
+    with progress("claims", len(CLAIMS)) as advance:
+        for name in CLAIMS:
+            claims.append(decide(name, e))
             advance(1)
     for name, (draw, *_) in FIGURES.items():
         figure = draw(e)
         figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
         figure.savefig(folder / f"{name}.png", dpi=200)
-    write_json(folder / CLAIMS, claims)
-    write_text(folder / PAGE, render(e, claims))
-    return claims, folder / PAGE
+    write_json(folder / "claims.json", claims)
+    write_text(path := folder / "index.html", render(e, claims))
+    return claims, path
 
 
 def render(e: Measures, claims: Sequence[Mapping[str, Any]]) -> str:

@@ -1,5 +1,6 @@
 """The paper: what decides a claim, and, slowly, that all hold, are drawn, and notice a mistake."""
 
+import inspect
 import json
 import re
 from dataclasses import replace
@@ -13,8 +14,7 @@ from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline import priors
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.paper import evidence
-from flexaxis.experiments.paper.claim import Check, above, below, half_of_P, within
-from flexaxis.experiments.paper.claims import CHECKS
+from flexaxis.experiments.paper.claims import CLAIMS, CONDITIONS, decide, holds
 from flexaxis.experiments.paper.figures import FIGURES
 from flexaxis.experiments.paper.measures import Measures, worst
 from flexaxis.experiments.paper.reproduce import render
@@ -30,31 +30,40 @@ def test_limits_are_what_they_say():
     def measured(*values):
         return pd.Series(values, dtype=float)
 
-    assert within(0, 1)(measured(0, 1)) and not within(0, 1)(measured(0.5, 1.1))
-    assert not within(0, 1, least=3)(measured(0.5, 0.5)) and not within(0, 1)(measured(np.nan))
-    assert below(1)(measured(0.9)) and not below(1)(measured(0, 1.1))
-    assert above(1)(measured(1.1)) and not above(1)(measured(2, np.nan))
-    near = measured(1.1, 0.9)
-    assert half_of_P(0.3)(near) and not half_of_P(0.05)(near)
-    # of σ² P, √2 of σ² P/2, all lie within 40 %, and nearer to another value
-    assert not half_of_P(0.5)(measured(2**0.5, 2**0.5))
+    on_time, winds_up = "faults-come-on-time", "forgetting-winds-up"
+    assert holds(on_time, measured(0, 0)) and not holds(on_time, measured(0, 1))
+    assert not holds(on_time, measured()) and not holds(on_time, measured(0, np.nan))
+    assert holds(winds_up, measured(2e6)) and not holds(winds_up, measured(5e5))
+    # 1.39 is within 40 %, but nearer to the deviation of σ² P, √2 times that of σ² P/2
+    half = "variance-with-modification"
+    assert holds(half, measured(1.1, 0.9)) and not holds(half, measured(1.5, 0.9))
+    assert not holds(half, measured(1.39, 1.39))
     np.testing.assert_allclose(worst([[0.1, 1.1, 5.0], [2.0, 0.95, 0.5]]), [10, 1.1, 5])
 
 
-def test_a_claim_is_strict_json_and_has_its_own_name():
-    names = SimpleNamespace(names=("k_T", "f_m"))
+def test_a_claim_is_strict_json_and_can_be_measured(monkeypatch):
+    words = {"claim": "c", "source": "s", "expected": "e"}
+    claim = words | {"measure": "made", "with": [1.0], "between": [0, 2.5]}
+    monkeypatch.setitem(CLAIMS, "i", claim)
     for measured, result in ((np.array([1.0, np.inf]), {"k_T": 1.0, "f_m": None}),
                             (2.0, {"value": 2.0}), ({"a": 3}, {"a": 3.0})):  # fmt: skip
-        claim = Check("i", "s", "c", "e", lambda e, m=measured: m, below(2.5))(names)
+        evidence = SimpleNamespace(names=("k_T", "f_m"), made=lambda x, m=measured: m)
+        claim = decide("i", evidence)
         assert json.loads(json.dumps(claim, allow_nan=False))["measured"] == result
         assert claim["holds"] is (result == {"value": 2.0})
-    assert len({check.id for check in CHECKS}) == len(CHECKS) == 44
+
+
+def test_every_claim_names_a_measure_and_is_decided_by_something():
+    assert len(CLAIMS) == 44 and set(CONDITIONS) < set(CLAIMS)
+    for name, claim in CLAIMS.items():
+        inspect.signature(getattr(Measures, claim["measure"])).bind("self", *claim.get("with", ()))
+        assert "between" in claim or name in CONDITIONS
 
 
 @pytest.mark.slow
 def test_all_claims_hold_on_little_data_and_every_figure_draws():
     e = Measures(**LITTLE)
-    claims = [check(e) for check in CHECKS]
+    claims = [decide(name, e) for name in CLAIMS]
     assert not [claim for claim in claims if not claim["holds"]]
     for draw, *_ in FIGURES.values():
         for ax in draw(e).axes:
@@ -63,7 +72,7 @@ def test_all_claims_hold_on_little_data_and_every_figure_draws():
             assert ax.get_ylabel()
     page = render(e, [claims[0] | {"holds": False}, *claims[1:]])
     assert "43 of 44 claims hold" in re.sub("<[^>]+>", "", page)
-    assert all(check.source in page for check in CHECKS)
+    assert all(claim["source"] in page for claim in claims)
     assert page.count('<svg role="img"') == len(FIGURES) and "src=" not in page
 
 
@@ -80,7 +89,7 @@ def test_flexaxis_paper(tmp_path, capsys):
 
 def failed(*ids):
     e = Measures(**LITTLE)
-    return {check.id for check in CHECKS if check.id in ids and not check(e)["holds"]}
+    return {name for name in ids if not decide(name, e)["holds"]}
 
 
 @pytest.mark.slow
