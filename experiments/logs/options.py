@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,30 @@ def pair(text: str) -> tuple[str, str]:
     if not equals:
         raise argparse.ArgumentTypeError(f"write SIGNAL=VALUE, such as angle=deg, not {text}")
     return name.strip(), value.strip()
+
+
+def factor(text: str) -> tuple[str, float]:
+    """Return name and number of ``SIGNAL=FACTOR``, a product or quotient of numbers and pi.
+
+    Examples
+    --------
+    >>> factor("angle=2*pi/8")
+    ('angle', 0.7853981633974483)
+    """
+    name, value = pair(text)
+    first, *rest = re.split(r"([*/])", value.replace(" ", ""))
+    try:
+        number = _number(first)
+        for operator, term in zip(rest[::2], rest[1::2], strict=True):
+            number *= _number(term) if operator == "*" else 1 / _number(term)
+    except (ValueError, ZeroDivisionError):
+        message = f"write SIGNAL=FACTOR, such as torque=-1 or angle=2*pi/8192, not {text}"
+        raise argparse.ArgumentTypeError(message) from None
+    return name, number
+
+
+def _number(text: str) -> float:
+    return math.pi if text == "pi" else float(text)
 
 
 def assignment(text: str) -> tuple[str, float | None]:
@@ -42,8 +68,8 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
     "--unit SIGNAL=UNIT": ("Unit of a signal, such as angle=deg (default: from the column's name, "
                            "else SI).", PAIRS),
     "--scale SIGNAL=FACTOR": (
-        "Multiply a signal by a factor, such as torque=0.6 (N m/A) or a sign, torque=-1 (default: "
-        "1).", PAIRS,
+        "Multiply a signal by a factor, such as torque=0.6 (N m/A), angle=2*pi/8192 (rad per "
+        "count) or torque=-1 (default: 1).", PAIRS | {"type": factor},
     ),
     "--torque-is KIND": (
         "held: a command, constant until the next sample (zero-order hold); smooth: a measured "
