@@ -100,9 +100,9 @@ def check_not_input(inputs: Iterable[PathLike], *outputs: PathLike) -> None:
     OutputError
         If an output is an input, by any path or link.
     """
-    read = [Path(path) for path in inputs if path and os.path.exists(path)]
-    for output in (Path(path) for path in outputs if path):
-        if any(is_same(output, path) for path in read):
+    read = {Path(path).resolve() for path in inputs if path and os.path.exists(path)}
+    for output in outputs:
+        if output and Path(output).resolve() in read:
             raise OutputError(
                 f"{output} is an input of this command and would be overwritten: choose another "
                 "place with -o"
@@ -114,11 +114,6 @@ def check_file(path: Path) -> None:
     if not path.exists():
         near = did_you_mean(path.name, [file.name for file in path.parent.glob("*")])
         raise OutputError(f"{path} cannot be read: no such file or folder.{near}")
-
-
-def is_same(one: Path, other: Path) -> bool:
-    """Return whether two paths are one file, also where a part does not exist yet."""
-    return one.resolve() == other.resolve()
 
 
 def optional_package(name: str) -> Any:

@@ -157,7 +157,7 @@ def keeps_no_reference(subject: Subject) -> Seen:
     u[:half] = y[:half] = 1e6
     rest, expected = (run_estimator(e, subject.u[half:], subject.y[half:]) for e in (reused, kept))
     estimator = subject.make()
-    first = estimator.step(float(subject.u[0]), float(subject.y[0]))
+    first = estimator.step(subject.u[0], subject.y[0])
     before = np.array(first, float)
     step(estimator, subject.u[1:500], subject.y[1:500])
     faults = {
@@ -281,14 +281,13 @@ RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class RuleResult:
-    """The result of a rule; `holds` is None if it does not apply, `raised` if code failed."""
+    """The result of a rule; `holds` is None if it does not apply."""
 
     rule: str
     holds: bool | None
     seen: str
     reason: str
     hint: str
-    raised: bool = False
 
 
 def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
@@ -301,13 +300,13 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
     """
     subject, results = _subject(spec, store), []
     for look, texts in RULES.items():
-        name, holds, raised = look.__name__.replace("_", " "), False, True
+        name, holds = look.__name__.replace("_", " "), False
         try:
             with reported(spec.text, "on the record of the check"):
-                (holds, seen), raised = look(subject), False  # type: ignore[assignment]
+                holds, seen = look(subject)  # type: ignore[assignment]
         except (EstimatorCrash, EstimatorError) as error:
             seen = str(error).removeprefix(f"{spec.text}, on the record of the check, ")
-        results.append(RuleResult(name, holds, seen, *texts, raised))
+        results.append(RuleResult(name, holds, seen, *texts))
     return results
 
 

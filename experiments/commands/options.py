@@ -164,18 +164,18 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "--port N": ("Port of the page (default: 8080, or the next free one).", WHOLE),
     "--no-browser": "Print the address only (default: open a browser).",
     # where to
-    "-o PATH": ("File or folder to write (default: a name beside the input).", PATH),
-    "run: -o DIR": ("Folder for rows, summary and report (default: results/NAME).", PATH),
-    "study: -o DIR": ("Folder for rows and report (default: results/NAME).", PATH),
-    "compare: -o DIR": ("Folder for rows, verdict and report (default: results/compare).", PATH),
-    "tune: -o DIR": ("Folder for rows and figure (default: results/tune).", PATH),
-    "simulate: -o FILE": ("File for the record or log (default: SCENARIO-SEED.nc or .csv).", PATH),
-    "estimate: -o FILE": ("File for the estimates (default: RECORD-estimates.nc).", PATH),
-    "import: -o REC.nc": ("File for the record (default: LOG-imported.nc).", PATH),
-    "identify: -o AXIS.toml": ("File for the axis (default: LOG-axis.toml; of a folder, "
-                               "FOLDER-estimates.csv).", PATH),
-    "track: -o EST.nc": ("File for the estimates (default: LOG-track.nc).", PATH),
-    "paper: -o DIR": ("Folder for figures and claims (default: results/paper).", PATH),
+    "-o PATH": "File or folder to write (default: a name beside the input).",
+    "run: -o DIR": "Folder for rows, summary and report (default: results/NAME).",
+    "study: -o DIR": "Folder for rows and report (default: results/NAME).",
+    "compare: -o DIR": "Folder for rows, verdict and report (default: results/compare).",
+    "tune: -o DIR": "Folder for rows and figure (default: results/tune).",
+    "simulate: -o FILE": "File for the record or log (default: SCENARIO-SEED.nc or .csv).",
+    "estimate: -o FILE": "File for the estimates (default: RECORD-estimates.nc).",
+    "import: -o REC.nc": "File for the record (default: LOG-imported.nc).",
+    "identify: -o AXIS.toml": "File for the axis (default: LOG-axis.toml; of a folder, "
+                               "FOLDER-estimates.csv).",
+    "track: -o EST.nc": "File for the estimates (default: LOG-track.nc).",
+    "paper: -o DIR": "Folder for figures and claims (default: results/paper).",
     **LOG_OPTIONS,
 }  # fmt: skip
 """Every option: its name and what it takes, then its help, and keywords of `add_argument`.
@@ -195,7 +195,8 @@ def add_options(parser: argparse.ArgumentParser, name: str) -> None:
             declared[option] = metavar, value
     for option in (*COMMANDS[name][1], "-q", "--traceback", "--json"):
         metavar, value = declared[option]
-        text, more = (value, {}) if isinstance(value, str) else value
+        usual = PATH if option == "-o" else {}
+        text, more = (value, usual) if isinstance(value, str) else value
         takes = {"metavar": metavar} if metavar else {"action": "store_true"}
         long = {"-o": ("--output",), "-q": ("--quiet",)}.get(option, ())
         parser.add_argument(option, *long, help=text, **{**takes, **more})  # type: ignore[arg-type]

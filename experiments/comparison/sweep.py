@@ -9,7 +9,6 @@ gives a bound on one side.
 """
 
 import inspect
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -26,7 +25,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.comparison.matching import Match, Noise, Setting, match
 from flexaxis.experiments.comparison.ranking import MATCHED, NOISIER, QUIETER, REFERENCE, mark
 from flexaxis.experiments.files import StudyError
-from flexaxis.experiments.running.estimators import parse
+from flexaxis.experiments.running.estimators import parse, with_options
 from flexaxis.experiments.running.run import check_failures
 from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.scoring.scores import finite
@@ -75,22 +74,6 @@ def knob_of(name: str) -> Knob | None:
         raise EstimatorError(f"{name}: {error}") from None
 
 
-def setting(name: str, options: Mapping[str, Any]) -> str:
-    """Return an estimator with options, as for `--estimator`.
-
-    Examples
-    --------
-    >>> setting("mine.py:Mine", {"robust": True, "gain": 0.1})
-    'mine.py:Mine[robust=true,gain=0.1]'
-    """
-
-    def written(value: Any) -> str:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        return f"{value:.12g}" if number else json.dumps(value)
-
-    return f"{name}[{','.join(f'{key}={written(value)}' for key, value in options.items())}]"
-
-
 def with_knob(name: str, factor: float) -> str | None:
     """Return an estimator with its knob turned: "rpem-forgetting[forgetting=0.99]".
 
@@ -106,7 +89,7 @@ def with_knob(name: str, factor: float) -> str | None:
     if knob is None:
         return name
     options = knob.turned(factor)
-    return None if options is None else setting(name, options)
+    return None if options is None else with_options(name, options)
 
 
 def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -> dict[str, Line]:
@@ -299,10 +282,8 @@ def _row(scenario: Scenario, estimator: str, parameter: str, matched: Match) -> 
         "score": score,
         "std_after": after and round(after, 5),  # 0 where it does not move
         "false_alarms_per_1000_s": rate,
-        "values": {name: listed(values[name]) for name in ("lag", "score")},
+        "values": {  # six digits, by seed
+            name: None if (x := values[name]) is None else [float(f"{v:.6g}") for v in x]
+            for name in ("lag", "score")
+        },
     }
-
-
-def listed(values: Any) -> list[float] | None:
-    """Return values for JSON, with six digits."""
-    return None if values is None else [float(f"{value:.6g}") for value in values]

@@ -17,9 +17,9 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
-from flexaxis.experiments.comparison.sweep import Run, Runs, Setting, knob_of, reference, setting
+from flexaxis.experiments.comparison.sweep import Run, Runs, Setting, knob_of, reference
 from flexaxis.experiments.files import write_text
-from flexaxis.experiments.running.estimators import written_options
+from flexaxis.experiments.running.estimators import with_options, written_options
 from flexaxis.experiments.running.progress import LINE
 from flexaxis.experiments.running.run import check_failures
 from flexaxis.experiments.scoring.intervals import FLOOR
@@ -50,8 +50,6 @@ class Tuned:
     ratio : float
         Noise over that of the reference: of the excess error the root, so that it is a ratio of
         deviations.
-    ratios : dict of str to float
-        Ratio of the std of each parameter.
     """
 
     setting: str
@@ -59,13 +57,12 @@ class Tuned:
     value: float
     match: str
     ratio: float
-    ratios: dict[str, float]
 
     def turned(self, factor: float) -> str | None:
         """Return the estimator with its knob turned about this setting, None if out of range."""
         name, options, knob = parts(self.setting)
         at = knob.at(knob.position(self.value) * factor)
-        return None if at is None else setting(name, {**options, **at})
+        return None if at is None else with_options(name, options | at)
 
 
 def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
@@ -160,7 +157,7 @@ def match_noise(text: str, trials: Trials) -> Tuned:
     for _ in range(ROUNDS):
         position = _rounded(float(np.exp(here)), knob)
         here = np.log(position)
-        tried = setting(name, {**options, **(knob.at(position) or {})})
+        tried = with_options(name, options | (knob.at(position) or {}))
         errors = (trials.noises(tried) - target).dropna()
         if trials.match not in errors:
             raise FlexaxisError(
@@ -169,10 +166,8 @@ def match_noise(text: str, trials: Trials) -> Tuned:
             )
         error = errors[trials.match]
         if abs(error) < TOLERANCE:
-            ratios = {str(p): float(np.exp(x)) for p, x in errors.items()}
-            value, ratio = round(knob.value(position), 12), ratios[trials.match]
-            ratios.pop(EXCESS, None)
-            return Tuned(tried, knob.label, value, trials.match, ratio, ratios)
+            value = round(knob.value(position), 12)
+            return Tuned(tried, knob.label, value, trials.match, float(np.exp(error)))
         if before and abs(here - before[0]) > 1e-6:
             slope = float(np.clip((error - before[1]) / (here - before[0]), 0.1, 2.0))
         before = here, error

@@ -254,7 +254,7 @@ def check(estimator: EstimatorLike) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A line a rule: ``rule, holds`` (None if it does not apply), ``seen, reason, hint, raised``.
+        A line a rule: ``rule, holds`` (None if it does not apply), ``seen, reason, hint``.
 
     Raises
     ------

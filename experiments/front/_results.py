@@ -371,8 +371,9 @@ def tune(
     with studies.working(folder, **work) as runner:
         if sweep:
             found = studies.swept(select(sweep).scenarios, names, numbers, runner)
-            about = {"title": "sweep", "estimators": names, "seeds": numbers, "tradeoff": found}
-            return Sweep(about)
+            return Sweep(
+                {"title": "sweep", "estimators": names, "seeds": numbers, "tradeoff": found}
+            )
         trials = Trials(numbers, runner.rows)
         for name in names:
             tuned, line = None, {"estimator": name, "problem": ""}

@@ -175,12 +175,8 @@ class Runner:
         """
         plan = units(study)
         part = plan[self.shard[0] - 1 :: self.shard[1]]
-        pairs = {
-            setting.text: (unit.scenario, setting.spec)
-            for unit in part for setting in unit.settings
-            if setting.spec.options or setting.spec.is_users
-        }  # fmt: skip
-        for error in self._problems([*pairs.values()]).values():  # before anything is run
+        pairs = [pair for pair in _pairs(part) if pair[1].options or pair[1].is_users]
+        for error in self._problems(pairs).values():  # before anything is run
             raise error
         todo = list(missing(part, self.store.done(traced=traces)))
         description = describe(study, plan) | dict(about or {})
@@ -215,7 +211,7 @@ class Runner:
     def _outcomes(self, todo: Iterable[Unit], options: Options) -> Iterator[Outcome]:
         """Yield the outcomes of units as they come."""
         queue, free = deque(todo), list(self._workers)
-        self._compile(list(queue)[:UNITS], options)
+        self._compile([*queue][:UNITS], options)
         running: dict[Future[Outcome], tuple[Any, Unit, str]] = {}
         while running or queue:
             while queue and free:
@@ -237,11 +233,8 @@ class Runner:
         first, *others = self._workers
         if not (others and options.cache and isinstance(first, Worker) and is_uncompiled()):
             return
-        pairs = {
-            setting.text: (unit.scenario, setting.spec)
-            for unit in todo for setting in unit.settings if not setting.spec.is_users
-        }  # fmt: skip
-        compiling = first.submit(_problems, list(pairs.values()), options)
+        pairs = [pair for pair in _pairs(todo) if not pair[1].is_users]
+        compiling = first.submit(_problems, pairs, options)
         for i, worker in enumerate(others):
             worker.submit(simulate_units, todo[i :: len(others)], options)
         while not wait([compiling], timeout=0.5).done:  # hears Ctrl-C
@@ -281,6 +274,12 @@ class Runner:
                 work = self._workers[0].submit(_problems, pairs, self._options)
                 return work.result()  # type: ignore[no-any-return]
         return {}
+
+
+def _pairs(todo: Iterable[Unit]) -> list[Pair]:
+    """Return each setting once, with a scenario."""
+    pairs = {each.text: (unit.scenario, each.spec) for unit in todo for each in unit.settings}
+    return list(pairs.values())
 
 
 def _problems(pairs: Sequence[Pair], options: Options) -> dict[str, EstimatorError]:

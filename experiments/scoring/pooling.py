@@ -194,8 +194,3 @@ def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Arr
     whole = ~lost
     common = biases[whole].mean(axis=0) if whole.any() else np.zeros(biases.shape[1])
     return float(each.mean() - whole.mean() * (common @ information @ common))
-
-
-def spread_at_a_time(theta: ArrayLike) -> Array:
-    """Return the standard deviation (…) of runs (S, M, …) at one time, pooled over the M times."""
-    return np.sqrt(np.var(np.asarray(theta), axis=0, ddof=1).mean(axis=0))

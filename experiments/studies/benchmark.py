@@ -180,9 +180,8 @@ def swept(
         own = matched[matched["fault"] == widest(matched)]
         drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
         runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
-    left_out = [name for name in names if name not in able]
     return asdict(result) | {
-        "left_out": left_out,
+        "left_out": [name for name in names if name not in able],
         "overall": overall(result.at_excess),
         "definitions": {s.name: s.resolved() for s in scenarios},
     }

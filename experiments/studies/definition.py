@@ -27,8 +27,7 @@ MOST = 100_000  # seeds
 
 def seed_of(seed: Any) -> int:
     """Return a seed; raise an error unless it is a whole number from 0 to 2^63 − 1."""
-    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-    if not whole or not 0 <= seed < 2**63:
+    if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise FlexaxisError(f"seed {seed!s:.40}: give a whole number from 0 to 2^63 - 1")
     return int(seed)
 
