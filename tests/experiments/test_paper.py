@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from flexaxis.estimators.models import series
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline import priors
 from flexaxis.experiments.cli import main
@@ -93,10 +94,10 @@ def failed(*ids):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mistake", ["sign", "shift", "late", "drift"])
+@pytest.mark.parametrize("mistake", ["slope", "shift", "late", "drift"])
 def test_a_mistake_is_noticed(mistake, monkeypatch):
-    """In the derivative of A; of torque or parameters by one sample; in the order of Δ."""
-    blocks, records = Parametrization.blocks, evidence.records
+    """In derivatives; of torque or parameters by one sample; in the order of Δ."""
+    blocks, tables, records = Parametrization.blocks, series._tables, evidence.records
 
     def wrong_blocks(self, theta):
         result = blocks(self, theta)
@@ -104,18 +105,26 @@ def test_a_mistake_is_noticed(mistake, monkeypatch):
             result[1 + self.names.index("f_m"), 2, 2] *= -1
         return result
 
+    def wrong_tables(model, coefficient):
+        entries, made = tables(model, coefficient)
+        swapped = np.arange(1 + len(model.names))  # derivatives by f_m and by the first parameter
+        swapped[[1, 1 + model.names.index("f_m")]] = 1 + model.names.index("f_m"), 1
+        made["slopes"]["lane"] = swapped[made["slopes"]["lane"]]
+        return entries, made
+
     def late(*args, **options):
         made = records(*args, **options)
         return [replace(r, torque=np.r_[0, r.torque[:-1]]) for r in made]
 
     ids = {
-        "sign": ["derivative-for-friction", "gradient-is-the-derivative", "forgetting-converges"],
+        "slope": ["derivative-for-friction", "gradient-is-the-derivative", "forgetting-converges"],
         "shift": ["model-predicts-the-plant", "offline-finds-the-parameters"],
         "late": ["faults-come-on-time"],
         "drift": ["P-is-even-with-modification", "friction-is-noisier"],
     }[mistake]
-    if mistake == "sign":
+    if mistake == "slope":
         monkeypatch.setattr(Parametrization, "blocks", wrong_blocks)
+        monkeypatch.setattr(series, "_tables", wrong_tables)
     elif mistake == "shift":
         monkeypatch.setattr(evidence, "records", late)
     elif mistake == "late":
