@@ -1,8 +1,6 @@
 """The paper: what decides a claim, and, slowly, that all hold, are drawn, and notice a mistake."""
 
-import inspect
 import json
-import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -27,28 +25,29 @@ from flexaxis.sim.simulate import simulate
 LITTLE = {"first": 0, "sizes": {"nominal": 8, "long": 2, "calm": 16, "others": 8}}
 
 
-def test_limits_are_what_they_say():
-    def measured(*values):
-        return pd.Series(values, dtype=float)
+@pytest.mark.parametrize(
+    ("claim", "right", "wrong"),
+    [
+        ("faults-come-on-time", [[0, 0]], [[0, 1], [], [0, np.nan]]),
+        ("forgetting-winds-up", [[2e6]], [[5e5]]),
+        # 1.39 is within 40 %, but nearer to the deviation of σ² P, √2 times that of σ² P/2
+        ("variance-with-modification", [[1.1, 0.9]], [[1.5, 0.9], [1.39, 1.39]]),
+    ],
+)
+def test_limits_are_what_they_say(claim, right, wrong):
+    assert all(holds(claim, pd.Series(values, dtype=float)) for values in right)
+    assert not any(holds(claim, pd.Series(values, dtype=float)) for values in wrong)
 
-    on_time, winds_up = "faults-come-on-time", "forgetting-winds-up"
-    assert holds(on_time, measured(0, 0)) and not holds(on_time, measured(0, 1))
-    assert not holds(on_time, measured()) and not holds(on_time, measured(0, np.nan))
-    assert holds(winds_up, measured(2e6)) and not holds(winds_up, measured(5e5))
-    # 1.39 is within 40 %, but nearer to the deviation of σ² P, √2 times that of σ² P/2
-    half = "variance-with-modification"
-    assert holds(half, measured(1.1, 0.9)) and not holds(half, measured(1.5, 0.9))
-    assert not holds(half, measured(1.39, 1.39))
+
+def test_the_worst_ratio_is_the_farthest_from_one():
     np.testing.assert_allclose(worst([[0.1, 1.1, 5.0], [2.0, 0.95, 0.5]]), [10, 1.1, 5])
 
 
 def test_a_claim_is_strict_json_and_can_be_measured(monkeypatch):
-    words = {"claim": "c", "source": "s", "expected": "e"}
-    claim = words | {"measure": "made", "with": [1.0], "between": [0, 2.5]}
-    monkeypatch.setitem(CLAIMS, "i", claim)
+    monkeypatch.setitem(CLAIMS, "i", CLAIMS["little-torque-below-70"] | {"with": [1.0]})
     for measured, result in ((np.array([1.0, np.inf]), {"k_T": 1.0, "f_m": None}),
-                            (2.0, {"value": 2.0}), ({"a": 3}, {"a": 3.0})):  # fmt: skip
-        evidence = SimpleNamespace(names=("k_T", "f_m"), made=lambda x, m=measured: m)
+                            (2.0, {"value": 2.0}), ({"a": 6}, {"a": 6.0})):  # fmt: skip
+        evidence = SimpleNamespace(names=("k_T", "f_m"), low_energy=lambda x, m=measured: m)
         claim = decide("i", evidence)
         assert json.loads(json.dumps(claim, allow_nan=False))["measured"] == result
         assert claim["holds"] is (result == {"value": 2.0})
@@ -57,8 +56,7 @@ def test_a_claim_is_strict_json_and_can_be_measured(monkeypatch):
 def test_every_claim_names_a_measure_and_is_decided_by_something():
     assert len(CLAIMS) == 44 and set(CONDITIONS) < set(CLAIMS)
     for name, claim in CLAIMS.items():
-        inspect.signature(getattr(Measures, claim["measure"])).bind("self", *claim.get("with", ()))
-        assert "between" in claim or name in CONDITIONS
+        assert hasattr(Measures, claim["measure"]) and ("between" in claim or name in CONDITIONS)
 
 
 @pytest.mark.slow
@@ -72,7 +70,7 @@ def test_all_claims_hold_on_little_data_and_every_figure_draws():
             assert curves and all(np.isfinite(curve.astype(float)).all() for curve in curves)
             assert ax.get_ylabel()
     page = render(e, [claims[0] | {"holds": False}, *claims[1:]])
-    assert "43 of 44 claims hold" in re.sub("<[^>]+>", "", page)
+    assert "43 of 44 claims hold" in page
     assert all(claim["source"] in page for claim in claims)
     assert page.count('<svg role="img"') == len(FIGURES) and "src=" not in page
 
@@ -83,14 +81,7 @@ def test_flexaxis_paper(tmp_path, capsys):
     printed = json.loads(capsys.readouterr().out)
     claims = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))
     assert printed["claims"] == claims and all(claim["holds"] for claim in claims)
-    names = [f"fig{i}.{kind}" for i in range(3, 10) for kind in ("svg", "png")]
-    for name in (*names, "index.html"):
-        assert (tmp_path / name).stat().st_size > 1000
-
-
-def failed(*ids):
-    e = Measures(**LITTLE)
-    return {name for name in ids if not decide(name, e)["holds"]}
+    assert len([p for p in tmp_path.iterdir() if p.stat().st_size > 1000]) == 16
 
 
 @pytest.mark.slow
@@ -98,40 +89,45 @@ def failed(*ids):
 def test_a_mistake_is_noticed(mistake, monkeypatch):
     """In derivatives; of torque or parameters by one sample; in the order of Δ."""
     blocks, tables, records = Parametrization.blocks, series._tables, evidence.records
+    make, drift = Changes.make, priors.DRIFT
 
     def wrong_blocks(self, theta):
         result = blocks(self, theta)
-        if "f_m" in self.names:  # the entry −1/J_m of eq. (24)
-            result[1 + self.names.index("f_m"), 2, 2] *= -1
+        result[-1, 2, 2] *= -1  # the entry −1/J_m of eq. (24), for f_m
         return result
 
     def wrong_tables(model, coefficient):
         entries, made = tables(model, coefficient)
-        swapped = np.arange(1 + len(model.names))  # derivatives by f_m and by the first parameter
-        swapped[[1, 1 + model.names.index("f_m")]] = 1 + model.names.index("f_m"), 1
-        made["slopes"]["lane"] = swapped[made["slopes"]["lane"]]
+        lanes = made["slopes"]["lane"]
+        lanes[:] = 1 + lanes % len(model.names)  # each is taken for that of the next parameter
         return entries, made
 
-    def late(*args, **options):
-        made = records(*args, **options)
-        return [replace(r, torque=np.r_[0, r.torque[:-1]]) for r in made]
+    def late(*args):
+        return [replace(r, torque=np.r_[0, r.torque[:-1]]) for r in records(*args)]
 
-    ids = {
-        "slope": ["derivative-for-friction", "gradient-is-the-derivative", "forgetting-converges"],
-        "shift": ["model-predicts-the-plant", "offline-finds-the-parameters"],
-        "late": ["faults-come-on-time"],
-        "drift": ["P-is-even-with-modification", "friction-is-noisier"],
+    turned = dict(zip(drift, reversed(drift.values()), strict=True))
+    ids, patches = {
+        "slope": (
+            ["derivative-for-friction", "gradient-is-the-derivative", "forgetting-converges"],
+            [(Parametrization, "blocks", wrong_blocks), (series, "_tables", wrong_tables)],
+        ),
+        "shift": (
+            ["model-predicts-the-plant", "offline-finds-the-parameters"],
+            [(evidence, "records", late)],
+        ),
+        "late": (
+            ["faults-come-on-time"],
+            [
+                (Changes, "make", lambda self, plant, k: make(self, plant, k - 1)),
+                (evidence, "records", lambda *args: simulate(*args[:2])),
+            ],
+        ),
+        "drift": (
+            ["P-is-even-with-modification", "friction-is-noisier"],
+            [(priors, "DRIFT", turned)],
+        ),
     }[mistake]
-    if mistake == "slope":
-        monkeypatch.setattr(Parametrization, "blocks", wrong_blocks)
-        monkeypatch.setattr(series, "_tables", wrong_tables)
-    elif mistake == "shift":
-        monkeypatch.setattr(evidence, "records", late)
-    elif mistake == "late":
-        make = Changes.make
-        monkeypatch.setattr(Changes, "make", lambda self, plant, k: make(self, plant, k - 1))
-        monkeypatch.setattr(evidence, "records", lambda *args: simulate(*args[:2]))
-    else:
-        turned = dict(zip(priors.DRIFT, reversed(priors.DRIFT.values()), strict=True))
-        monkeypatch.setattr(priors, "DRIFT", turned)
-    assert failed(*ids) == set(ids)
+    for patch in patches:
+        monkeypatch.setattr(*patch)
+    e = Measures(**LITTLE)
+    assert not [name for name in ids if decide(name, e)["holds"]]
