@@ -1,4 +1,4 @@
-"""A fast test may use one second of CPU: more than that fails it, unless it is marked `slow`."""
+"""A fast test should use one second of CPU; far more fails it, unless it is marked `slow`."""
 
 import os
 import time
@@ -6,7 +6,7 @@ import time
 import pytest
 from numba.core import event
 
-LIMIT = 30.0  # s on the reference machine, where `additions` takes REFERENCE
+LIMIT = 100.0  # s on the reference machine; loose: the first test of a machine compiles in a child
 REFERENCE = 0.1  # s
 START, SHARED = pytest.StashKey[float](), pytest.StashKey[list]()
 COMPILING = event.TimingListener()

@@ -9,11 +9,14 @@ dynamic model* (IFAC 1967). As the residual is filtered and not the signals, the
 nonlinear laws.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg.lapack import dpocon
 
 from flexaxis.estimators.offline.colour import HIGHEST_ORDER, Colour, colourless, noise_model
 from flexaxis.estimators.offline.trajectory import Trajectory
@@ -268,8 +271,21 @@ def damped_step(H: Array, g: Array, damping: float) -> Array:
     seen, step = np.diag(H) != 0, np.zeros(len(g))
     size = np.sqrt(np.diag(H)[seen])
     scaled = H[np.ix_(seen, seen)] / np.outer(size, size) + damping * np.eye(len(size))
-    step[seen] = np.linalg.lstsq(scaled, g[seen] / size, rcond=ROUNDING)[0] / size
+    step[seen] = _solved(scaled, g[seen] / size) / size
     return step
+
+
+def _solved(H: Array, g: Array) -> Array:
+    """Return H⁻¹ g by Cholesky's method; of an H that is almost singular, the shortest solution.
+
+    Many gaps make many unknowns, for which a singular value decomposition takes seconds.
+    """
+    with suppress(LinAlgError):
+        factor = cho_factor(H, lower=True)
+        share, _ = dpocon(factor[0], np.abs(H).sum(axis=0).max(initial=0.0), uplo="L")
+        if share > ROUNDING:
+            return cho_solve(factor, g)
+    return np.linalg.lstsq(H, g, rcond=ROUNDING)[0]
 
 
 def pieces(ok: Flags) -> NDArray[np.int64]:

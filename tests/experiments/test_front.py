@@ -55,13 +55,9 @@ class Endless(Still):
 
 
 def test_importing_it_imports_nothing_heavy():
-    code = (
-        "import sys, time; t = time.perf_counter(); import flexaxis; dir(flexaxis);"
-        "print(time.perf_counter() - t, *sys.modules)"
-    )
+    code = "import sys, flexaxis; dir(flexaxis); print(*sys.modules)"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    seconds, *modules = out.stdout.split()
-    assert float(seconds) < 0.2
+    modules = out.stdout.split()
     assert not {"numpy", "scipy", "numba", "mujoco", "matplotlib"} & set(modules)
 
 

@@ -1,12 +1,14 @@
 """What estimators are told of an axis and asked about it, and how what they answer is scored."""
 
+import re
+
 import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import in_a_line
-from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario, scenarios
 from flexaxis.experiments.running.estimators import Spec, build, parse
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.nominal import design_torque
@@ -142,3 +144,10 @@ def test_nothing_of_the_laws_shows_in_the_torque_that_estimators_are_offered():
     mine.laws = True
     build(Spec("mine", {}, mine), real)
     np.testing.assert_array_equal(offered["torque"], design_torque(real))
+
+
+def test_errors_of_known_values_move_no_record():
+    for name in (line["name"] for line in scenarios(group="known")):
+        scenario, twin = find_scenario(name), re.sub("^known[0-9]+_", "", name)
+        if twin != name:
+            assert scenario.record_hash == find_scenario(twin).record_hash
