@@ -88,7 +88,7 @@ def study(args: Args) -> int:
                  for each in known["variants"]]  # fmt: skip
         words = (
             f"{len(lines)} variants, {known['cases']} cases: about "
-            f"{known['seconds'] / args.jobs / 60:.1f} min on {args.jobs} processes, without "
+            f"{known['seconds'] / args.jobs / 60:.2g} min on {args.jobs} processes, without "
             f"estimators of your own; {known['megabytes']:.1f} MB in {folder}"
         )
         return answer(args, known, 0, *lines, words)
