@@ -285,7 +285,7 @@ def _solved(H: Array, g: Array) -> Array:
         share, _ = dpocon(factor[0], np.abs(H).sum(axis=0).max(initial=0.0), uplo="L")
         if share > ROUNDING:
             return cho_solve(factor, g)
-    return np.linalg.lstsq(H, g, rcond=ROUNDING)[0]
+    return np.asarray(np.linalg.lstsq(H, g, rcond=ROUNDING)[0], float)
 
 
 def pieces(ok: Flags) -> NDArray[np.int64]:
