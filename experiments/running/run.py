@@ -324,8 +324,8 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
         new = new.reindex(old.index)
         share = (old - new).abs() / np.maximum(old.abs(), new.abs())
         share = share.mask((old == new) | (old.isna() & new.isna()), 0.0).fillna(np.inf)
-        found = {"score": share.idxmax(axis=1), "difference": share.max(axis=1)}
-        lines.append(own[["scenario", "estimator", *key]].join(pd.DataFrame(found), on=key))
+        worst = {"score": share.idxmax(axis=1), "difference": share.max(axis=1)}
+        lines.append(own[["scenario", "estimator", *key]].join(pd.DataFrame(worst), on=key))
     return pd.concat(lines)
 
 
