@@ -1,7 +1,8 @@
-"""flexaxis in Python: ``import flexaxis as fx``; simulate, estimate, score, compare, benchmark.
+"""The Python interface of flexaxis: simulate, estimate, score, compare and benchmark.
 
-A name is imported when it is first used, so `import flexaxis` itself takes milliseconds. The
-modules of this folder are thin; they call `flexaxis.sim`, `.estimators` and `.experiments`.
+Use it as ``import flexaxis as fx``. Names are imported on first use, so `import flexaxis` takes
+only milliseconds. The modules of this folder are thin: they call `flexaxis.sim`,
+`flexaxis.estimators` and `flexaxis.experiments`.
 """
 
 from importlib import import_module
@@ -43,7 +44,7 @@ _NAMES = {
     "_records": ("Axis", "Recording", "Sample", "cache", "load", "make_axis", "simulate"),
     "_results": ("Comparison", "Results", "benchmark", "compare", "study", "tune"),
     "experiments.demo.view": ("view",),
-    # The rest is for the commands.
+    # Only the commands use the names below.
     "experiments.catalogue.card": ("show",),
     "experiments.catalogue.find": ("GROUPS", "check_names", "faults", "scenarios", "suites"),
     "experiments.check.template": ("new",),

@@ -1,4 +1,4 @@
-"""One estimator on one record: `estimate`, and its scores: `score`."""
+"""Run one estimator on one record (`estimate`), and compute its scores (`score`)."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -31,7 +31,7 @@ EstimatorLike = str | type
 SCORES = (
     "estimator", "parameter", "changed", "lag", "t10", "std", "bias", "cross_talk", "diverged",
 )  # fmt: skip
-"""The columns of a table of scores."""
+"""The columns of the table that `score` returns."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,16 +41,17 @@ class Estimate:
     Attributes
     ----------
     estimator : str
-        Name, with options.
+        Name of the estimator, with its options.
     names : tuple of str
-        Estimated parameters.
+        Names of the estimated parameters.
     theta : ndarray (N, p)
-        θ[k], made from y[0..k]; SI units.
+        Estimates θ[k], computed from y[0..k], in SI units.
     record : Recording
     scenario : Scenario
-        What the estimator knew of the axis.
+        The scenario that gave the estimator its nominal values.
     findings : sequence or None
-        What it detected, each with `alarm` (sample) and `parameters`; None if it detects nothing.
+        Detected changes, each with `alarm` (sample) and `parameters`; None if the estimator has
+        no detector.
     """
 
     estimator: str
@@ -64,14 +65,14 @@ class Estimate:
 
     @property
     def last(self) -> dict[str, float]:
-        """Last estimate by name."""
+        """The last estimate of each parameter, keyed by name."""
         return self.to_dataframe().iloc[-1].to_dict()
 
     @cached_property
     def covariance(self) -> Array | None:
-        """Claimed covariance (N, p, p) after every sample; None if none is claimed.
+        """Reported covariance (N, p, p) after every sample; None if the estimator reports none.
 
-        The estimator runs once more for it, sample by sample, when it is first asked for.
+        On first access, the estimator runs once more, sample by sample, to collect it.
         """
         estimator, record = build(parse(self.estimator), self.scenario), self.record
         return run_on(estimator, record.torque, getattr(record, estimator.output), record.valid)[1]
@@ -82,16 +83,17 @@ class Estimate:
         return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True) -> Any:
-        """Draw estimates over time, a panel a parameter, the truth dashed black.
+        """Draw estimates over time, one panel per parameter, with the truth as a dashed line.
 
         Parameters
         ----------
         *names : str
-            Parameters; all by default.
+            Parameters to draw (default: all).
         ax : matplotlib axes, or several, optional
-            Where to draw, such as what another estimate's `plot` returned; new ones by default.
+            Axes to draw on, for example those that another estimate's `plot` returned (default:
+            new axes).
         band : bool
-            Whether to draw ± 2 claimed standard deviations.
+            Whether to draw a band of ± 2 reported standard deviations.
 
         Returns
         -------
@@ -107,19 +109,19 @@ class Estimate:
                 two = 2 * np.sqrt(self.covariance[:, i, i])  # type: ignore[assignment]
             low, high = y - two, y + two
             curves = [Series(estimator=self.estimator, x=self.record.time, y=y, low=low, high=high)]
-            if ax is None and name in self.truth:  # axes of the caller have it already
+            if ax is None and name in self.truth:  # the caller's axes already show the truth
                 curves.insert(0, Series(role="truth", x=self.record.time, y=self.truth[name]))
             panels[f"{name} [{_unit(name)}]"] = curves
         return draw(panels, ax, self.record.definition)
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a pandas DataFrame: a line a sample, a column a parameter, time [s] as index."""
+        """Return the estimates as a DataFrame: one column per parameter, indexed by time [s]."""
         index = pd.Index(self.record.time, name="time")
         return pd.DataFrame(self.theta, index, self.names)
 
     @property
     def table(self) -> pd.DataFrame:
-        """Last estimate, truth and error [% of the truth] of each parameter."""
+        """The last estimate, true value and error [% of the true value] of each parameter."""
         truth = {name: values[-1] for name, values in self.truth.items()}
         known = {"last": self.last, "truth": truth}
         table = pd.DataFrame(known, self.names, dtype=float)
@@ -127,12 +129,12 @@ class Estimate:
         return table.assign(**{"error [%]": error.where(table["truth"] != 0)})
 
     def save(self, path: str | Path) -> None:
-        """Write the estimates to a NetCDF-4 file, with the covariance that is claimed.
+        """Write the estimates and the reported covariance to a NetCDF-4 file.
 
         Raises
         ------
         OutputError
-            If it cannot be written.
+            If the file cannot be written.
         """
         about = {"estimator": self.estimator, "record_hash": self.record.hash}
         write_estimates(
@@ -160,24 +162,24 @@ def estimate(
     Parameters
     ----------
     record : Record, str or Path
-        As from `simulate`; or a file ``.nc``.
+        A record, as `simulate` returns it, or the path of an ``.nc`` file.
     estimator : str or class
-        A name of `flexaxis.estimators()` or any text as for ``--estimator``; or a class of your
-        own, which is made for the record.
+        A name listed by `flexaxis.estimators()`, any text that ``--estimator`` accepts, or a class
+        of your own, which is constructed for the record.
     scenario : str, Path or Scenario, optional
-        What the estimator knows of the axis; the record's own scenario by default.
+        Scenario that gives the estimator its nominal values (default: the record's own scenario).
 
     Returns
     -------
     Estimate
-        With θ (N, p) of every sample.
+        The estimates θ (N, p) after every sample.
 
     Raises
     ------
     EstimatorError
-        If it cannot be made, or does not fit the record.
+        If the estimator cannot be constructed, or does not fit the record.
     RecordError
-        If the record does not contain its scenario, and none is given.
+        If the record does not contain its scenario and `scenario` is not given.
 
     Examples
     --------
@@ -192,11 +194,11 @@ def estimate(
     if known is None:
         raise RecordError(
             "the record does not contain its scenario, so the nominal values and the parameters "
-            "to identify are unknown: name one with scenario=…"
+            "to identify are unknown: give a scenario with scenario=…"
         )
     spec = parse(text_of(estimator))
     made = build(spec, known)
-    # The covariance is kept before the record's fault.
+    # `follow` keeps the covariance of the samples before the record's fault.
     theta, claimed, innovations = follow(spec.text, made, shown.definition or known, shown)
     findings = getattr(made, "findings", None)
     return Estimate(
@@ -207,14 +209,14 @@ def estimate(
 def score(
     record: Record | Estimate | str | Path, estimator: EstimatorLike = "rpem-forgetting"
 ) -> pd.DataFrame:
-    """Return the scores of an estimate, a line a parameter, as `benchmark` has them of one seed.
+    """Return the scores of an estimate, one row per parameter, as `benchmark` scores one seed.
 
     Parameters
     ----------
     record : Estimate, Record, str or Path
-        An estimate as from `estimate`; or a record, which is estimated first.
+        An estimate as `estimate` returns it; or a record, on which the estimator runs first.
     estimator : str or class
-        As for `estimate`; for a record only.
+        The estimator to run, as in `estimate`. It is ignored if `record` is an `Estimate`.
 
     Returns
     -------
@@ -224,42 +226,43 @@ def score(
     Raises
     ------
     RecordError
-        If the truth is not known: only simulated records can be scored.
+        If the true parameters are unknown: only simulated records can be scored.
 
     Notes
     -----
-    Faults and truth are those of the record, whatever scenario the estimator knew.
+    Faults and true values are always taken from the record, even if the estimator ran with the
+    nominal values of another scenario.
     """
     result = record if isinstance(record, Estimate) else estimate(record, estimator)
     known, scenario = result.record, result.record.definition
     if known.true_parameters is None or not (scenario and known_names(scenario, result.names)):
-        raise RecordError("the record does not know the true parameters, so there are no scores")
+        raise RecordError("the record has no true parameters, so it cannot be scored")
     track = track_of(
         scenario, known, result.names, result.theta, result._claimed, result._innovations,
         result.findings,
     )  # fmt: skip
-    # In a row a std is about zero; it is shown about the mean, as of many runs.
+    # A row holds the std about zero. The table shows it about the mean, as for many runs.
     lines = [row | pool_columns(columns_of([row]), ["std"]) for row in rows(track)]
     return pd.DataFrame(lines).assign(estimator=result.estimator)[[*SCORES]]
 
 
 def check(estimator: EstimatorLike) -> pd.DataFrame:
-    """Check whether an estimator keeps the rules: no look-ahead, `step` equals `run`, and so on.
+    """Check that an estimator keeps the rules: no look-ahead, `step` equals `run`, and so on.
 
     Parameters
     ----------
     estimator : str or class
-        As for `benchmark`.
+        An estimator, as in `benchmark`.
 
     Returns
     -------
     DataFrame
-        A line a rule: ``rule, holds`` (None if it does not apply), ``seen, reason, hint``.
+        One row per rule: ``rule, holds`` (None if the rule does not apply), ``seen, reason, hint``.
 
     Raises
     ------
     EstimatorError, EstimatorCrash
-        If it cannot be made at all.
+        If the estimator cannot be constructed.
     """
     spec = parse(text_of(estimator))
     return pd.DataFrame(map(asdict, rules.check(spec, store=default_cache())))

@@ -1,4 +1,7 @@
-"""Logs of a real axis: `import_log`, `identify` and `track`, with tables, sentences and figures."""
+"""Work with logs of a real axis: `import_log`, `identify` and `track`.
+
+Each returns a `LogResult` with a table, sentences and figures.
+"""
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -25,24 +28,24 @@ Log = Any  # a path, a record, or what `import_log` returned
 
 @dataclass(frozen=True, repr=False, eq=False)
 class LogResult:
-    """The result for a log: a table, sentences with a mark each, and figures.
+    """The result for a log: a table, marked sentences and figures.
 
     Attributes
     ----------
     result : object
-        All of it: an ``Imported``, ``Identification``, ``Many`` or ``Tracked``.
+        The full result: an ``Imported``, ``Identification``, ``Many`` or ``Tracked``.
     page : LogPage
-        Sentences and charts, as they are on the page.
+        The report page, with sentences and charts.
     content : dict
-        What the command prints with ``--json``.
+        The JSON object that the command prints with ``--json``.
     table : DataFrame
-        A line a check or a parameter.
+        One row per check or per parameter.
     status : int
-        Exit status of the command: 1 for a finding.
+        Exit status of the command; 1 reports a finding.
     record : Record or None
-        The record of the log.
+        The record made from the log.
     axis : Axis or None
-        The axis; its `save` writes the file that the commands read.
+        The identified axis; its `save` writes the file that the commands read.
     """
 
     result: Any
@@ -55,21 +58,21 @@ class LogResult:
     axis: Any = None
 
     def save(self, path: str | Path) -> Path:
-        """Write the record, axis or estimates, and the page beside it; return the page."""
+        """Write the record, axis or estimates, and a report page beside it; return its path."""
         self.write(Path(path))
         page = Path(path).with_suffix(".html")
         self.page.write(page)
         return page
 
     def plot(self, chart: int = 0, *, ax: Any = None) -> Any:
-        """Draw a chart of the page.
+        """Draw one chart of the report page.
 
         Parameters
         ----------
         chart : int
-            Its place on the page.
+            Position of the chart on the page, from 0.
         ax : matplotlib axes, optional
-            One for each of its panels; new ones by default.
+            Axes to draw on, one for each panel of the chart (default: new axes).
         """
         shown = self.page.charts[chart]
         return draw(shown.panels, ax, x=shown.x, **shown.options)
@@ -80,7 +83,7 @@ class LogResult:
 
 
 def _read(log: Log, options: Mapping[str, Any] | None) -> Imported:
-    """Return the record of a log and its checks; print what spoils estimates."""
+    """Return the record of a log and its checks; print the problems that would spoil estimates."""
     if not isinstance(log, str | Path):
         return Imported(getattr(log, "record", log), ())  # type: ignore[arg-type]
     result = import_any(Path(log), **(options or {}))
@@ -94,14 +97,15 @@ def _axis(model: Any) -> Any:
 
 
 def import_log(path: str | Path, **columns: Any) -> LogResult:
-    """Read a log, and check it before any estimator does; `flexaxis import` in Python.
+    """Read a log and check its data quality; this is `flexaxis import` in Python.
 
     Parameters
     ----------
     path : str or Path
     **columns
-        Columns (``torque="current"``), ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``,
-        ``torque_is``; ``resample`` [Hz] and ``burn_in`` [s].
+        Options that say how to read the log: columns (``torque="current"``),
+        ``unit={"angle": "deg"}``, ``scale``, ``rate``, ``rows``, ``torque_is``, ``resample`` [Hz]
+        and ``burn_in`` [s].
     """
     result = _read(path, columns)
     checks = [vars(check) for check in result.checks]
@@ -124,29 +128,29 @@ def identify(
     columns: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> LogResult:
-    """Identify an axis from its log, or from many; `flexaxis identify` in Python.
+    """Identify an axis from one log or a folder of logs; this is `flexaxis identify` in Python.
 
     Parameters
     ----------
-    log : path, record, or what `import_log` returned; or a folder of logs
-        Of a folder, in the order of names, the table has a row a log, and the findings tell what
-        a covariate explains and whether a parameter changed.
+    log : path, record, result of `import_log`, or a folder of logs
+        The logs of a folder are read in the order of their names. Then the table has one row per
+        log, and the findings report the effect of a covariate and any change of a parameter.
     model : str, path or Axis
-        A shipped model, a TOML of your own, or an axis.
+        Name of a shipped model, path of your own TOML file, or an axis.
     start : mapping of str to float, optional
-        Where the search starts.
+        Values at which the search starts.
     fix : mapping of str to float or None, optional
-        Parameters to hold, at a value or (None) at their nominal one.
+        Parameters to hold constant at the given value, or at the nominal value if it is None.
     validate : path or record, optional
-        Another log, to simulate and predict with the result.
+        Another log, which the identified model simulates and predicts.
     covariates : sequence of str
-        Columns of many logs that may explain the estimates, such as a temperature.
+        Columns of a folder's logs that may explain the estimates, such as a temperature.
     false_alarms : float
-        Probability that many logs without a change show one.
+        Probability of reporting a change in a folder of logs if there is none.
     columns : mapping, optional
-        How to read a log, as the options of `import_log`.
+        Options that say how to read the log, as in `import_log`.
     **options
-        ``free, friction, gravity, delay, highpass`` as of
+        ``free``, ``friction``, ``gravity``, ``delay`` and ``highpass``, as in
         `flexaxis.experiments.logs.identify.identify`.
     """
     axis, start, fix = _axis(model), start or {}, fix or {}
@@ -185,20 +189,20 @@ def track(
     start: float = 1.0,
     columns: Mapping[str, Any] | None = None,
 ) -> LogResult:
-    """Follow parameters along a log by a recursive estimator; `flexaxis track` in Python.
+    """Track parameters along a log with a recursive estimator; this is `flexaxis track` in Python.
 
     Parameters
     ----------
-    log : path, record, or what `import_log` returned
-    axis : path, Axis, or what `identify` returned
+    log : path, record, or result of `import_log`
+    axis : path, Axis, or result of `identify`
     parameters : sequence of str
-        Such as ``["k_T", "1/J_l"]``.
+        Names of the parameters to track, such as ``["k_T", "1/J_l"]``.
     estimator : str, optional
-        By default ekf, or glr for an axis with dry friction.
+        Estimator to use (default: ekf, or glr for an axis with dry friction).
     start : float
         Initial estimate as a multiple of the identified value.
-    columns
-        As for `identify`.
+    columns : mapping, optional
+        Options that say how to read the log, as in `import_log`.
     """
     known = _axis(axis)
     spec = parse(estimator or tracking.default_estimator(known))

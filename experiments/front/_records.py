@@ -1,6 +1,6 @@
-"""Runs of a scenario: `simulate`, `load`, the `cache` of records, and `make_axis`.
+"""Simulate scenarios and load records: `simulate`, `load`, `cache` and `make_axis`.
 
-A record has its figure; an axis is stepped by hand, for a controller of one's own.
+`make_axis` returns an axis that you step by hand, for example with a controller of your own.
 """
 
 from collections.abc import Mapping
@@ -30,23 +30,24 @@ class Recording(Record):
 
     @property
     def definition(self) -> Scenario | None:
-        """The scenario; None if the record does not contain it."""
+        """The scenario that was simulated; None if the record does not contain it."""
         return scenario_from(self.scenario, source="the record") if self.scenario else None
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Names of its signals (N,), without time."""
+        """Names of the signals (N,) that the record contains, except time."""
         return tuple(n for n in SIGNALS if n != "time" and getattr(self, n) is not None)
 
     def plot(self, *signals: str, ax: Any = None) -> Any:
-        """Draw signals over time, a panel each.
+        """Draw signals over time, one panel per signal.
 
         Parameters
         ----------
         *signals : str
-            Names as in `signals`; by default the torque and what estimators read.
+            Names of signals, as in `signals` (default: the torque, and the signal that the
+            estimators read).
         ax : matplotlib axes, or several, optional
-            Where to draw; new ones by default.
+            Axes to draw on (default: new axes).
 
         Returns
         -------
@@ -62,14 +63,14 @@ class Recording(Record):
         return draw(panels, ax, self.definition)
 
     def save_log(self, path: Path, style: LogStyle) -> None:
-        """Write what a robot would have logged, as CSV: no truth, its own units and clock."""
+        """Write a CSV log as a robot would: without true values, in its own units and clock."""
         write_log(path, logged(self, style, stream(self.hash, self.seed or 0, "log")))
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a pandas DataFrame: a line a sample, time [s] as index.
+        """Return the record as a DataFrame with one row per sample, indexed by time [s].
 
-        Columns are the signals, `valid` if samples are missing, and the true parameters as
-        ``true_f_m``.
+        The columns are the signals, `valid` if samples are missing, and the true parameters, such
+        as ``true_f_m``.
         """
         known = {name: getattr(self, name) for name in (*SIGNALS, "valid")}
         frame = pd.DataFrame(known).set_index("time")
@@ -79,7 +80,7 @@ class Recording(Record):
 
 
 def axes_for(ax: Any, count: int) -> Any:
-    """Return an array of axes to draw on, one below the other: those of the caller, or new ones."""
+    """Return the caller's axes as an array, or new axes, one below the other, if `ax` is None."""
     if ax is None:
         from matplotlib import pyplot
 
@@ -93,9 +94,9 @@ def draw(
     panels: Mapping[str, Any], ax: Any, scenario: Scenario | None = None, *, x: str = "time [s]",
     **options: Any,
 ) -> Any:  # fmt: skip
-    """Draw curves, a panel each; on new axes with faults and burn-in of a scenario.
+    """Draw one panel of curves per entry; new axes also show faults and burn-in of the scenario.
 
-    One axes is returned as it is, several as an array.
+    The function returns a single axes as it is, and several as an array.
     """
     marks = around(scenario) if scenario and ax is None else {}
     axes = axes_for(ax, len(panels))
@@ -109,16 +110,17 @@ def simulate(scenario: str | Path | Scenario, /, *, seed: int = 0, **changes: An
     Parameters
     ----------
     scenario : str, Path or Scenario
-        A name of `flexaxis.scenarios()`, a path to a TOML file, or a scenario.
+        A name listed by `flexaxis.scenarios()`, a path to a TOML file, or a scenario.
     seed : int
-        Number of the run: the same number gives the same run, to the last bit.
+        Random seed: the same seed gives the same run, to the last bit.
     **changes
-        Values by dotted key, as in a study: ``**{"fault[0].factor": 2, "duration": 12.0}``.
+        New values of scenario keys, as in a study:
+        ``**{"fault[0].factor": 2, "duration": 12.0}``.
 
     Returns
     -------
     Recording
-        Torque, angle and speed (N,) as measured, and the true parameters.
+        Measured torque, angle and speed (N,), and the true parameters.
 
     Raises
     ------
@@ -149,8 +151,8 @@ def load(path: str | Path) -> Any:
     Parameters
     ----------
     path : str or Path
-        A record, as `Recording.save` and ``flexaxis simulate`` write it; or the folder of
-        ``flexaxis run`` or ``flexaxis study``, or of `benchmark`.
+        A record, as `Recording.save` and ``flexaxis simulate`` write it; or a folder that
+        ``flexaxis run``, ``flexaxis study`` or `benchmark` wrote.
 
     Returns
     -------
@@ -159,7 +161,7 @@ def load(path: str | Path) -> Any:
     Raises
     ------
     FlexaxisError
-        If it is neither.
+        If the path is neither a record nor a results folder.
     """
     if Path(path).is_dir():
         from flexaxis._results import Results
@@ -169,21 +171,22 @@ def load(path: str | Path) -> Any:
 
 
 def cache(*, clear: bool = False) -> dict[str, Any]:
-    """Return the state of the cache of simulated records, or empty it.
+    """Return the location and size of the cache of simulated records, and optionally clear it.
 
-    A record is stored under the hash of its scenario, its seed, the engine and the simulation code,
-    so an entry is never out of date. The least recently used records go when the limit is reached.
+    The key of a record contains the hashes of its scenario and of the simulation code, the seed and
+    the MuJoCo version, so an entry is never out of date. When the cache reaches its size limit, it
+    deletes the least recently used records.
 
     Parameters
     ----------
     clear : bool
-        Whether to remove all records.
+        Whether to delete all records.
 
     Returns
     -------
     dict
-        ``folder`` (set by the environment variable FLEXAXIS_CACHE) and
-        ``megabytes``; FLEXAXIS_CACHE_LIMIT sets the limit [MB].
+        ``folder`` and size in ``megabytes``. The environment variables FLEXAXIS_CACHE and
+        FLEXAXIS_CACHE_LIMIT set the folder and the size limit [MB].
 
     Examples
     --------
@@ -199,14 +202,15 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
 
 
 class Sample(NamedTuple):
-    """The measurements of one sample.
+    """The measurements at one sample.
 
     Attributes
     ----------
     time : float
-        [s].
+        Time [s].
     angle, speed, increment : float
-        Motor angle [rad], motor speed [rad/s], and difference of angles over the period [rad/s].
+        Motor angle [rad], motor speed [rad/s], and change of the angle divided by the period
+        [rad/s].
     """
 
     time: float
@@ -216,26 +220,26 @@ class Sample(NamedTuple):
 
 
 class Axis:
-    """The axis of a scenario, with its faults and its sensors, and without its controller.
+    """The axis of a scenario with its faults and sensors, but without its controller.
 
     Parameters
     ----------
     scenario : Scenario
     seed : int
-        Of the noise.
+        Random seed of the noise.
 
     Attributes
     ----------
     scenario : Scenario
     sample : Sample
-        The latest; at first the axis is at rest.
+        The latest sample. The axis starts at rest.
     """
 
     def __init__(self, scenario: Scenario, *, seed: int = 0) -> None:
         if scenario.delay.torque_ticks:
             raise FlexaxisError(
-                f"{scenario.name} delays the torque, which an axis stepped by hand does not: hold "
-                "your own torque back, and leave `delay` out of the scenario"
+                f"{scenario.name} delays the torque, but an axis that you step by hand applies it "
+                "at once: delay the torque yourself, and remove `delay` from the scenario"
             )
         seed = seed_of(seed)
         self.scenario = scenario = scenario.drawn(seed)
@@ -253,7 +257,7 @@ class Axis:
 
     @property
     def done(self) -> bool:
-        """Whether the scenario is over."""
+        """Whether the end of the scenario is reached."""
         return self._k >= self.scenario.samples - 1
 
     def step(self, torque: float) -> Sample:
@@ -262,14 +266,14 @@ class Axis:
         Raises
         ------
         FlexaxisError
-            If the scenario is over.
+            If the end of the scenario is reached.
         SimulationError
             If the axis becomes unstable, or the torque is not finite.
         """
         if self.done:
             raise FlexaxisError(
-                f"{self.scenario.name} is over after {self.scenario.duration:g} s: make a new "
-                "axis, or a longer one with duration=…"
+                f"{self.scenario.name} ends after {self.scenario.duration:g} s: make a new axis, "
+                "or a longer one with duration=…"
             )
         more = 0.0 if self._disturbance is None else self._disturbance[self._k, 0]
         self._plant.step(np.array([float(torque) + more]))
@@ -290,28 +294,29 @@ class Axis:
 def make_axis(
     scenario: str | Path | Scenario = "fm_step-v1", *, seed: int = 0, **changes: Any
 ) -> Axis:
-    """Return an axis to be stepped: ``sample = axis.step(torque)``.
+    """Return an axis that you step by hand: ``sample = axis.step(torque)``.
 
     Parameters
     ----------
     scenario : str, Path or Scenario
-        Its plant, faults and sensors; not its controller, which is yours.
+        Scenario with the plant, faults and sensors. Its controller is not used; you provide the
+        torque.
     seed : int
-        Of the noise.
+        Random seed of the noise.
     **changes
-        As for `simulate`.
+        New values of scenario keys, as in `simulate`.
 
     Returns
     -------
     Axis
-        At rest, at its first sample.
+        The axis at rest, at its first sample.
 
     Raises
     ------
     ScenarioError
         If there is no such scenario or key, or a value is not allowed.
     FlexaxisError
-        If the scenario delays the torque: hold your own back.
+        If the scenario delays the torque; delay it in your own code instead.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Many runs, scored, pooled and compared: `benchmark`, `study`, `compare`, `tune`."""
+"""Run, score and compare estimators on many records: `benchmark`, `study`, `compare`, `tune`."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -36,21 +36,21 @@ SHOWN = (
     "scenario", "estimator", "parameter", "lag", "lag_interval", "t10", "std", "bias", "score",
     "diverged", "failed", "runs",
 )  # fmt: skip
-"""The columns of a table of pooled scores, with the axes of a study."""
+"""The columns of a table of pooled scores; a study adds its axes."""
 TURNED = (
     "scenario", "parameter", "setting", "lag", "lag_interval", "std", "lag_bound", "diverged",
 )  # fmt: skip
-"""The columns of a table of settings."""
+"""The columns of a table of settings, one row per setting."""
 
 
 class Results(engine.Results):
-    """Results with their figure; rows, selections and tables are those of every folder."""
+    """Results of a run or a study, with methods that draw figures and write the report."""
 
     @property
     def table(self) -> pd.DataFrame:
-        """Pooled scores of what changed: an interval is over seeds, std and bias in % of nominal.
+        """Pooled scores of the parameters that changed, or of all if none changed.
 
-        If nothing changed, the scores of all parameters.
+        Intervals are over the seeds; std and bias are in % of nominal.
         """
         rows = self.scores()
         changed = rows.query("changed")
@@ -58,37 +58,37 @@ class Results(engine.Results):
 
     @property
     def problems(self) -> list[str]:
-        """The first failure of each estimator in a sentence, with the number of such cases."""
+        """One sentence per estimator that failed: its first failure and the number of failures."""
         failures = self.failures.to_dict("records")
         return [f"{text} ({n} cases)" for text, n in failures_in_words(failures)]
 
     def rerun(self, sample: int = 0, **work: Any) -> pd.DataFrame:
-        """Run cases again, such as those of somebody else's folder, and compare the scores.
+        """Run cases again and compare their scores with the stored ones.
 
         Parameters
         ----------
         sample : int
-            Number of cases, spread over all; 0 for all.
+            Number of cases to run, spread evenly over all cases; 0 runs all.
         **work
-            ``jobs`` and ``time_limit``, as of `benchmark`.
+            ``jobs`` and ``time_limit``, as in `benchmark`.
 
         Returns
         -------
         DataFrame
-            As from `flexaxis.experiments.running.run.rerun`: a row a case and parameter.
+            One row per case and parameter, as `flexaxis.experiments.running.run.rerun` returns.
         """
         with studies.working(**work) as runner:
             return rerun(self, runner, sample)
 
     def plot(self, x: str = "", *, ax: Any = None) -> Any:
-        """Draw the lag after a fault: against the noise, or over an axis of a study.
+        """Draw the lag after a fault against the noise, or over a swept key of a study.
 
         Parameters
         ----------
         x : str, optional
-            A swept key; the first of the study by default.
+            The swept key (default: the first one of the study).
         ax : matplotlib axes, optional
-            One for each parameter that changes; new ones by default.
+            Axes to draw on, one for each parameter that changes (default: new axes).
 
         Returns
         -------
@@ -101,7 +101,7 @@ class Results(engine.Results):
         return axes[0]
 
     def report(self) -> Path:
-        """Write report.html to the folder, or here if there is none; return its path."""
+        """Write report.html to the results folder, or else to the current one; return its path."""
         path = (self.folder or Path()) / REPORT
         studies.write_report(self, path)
         return path
@@ -129,32 +129,31 @@ def benchmark(
     Parameters
     ----------
     estimators : str, class, or several of them
-        Names of `flexaxis.estimators()`, any text as for ``--estimator``, or classes of your own,
-        which are run; those of the suite by default.
+        Names listed by `flexaxis.estimators()`, any text that ``--estimator`` accepts, or classes
+        of your own (default: the estimators of the suite).
     scenarios : str, Path, Scenario, or several of them
         Names of scenarios and suites, paths to TOML files, or scenarios.
     seeds : int, str or iterable of int
-        A number of them from 1000 on, a range ``"0:20"``, or those listed; by default the number
-        of the suite.
+        Number of seeds, counted from 1000; a range such as ``"0:20"``; or a list of seeds (default:
+        the number of the suite).
     folder : str or Path, optional
-        Where to keep the rows, with summary.json and report.html; a suite's estimators are then
-        compared at equal noise, too. Without it the rows are in memory.
+        Folder for the rows, summary.json and report.html. If it is given, the estimators of a suite
+        are also compared at equal noise. Without a folder, the rows stay in memory.
     **work
-        ``jobs`` (processes, 1 by default), ``shard`` (number of the part to run, and of all parts),
-        ``dask`` (address of a scheduler), ``overwrite`` (whether to remove what
-        `folder` holds, False by default), ``time_limit`` (for a run of your own code, 600 s by
-        default).
+        ``jobs`` (number of processes, default 1), ``shard`` (number of this part and of all parts),
+        ``dask`` (address of a scheduler), ``overwrite`` (whether to delete the old contents of
+        `folder`, default False), ``time_limit`` (longest run of your own code, default 600 s).
 
     Returns
     -------
     Results
-        A row a scenario, estimator, seed and parameter.
+        One row per scenario, estimator, seed and parameter.
 
     Raises
     ------
     FlexaxisError, EstimatorError
-        If a name is wrong, or an estimator cannot be made. One that fails on a record is a row
-        with its error (`Results.failures`).
+        If a name is wrong, or an estimator cannot be constructed. If an estimator fails on a
+        record, the row of that case holds the error instead (`Results.failures`).
     """
     suite = select(scenarios)
     numbers, texts = seeds_of(seeds, suite.seeds), texts_of(estimators)
@@ -169,25 +168,26 @@ def study(
     folder: Place = None,
     **work: Any,
 ) -> Results:
-    """Run a study: estimators over values of any key of scenario, fault or estimator.
+    """Run a study, which sweeps keys of scenarios, faults and estimators.
 
     Parameters
     ----------
     definition : str, Path or dict
-        A TOML file, or its keys: ``{"scenario": "fm_step-v1", "estimators": ["glr"], "seeds":
-        20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``; classes may stand among the estimators.
+        A TOML file, or its content as a dict: ``{"scenario": "fm_step-v1", "estimators": ["glr"],
+        "seeds": 20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``. In a dict, an estimator may also
+        be a class.
     folder, **work
-        As for `benchmark`.
+        Options with the same meaning as in `benchmark`.
 
     Returns
     -------
     Results
-        A row a case and parameter, with the value on each axis of the study.
+        One row per case and parameter, with the values of the swept keys.
 
     Raises
     ------
     StudyError
-        With one line for each problem.
+        If the definition is wrong; the message has one line for each problem.
     """
     is_file = isinstance(definition, str | Path)
     planned = load_study(definition) if is_file else study_from(definition)  # type: ignore[arg-type]
@@ -198,12 +198,13 @@ def study(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """The verdict on a candidate beside a base.
+    """The verdict on a candidate, compared with a base.
 
     Attributes
     ----------
     content : dict
-        All that `flexaxis compare --json` prints: ``verdict, headline, advice, rows, legend`` …
+        The object that `flexaxis compare --json` prints, with keys such as ``verdict``,
+        ``headline``, ``advice``, ``rows`` and ``legend``.
     status : int
         Exit status of the command: 0 no regression, 1 worse, 3 undecided.
     """
@@ -213,15 +214,15 @@ class Comparison:
 
     @property
     def verdict(self) -> Any:
-        """The one word: worse, undecided, better, slight or same."""
+        """The verdict in one word: worse, undecided, better, slight or same."""
         return self.content["verdict"]
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a pandas DataFrame, a line a score."""
+        """Return the comparison as a DataFrame, one row per score."""
         return pd.DataFrame(self.content["rows"])
 
     def plot(self, *, ax: Any = None) -> Any:
-        """Draw the change of each score with its interval, and the margin that matters.
+        """Draw the change of each score with its interval and its margin.
 
         Parameters
         ----------
@@ -251,38 +252,40 @@ def compare(
     folder: Place = None,
     **work: Any,
 ) -> Comparison:
-    """Say whether a candidate is better or worse than a base, run on the same records.
+    """Test whether a candidate is better or worse than a base; both run on the same records.
 
     Parameters
     ----------
     base, candidate : str or class
-        As for `benchmark`.
+        Estimators, as in `benchmark`.
     scenarios : str, Path, Scenario, or several of them
-        Those that one of the two cannot read are left out; the verdict says so.
+        Scenarios to run. A scenario that either estimator cannot read is left out, and the verdict
+        says so.
     seeds, **work
-        As for `benchmark`.
+        Options with the same meaning as in `benchmark`.
     runs : two paths, optional
-        Folders of finished runs, which are compared as they are.
+        Folders of two finished runs, which are compared as they are.
     max_seeds : int
-        Seeds are added up to so many while it is undecided.
+        While the verdict is undecided, seeds are added up to this number.
     match_std : bool
-        Whether to tune both to one noise first, and judge the lag at equal noise: equal std of the
-        parameter that changes, or, where several do, equal excess prediction error.
+        Whether to tune both estimators to the same noise first and then compare only the lag. The
+        noise is the std of the parameter that changes or, if several change, the excess prediction
+        error.
     margins : mapping of str to float, optional
-        Changes that do not matter, as shares: ``{"lag": 0.05}``; 2 % by default.
+        Relative changes that do not matter, such as ``{"lag": 0.05}`` (default: 0.02).
     folder : str or Path, optional
-        Where to keep the rows, compare.json, verdict.md and report.html.
+        Folder for the rows, compare.json, verdict.md and report.html.
 
     Returns
     -------
     Comparison
-        The verdict, and a line a scenario and score.
+        The verdict, with one row per scenario and score.
 
     Raises
     ------
     FlexaxisError
-        If they have nothing in common; with `match_std` if one has no tuning parameter, or cannot
-        be as noisy as the reference.
+        If the two have no scenario and score in common. With `match_std`, also if an estimator has
+        no tuning parameter or cannot be tuned to the noise of the reference.
     """
     checked = gate.check_margins(margins or {})
     sides = [text_of(each) if each else "" for each in (base, candidate)]
@@ -307,12 +310,12 @@ def compare(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep:
-    """Estimators at several settings of their tuning parameters.
+    """The lag and noise of estimators at several settings of their tuning parameters.
 
     Attributes
     ----------
     content : dict
-        ``tradeoff`` with ``points`` (a setting each) and ``matched`` (at the noise of
+        ``tradeoff`` with ``points`` (one per setting) and ``matched`` (at the noise of
         rpem-forgetting), as in summary.json.
     """
 
@@ -320,11 +323,11 @@ class Sweep:
 
     @property
     def table(self) -> pd.DataFrame:
-        """Lag and noise of each setting, std in % of nominal; lag_bound is the Cramér–Rao bound."""
+        """Lag and noise of each setting. ``std`` is in % of nominal; ``lag_bound`` is in s."""
         return pd.DataFrame(self.content["tradeoff"]["points"])[[*TURNED]]
 
     def plot(self) -> Any:
-        """Return a figure: lag against noise, a line an estimator, a panel a fault, the bound."""
+        """Return a figure of lag against noise: one panel per fault, one line per estimator."""
         found = self.content["tradeoff"]
         return figures.speed_noise(faults_of(found["points"]), fault_words(found))
 
@@ -341,30 +344,31 @@ def tune(
     file: Place = None,
     **work: Any,
 ) -> pd.DataFrame | Sweep:
-    """Find the settings at which estimators are as noisy as rpem-forgetting, or compare settings.
+    """Find the setting at which each estimator is as noisy as rpem-forgetting, or sweep settings.
 
-    Each is tuned on the nominal axis without a fault.
+    The estimators are tuned on the nominal axis without a fault.
 
     Parameters
     ----------
     *estimators : str
-        All registered ones with a tuning parameter by default.
+        Estimators to tune (default: all registered ones with a tuning parameter).
     sweep : str, Path, Scenario, or several of them
-        Scenarios with a fault: run several settings on these instead of tuning.
-    seeds
-        As for `benchmark`.
+        Scenarios with a fault. If given, the estimators run on them at several settings and are
+        not tuned.
+    seeds : int, str or iterable of int
+        Seeds, as in `benchmark`.
     folder : str or Path, optional
-        Where rows are kept.
+        Folder for the rows.
     file : str or Path, optional
         TOML file for the settings, in the format of estimators/tuned.toml.
     **work
-        As for `benchmark`.
+        Options with the same meaning as in `benchmark`.
 
     Returns
     -------
-    DataFrame
-        A line an estimator: ``setting, knob, value, match, ratio`` (of its noise to the
-        reference), and ``problem`` if there is no such setting. A `Sweep` with `sweep`.
+    DataFrame or Sweep
+        One row per estimator: ``setting, knob, value, match, ratio`` (its noise divided by that of
+        the reference), and ``problem`` if no setting has this noise. With `sweep`, a `Sweep`.
     """
     numbers = seeds_of(seeds, 16)
     names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []
