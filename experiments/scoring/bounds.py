@@ -1,8 +1,8 @@
 """
-What theory allows after a jump: the Cramér–Rao bound, the lag on it, and the score.
+Theoretical limits after a jump: the Cramér–Rao bound, the lag at the bound, and the score.
 
-docs/scores.md has the formulas with their sources. All of them take the gradient ψ of the predictor
-along the true parameters, and a white output noise of variance σ².
+docs/scores.md has the formulas with their sources. All formulas use the predictor gradient ψ along
+the true parameters, and assume white output noise of variance σ².
 """
 
 from collections.abc import Sequence
@@ -31,20 +31,20 @@ from flexaxis.sim.tables.faults import Step
 
 Array = NDArray[np.float64]
 
-PRIOR = 0.5  # standard deviation of θ after a jump, relative to θ, before anything is measured
+PRIOR = 0.5  # prior standard deviation of θ after a jump, relative to θ
 
 
 def cramer_rao(psi: ArrayLike, variance: float, theta: ArrayLike) -> Array:
     """
     Return the bound C(n) (N, p, p) on the covariance of θ̂, n samples after a jump.
 
-    C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹ with P_b = diag((θ/2)²)/σ², for an estimator that knows
-    time and state of the jump.
+    C(n) = σ² [P_b⁻¹ + Σ_{k≤n} ψ₀ψ₀ᵀ]⁻¹ with P_b = diag((θ/2)²)/σ², for an estimator that knows the
+    time of the jump and the state at that time.
 
     Parameters
     ----------
     psi : (N, p) array_like
-        ψ₀.
+        Gradient ψ₀ from the jump on.
     variance : float
         σ² of the output noise.
     theta : (p,) array_like
@@ -57,12 +57,12 @@ def cramer_rao(psi: ArrayLike, variance: float, theta: ArrayLike) -> Array:
 
 def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
     """
-    Return the lag [s] of an estimator on the bound, Σ T min(1, √(2/π) s_n/D).
+    Return the lag [s] of an estimator that attains the bound, Σ T min(1, √(2/π) s_n/D).
 
     Parameters
     ----------
     deviation : (N,) array_like
-        Standard deviations s_n by the bound.
+        Standard deviation s_n at the bound, n samples after the jump.
     size : float
         D, size of the jump.
     """
@@ -73,14 +73,14 @@ def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
 @dataclass(frozen=True)
 class JumpBound:
     """
-    Bounds on the standard deviation of θ̂ after an event, each (n, p), from its sample on.
+    Lower bounds on the standard deviation of θ̂ for n samples from an event on.
 
     Attributes
     ----------
     unknown : ndarray (n, p)
-        For whoever takes all estimated parameters for unknown after the jump.
+        Bound if all estimated parameters are unknown after the event.
     single : ndarray (n, p)
-        For whoever knows that this parameter alone has changed, and all others exactly.
+        Bound for each parameter if only this parameter has changed and all others are known.
     """
 
     unknown: Array
@@ -96,13 +96,13 @@ def jump_bound(
     Parameters
     ----------
     scenario : Scenario
-        Such as `flexaxis.experiments.scoring.true_model.describes`, and with noise.
+        Scenario with noise for which `flexaxis.experiments.scoring.true_model.describes` is true.
     names : sequence of str
-        Parameters that are unknown after it.
+        Parameters that are unknown after the event.
     index, stop : int
-        Samples from the event on, to this one.
+        Sample of the event, and the end of the samples for which the bound is computed.
     u : (N,) array_like
-        Torque of a record of the scenario.
+        Torque of a record of the scenario [N m].
     """
     truth = scenario.true_parameters()
     u = np.asarray(u, float)
@@ -120,19 +120,20 @@ def bound_from(
     variance: float,
 ) -> JumpBound:
     """
-    Return the same from parameters after a jump (q,) and the state at it on.
+    Return the bounds from the physical parameters and the state at a jump.
 
     Parameters
     ----------
     scenario : Scenario
-        Laws of the axis.
+        Scenario that defines the friction and the other laws of the axis.
     names : sequence of str
+        Parameters that are unknown after the jump.
     parameters : (q,) ndarray
-        As of `Scenario.parameter_names`.
+        Values after the jump, in the order of `Scenario.parameter_names`.
     x : (n,) ndarray
-        Bristles may be left out: they forget in milliseconds.
+        State at the jump. Bristle states may be left out, because they decay in milliseconds.
     u : (N,) ndarray
-        Torque from the jump on.
+        Torque from the jump on [N m].
     variance : float
         σ² of the output noise.
     """
@@ -141,7 +142,7 @@ def bound_from(
     state = np.zeros(model.states)
     state[: len(x)] = x
     psi = jump_gradient(model, theta, u, state, period=scenario.period)
-    # A friction that has fallen to zero gives the prior no scale; its nominal value does.
+    # A friction parameter that drops to zero gives the prior no scale; use its nominal value then.
     scale = sizes(scenario, names, theta)
     bound = cramer_rao(psi, variance, scale)
     alone = [cramer_rao(psi[:, [i]], variance, scale[[i]])[:, 0, 0] for i in range(len(names))]
@@ -152,7 +153,7 @@ def bound_from(
 
 
 def noise_variance(scenario: Scenario) -> float:
-    """Return σ² of what estimators read; of an increment, that of the encoder and its noise."""
+    """Return the noise variance σ² of the signal that estimators read, with encoder rounding."""
     counts = scenario.encoder.counts
     step = 2 * np.pi / counts if counts else 0.0
     angle = scenario.noise.angle**2 + step**2 / 12
@@ -164,18 +165,19 @@ RMSE_AT = (20, 50, 100, 200, 400, 1000)  # samples after onset
 
 @dataclass(frozen=True)
 class Limits:
-    """What theory says of one parameter in one case; None is "not defined here".
+    """Theoretical limits for one parameter in one case; None means that a limit is undefined.
 
     Attributes
     ----------
     lag_null : float or None
         Lag of an estimator that never moves [s].
     lag_bound : float or None
-        Lag on the oracle Cramér–Rao bound, all estimated parameters unknown [s].
+        Lag at the oracle Cramér–Rao bound if all estimated parameters are unknown [s].
     lag_bound_single : float or None
-        The same for whoever knows that this parameter alone has changed [s].
+        Lag at the bound if this parameter alone is known to have changed [s].
     bound : dict of str to float
-        The first bound on the standard deviation of θ̂ over D, by samples after onset.
+        Bound on the standard deviation of θ̂ over D if all estimated parameters are unknown, keyed
+        by the number of samples after onset.
     """
 
     lag_null: float | None = None
@@ -185,7 +187,7 @@ class Limits:
 
 
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limits]:
-    """Return the limits of each estimated parameter, none of them where `bounded` has none."""
+    """Return the limits of each estimated parameter; undefined if `bounded` leaves it out."""
     spans = bounded(scenario, names)
     unknown = tracked(scenario, names)
     per_parameter = []
@@ -212,7 +214,7 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
 
 
 def record_limits(scenario: Scenario, torque: Array) -> list[Limits]:
-    """Return the limits of a scenario's `identify` on a record, kept for the next estimator."""
+    """Return the limits of a scenario's `identify` on a record, cached for other estimators."""
     torque = np.ascontiguousarray(torque, float)
     digest = f"{scenario.hash} {sha256(torque.tobytes()).hexdigest()}"
     return _remembered(Known(digest, (scenario, scenario.identify, torque)))
@@ -224,11 +226,11 @@ def _remembered(record: Known) -> list[Limits]:
 
 
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
-    """Return the estimated parameters for which a bound is defined, with the window it is for.
+    """Return the parameters for which a bound is defined, each with its scoring window.
 
-    The bound is that of a single step on an axis that a model describes, whether or not estimators
-    know how, and on which nothing else changes but by steps; the excitation must be on when it
-    comes, and there must be noise, for without it nothing is unknown.
+    A parameter has a bound if it changes once, in a step, while the excitation is on. All other
+    changes must be steps, too. A model must describe the axis, even if estimators do not use it,
+    and there must be noise, because without noise nothing is uncertain.
     """
     if scenario.nuisance or not describes(scenario) or not noise_variance(scenario) > 0:
         return {}
@@ -251,23 +253,23 @@ def _lag_null(scenario: Scenario, names: Sequence[str], i: int, window: Window) 
 
 
 def score(lag: float | None, limit: Limits) -> float | None:
-    """Return 100 ln(lag_null/lag)/ln(lag_null/lag_bound): 0 for doing nothing, 100 on the bound."""
+    """Return 100 ln(lag_null/lag)/ln(lag_null/lag_bound): 0 if θ̂ never moves, 100 at the bound."""
     null, bound = limit.lag_null, limit.lag_bound
     if not lag or not null or not bound or bound >= null:
         return None
-    if np.isclose(lag, null, rtol=1e-12, atol=0.0):  # but for rounding, it has done nothing
+    if np.isclose(lag, null, rtol=1e-12, atol=0.0):  # equal up to rounding
         return 0.0
     return float(100 * np.log(null / lag) / np.log(null / bound))
 
 
-# What follows are the scores themselves: of a track and the index of an estimated parameter.
+# Scores: functions of a track and the index of an estimated parameter.
 
 
 def limits_of(track: Track, i: int) -> Limits:
     """Return the limits of one estimated parameter.
 
-    They assume that the scenario's `identify` is unknown, for all estimators alike, even if an
-    estimator estimates more or fewer parameters.
+    The unknown parameters are those of the scenario's `identify`, even if an estimator estimates
+    more or fewer, so that the limits are the same for all estimators.
     """
     asked = track.scenario.identify
     if track.torque is None or track.names[i] not in asked:
@@ -278,5 +280,5 @@ def limits_of(track: Track, i: int) -> Limits:
 
 
 def score_of(track: Track, i: int) -> float | None:
-    """Return the score of the lag between doing nothing and the bound."""
+    """Return the score of the lag, from 0 for an estimator that never moves to 100 at the bound."""
     return score(lag_of(track, i), limits_of(track, i))

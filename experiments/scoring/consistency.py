@@ -1,4 +1,4 @@
-"""Consistency: whether an estimator knows its own errors, of its estimates and its predictions."""
+"""Consistency: whether the variances that an estimator reports match its actual errors."""
 
 from typing import Any
 
@@ -11,12 +11,12 @@ from flexaxis.experiments.scoring.windows import claimed_at
 Array = NDArray[np.float64]
 
 MEMORY = (
-    0.1  # s of lags that whiteness looks at: two periods of the slower mode of the nominal axis
+    0.1  # s, longest lag of the whiteness test: two periods of the slower mode of the nominal axis
 )
 
 
 def nis(innovations: Array) -> float | None:
-    """Return the mean of ε²/S, 1 for an honest claim: normalised innovation squared.
+    """Return the normalised innovation squared: the mean of ε²/S, which is 1 if S is correct.
 
     Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
     section 5.4.2.
@@ -24,12 +24,13 @@ def nis(innovations: Array) -> float | None:
     Parameters
     ----------
     innovations : ndarray (N, 2)
-        ε = y − ŷ before y was used, and S, the variance claimed of it; NaN where there was no y.
+        Innovation ε = y − ŷ, computed before y is used, and the variance S that the estimator
+        reports for ε; NaN where y is missing.
 
     Returns
     -------
     float or None
-        None where nothing is claimed, or nothing that can be.
+        None if the estimator reports no positive, finite variance.
     """
     z = normalised(innovations)
     z = z[~np.isnan(z)]
@@ -39,24 +40,24 @@ def nis(innovations: Array) -> float | None:
 def whiteness(innovations: Array, lags: int) -> float | None:
     """Return the Ljung-Box statistic of ε/√S over its degrees of freedom: 1 on average if white.
 
-    With the autocorrelations r_l of n values, of which n_l pairs lie l samples apart,
+    The statistic of n values with n_l pairs at lag l is
 
-    Q = (n + 2)/n Σ_l n_l r_l²,  r_l = (mean of the n_l products)/(mean square),
+    Q = (n + 2)/n Σ_l n_l r_l²,  r_l = (mean of the n_l products)/(mean square).
 
-    which without gaps is n (n + 2) Σ_l ρ_l²/(n − l) of Ljung and Box, Biometrika 65, 1978, 297-303.
-    No mean is taken off: an innovation that has one is not white.
+    Without gaps, Q is n (n + 2) Σ_l ρ_l²/(n − l) of Ljung and Box, Biometrika 65, 1978, 297-303.
+    The mean is not subtracted, because an innovation with a nonzero mean is not white.
 
     Parameters
     ----------
     innovations : ndarray (N, 2)
-        As for `nis`.
+        Innovations and their variances, as for `nis`.
     lags : int
-        Number of lags, from 1.
+        Number of lags; the first lag is one sample.
 
     Returns
     -------
     float or None
-        None where nothing is claimed, or there are no two values at one of the distances.
+        None if the estimator reports no valid variance, or if one of the lags has no pairs.
     """
     z = normalised(innovations)
     defined = ~np.isnan(z)
@@ -73,21 +74,21 @@ def whiteness(innovations: Array, lags: int) -> float | None:
 
 
 def normalised(innovations: Array) -> Array:
-    """Return ε/√S (N,), NaN where it is not defined."""
+    """Return ε/√S (N,), with NaN where it is undefined."""
     epsilon, variance = np.asarray(innovations, float).T
     good = np.isfinite(epsilon) & np.isfinite(variance) & (variance > 0)
     return np.where(good, epsilon / np.sqrt(np.where(good, variance, 1.0)), np.nan)
 
 
 def nees(error: Array, covariance: Any) -> float | None:
-    """Return θ̃ᵀ Σ⁻¹ θ̃, which for an honest Σ is χ² with p degrees of freedom on average p.
+    """Return θ̃ᵀ Σ⁻¹ θ̃. If Σ is correct, the result is χ² with p degrees of freedom and mean p.
 
     Parameters
     ----------
     error : ndarray (p,)
-        θ̃.
+        Error θ̃ of the estimates.
     covariance : array_like (p, p) or None
-        Σ, as claimed.
+        Covariance Σ that the estimator reports.
     """
     if covariance is None:
         return None
@@ -101,18 +102,18 @@ def nees(error: Array, covariance: Any) -> float | None:
         return None
 
 
-# What follows are the scores themselves, the same for all parameters of a case.
+# Scores: functions of a track, with the same value for all parameters of a case.
 
 
 def nis_of(track: Track, i: int) -> float | None:
-    """Return the mean of ε²/S in the time in which std is taken."""
+    """Return the mean of ε²/S over the samples that std uses."""
     del i
     innovations = _quiet(track)
     return None if innovations is None else track.once("nis", lambda: nis(innovations))
 
 
 def whiteness_of(track: Track, i: int) -> float | None:
-    """Return the colour of the innovations in the time in which std is taken."""
+    """Return the whiteness of the innovations over the samples that std uses."""
     del i
     innovations, lags = _quiet(track), round(MEMORY / track.scenario.period)
     return (
@@ -123,7 +124,7 @@ def whiteness_of(track: Track, i: int) -> float | None:
 
 
 def _quiet(track: Track) -> Array | None:
-    """Return the innovations from first to last quiet sample, NaN in pauses between them."""
+    """Return the innovations before the fault, with NaN in pauses of the excitation."""
     if track.innovations is None or not track.quiet.size:
         return None
     first, last = track.quiet[[0, -1]]
@@ -132,7 +133,7 @@ def _quiet(track: Track) -> Array | None:
 
 
 def nees_of(track: Track, i: int) -> float | None:
-    """Return θ̃ᵀ Σ⁻¹ θ̃ with the claimed covariance, before the first fault."""
+    """Return θ̃ᵀ Σ⁻¹ θ̃ before the first fault, with the covariance that the estimator reports."""
     del i
     last = claimed_at(track.scenario)
     return track.once("nees", lambda: nees(track.theta[last] - track.truth[last], track.claimed))

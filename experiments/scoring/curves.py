@@ -17,12 +17,12 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-CURVE_STEP = 10  # samples from one kept point of a whole trajectory to the next
-BEFORE, AFTER = 0.1, 1.0  # s about a fault in which every sample is kept
+CURVE_STEP = 10  # samples between the kept points of a trajectory
+BEFORE, AFTER = 0.1, 1.0  # s before and after a fault in which every sample is kept
 
 
 def near_fault(scenario: Scenario) -> slice:
-    """Return the samples about the first scored fault that are all kept; none without a fault."""
+    """Return the samples around the first scored fault, all of which are kept; may be empty."""
     first = next(iter(windows(scenario, scenario.identify)), None)
     if first is None:
         return slice(0, 0)
@@ -31,19 +31,19 @@ def near_fault(scenario: Scenario) -> slice:
 
 
 def after(scenario: Scenario) -> int:
-    """Return how many samples are kept from a fault on."""
+    """Return the number of samples that are kept from a fault on."""
     return round(AFTER / scenario.period) + 1
 
 
 def later(drawn: Scenario, written: Scenario) -> int:
-    """Return by how many samples the first fault of a run is later than it is written."""
+    """Return how many samples later the first fault occurs in the run than in the scenario file."""
     if not (drawn.events() and written.events()):
         return 0
     return drawn.events()[0].index - written.events()[0].index
 
 
 def shifted(values: Array, late: int) -> Array:
-    """Return values (N, …) some samples earlier; those at the ends stay there.
+    """Return values (N, …) shifted to an earlier time by `late` samples; end values are repeated.
 
     Examples
     --------
@@ -56,9 +56,9 @@ def shifted(values: Array, late: int) -> Array:
 
 
 def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> pd.DataFrame:
-    """Return estimates over nominal: a line a time [s], a column a seed.
+    """Return estimates over nominal, with one row per time [s] and one column per seed.
 
-    Around the first fault every sample is there, else one in `CURVE_STEP`.
+    The table has every sample around the first fault, and one in `CURVE_STEP` elsewhere.
     """
     times = np.r_[scenario.times[::CURVE_STEP], scenario.times[near_fault(scenario)]]
     runs = {seed: np.r_[trace.curve, trace.near][:, trace.names.index(parameter)]
@@ -68,6 +68,6 @@ def estimates(traces: Mapping[int, Any], scenario: Scenario, parameter: str) -> 
 
 
 def truth(scenario: Scenario, parameter: str) -> pd.Series:
-    """Return the true values of a parameter over nominal, over time [s]."""
+    """Return the true values of a parameter over nominal, indexed by time [s]."""
     values = theta_over_time(scenario, [parameter]) / nominal_theta(scenario, [parameter])
     return pd.Series(values[:, 0], scenario.times)

@@ -1,4 +1,4 @@
-"""Detection scores: alarms, delays, and the parameters that are named."""
+"""Detection scores: alarms, delays, and whether the alarms name the right parameters."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,13 +14,13 @@ ALARMS = {
     "alarms": "", "false_alarms": "", "false_alarms_per_1000_s": "1/(1000 s)", "calm": "s",
     "delay": "s", "faults": "", "missed": "", "isolated": "",
 }  # fmt: skip
-"""What `detection` returns, with units."""
+"""Keys of the result of `detection`, with units."""
 
 
 def detection(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any] | None
 ) -> dict[str, Any] | None:
-    """Score the findings of an estimator; None for one that has none to give.
+    """Score the findings of an estimator, or return None if it has no `findings`.
 
     Parameters
     ----------
@@ -28,16 +28,18 @@ def detection(
     names : sequence of str
         Estimated parameters.
     findings : sequence, optional
-        Each with ``alarm`` (sample) and ``parameters`` (names).
+        Reported changes, each with ``alarm`` (sample) and ``parameters`` (names).
 
     Returns
     -------
     dict
-        ``alarms``, all findings; ``false_alarms``, those outside the windows of all faults, and
-        ``false_alarms_per_1000_s`` of the time outside, ``calm`` [s]; ``delay`` from a fault to the
-        first finding in its window, mean over those detected [s]; ``faults``, and those ``missed``,
-        without a finding in their window; ``isolated``, the share of those detected whose first
-        finding names what changed, and no more.
+        ``alarms`` is the number of findings. ``false_alarms`` counts the findings outside the
+        windows of all faults; ``calm`` is the time outside these windows [s], and
+        ``false_alarms_per_1000_s`` is the false alarm rate in that time. ``delay`` is the mean time
+        from a detected fault to the first finding in its window [s]. ``faults`` is the number of
+        faults, and ``missed`` counts those without a finding in their window. ``isolated`` is the
+        share of detected faults for which the first finding names exactly the parameters that
+        changed.
     """
     if findings is None:
         return None
@@ -69,7 +71,7 @@ def detection(
 def _firsts(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any]
 ) -> list[tuple[Window, Any]]:
-    """Return the windows, each with its first finding or None."""
+    """Return each window with the first finding in it, or with None."""
     return [(w, next((f for f in findings if w.start <= f.alarm < w.stop), None))
             for w in windows(scenario, names)]  # fmt: skip
 
@@ -77,14 +79,14 @@ def _firsts(
 def isolation(
     scenario: Scenario, names: Sequence[str], findings: Sequence[Any] | None
 ) -> list[dict[str, Any]] | None:
-    """Return the parameters named for each fault; None for an estimator without findings.
+    """Return the parameters named for each fault, or None if the estimator has no `findings`.
 
     Returns
     -------
     list of dict
-        A dict a fault: ``fault``, the parameter that changed, and ``named``, the physical
-        parameters of the first finding in its window: [] for an unmodelled change, None for a
-        fault that was missed.
+        One dict per fault: ``fault`` is the parameter that changed, and ``named`` lists the
+        physical parameters of the first finding in the window. ``named`` is [] for an unmodelled
+        change and None for a missed fault.
     """
     if findings is None:
         return None
@@ -97,16 +99,16 @@ def isolation(
     ]
 
 
-# What follows are the scores themselves: of a track and the index of an estimated parameter.
+# Scores: functions of a track and the index of an estimated parameter.
 
 
 def detection_of(track: Track, i: int) -> dict[str, Any] | None:
-    """Return the detection scores, the same for all parameters of a case."""
+    """Return the detection scores, which are the same for all parameters of a case."""
     del i
     return track.once("detection", lambda: detection(track.scenario, track.names, track.findings))
 
 
 def isolation_of(track: Track, i: int) -> list[dict[str, Any]] | None:
-    """Return the parameters named for each fault, the same for all parameters of a case."""
+    """Return the parameters named for each fault; the result is the same for all parameters."""
     del i
     return track.once("isolation", lambda: isolation(track.scenario, track.names, track.findings))

@@ -1,4 +1,4 @@
-"""Excess prediction error: the part of the residual that is due to errors of the parameters."""
+"""Excess prediction error: the part of the residual that is due to parameter errors."""
 
 from collections.abc import Sequence
 
@@ -17,17 +17,18 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-STEADY = 20.0  # s at the end of the nominal run on which E ψψᵀ is taken
+STEADY = 20.0  # s at the end of the nominal run, over which ψψᵀ is averaged
 
 
 @remembered()
 def information(scenario: Scenario) -> Array | None:
-    """Return M (p, p) with excess = θ̃ᵀMθ̃ for θ̃ of the scenario's `identify` in % of nominal.
+    """Return the matrix M (p, p) of the excess error θ̃ᵀMθ̃, for θ̃ in % of nominal.
 
-    M is the scaled E ψψᵀ/σ² in steady state on the scenario's reference at nominal parameters: the
-    increase of the prediction error due to a small error of θ̂, relative to the noise. The excess
-    depends neither on units nor on the choice of parameters. It uses the linear model, so rows of
-    law parameters are zero. None without noise.
+    M is E ψψᵀ/σ² for the parameters of the scenario's `identify`, scaled to % of nominal. The
+    expectation is taken in steady state, with the scenario's reference and nominal parameters. The
+    excess is the increase of the prediction error due to a small error of θ̂, relative to the noise;
+    it depends neither on units nor on the choice of parameters. The model is linear, so the rows of
+    law parameters are zero. Without noise, M is None.
     """
     variance = noise_variance(scenario)
     linear = [name for name in scenario.identify if name not in LAW_NAMES]
@@ -42,7 +43,7 @@ def information(scenario: Scenario) -> Array | None:
 
 
 def _among(M: Array, names: Sequence[str], everyone: Sequence[str]) -> Array:
-    """Return a matrix over some names as one over all of them, with zeros for the others."""
+    """Expand a matrix for some names to one for all names, with zeros for the others."""
     places = [everyone.index(name) for name in names]
     whole = np.zeros((len(everyone), len(everyone)))
     whole[np.ix_(places, places)] = M
@@ -50,7 +51,7 @@ def _among(M: Array, names: Sequence[str], everyone: Sequence[str]) -> Array:
 
 
 def excess_of(track: Track, i: int) -> float | None:
-    """Return the mean of θ̃ᵀQθ̃/σ² before the fault, the same for all parameters of a case."""
+    """Return the mean of θ̃ᵀQθ̃/σ² before the fault; it is the same for all parameters of a case."""
     del i
     return track.once("excess", lambda: _excess(track) if track.quiet.size else None)
 
@@ -63,13 +64,13 @@ def _excess(track: Track) -> float | None:
     columns = track.scenario.parameter_names
     truth = true_theta(asked, track.true_parameters[track.quiet], columns)
     nominal = nominal_theta(track.scenario, asked)
-    # Whoever does not estimate a parameter leaves it as it was told.
+    # A parameter that the estimator does not estimate keeps its initial value.
     error = 100 * (started_theta(track.scenario, asked) - truth) / abs(nominal)
     for column, name in enumerate(asked):
         if name in track.names:
             error[:, column] = track.percent[track.quiet, track.names.index(name)]
     each = np.einsum("ki,ij,kj->k", error, M, error)
-    if track.lost is not None:  # errors of lost runs may not make up for each other
+    if track.lost is not None:  # errors of a diverged run must not cancel
         gone = track.quiet >= track.lost
         each[gone] = np.einsum("ki,ij,kj->k", abs(error[gone]), abs(M), abs(error[gone]))
     return finite(each.mean())

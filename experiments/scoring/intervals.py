@@ -1,9 +1,9 @@
 """Intervals over seeds, and tests of paired runs.
 
-All intervals are at 95 %, and None below five seeds, because fewer do not show the spread. A seed
-is one draw: its runs at several points of a sweep share their noise, so they are first averaged
-seed by seed (`by_seed`). `tests/experiments/test_intervals.py` measures
-the coverage.
+All intervals are at 95 %. With fewer than five seeds an interval is None, because the spread cannot
+be estimated well enough. Seeds are the independent draws: the runs of one seed at several points of
+a sweep share their noise, so they are first averaged (`by_seed`).
+`tests/experiments/test_intervals.py` measures the coverage.
 """
 
 from collections.abc import Callable
@@ -19,15 +19,15 @@ Index = NDArray[np.intp]
 Interval = list[float]
 Labels = ArrayLike | None
 
-LEAST = 5  # values below which there is no interval
+LEAST = 5  # smallest number of values for an interval
 NEVER = 1e12  # stands for infinity
-MISS = 0.05  # chance that an interval leaves out what it is for
+MISS = 0.05  # probability that an interval does not contain the true value
 FLOOR = 1e-6
-"""Values below this [s or %] count as this in a logarithm: whoever never moves has a std of 0."""
+"""Smallest value [s or %] in a logarithm, because an estimator that never moves has a std of 0."""
 
 
 def t_interval(values: ArrayLike) -> Interval | None:
-    """Return the interval of the mean of values (n,) by Student's t."""
+    """Return Student's t interval of the mean of values (n,)."""
     x = np.asarray(values, float)
     if len(x) < LEAST or not np.isfinite(x).all():
         return None
@@ -38,8 +38,9 @@ def t_interval(values: ArrayLike) -> Interval | None:
 def mean_interval(values: ArrayLike) -> Interval | None:
     """Return the interval of the mean of the distribution of values (n,).
 
-    Student's t with Hall's transformation, which takes the skewness out (P. Hall, J. R. Statist.
-    Soc. B 54, 1992, 221–228): a squared error is skewed, and t alone would miss on one side.
+    It is Student's t interval with Hall's transformation, which corrects for skewness (P. Hall,
+    J. R. Statist. Soc. B 54, 1992, 221–228). Squared errors are skewed, and the t interval alone
+    would miss the mean mostly on one side.
     """
     x = np.asarray(values, float)
     within = t_interval(x)
@@ -51,20 +52,21 @@ def mean_interval(values: ArrayLike) -> Interval | None:
 
 
 def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
-    """Return what each of m seeds says of the mean of values over fixed points: (m,).
+    """Return one value per seed (m,), from which the mean of all values and its error follow.
 
-    Their mean is that of the values, and their scatter that of it: of a seed with the deviations
-    d_i = x_i − x̄ of its point, x̄ + m/n Σ d_i, the variance of clusters (W. G. Cochran, *Sampling
-    Techniques*, 3rd ed., chapters 5 and 9). The levels of points are no draws. With the same seeds
-    at all points it is the mean over points, seed by seed. Where a point has a single run, the
-    points are draws themselves.
+    The mean of the result is the mean of the values, and its scatter gives the standard error. For
+    a seed with the deviations d_i from the means of their points, the result is x̄ + m/n Σ d_i (the
+    variance of clusters, W. G. Cochran, *Sampling Techniques*, 3rd ed., chapters 5 and 9).
+    Differences between points are not random, so they add no scatter. If all points have the same
+    seeds, the result is the mean over the points for each seed. If a point has a single run, the
+    points count as random draws, too.
 
     Parameters
     ----------
     values : (n,) array_like
     seeds, points : (n,) array_like or None
-        Of the runs; points by any number that tells them apart. Without, each value is of a seed
-        of its own, and all are of one point.
+        Seed of each run, and the number of its point. Without seeds, each value has a seed of its
+        own; without points, all values belong to one point.
     """
     x = np.asarray(values, float)
     seed, point, runs = _labels(seeds, points, len(x))
@@ -77,9 +79,9 @@ def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
 
 
 def _labels(seeds: Labels, points: Labels, n: int) -> tuple[Index, Index, Index]:
-    """Return the numbers (n,) of seed and point of each run, and the runs at each point.
+    """Return the indices (n,) of the seed and the point of each run, and the runs per point.
 
-    All are of one point where any point has a single run.
+    If any point has a single run, all runs are pooled into one point.
     """
     seed = np.unique(np.arange(n) if seeds is None else seeds, return_inverse=True)[1]
     point = np.unique(np.zeros(n) if points is None else points, return_inverse=True)[1]
@@ -92,12 +94,12 @@ def _labels(seeds: Labels, points: Labels, n: int) -> tuple[Index, Index, Index]
 def median_interval(
     values: ArrayLike, seeds: Labels = None, points: Labels = None
 ) -> list[float | None] | None:
-    """Return the interval of the median by order statistics; an end at infinity is None.
+    """Return the interval of the median from order statistics; an infinite end is None.
 
-    Their ranks are those of the normal approximation, (m + 1)/2 ± 1.96 √m/2, straight between two
-    values (J. Nyblom, Comput. Stat. Data Anal. 13, 1992, 33–42, on interpolating them). Where seeds
-    come more than once, m is the number of independent values that would leave the share of those
-    below the median as uncertain as it is (L. Kish, *Survey Sampling*, 1965, section 8.2).
+    The ranks follow from the normal approximation, (m + 1)/2 ± 1.96 √m/2, with linear interpolation
+    between neighbouring values (J. Nyblom, Comput. Stat. Data Anal. 13, 1992, 33–42). If a seed has
+    several runs, m is the effective sample size: the number of independent values with the same
+    uncertainty of the share below the median (L. Kish, *Survey Sampling*, 1965, section 8.2).
 
     Parameters
     ----------
@@ -112,27 +114,27 @@ def median_interval(
         return None
     m = np.clip(0.25 * (len(share) - 1) / max(1e-9, share.var()), len(share), n)
     rank = 0.5 - stats.norm.isf(MISS / 2) / (2 * np.sqrt(m))
-    if rank < 0.5 / m:  # six values are the fewest that hold the median so surely
+    if rank < 0.5 / m:  # fewer than six values cannot cover the median with 95 %
         return None
     ends = np.quantile(x, [rank, 1 - rank], method="hazen")
     return [float(end) if end < FLOOR * NEVER else None for end in ends]
 
 
 def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Interval:
-    """Return the interval of a rate of events, over the unit of the exposure.
+    """Return the interval of the rate of events per unit of exposure.
 
-    The exact one of a Poisson process (F. Garwood, Biometrika 28, 1936, 437–442); of no event the
-    one-sided limit, 3.0 over the exposure. Where events come in storms, each counts for less, by
-    the dispersion of the counts of seeds.
+    It is the exact interval of a Poisson process (F. Garwood, Biometrika 28, 1936, 437–442).
+    Without any event, it is the one-sided limit 3.0 over the exposure. If events come in clusters,
+    the interval is widened by the dispersion of the counts per seed.
 
     Parameters
     ----------
     counts : (n,) array_like
-        Of the runs.
+        Number of events in each run.
     exposure : float
-        Of all of them together.
+        Total exposure of all runs, such as their time.
     seeds : (n,) array_like
-        Of the runs.
+        Seed of each run.
     """
     each = pd.Series(counts, dtype=float).groupby(np.asarray(seeds)).sum()
     total, miss = float(each.sum()), MISS / 2
@@ -147,12 +149,12 @@ def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Inter
 def spread_interval(
     std: ArrayLike, bias: ArrayLike, seeds: Labels = None, points: Labels = None
 ) -> Interval | None:
-    """Return the interval of the standard deviation over time and runs, as `pooling.spread` has it.
+    """Return the interval of the standard deviation over time and runs (`pooling.spread`).
 
-    The variance is that within the runs, that of their means about those of their points, and that
-    of these. The first has the interval of the mean of lognormal values (Cox's), the second that
-    of a normal variance (χ², with the degrees of freedom of `_freedom`), the third a normal one;
-    and the sum theirs, put together by recovery of variances (G. Y. Zou and A. Donner, Stat.
+    The variance has three parts: within the runs, between the runs of a point, and between points.
+    The first part has Cox's interval for the mean of lognormal values. The second has the χ²
+    interval of a normal variance, with the degrees of freedom from `_freedom`. The third has a
+    normal interval. They are combined by recovery of variances (G. Y. Zou and A. Donner, Stat.
     Methods Med. Res. 17, 2008, 1–10).
 
     Parameters
@@ -183,11 +185,11 @@ def spread_interval(
 
 
 def _freedom(apart: Array, seed: Index, point: Index) -> float:
-    """Return the degrees of freedom of the mean square of what runs differ from their points by.
+    """Return the degrees of freedom of the mean squared deviation of runs from their points.
 
-    Satterthwaite's, (m − 1)(tr C)²/tr C² of the covariance C of the points over m seeds: m − 1
-    where all points share their noise, as many times more as there are points where they do not.
-    tr C² is less by what chance adds to it.
+    Satterthwaite's formula is (m − 1)(tr C)²/tr C² for the covariance C of the points over m seeds.
+    It gives m − 1 if all points share their noise, and m − 1 times the number of points if their
+    noise is independent. The bias of tr C² due to the finite number of seeds is subtracted.
     """
     table = np.zeros((seed.max() + 1, point.max() + 1))
     table[seed, point] = apart
@@ -200,8 +202,8 @@ def _freedom(apart: Array, seed: Index, point: Index) -> float:
 
 
 def _cox(values: Array) -> Any:
-    """Return the interval of the mean of lognormal values (n,)."""
-    if values.min() <= FLOOR * values.mean():  # a run does not scatter at all: not lognormal
+    """Return Cox's interval for the mean of lognormal values (n,)."""
+    if values.min() <= FLOOR * values.mean():  # a run has no scatter: not lognormal
         return mean_interval(values)
     logs, n = np.log(values), len(values)
     v = logs.var(ddof=1)
@@ -210,18 +212,18 @@ def _cox(values: Array) -> Any:
 
 
 def pseudo_values(statistic: Callable[[Any], float], n: int) -> Array:
-    """Return what each of n runs says of a statistic of all of them: the jackknife's values (n,).
+    """Return the jackknife pseudo-values (n,) of a statistic of n runs.
 
-    Their mean is the statistic less its bias, and their scatter that of the statistic, also where
-    it is made of several quantities of the same runs; values of two statistics of the same runs
-    are paired (J. W. Tukey, Ann. Math. Statist. 29, 1958, 614).
+    Their mean is the statistic corrected for bias, and their scatter gives its standard error, even
+    if the statistic combines several quantities of the same runs. The pseudo-values of two
+    statistics of the same runs are paired (J. W. Tukey, Ann. Math. Statist. 29, 1958, 614).
 
     Parameters
     ----------
     statistic : callable
-        ``statistic(indices)`` of the runs with these indices.
+        ``statistic(indices)`` computes the statistic of the runs with these indices.
     n : int
-        Number of runs; of a single one it is the statistic itself.
+        Number of runs. For a single run, the pseudo-value is the statistic itself.
     """
     every = np.arange(n)
     whole = statistic(every)
@@ -231,7 +233,7 @@ def pseudo_values(statistic: Callable[[Any], float], n: int) -> Array:
 
 
 def _constant(values: Array) -> bool:
-    """Whether values differ by rounding errors only."""
+    """Return whether the values differ by rounding errors only."""
     return bool(np.ptp(values) <= 1e-12 * max(1e-300, float(np.abs(values).max())))
 
 
@@ -242,8 +244,9 @@ def _t(n: int) -> float:
 def sign_p(more: int, less: int) -> float:
     """Return the one-sided p of McNemar's exact test: the probability of at least `more` heads.
 
-    Runs that both sides win or lose tell nothing; each of the others is as likely lost by either
-    side if neither is better, so `more` of more + less is binomial(½).
+    Runs that both sides win or both sides lose carry no information. If neither side is better,
+    each of the other runs is lost by either side with probability ½, so `more` out of more + less
+    is binomial(½).
 
     Examples
     --------
@@ -254,24 +257,24 @@ def sign_p(more: int, less: int) -> float:
 
 
 def holm_levels(p: ArrayLike, alpha: float) -> Array:
-    """Return the level that Holm's step-down procedure gives to each test.
+    """Return the level of each test by Holm's step-down procedure.
 
-    A test with p ≤ its level is rejected, and an interval at this level leaves out zero exactly
-    then. The probability of any wrong rejection is at most `alpha`, however the tests depend on
-    each other.
+    A test is rejected if its p-value is at most its level, and exactly then an interval at this
+    level excludes zero. The probability of any wrong rejection is at most `alpha`, even if the
+    tests are dependent.
 
     Parameters
     ----------
     p : array_like (m,)
-        p-values. NaN is no member of the family, and gets `alpha`.
+        p-values. A NaN is left out of the family and gets the level `alpha`.
     alpha : float
-        Level of the family.
+        Family-wise error rate.
 
     Returns
     -------
     ndarray (m,)
-        alpha/m for the smallest p, alpha/(m − 1) for the next, …; the tests after the first that is
-        not rejected all have its level.
+        Level alpha/m for the smallest p, alpha/(m − 1) for the next, and so on. All tests after the
+        first one that is not rejected have its level.
 
     Examples
     --------
@@ -279,7 +282,7 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     [0.06, 0.02, 0.03]
     """
     p = np.asarray(p, float)
-    order, members = np.argsort(p), np.isfinite(p).sum()  # NaN comes last
+    order, members = np.argsort(p), np.isfinite(p).sum()  # NaN sorts last
     steps = alpha / np.arange(members, 0, -1)
     rejected = p[order[:members]] <= steps
     first = members - 1 if rejected.all() else np.argmin(rejected)
@@ -289,16 +292,16 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
 
 
 def difference(first: ArrayLike, second: ArrayLike) -> tuple[int, float, float]:
-    """Return number and mean of paired differences first − second, and p of Student's t test.
+    """Return the number and mean of the differences first − second, and p of the paired t test.
 
     Parameters
     ----------
     first, second : array_like (n,) of float or None
-        A score seed by seed; None or NaN where there is none.
+        Values of a score for the same seeds; None or NaN where it is undefined.
     """
     d = np.array(first, float) - np.array(second, float)
     d = d[~np.isnan(d)]
     mean = float(d.mean()) if d.size else 0.0
-    if d.size < 2 or np.ptp(d) <= 1e-12:  # equal but for rounding, or one pair alone
+    if d.size < 2 or np.ptp(d) <= 1e-12:  # equal up to rounding, or one pair only
         return d.size, mean, float(d.size < 2 or abs(mean) <= 1e-12)
     return d.size, mean, float(stats.ttest_1samp(d, 0.0).pvalue)

@@ -1,4 +1,4 @@
-"""The torque of a scenario's reference on the nominal axis, without faults and noise."""
+"""The torque that follows a scenario's reference on the nominal axis, without faults or noise."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ from flexaxis.sim.tables.excitation import Standstill
 
 Array = NDArray[np.float64]
 Torque = Callable[[Scenario], Array]
-"""From a scenario to the torque (N,) [N m] of its first run."""
+"""Function that returns the torque (N,) [N m] of the first run of a scenario."""
 
 
 def _simulated(scenario: Scenario) -> Array:
@@ -28,7 +28,7 @@ _RUN: ContextVar[Torque] = ContextVar("run", default=_simulated)
 
 @contextmanager
 def nominal_runs(torque: Torque) -> Iterator[None]:
-    """Replace the simulation inside this context, for example by stored records."""
+    """Replace the simulation within a context, for example by reading stored records."""
     before = _RUN.set(torque)
     try:
         yield
@@ -38,7 +38,7 @@ def nominal_runs(torque: Torque) -> Iterator[None]:
 
 @remembered()
 def nominal_torque(scenario: Scenario) -> Array:
-    """Return the torque (8000,) [N m] of 40 s on the scenario's reference at nominal parameters."""
+    """Return the torque (8000,) [N m] over 40 s of the reference, at nominal parameters."""
     nominal = scenario.override(
         {
             "name": "nominal",
@@ -49,7 +49,7 @@ def nominal_torque(scenario: Scenario) -> Array:
             "start": 1.0,
             "known": None,
             "noise": {},
-            "streams": "content",  # of its own: the same for all points of a sweep over faults
+            "streams": "content",  # the same for all points of a sweep over faults
         }
         | ({"excitation.pause": []} if hasattr(scenario.excitation, "pause") else {})
     )
@@ -59,16 +59,16 @@ def nominal_torque(scenario: Scenario) -> Array:
 @remembered()
 def design_torque(scenario: Scenario) -> Array:
     """
-    Return the torque (8000,) [N m] of 40 s on the reference of the axis as it was designed.
+    Return the torque (8000,) [N m] over 40 s of the reference, for the axis as designed.
 
-    It is computed without nonlinear effects, because estimators do not know them. For an axis at
-    standstill, it is the torque of the default multisine.
+    The simulation has no nonlinear effects, because estimators do not know them. For an axis at
+    standstill, the reference is the default multisine.
     """
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}
     linear |= {"fault": [], "nuisance": None, "onset_spread": None, "known": None, "substeps": None}
     inertias = [name for name in scenario.nominal if name[0] == "J"]
-    usual = ["k_T", f"1/{inertias[-1]}", "f_m"]  # by which its random numbers are keyed, too
+    usual = ["k_T", f"1/{inertias[-1]}", "f_m"]  # the random numbers depend on these names
     linear |= {"identify": usual, "output": "speed", "burn_in": 5.0}
     if isinstance(scenario.excitation, Standstill):
         linear |= {"excitation": {"kind": "multisine"}}
@@ -79,7 +79,7 @@ def design_torque(scenario: Scenario) -> Array:
 
 @remembered("record_hash")
 def _torque(scenario: Scenario) -> Array:
-    # Within a run the same reference serves many scenarios and estimators.
+    # Many scenarios and estimators of a run share this torque.
     torque = _RUN.get()(scenario)
     torque.setflags(write=False)
     return torque

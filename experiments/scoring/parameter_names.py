@@ -1,4 +1,4 @@
-"""The meaning of θ: estimated names, physical parameters and models."""
+"""The meaning of θ: how estimated names map to physical parameters and models."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,7 +13,7 @@ from flexaxis.sim.scenario import Scenario
 
 
 def physical(name: str) -> tuple[str, int]:
-    """Return the physical parameter and the exponent of an estimated one: "1/J_a" → J_a, −1."""
+    """Return the physical parameter and the exponent of an estimated name: "1/J_a" → J_a, −1."""
     return (name[2:], -1) if name.startswith("1/") else (name, 1)
 
 
@@ -24,7 +24,7 @@ def true_theta(
 ) -> NDArray[np.float64]:
     """Return the true values (…, p) of estimated parameters from the physical ones (…, P).
 
-    `columns` are the names of these: those of the paper's axis, unless said.
+    `columns` names the physical parameters (default: those of the paper's axis).
     """
     powers = [physical(name) for name in names]
     return np.stack([parameters[..., columns.index(p)] ** float(e) for p, e in powers], axis=-1)
@@ -36,21 +36,21 @@ def nominal_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float6
 
 
 def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return the true values (N, p) of estimated parameters."""
+    """Return the true values (N, p) of estimated parameters at every sample."""
     return true_theta(names, scenario.true_parameters(), scenario.parameter_names)
 
 
 def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the estimated parameters whose errors have a size: of a truth that is not zero."""
+    """Return the estimated parameters with a nonzero initial value, by which errors are scaled."""
     return tuple(name for name in names if scenario.initial.get(physical(name)[0]))
 
 
 def started_nominal(scenario: Scenario) -> dict[str, float]:
-    """Return the nominal values that an estimator knows.
+    """Return the nominal values that an estimator receives.
 
     Identified parameters are scaled by `start` and others by `known`; data-sheet values are
-    included. Estimators do not know which laws act: a parameter of a law is included only if
-    `known` names it.
+    included. Estimators do not know which laws act, so a law parameter is included only if `known`
+    names it.
     """
     values = scenario.nominal.as_dict()
     for parameter, factor in scenario.known_factors.items():
@@ -63,9 +63,9 @@ def started_nominal(scenario: Scenario) -> dict[str, float]:
 
 
 def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return θ(0) (p,) of an estimator that uses the given initial values.
+    """Return θ(0) (p,) of an estimator that starts at the nominal values it receives.
 
-    An unknown parameter of a law starts at its true value.
+    A law parameter without a nominal value starts at its true value.
     """
     told = scenario.laws | started_nominal(scenario)
     columns = scenario.parameter_names
@@ -73,7 +73,7 @@ def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float6
 
 
 def has_model(scenario: Scenario) -> bool:
-    """Return whether estimators have a model of the plant: of its name, and of its parameters."""
+    """Return whether estimators have a model with the name and the parameters of the plant."""
     shipped = MODELS.get(scenario.model)
     return shipped is not None and set(shipped.factory(shipped.rough).parameters) == set(
         scenario.nominal
@@ -85,13 +85,13 @@ def check_model(scenario: Scenario) -> None:
     if not has_model(scenario):
         raise ScenarioError(
             f"{scenario.name}: estimators have no model {scenario.model} with the parameters "
-            f"{', '.join(scenario.nominal)}, so that nothing could be estimated and no bound be "
-            "taken: give estimators/models/axes.py one (docs/extending.md); `flexaxis simulate` "
-            "needs none"
+            f"{', '.join(scenario.nominal)}, so nothing can be estimated and no bound computed. "
+            "Add the model to estimators/models/axes.py (see docs/extending.md). `flexaxis "
+            "simulate` works without it"
         )
 
 
 def axis_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the estimators' linear model of a plant with some values; errors of `check_model`."""
+    """Return the estimators' linear model of a plant with these values, after `check_model`."""
     check_model(scenario)
     return MODELS[scenario.model].factory(values)

@@ -2,9 +2,9 @@
 
 Each function takes the columns of one parameter of one estimator on one scenario, and the name of
 a score. It returns entries of the pooled row. A column is an array with one number per run, in the
-order of the seeds: NaN is undefined, 1 and 0 are true and false. ``seed`` and ``point`` are
-columns too, because seeds are the unit of chance (`flexaxis.experiments.scoring.intervals`). Lost
-runs count in all scores except the consistency of the claimed covariance, which they lack.
+order of the seeds; NaN means undefined, 1 and 0 mean true and false. ``seed`` and ``point`` are
+columns, too, because seeds are the independent draws (`flexaxis.experiments.scoring.intervals`).
+Diverged runs count in all scores except consistency, because they report no covariance.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,13 +31,13 @@ Pool = Callable[[Columns, str], Pooled]
 
 
 def values(columns: Columns, name: str) -> Array:
-    """Return the values of a score where it is defined."""
+    """Return the defined values of a score."""
     x = columns[name]
     return x[~np.isnan(x)]
 
 
 def by(statistic: Callable[[Array], float]) -> Pool:
-    """Return the pool that takes a statistic of the defined values, such as ``by(np.max)``."""
+    """Return a function that pools by a statistic of the defined values, such as ``by(np.max)``."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         x = values(columns, name)
@@ -47,12 +47,12 @@ def by(statistic: Callable[[Array], float]) -> Pool:
 
 
 def _drawn(columns: Columns, where: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Return seeds and points of some runs."""
+    """Return the seeds and points of the selected runs."""
     return columns["seed"][where], columns["point"][where]
 
 
 def _through(of: Callable[[Array], Array], back: Callable[[Any], Any], within: Any) -> Pool:
-    """Return the pool by the mean of a function of the values, with that of its interval."""
+    """Return a function that pools by the mean of transformed values, with its interval."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         x = of(values(columns, name))
@@ -66,7 +66,7 @@ def _through(of: Callable[[Array], Array], back: Callable[[Any], Any], within: A
 
 
 geometric = _through(lambda x: np.log(np.maximum(x, FLOOR)), np.exp, t_interval)
-"""Pool by the geometric mean: what a ratio of two estimators is a ratio of."""
+"""Pool by the geometric mean, because estimators are compared by ratios."""
 
 mean = _through(np.asarray, np.asarray, mean_interval)
 """Pool by the mean."""
@@ -76,35 +76,35 @@ root_mean_square = _through(np.square, lambda x: np.sqrt(max(0.0, x)), mean_inte
 
 
 def median(columns: Columns, name: str) -> Pooled:
-    """Pool by the median; a run without the score counts as never, if it could have had it."""
+    """Pool by the median; a run that never settles counts as infinite."""
     could = (columns["changed"] > 0) & ~np.isnan(columns["never_settled"])
     if not could.any():
         return {name: None, f"{name}_interval": None}
     x = np.where(np.isnan(columns[name]), np.inf, columns[name])
-    with np.errstate(invalid="ignore"):  # the mean of a number and never is never
+    with np.errstate(invalid="ignore"):  # the mean of a number and infinity is infinity
         middle = finite(float(np.median(x)))
     return {name: middle, f"{name}_interval": median_interval(x, columns["seed"], columns["point"])}
 
 
 def count(columns: Columns, name: str) -> Pooled:
-    """Count the runs in which it is so."""
+    """Count the runs in which the score is true."""
     return {name: int(np.sum(columns[name] > 0))}
 
 
 def count_kept(columns: Columns, name: str) -> Pooled:
-    """Count the runs in which it is so, lost ones aside: they are counted already."""
+    """Count the runs in which the score is true, except diverged runs (counted separately)."""
     return {name: int(np.sum((columns[name] > 0) & ~(columns["diverged"] > 0)))}
 
 
 def deviation(bias: str, lost: str) -> Pool:
-    """Return the pool of a standard deviation.
+    """Return a function that pools a standard deviation.
 
     Parameters
     ----------
     bias : str
-        Score of the mean over the same samples.
+        Name of the score for the mean over the same samples.
     lost : str
-        Score that says whether the run was lost by then.
+        Name of the score that is true if the run had diverged by then.
     """
 
     def pooled(columns: Columns, name: str) -> Pooled:
@@ -121,7 +121,7 @@ def deviation(bias: str, lost: str) -> Pool:
 
 
 def parts(names: Iterable[str], statistic: Callable[[Array], float]) -> Pool:
-    """Return the pool of a score that is a table: a statistic of each part that is defined."""
+    """Return a function that pools a score with several parts, by a statistic of each part."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         each = {part: values(columns, f"{name}.{part}") for part in names}
@@ -132,10 +132,11 @@ def parts(names: Iterable[str], statistic: Callable[[Array], float]) -> Pool:
 
 
 def detections(names: Sequence[str]) -> Pool:
-    """Return the pool of what findings are worth: the mean of each part, missed of all faults.
+    """Return a function that pools the detection scores by the mean of each part.
 
-    A run that failed had the faults of the others, and missed them. ``calm`` is all the time in
-    which an alarm is a false one, and ``false_alarms_interval`` how many it allows in 1000 s.
+    ``missed`` is the share of all faults; a failed run counts as one that missed its faults.
+    ``calm`` is the total time outside the windows of faults, in which every alarm is false.
+    ``false_alarms_interval`` is the interval of the number of false alarms per 1000 s.
     """
 
     def pooled(columns: Columns, name: str) -> Pooled:
@@ -159,16 +160,16 @@ def detections(names: Sequence[str]) -> Pool:
 def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
     """Return the standard deviation over time and seeds about the common mean.
 
-    √(mean std² − (mean bias)²). It includes variations slower than the window: subtracting the mean
-    of each run would favour slow estimators. Lost runs stay at one limit and would have no
-    variance about their own mean, so they count about zero.
+    It is √(mean std² − (mean bias)²). It includes variations slower than the window, because
+    subtracting the mean of each run would favour slow estimators. Diverged runs stay at one limit
+    and have no variance about their own mean, so their mean is not subtracted.
 
     Parameters
     ----------
     std, bias : (n,) array_like
         Root mean square about zero, and mean, of each run.
     lost : (n,) array_like of bool, optional
-        Whether a run was lost by then.
+        Whether a run had diverged by then.
     """
     square, whole = np.mean(np.square(std)), ~np.broadcast_to(lost, np.shape(std))
     constant = whole.mean() * np.mean(np.asarray(bias)[whole]) ** 2 if whole.any() else 0.0
@@ -178,18 +179,18 @@ def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
 
 
 def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Array) -> float:
-    """Return the mean excess error, without that of the common bias of the runs not lost.
+    """Return the mean excess error without the part due to the common bias of the runs.
 
     Parameters
     ----------
     each : ndarray (n,)
-        Of each run.
+        Excess error of each run.
     lost : ndarray (n,) of bool
-        Whether a run was lost by then; lost runs count as they are.
+        Whether a run had diverged; diverged runs keep their full excess error.
     biases : ndarray (n, p)
-        [% of nominal].
+        Bias of each parameter in each run [% of nominal].
     information : ndarray (p, p)
-        As from `flexaxis.experiments.scoring.excess.information`.
+        Matrix M from `flexaxis.experiments.scoring.excess.information`.
     """
     whole = ~lost
     common = biases[whole].mean(axis=0) if whole.any() else np.zeros(biases.shape[1])

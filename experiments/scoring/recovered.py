@@ -14,26 +14,26 @@ from flexaxis.sim.simulate import tracked
 Array = NDArray[np.float64]
 
 COSTS = 0.2
-"""By which part the fault has to raise the tracking error for the score to be defined."""
+"""Smallest relative increase of the tracking error for which the score is defined."""
 
 PARTS: Mapping[str, str] = {
     "without_fault": "rad", "frozen": "rad", "told": "rad", "estimated": "rad", "limited": ""
 }  # fmt: skip
-"""What a row holds of the loops, with units."""
+"""Columns of a row that describe the simulated control loops, with units."""
 
 
 def recovered_of(track: Track, i: int) -> float | None:
-    """Return the recovered share of the cost of the fault [%], the same for each parameter."""
+    """Return the recovered share of the fault's tracking error [%]; equal for all parameters."""
     return recovered(track.tracking, "estimated")
 
 
 def recovered_told_of(track: Track, i: int) -> float | None:
-    """Return the same for a controller that knows the true values [%]."""
+    """Return the share that a controller with the true parameters recovers [%]."""
     return recovered(track.tracking, "told")
 
 
-def recovered(tracking: Mapping[str, float] | None, whose: str) -> float | None:
-    """Return 100 (frozen − whose)/(frozen − without_fault), where the fault costs enough.
+def recovered(tracking: Mapping[str, float] | None, loop: str) -> float | None:
+    """Return 100 (frozen − loop)/(frozen − without_fault), or None if the fault costs too little.
 
     Examples
     --------
@@ -46,11 +46,11 @@ def recovered(tracking: Mapping[str, float] | None, whose: str) -> float | None:
     best, worst = tracking["without_fault"], tracking["frozen"]
     if worst < (1 + COSTS) * best:
         return None
-    return finite(100 * (worst - tracking[whose]) / (worst - best))
+    return finite(100 * (worst - tracking[loop]) / (worst - best))
 
 
 class TrueParameters:
-    """An estimator that knows the parameters which act from the next sample on."""
+    """An estimator that returns the true parameters of the next sample."""
 
     output = "speed"
 
@@ -69,17 +69,18 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     Parameters
     ----------
     scenario : Scenario
-        Before its onset is drawn.
+        Scenario before the onset of its fault is drawn.
     seed : int
     estimator : Estimator
-        At its start; the controller follows it.
+        Estimator in its initial state. The controller uses its estimates.
 
     Returns
     -------
     mapping of str to float, or None
-        Root mean square tracking error [rad] ``without_fault``, with the fault but ``frozen``
-        parameters, with the truth (``told``) and ``estimated`` ones; ``limited``, the samples in
-        which limits acted on the estimates. None without feed-forward or without a fault.
+        Root mean square tracking errors [rad]: ``without_fault``; and with the fault, for a
+        controller with nominal (``frozen``), true (``told``) or ``estimated`` parameters.
+        ``limited`` is the number of samples in which limits acted on the estimates. None if there
+        is no feed-forward or no fault.
     """
     if scenario.controller.adapt is None or not scenario.fault:
         return None

@@ -1,7 +1,7 @@
-"""SCORES: every score there is, once: how it is made, pooled, named and shown.
+"""SCORES, the table of all scores: how each one is computed, pooled, named and displayed.
 
-Rows, summaries, tables, reports, columns of studies, exports and `compare` read it from here, so
-that a new score is one entry.
+Rows, summaries, tables, reports, exports and `compare` use this table, so adding a score takes one
+entry.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,33 +33,34 @@ class Score:
     name : str
         Key in rows and summaries.
     of : callable
-        ``of(track, i)`` of the i-th estimated parameter; None where it is not defined.
+        ``of(track, i)`` computes the score of the i-th estimated parameter, or None if undefined.
     words : str
-        What it is, in a sentence.
+        Description of the score.
     unit : str
-        Empty for a plain number; every number must say which.
+        Unit of the score, empty for a plain number. Every numeric score must have one.
     better : {"less", "more"}, optional
-        Which way is better; None for what is neither.
+        Direction of improvement; None if the score has none.
     pool : callable, optional
-        ``pool(columns, name)``, what stands in the pooled row, as those of
-        `flexaxis.experiments.scoring.pooling`: ``pooling.mean``, ``pooling.by(np.max)``. None
-        for what is of one run only.
+        ``pool(columns, name)`` returns the entries of the pooled row. It is a function of
+        `flexaxis.experiments.scoring.pooling`, such as ``pooling.mean`` or ``pooling.by(np.max)``.
+        None for a score that is not pooled.
     heading : str
-        Of its column in the report; one without has none.
+        Heading of the column in the report. Without a heading, the report has no such column.
     short : str
-        Of its column in the terminal; one without has none.
+        Heading of the column in the terminal. Without one, the terminal has no such column.
     kind : {"number", "integer", "truth", "text"}
-        What its column holds.
+        Type of the values in the column.
     parts : mapping of str to str
-        Keys of a score that is a table, with their units; each is a column of its own.
+        Parts of a score that is a table, with their units; each part has its own column.
     margin : float, optional
-        A change smaller than this share does not matter to `compare`, which leaves out scores
-        without one unless told.
+        Relative change below which `compare` reports no difference. By default, `compare` leaves
+        out scores without a margin.
     zero : float
-        Less is as good as none [unit]: where any run has it, `compare` takes differences.
+        Values below this count as zero [unit]. If any run has such a value, `compare` uses
+        differences instead of ratios.
     guard : bool
-        Of a score that may have any sign: `compare` looks at its modulus, as a share of the noise,
-        and only says where it is worse.
+        Whether the score can have either sign. For such a score, `compare` uses the absolute value
+        relative to the noise, and reports only that it is worse.
     """
 
     name: str
@@ -78,7 +79,7 @@ class Score:
 
     @property
     def compared(self) -> bool:
-        """Whether `compare` can use it: a positive number for which less is better, or a guard."""
+        """Whether `compare` can use the score: a positive number to be minimised, or a guard."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
 
@@ -90,9 +91,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lag",
             scores.lag_of,
-            "T Σ |θ̃|/D over 5 s after the fault, or until the next event; D is the size of the "
-            "fault. Where nothing moves at the fault, the clock starts when the excitation "
-            "returns. Geometric mean over the runs.",
+            "T Σ |θ̃|/D over the 5 s after the fault, or until the next event; D is the size of the "
+            "fault. If the excitation is off at the fault, the window starts when it returns. "
+            "Geometric mean over the runs.",
             unit="s",
             better="less",
             pool=pooling.geometric,
@@ -104,8 +105,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "t10",
             scores.t10_of,
-            "The last time that the error leaves ±10 % of the fault, within the same window. "
-            "Median over the runs; never settled and lost runs count as never.",
+            "Time after which the error stays within ±10 % of the size of the fault until the end "
+            "of the window. Median over the runs; a run that diverges or never settles counts as "
+            "infinite.",
             unit="s",
             better="less",
             pool=pooling.median,
@@ -129,7 +131,7 @@ SCORES: Mapping[str, Score] = {
         Score(
             "bias",
             scores.bias_of,
-            "Mean of the error in the same time, over all runs.",
+            "Mean error before the fault, over the same samples as std, averaged over the runs.",
             unit="%",
             pool=pooling.mean,
             heading="bias",
@@ -139,8 +141,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "std_after",
             scores.std_after_of,
-            "Standard deviation of the error in the last 2 s of the window after the fault: who "
-            "is quiet before a fault only because it is frozen is not quiet here.",
+            "Standard deviation of the error in the last 2 s of the window after the fault. It "
+            "shows estimators that have a low std before the fault only because they are frozen.",
             unit="%",
             better="less",
             pool=pooling.deviation("bias_after", "lost_after"),
@@ -150,7 +152,7 @@ SCORES: Mapping[str, Score] = {
         Score(
             "bias_after",
             scores.bias_after_of,
-            "Mean of the error in the same time.",
+            "Mean error in the last 2 s of the window after the fault.",
             unit="%",
             pool=pooling.mean,
         ),
@@ -167,8 +169,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "excess",
             excess.excess_of,
-            "What the errors of all estimated parameters add to the prediction error before the "
-            "fault, θ̃ᵀQθ̃/σ²: one number for all of them, whatever their units.",
+            "Increase of the prediction error due to the errors of all estimated parameters before "
+            "the fault, θ̃ᵀQθ̃/σ²: one number for all parameters, whatever their units.",
             unit="",
             better="less",
             pool=pooling.mean,
@@ -178,8 +180,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "diverged",
             lambda track, _: track.lost is not None,
-            "Lost runs: not finite, or at or beyond .1 … 10 × nominal for more than 1 s. From "
-            "there on they are scored as if they sat at the farther edge of that box.",
+            "Runs in which an estimate is not finite, or is at or beyond 0.1 or 10 × nominal for "
+            "more than 1 s. From then on, the run is scored as if its estimates stayed at the "
+            "farther limit.",
             better="less",
             pool=pooling.count,
             heading="diverged",
@@ -189,29 +192,30 @@ SCORES: Mapping[str, Score] = {
         Score(
             "failed",
             lambda track, _: track.failed,
-            "Lost runs in which the estimator raised something or its process died; they are "
-            "lost from the first sample on.",
+            "Runs in which the estimator raised an exception or its process died; they count as "
+            "diverged from the first sample on.",
             pool=pooling.count,
             heading="failed",
             kind="truth",
         ),
-        Score("lost_at", scores.lost_at_of, "When the run was lost.", unit="s"),
+        Score("lost_at", scores.lost_at_of, "Time at which the run diverged.", unit="s"),
         Score(
             "lost_before",
             lambda track, _: track.lost_before,
-            "Whether it was lost before std and bias had been taken.",
+            "Whether the run diverged before the end of the samples for std and bias.",
             kind="truth",
         ),
         Score(
             "lost_after",
             lambda track, i: track.lost_by_end(i),
-            "Whether it was lost before the window after the fault had ended.",
+            "Whether the run diverged before the end of the window after the fault.",
             kind="truth",
         ),
         Score(
             "never_settled",
             scores.never_settled_of,
-            "Runs outside ±10 % of the fault at the end of the window, lost ones aside.",
+            "Runs whose error is outside ±10 % of the size of the fault at the end of the window; "
+            "diverged runs are not counted.",
             better="less",
             pool=pooling.count_kept,
             heading="never settled",
@@ -228,30 +232,32 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lag_bound",
             lambda track, i: bounds.limits_of(track, i).lag_bound,
-            "Lag that noise allows to whoever is told time and state of the jump and takes all "
-            "estimated parameters, and dry friction, for unknown after it (Cramér–Rao).",
+            "Lag at the Cramér–Rao bound, for an estimator that knows the time of the jump and the "
+            "state at it, but none of the estimated parameters (nor dry friction) after the jump.",
             unit="s",
             pool=pooling.mean,
         ),
         Score(
             "lag_bound_single",
             lambda track, i: bounds.limits_of(track, i).lag_bound_single,
-            "The same for whoever is told besides which parameter it is, and knows the others.",
+            "Lag at the Cramér–Rao bound, for an estimator that also knows which parameter changed "
+            "and the values of all others.",
             unit="s",
             pool=pooling.mean,
         ),
         Score(
             "bound",
             lambda track, i: bounds.limits_of(track, i).bound,
-            "Standard deviation on the bound with all unknown over D, by samples after onset.",
+            "Standard deviation at the bound with all parameters unknown, divided by D, at some "
+            "samples after onset.",
             pool=pooling.parts(AFTER, scores.rms),
             parts=dict.fromkeys(AFTER, ""),
         ),
         Score(
             "score",
             bounds.score_of,
-            "0 for doing nothing, 100 for the lag of the bound with all unknown, on a logarithmic "
-            "scale; for steps on an axis that a model describes.",
+            "Lag on a logarithmic scale: 0 for an estimator that never moves, 100 for the bound "
+            "with all parameters unknown. Defined for steps on an axis that a model describes.",
             unit="",
             better="more",
             pool=pooling.mean,
@@ -261,8 +267,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "nees",
             consistency.nees_of,
-            "Squared error before the fault in units of the claimed covariance; the number of "
-            "estimated parameters for an honest claim.",
+            "Normalised squared error before the fault, θ̃ᵀ Σ⁻¹ θ̃: on average the number of "
+            "estimated parameters if the reported covariance Σ is correct.",
             unit="",
             pool=pooling.mean,
             heading="NEES",
@@ -270,8 +276,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "nis",
             consistency.nis_of,
-            "Squared innovation before the fault in units of the variance claimed for it: 1 for an "
-            "honest claim.",
+            "Normalised squared innovation before the fault: on average 1 if the variance that the "
+            "estimator reports is correct.",
             unit="",
             pool=pooling.mean,
             heading="NIS",
@@ -279,9 +285,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "whiteness",
             consistency.whiteness_of,
-            "Colour of the innovations in the same time, the statistic of Ljung and Box over its "
-            "degrees of freedom: 1 on average for white ones, more the more the next is known from "
-            "those before.",
+            "Ljung–Box statistic of the innovations before the fault, divided by its degrees of "
+            "freedom: on average 1 for white innovations, larger if past innovations predict the "
+            "next one.",
             unit="",
             pool=pooling.mean,
             heading="whiteness",
@@ -289,20 +295,25 @@ SCORES: Mapping[str, Score] = {
         Score(
             "detection",
             detection.detection_of,
-            "Changes that the estimator says it found: alarms and false ones a run, false ones in "
-            "1000 s, delay, share of the faults missed, share of the found ones named rightly.",
+            "Changes that the estimator reports: alarms and false alarms per run, false alarms per "
+            "1000 s, delay, share of faults missed, and share of detected faults for which the "
+            "right parameter is named.",
             pool=pooling.detections([*detection.ALARMS]),
             parts=detection.ALARMS,
         ),
         Score(
-            "isolation", detection.isolation_of, "What each fault was taken for.", kind="text"
+            "isolation",
+            detection.isolation_of,
+            "Parameters that the estimator names for each fault.",
+            kind="text",
         ),
         Score(
             "recovered",
             recovered.recovered_of,
-            "What a controller that follows the estimates recovers of what the fault costs it in "
-            "rms tracking error over the same window: 0 for feed-forward that stays nominal, 100 "
-            "for the same loop without the fault. Defined where the fault costs 20 % or more.",
+            "Share of the rms tracking error caused by the fault that a controller avoids by using "
+            "the estimates, in the window after the fault: 0 for feed-forward with nominal "
+            "parameters, 100 for the same loop without the fault. Defined if the fault raises the "
+            "error by 20 % or more.",
             unit="%",
             better="more",
             pool=pooling.mean,
@@ -311,12 +322,13 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "recovered_told", recovered.recovered_told_of,
-            "The same of a controller that is told the truth.", unit="%", pool=pooling.mean,
+            "Share that a controller with the true parameters avoids.", unit="%", pool=pooling.mean,
         ),
         Score(
             "tracking",
             lambda track, _: track.tracking,
-            "The errors that it is made of; samples in which limits acted on what was fed forward.",
+            "Tracking errors from which `recovered` is computed, and the number of samples where "
+            "limits acted on the parameters of the feed-forward.",
             pool=pooling.parts(recovered.PARTS, np.mean),
             parts=recovered.PARTS,
         ),
@@ -324,14 +336,14 @@ SCORES: Mapping[str, Score] = {
 }  # fmt: skip
 
 METRICS = {score.name: score.unit or "" for score in SCORES.values() if score.compared}
-"""What `compare` can compare, with units."""
+"""Scores that `compare` can compare, with units."""
 
 MARGINS = {score.name: score.margin for score in SCORES.values() if score.margin is not None}
-"""What it compares unless told otherwise, and how large a change matters (.02 is 2 %)."""
+"""Scores that `compare` uses by default, with the smallest change that matters (0.02 is 2 %)."""
 
 
 def rows(track: Track) -> list[dict[str, Any]]:
-    """Return the scores of a case, a row a parameter, as they are kept."""
+    """Return the scores of a case, with one row per parameter."""
     return [
         {"parameter": name, "changed": bool(track.windows_of(i))}
         | {score.name: score.of(track, i) for score in SCORES.values()}
@@ -345,7 +357,7 @@ def undefined() -> dict[str, Any]:
 
 
 def columns() -> dict[str, Kind]:
-    """Return the columns of the scores in a table, by name; a part has its table's before a dot."""
+    """Return the kind of each score column, keyed by name; a part is named ``score.part``."""
     kinds: dict[str, Kind] = {}
     for score in SCORES.values():
         names = [f"{score.name}.{part}" for part in score.parts] or [score.name]
@@ -354,14 +366,14 @@ def columns() -> dict[str, Kind]:
 
 
 def units() -> dict[str, str]:
-    """Return the unit of each number among them; empty for a plain number."""
+    """Return the unit of each numeric column; empty for a plain number."""
     of_parts = {f"{s.name}.{part}": u for s in SCORES.values() for part, u in s.parts.items()}
     plain = {s.name: s.unit or "" for s in SCORES.values() if s.kind == "number" and not s.parts}
     return of_parts | plain
 
 
 def label(name: str) -> str:
-    """Return a score with its unit, as for an axis.
+    """Return the name of a score with its unit, for the axis of a figure.
 
     Examples
     --------

@@ -1,7 +1,8 @@
 """Scores of one case: one estimator on one record against the true parameters.
 
-Errors θ̃ = θ̂ − θ_true are in per cent of nominal before and beside a fault, and after it in units of
-the size D = |θ_after − θ_before| of the fault. docs/scores.md has the definitions in words.
+Errors θ̃ = θ̂ − θ_true are in per cent of nominal. After a fault, the errors of the parameter that
+changed are in units of the size of the fault, D = |θ_after − θ_before|. docs/scores.md defines the
+scores in words.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,12 +26,12 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-AFTER = 2.0  # s at the end of a window in which the std after the fault is taken
+AFTER = 2.0  # s at the end of a window in which the std after the fault is computed
 
 
-AT_BOUND = 1.0  # s at a bound that make a run diverged
-BOX = (0.1, 10.0)  # over nominal: where an estimate has to stay, by which everybody is judged
-EDGE = 1e-6  # of nominal: nearer to the edge of the box is on it
+AT_BOUND = 1.0  # s at a limit after which a run counts as diverged
+BOX = (0.1, 10.0)  # limits of estimates over nominal, the same for all estimators
+EDGE = 1e-6  # an estimate counts as at the limit within this distance, relative to the limit
 
 
 def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
@@ -46,10 +47,10 @@ def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
 
 
 def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
-    """Return the first sample (of N) from which a run (N, p) is lost, or None.
+    """Return the sample at which a run (N, p) diverges, or None.
 
-    Lost is an estimate that is not finite, or that stays at or beyond an edge of the box for more
-    than 1 s; then it is lost from the first of these samples on.
+    A run diverges if an estimate is not finite, or if it stays at or beyond a limit for more than
+    1 s. The result is the first of these samples.
     """
     lower, upper = edges
     room = EDGE * np.minimum(abs(lower), abs(upper))
@@ -70,27 +71,27 @@ class Track:
     Attributes
     ----------
     scenario : Scenario
-        What was run.
+        Scenario of the record.
     names : tuple of str
         Estimated parameters, such as ``("k_T", "1/J_a", "f_m")``.
     theta : ndarray (N, p)
-        Estimates θ[k], made from y[0..k].
+        Estimates θ[k], which use y[0..k].
     true_parameters : ndarray (N, P)
-        True physical parameters, as `Scenario.parameter_names` names them.
+        True physical parameters, in the order of `Scenario.parameter_names`.
     torque : ndarray (N,), optional
-        Of the record; the bounds need it.
+        Torque of the record [N m], for the bounds.
     claimed : ndarray (p, p), optional
-        Covariance that the estimator claims at the last sample before the first fault.
+        Covariance that the estimator reports at the last sample before the first fault.
     innovations : ndarray (N, 2), optional
-        y − ŷ before y was used, and the variance that the estimator claims of it.
+        Innovations y − ŷ, computed before y is used, and the variances that the estimator reports.
     findings : sequence, optional
-        Each with ``alarm`` (sample) and ``parameters`` (names).
+        Reported changes, each with ``alarm`` (sample) and ``parameters`` (names).
     failed : bool
-        Whether the estimator raised something, or its process died: then it has no estimates.
+        Whether the estimator raised an exception or its process died; then it has no estimates.
     tracking : mapping, optional
-        What the estimates are worth to the controller, as `scoring.recovered.tracking` has it.
+        Tracking errors of a controller that uses the estimates, from `scoring.recovered.tracking`.
     memo : dict
-        What several scores are made of, computed once.
+        Cache of intermediate results that several scores share.
     """
 
     scenario: Scenario
@@ -117,14 +118,14 @@ class Track:
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
-        """Lower and upper edge, each (p,), between which an estimate has to stay."""
+        """Lower and upper plausibility limits of the estimates, each (p,)."""
         return box(self.nominal, self.truth)
 
     @cached_property
     def lost(self) -> int | None:
-        """First sample from which the run is lost, None for a run that is not.
+        """Sample at which the run diverges, or None.
 
-        A parameter of a law may approach zero, because an axis may lack this kind of friction. A
+        A law parameter has no lower limit, because an axis may lack this kind of friction. A law
         parameter that is not in `identify` has no limits, because the plant may not have it.
         """
         law = [name in LAW_NAMES for name in self.names]
@@ -134,9 +135,9 @@ class Track:
         return loss(self._judged(law), edges, self.scenario.period)
 
     def _judged(self, law: Sequence[bool]) -> Array:
-        """Return θ (N, p), with true values for parameters of laws until the end of burn-in.
+        """Return θ (N, p), with true values for law parameters until the end of burn-in.
 
-        Estimators without prior values for laws start anywhere.
+        Estimators that have no prior values for law parameters can start anywhere.
         """
         if not any(law):
             return self.theta
@@ -145,9 +146,9 @@ class Track:
 
     @cached_property
     def error(self) -> Array:
-        """θ̃ (N, p) as scored: once the run is lost, as if θ̂ stayed at the farther limit.
+        """θ̃ (N, p) as scored: once a run diverges, θ̂ is assumed to stay at the farther limit.
 
-        No error counts more than that, so an estimator gains nothing by losing a run.
+        No error counts more than the error at that limit, so diverging never improves a score.
         """
         lower, upper = self.box
         below, above = self.truth - lower, upper - self.truth
@@ -165,26 +166,26 @@ class Track:
 
     @cached_property
     def windows(self) -> list[Window]:
-        """The scored windows, in the order of time."""
+        """The scored windows, in order of time."""
         return windows(self.scenario, self.names)
 
     @cached_property
     def quiet(self) -> NDArray[np.intp]:
-        """The samples of std and bias."""
+        """The samples over which std and bias are computed."""
         return quiet(self.scenario)
 
     @property
     def lost_before(self) -> bool:
-        """Whether the run was lost before std and bias had been taken."""
+        """Whether the run diverged before the end of the samples for std and bias."""
         return self.lost is not None and bool((self.quiet >= self.lost).any())
 
     def lost_by_end(self, i: int) -> bool:
-        """Return whether the run was lost before the last window of a parameter had ended."""
+        """Return whether the run diverged before the end of the last window of a parameter."""
         last = max((window.stop for window in self.windows_of(i)), default=0)
         return self.lost is not None and self.lost < last
 
     def once(self, name: str, made: Callable[[], Any]) -> Any:
-        """Return what several scores are made of: made where it is first asked for."""
+        """Return an intermediate result from the cache, and compute it on first use."""
         if name not in self.memo:
             self.memo[name] = made()
         return self.memo[name]
@@ -201,7 +202,7 @@ class Track:
         )
 
     def ends(self, i: int) -> Array:
-        """Return θ̃ in % in the last 2 s of the windows of one parameter that are longer."""
+        """Return θ̃ [%] in the last 2 s of each window of one parameter, except short windows."""
         length = round(AFTER / self.scenario.period)
         parts = [
             self.percent[w.stop - length : w.stop, i]
@@ -212,16 +213,17 @@ class Track:
 
 
 def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | None = None) -> Track:
-    """Return the track of a case that failed: a run lost at its first sample.
+    """Return the track of a failed case, which counts as diverged from its first sample on.
 
-    Its estimates are unknown; it counts as lost in each parameter of `identify`.
+    Its estimates are NaN for each parameter of `identify`.
 
     Parameters
     ----------
     scenario : Scenario
     true_parameters : ndarray (N, P)
+        True physical parameters of the record.
     torque : ndarray (N,), optional
-        Of the record, for the bounds.
+        Torque of the record [N m], for the bounds.
     """
     names = known_names(scenario, scenario.identify)
     none = np.full((len(true_parameters), len(names)), np.nan)
@@ -234,8 +236,8 @@ def lag(relative: Array, period: float) -> Any:
 
 
 def settling(relative: Array, level: float, period: float) -> float | None:
-    """Return when θ̃/D (n,) comes within ±level for good [s], or None if it never does."""
-    outside = np.flatnonzero(~(np.abs(relative) <= level))  # a NaN is outside
+    """Return the time [s] after which θ̃/D (n,) stays within ±level, or None if it never does."""
+    outside = np.flatnonzero(~(np.abs(relative) <= level))  # NaN counts as outside
     settled = 0 if not outside.size else int(outside[-1]) + 1
     return None if settled == len(relative) else settled * period
 
@@ -250,7 +252,7 @@ def finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-# What follows are the scores themselves: of a track and the index of an estimated parameter.
+# Scores: functions of a track and the index of an estimated parameter.
 
 
 def lag_of(track: Track, i: int) -> float | None:
@@ -260,7 +262,7 @@ def lag_of(track: Track, i: int) -> float | None:
 
 
 def t10_of(track: Track, i: int) -> float | None:
-    """Return when θ̃ comes within ±.1 D for good [s], the mean over the windows; lost runs never."""
+    """Return the mean time [s] after which θ̃ stays within ±0.1 D; None if it ever fails to."""
     times = [settling(part, 0.1, track.scenario.period) for part in track.relative(i)]
     if track.lost is not None or not times or None in times:
         return None
@@ -268,7 +270,7 @@ def t10_of(track: Track, i: int) -> float | None:
 
 
 def never_settled_of(track: Track, i: int) -> bool | None:
-    """Return whether θ̃ is outside ±.1 D at the end of a window."""
+    """Return whether θ̃ is outside ±0.1 D at the end of any window."""
     parts = track.relative(i)
     return any(settling(p, 0.1, track.scenario.period) is None for p in parts) if parts else None
 
@@ -294,12 +296,12 @@ def bias_after_of(track: Track, i: int) -> float | None:
 
 
 def cross_talk_of(track: Track, i: int) -> float | None:
-    """Return the rms of θ̃ in the windows of others [% of nominal], where it did not change."""
+    """Return the rms of θ̃ [% of nominal] in all windows, for a parameter that does not change."""
     spans = [track.percent[w.start : w.stop, i] for w in track.windows]
     return finite(rms(np.concatenate(spans))) if spans and not track.windows_of(i) else None
 
 
 def lost_at_of(track: Track, i: int) -> float | None:
-    """Return when the run was lost [s]."""
+    """Return the time at which the run diverged [s]."""
     del i
     return None if track.lost is None else track.lost * track.scenario.period

@@ -26,7 +26,7 @@ NUMBERS = (
     *(name for name, kind in kinds().items() if kind != "text"),
     "cost.us_per_sample",
 )
-"""Columns that pools may ask for."""
+"""Columns that the pooling functions may use."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +40,10 @@ class Case:
     curve : ndarray (M, p)
         Every tenth estimate over its nominal value.
     near : ndarray (W, p)
-        Every estimate about the first fault (`near_fault`), over its nominal value; (0, p) where
-        there is none.
+        Every estimate around the first fault (`near_fault`), over its nominal value; (0, p)
+        without a fault.
     rows : list of dict
-        Scores, one row for each parameter, as they are kept.
+        Scores, one row for each parameter.
     theta : ndarray (N, p) or None
         All estimates.
     """
@@ -59,18 +59,18 @@ def scored(
     track: Track, *, identity: Mapping[str, Any], cost: Mapping[str, Any],
     written: Scenario | None = None,
 ) -> Case:  # fmt: skip
-    """Return the case of a track: its rows, and what its figures are made of.
+    """Return the case of a track: its rows, and the curves for its figures.
 
     Parameters
     ----------
     track : Track
     identity, cost : mapping
-        What stands in each row before and after the scores.
+        Columns of each row before and after the scores.
     written : Scenario, optional
-        Before its onset was drawn: the figures of all runs are drawn about the one onset there.
+        Scenario before the onset was drawn. Curves are shifted so that all runs have its onset.
     """
     late = later(track.scenario, written or track.scenario)
-    with np.errstate(over="ignore", invalid="ignore"):  # a lost run may hold anything
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverged run may have any values
         shape = shifted(track.theta, late)[::CURVE_STEP] / track.nominal
         near = track.theta[near_fault(track.scenario)] / track.nominal
         return Case(
@@ -91,14 +91,14 @@ def pool_rows(rows: Rows, scenario: Scenario) -> list[dict[str, Any]]:
     Parameters
     ----------
     rows : iterable of mapping, or DataFrame
-        One a run and parameter.
+        One row per run and parameter.
     scenario : Scenario
 
     Returns
     -------
     list of dict
-        The scores as `scoring.score_table.SCORES` pools them, `seeds` their number; `cost` is the
-        median.
+        Scores pooled as in `scoring.score_table.SCORES`, the number of `seeds`, and the median
+        `cost`.
     """
     by_name = dict(tuple(_flat(rows).groupby("parameter", sort=False)))
     columns = {name: columns_of(own) for name, own in by_name.items()}
@@ -112,18 +112,18 @@ def pool_rows(rows: Rows, scenario: Scenario) -> list[dict[str, Any]]:
 
 
 def _flat(rows: Rows) -> pd.DataFrame:
-    """Return rows as a table in the order of their seeds: tables in them get dotted names."""
+    """Return rows as a table sorted by seed; nested tables become columns with dotted names."""
     frame = rows if isinstance(rows, pd.DataFrame) else pd.json_normalize(list(rows))
     return frame.sort_values("seed", kind="stable") if "seed" in frame else frame
 
 
 def columns_of(rows: Rows) -> dict[str, Array]:
-    """Return the numbers of rows as columns: tables inside them as dotted names, NaN for null.
+    """Return the numbers of rows as columns, with dotted names for nested tables, and NaN for null.
 
     Parameters
     ----------
     rows : iterable of mapping, or DataFrame
-        All of one parameter.
+        Rows of one parameter.
     """
     frame = rows if isinstance(rows, pd.DataFrame) else pd.json_normalize(list(rows))
     names = frame.reindex(columns=["hash", "estimator"], fill_value="").astype(str)
@@ -139,15 +139,14 @@ def columns_of(rows: Rows) -> dict[str, Array]:
 def pool_columns(columns: pooling.Columns, names: Iterable[str] | None = None) -> dict[str, Any]:
     """Return the pooled scores of the rows of one parameter.
 
-    The excess error is not among them, which takes all parameters of a case: see `excess`.
+    The excess error is left out, because it depends on all parameters of a case (see `excess`).
 
     Parameters
     ----------
     columns : mapping of str to ndarray (n,)
-        As `flexaxis.experiments.scoring.pooling` takes them; only those that are needed are asked
-        for.
+        Columns as in `flexaxis.experiments.scoring.pooling`; only those of `names` are needed.
     names : iterable of str, optional
-        Scores to pool, all by default.
+        Scores to pool (default: all).
     """
     pooled: dict[str, Any] = {}
     with np.errstate(over="ignore", invalid="ignore"):
@@ -170,10 +169,10 @@ def excess(by_name: Mapping[str, pooling.Columns], scenario: Scenario) -> dict[s
     Parameters
     ----------
     by_name : mapping of str to columns
-        Of each estimated parameter, over the same runs on one scenario.
+        Columns of each estimated parameter, for the same runs of one scenario.
     scenario : Scenario
-        The biases that count are those of its `identify`; whoever does not estimate one of these
-        has none in it.
+        The common bias covers the parameters of its `identify`. A parameter that the estimator
+        does not estimate counts as unbiased.
     """
     first = next(iter(by_name.values()))
     each, lost = first["excess"], first["lost_before"] > 0

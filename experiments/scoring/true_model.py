@@ -1,4 +1,4 @@
-"""The estimators' model of an axis as it truly is, where one can describe it, and its path."""
+"""The estimators' model with the true laws and parameters of an axis, and its gradient."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -38,10 +38,11 @@ class Described:
     Attributes
     ----------
     law : Law
+        Law of the estimators' models for this table.
     values : callable
-        ``values(table)``: parameters of the law that are not among the parameters of the plant.
+        ``values(table)`` returns the law parameters that the plant does not have.
     beside : tuple of Law
-        What the law reads its load from, or that acts besides.
+        Other laws that the table needs, such as the law that provides its load.
     """
 
     law: Law
@@ -54,7 +55,7 @@ COULOMB = {"f_s": 0.0, "v_s": 0.0, "sigma_0": STIFF, "sigma_1": 0.0, "v_0": 0.0}
 
 
 def _shares(table: Any) -> dict[str, float]:
-    """Return what of friction under load is no parameter of the plant."""
+    """Return the parameters of load-dependent friction that the plant does not have."""
     shares = {"mu_m": table.motor, "mu_e": table.external}
     slow = {"mu_ms": table.motor_slow, "mu_es": table.external_slow}
     return shares | slow | {"sharpness": table.alpha}
@@ -77,26 +78,26 @@ DESCRIBED: Mapping[str, Described] = {
     ),
     "saturation": Described(LIMIT, lambda table: {"torque_limit": table.torque}),
 }
-"""The tables of a scenario that have a law in the estimators' models, by key."""
+"""Tables of a scenario that have a law in the estimators' models, keyed by name."""
 
 DRY = ("friction", "lugre", "static_friction", "gear_friction")
-"""Tables whose laws share their parameters, so that a model has one of them."""
+"""Tables whose laws share parameters, so a model can have only one of them."""
 
 
 def describes(scenario: Scenario) -> bool:
-    """Return whether a model with true parameters describes the records."""
+    """Return whether an estimators' model with the true parameters describes the records."""
     tables = scenario.tables
     known = has_model(scenario) and all(t.exact or key in DESCRIBED for key, t in tables.items())
     return known and sum(key in tables for key in DRY) <= 1
 
 
 def linear_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the linear model of an axis with some parameters, of what estimators read."""
+    """Return the linear model of an axis, with the signal that estimators read as its output."""
     return _read(scenario, axis_model(scenario, values))
 
 
 def true_model(scenario: Scenario, parameters: Array) -> Model:
-    """Return the model of an axis with some parameters (P,), of what estimators read."""
+    """Return the model of an axis with its laws; its output is the signal that estimators read."""
     laws: list[Law] = []
     for part in _described(scenario).values():
         laws += [law for law in (part.law, *part.beside) if law not in laws]
@@ -111,7 +112,7 @@ def _read(scenario: Scenario, model: Model) -> Model:
 
 
 def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
-    """Return all parameters of the model by name, from those of the plant (P,)."""
+    """Return all parameters of the model by name, from the parameters of the plant (P,)."""
     values: dict[str, float] = {}
     for key, part in _described(scenario).items():
         values |= part.values(scenario.tables[key])
@@ -119,21 +120,21 @@ def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
 
 
 def model_theta(scenario: Scenario, names: Sequence[str], parameters: Array) -> Array:
-    """Return the values (p,) of parameters of the model, from those of the plant (P,)."""
+    """Return the values (p,) of estimated parameters, from the parameters of the plant (P,)."""
     values = _values(scenario, parameters)
     return true_theta(names, np.array(list(values.values())), tuple(values))
 
 
 def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters that are unknown after a jump: the estimated ones and dry friction."""
+    """Return the names of the unknown parameters after a jump: `names` and dry friction."""
     return (*names, *(name for name in ("f_c",) if name in scenario.laws and name not in names))
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
     """Return the sizes (p,) of parameters θ (p,) for a prior.
 
-    The size is the value of the parameter. If a friction has become zero, it is the value before;
-    both cogging coefficients have the amplitude as their size.
+    The size of a parameter is its value. If a friction parameter has dropped to zero, its size is
+    the value before; the size of both cogging coefficients is the amplitude.
     """
     nominal = np.array(list(scenario.initial.values()))
     values = _values(scenario, nominal)
@@ -149,8 +150,12 @@ def _described(scenario: Scenario) -> dict[str, Described]:
     return {key: DESCRIBED[key] for key in scenario.tables if key in DESCRIBED}
 
 
-FINER = 2  # times the steps that estimators take with laws: 3 % of a bound then, as the tests show;
-# with Coulomb friction, which is as good as a jump, up to 7 % of a lag bound (beside 16 times)
+FINER = 2
+"""Integration steps relative to those of estimators with laws.
+
+The tests show an error of 3 % of a bound. With Coulomb friction, which is almost discontinuous, the
+lag bound differs by up to 7 % from that with 16 times the steps.
+"""
 
 
 def jump_gradient(
@@ -164,8 +169,8 @@ def jump_gradient(
     """
     Return the gradient ψ₀ (N, p) at the N samples from a jump on.
 
-    The state at the jump does not depend on the new θ, so the sensitivities start at zero there:
-    information comes slower than in steady state, where ψ remembers the past.
+    The state at the jump does not depend on the new θ, so the sensitivities start at zero, and
+    information accumulates more slowly than in steady state.
 
     Parameters
     ----------
@@ -173,9 +178,9 @@ def jump_gradient(
     theta : (p,) array_like
         Parameters after the jump.
     u : (N,) array_like
-        Torque from the jump on.
+        Torque from the jump on [N m].
     x : (n,) array_like
-        State at the jump, those of laws included.
+        State at the jump, including the states of laws.
     period : float
         Sampling period T [s].
     """
@@ -185,7 +190,7 @@ def jump_gradient(
 def _travel(
     model: Parametrization, theta: ArrayLike, u: ArrayLike, x: ArrayLike, period: float
 ) -> tuple[Array, Array]:
-    """Return the gradient (N, p) along a torque (N,) from a state (n,), and the state after it."""
+    """Return the gradient (N, p) and the last state (n,) for a torque (N,) and an initial state."""
     steps = FINER * law_steps(model, period)
     simulated = simulation(model, theta, period, steps=steps)
     X = simulated["X"]  # no state depends on θ yet
@@ -196,9 +201,10 @@ def _travel(
 
 
 def state_at(scenario: Scenario, truth: Array, u: Array, index: int) -> Array:
-    """Return the true state (n,) at a sample, through every change before it.
+    """Return the true state (n,) at a sample, after all changes before it.
 
-    That of the model from rest, for its own parameters (N, P) and the torque (N,) of a record.
+    The model is simulated from rest with the true parameters (N, P) and the torque (N,) of a
+    record.
     """
     edges = [0, *(np.flatnonzero((np.diff(truth[:index], axis=0) != 0).any(axis=1)) + 1), index]
     x = np.zeros(true_model(scenario, truth[0]).parametrize(["k_T"]).states)

@@ -27,7 +27,7 @@ class Known:
 
 
 def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T]]:
-    """Cache a function of a scenario by the hash of its content or another digest."""
+    """Cache a function of a scenario, keyed by the hash of its content or by another digest."""
 
     def of(function: OfScenario[P, T]) -> OfScenario[P, T]:
         @lru_cache(maxsize=256)
@@ -45,8 +45,8 @@ def remembered(by: str = "hash") -> Callable[[OfScenario[P, T]], OfScenario[P, T
 
 
 WINDOW = 5.0  # s scored after a fault, unless another event comes first
-QUIET = 5.0  # s of excitation before the first onset in which std and bias are taken
-QUIET_WITHOUT_FAULT = 10.0  # s at the end, where there is no fault
+QUIET = 5.0  # s of excitation before the first onset, over which std and bias are computed
+QUIET_WITHOUT_FAULT = 10.0  # s at the end of a run without a fault, for the same purpose
 
 
 @dataclass(frozen=True)
@@ -63,13 +63,12 @@ class Window:
 
 
 def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
-    """Return the scored window of each event, in the order of time.
+    """Return the scored window of each event, in order of time.
 
-    The clock starts with the fault, or where nothing is excited then (a pause) when the
-    excitation returns; it stops after 5 s, at the next event, or with the record. What changes in
-    one pause is met together when it ends: each parameter has one window then, of the size of its
-    change in all. An event of a parameter that is not estimated has a window too, of size NaN:
-    the others must stay put in it.
+    A window starts at the fault; in a pause of the excitation, it starts when the excitation
+    returns. It ends after 5 s, at the next event, or at the end of the record. Several changes of a
+    parameter in one pause have one window, with the size of the total change. An event of a
+    parameter that is not estimated has a window of size NaN, for the cross-talk of the others.
     """
     return list(_windows(scenario, tuple(names)))
 
@@ -81,7 +80,7 @@ def _windows(scenario: Scenario, names: tuple[str, ...]) -> list[Window]:
     for start, name in dict.fromkeys((start, event.parameter) for start, event in starts):
         own = [e for s, e in starts if (s, e.parameter) == (start, name)]
         size = _size(own[0].before, own[-1].after, name, names)
-        # Several parameters that change in the same sample are one event in time.
+        # Parameters that change at the same sample share a window.
         later = [other for other, _ in starts if other > start]
         stop = min(start + round(WINDOW / scenario.period), *later, scenario.samples)
         if size != 0 and stop > start:
@@ -103,7 +102,7 @@ def _size(before: float, after: float, changed: str, names: Sequence[str]) -> fl
 
 
 def claimed_at(scenario: Scenario) -> int:
-    """Return the sample at which the claimed covariance of an estimator is read.
+    """Return the sample at which the covariance that an estimator reports is read.
 
     It is the last sample before the whole second in which the first fault occurs. Without a fault,
     or with a fault in the first second, it is the last sample of the run.
@@ -115,10 +114,10 @@ def claimed_at(scenario: Scenario) -> int:
 
 @remembered()
 def quiet(scenario: Scenario) -> NDArray[np.intp]:
-    """Return the samples on which std and bias are taken.
+    """Return the samples over which std and bias are computed.
 
-    They are the last 5 s before the first onset in which the excitation is on, after burn-in;
-    without a fault the last 10 s, or the last half of a shorter run.
+    They are the last 5 s with excitation between burn-in and the first onset. Without a fault, they
+    are the last 10 s, or the last half of a run shorter than 20 s.
     """
     events = scenario.events()
     if not events:
@@ -129,5 +128,5 @@ def quiet(scenario: Scenario) -> NDArray[np.intp]:
         burnt = round(scenario.burn_in / scenario.period)
         usable = np.flatnonzero(scenario.excited()[: events[0].index])
         samples = usable[usable >= burnt][-round(QUIET / scenario.period) :]
-    samples.flags.writeable = False  # all that ask share it
+    samples.flags.writeable = False  # all callers share the array
     return samples
