@@ -1,7 +1,7 @@
-"""Puts ground truth and estimators together: scenarios, scores, reports, the command line.
+"""Runs estimators on simulated records: scenarios, scores, reports and the command line.
 
-The way of the data: `catalogue` (what there is to run), `running` (from a study to rows), `scoring`
-and `comparison` (what they are worth), `reporting` (pages). On it stand `studies`, `gate`, `logs`,
-`demo`, `paper` and `check`; `commands` and `front` (import flexaxis) are the two ways in. In
-come names and files that a user gives, out go rows, verdicts and pages.
+Data pass through `catalogue` (scenarios and suites), `running` (from a study to rows), `scoring`
+and `comparison` (scores and rankings) and `reporting` (pages). `studies`, `gate`, `logs`, `demo`,
+`paper` and `check` build on these. Users enter by `commands` (the command line) or `front`
+(``import flexaxis``): they give names and files, and get rows, verdicts and pages.
 """

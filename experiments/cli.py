@@ -1,7 +1,7 @@
-"""The command `flexaxis`: results on stdout, progress and errors on stderr.
+"""The command `flexaxis`: it prints results on stdout, and progress and errors on stderr.
 
 Each command is a function in a module of `flexaxis.experiments.commands`, registered by
-`options.command`. Heavy imports are inside the functions, so that `--help` is quick.
+`options.command`. Slow imports are inside the functions, so that `--help` is fast.
 """
 
 import argparse
@@ -31,19 +31,20 @@ first steps:
   flexaxis simulate fm_step -o rec.nc      ground truth of one run
   flexaxis estimate rec.nc --estimator rpem-forgetting -o est.nc
 
-`flexaxis COMMAND --help` explains a command, with an example.
+`flexaxis COMMAND --help` explains a command and gives examples.
 
 exit status:
-  0 fine, 1 a finding, 2 wrong use or bad input, 3 undecided (compare), 70 a crash
-  or a full disk, 130 Ctrl-C or SIGTERM
+  0 success; 1 a finding, such as a failed case, a changed parameter or a worse
+  candidate; 2 wrong use or bad input; 3 undecided (compare); 70 a crash or a full
+  disk; 130 Ctrl-C or SIGTERM
 """
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that names the nearest right word for a wrong one."""
+    """An argument parser that suggests the nearest known word for an unknown one."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse the command line; reject unknown options and words."""
+        """Parse the command line; reject unknown options and extra words."""
         parsed, rest = super().parse_known_args(args, namespace)
         if rest:
             option = rest[0].partition("=")[0]
@@ -51,7 +52,7 @@ class Parser(argparse.ArgumentParser):
         return parsed, rest
 
     def error(self, message: str) -> NoReturn:
-        """Print the mistake and the nearest correct word."""
+        """Print the error with the nearest known word, and exit."""
         if wrong := re.search(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w.-]+", wrong[2]))
             message = f"unknown {wrong[1]!r}.{hint or f' Known are {wrong[2]}.'}"
@@ -59,7 +60,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def parser() -> Parser:
-    """Return the parser of the command line."""
+    """Return the parser of the command line with all commands."""
     for module in iter_modules(home.__path__):
         import_module(f"{home.__name__}.{module.name}")
     style: Any = {"allow_abbrev": False, "formatter_class": argparse.RawDescriptionHelpFormatter}
@@ -68,7 +69,7 @@ def parser() -> Parser:
     top.add_argument("--version", action="version", version=f"flexaxis {version('flexaxis')}",
                      help="Print the version and stop.")  # fmt: skip
     subs = top.add_subparsers(dest="command", metavar="COMMAND", required=True, title="commands",
-                              help="What to do.")  # fmt: skip
+                              help="The command to run.")  # fmt: skip
     for name, (main, _) in COMMANDS.items():
         text = str(getdoc(main))
         sub = subs.add_parser(name, help=text.partition("\n")[0], description=text, **style)
@@ -79,11 +80,11 @@ def parser() -> Parser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status."""
-    # Before NumPy is imported: small matrices are several times slower on many threads.
+    # Set before NumPy is imported: small matrices are several times slower on many threads.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if argv is None else argv)
-    if argv is None:  # a queue of jobs ends a command by SIGTERM
+    if argv is None:  # a job scheduler stops a command with SIGTERM
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     args = parser().parse_args(words or ["--help"])
     args.line = shlex.join(["flexaxis", *(word for word in words if word not in {"-q", "--quiet"})])
@@ -100,11 +101,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(args.main(args))
     except KeyboardInterrupt:
         again = args.line.replace(" --overwrite", "")
-        status, text = INTERRUPTED, f"interrupted; what is done is kept: resume with {again}"
+        status, text = INTERRUPTED, f"interrupted; finished results are kept: resume with {again}"
     except (FlexaxisError, EstimatorError) as error:
         crash = isinstance(error, EstimatorCrash | NotRun) or is_of_the_machine(error)
         status, text = CRASH if crash else WRONG_USE, str(error)
-    except BaseException as error:  # also a SystemExit of a user's code: ours raises none
+    except BaseException as error:  # also SystemExit, which only a user's code can raise here
         if args.traceback:
             raise
         status, text = CRASH, f"{args.command} crashed: {describe(error)}; --traceback shows more"

@@ -1,4 +1,4 @@
-"""The commands: each reads its options, calls the front, and prints the result.
+"""The commands: each reads its options, calls the Python interface and prints the result.
 
-`options` declares all options once; `run`, `judge`, `look` and `axis` hold the commands.
+`options` declares every option once; `run`, `judge`, `look` and `axis` contain the commands.
 """

@@ -11,17 +11,17 @@ from flexaxis.sim.errors import FlexaxisError
 
 
 def _target(args: Args, default: str, *inputs: Any) -> Path:
-    """Return the path to write; refuse one that is an input, or has another ending."""
+    """Return the path to write; raise an error if it is an input or has a wrong suffix."""
     check_file(args.log)
     path = args.output or args.log.with_name(args.log.stem + default)
     check_not_input((args.log, args.map, *inputs), path, path.with_suffix(".html"))
     if path.suffix != Path(default).suffix:
-        raise FlexaxisError(f"-o {path}: give a name that ends in {Path(default).suffix}")
+        raise FlexaxisError(f"-o {path}: use a name that ends in {Path(default).suffix}")
     return path
 
 
 def _saved(args: Args, result: Any, path: Path) -> int:
-    """Save the result and its page, and print them."""
+    """Save the result and its report; print the result and both paths."""
     page = result.save(path)
     content = result.content | {"path": path, "report": page}
     return answer(args, content, result.status, result, path, f"report: {page}")
@@ -31,10 +31,9 @@ def _saved(args: Args, result: Any, path: Path) -> int:
 def import_(args: Args) -> int:
     """Convert a log of your own axis to a record, and check its data quality.
 
-    LOG is a text table, MAT (all versions), HDF5 or NetCDF. The checks report everything that
-    would spoil estimates, and the option that cures it: time stamps and gaps, wrapping, clipping,
-    clocks, interpolation, units, resolution, outliers, the kind of torque, signs, a filtered
-    speed.
+    LOG is a text table, MAT (all versions), HDF5 or NetCDF file. The checks concern time stamps and
+    gaps, wrapping, clipping, clocks, interpolation, units, resolution, outliers, the kind of
+    torque, signs, and a filtered speed. Each problem is reported with the option that cures it.
 
     example:
       flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
@@ -51,14 +50,15 @@ def import_(args: Args) -> int:
 def identify(args: Args) -> int:
     """Identify the parameters of your axis from a log, a record, or a folder of logs.
 
-    The model is fitted with white and with whitened errors. Dry friction, gravity, a speed filter
-    and similar effects are added if they improve the simulation of held-out pieces of the log.
-    The log of a single axis determines only ratios to k_T, so k_T (and the gear ratio r) keep their
-    values unless you free them. Status 0: the estimates can be used within their standard
-    deviations; status 1: they cannot.
+    The model is fitted twice, with white and with whitened errors. Dry friction, gravity, a speed
+    filter and similar effects are added if they improve the simulation of held-out pieces of the
+    log. The log of a single axis determines the other parameters only relative to k_T, so k_T (and
+    the gear ratio r) keep their values unless you free them. The exit status is 0 if the estimates
+    can be used within their standard deviations, and 1 if not.
 
-    A folder of logs is read in the order of the names. One row of estimates per log goes to a CSV
-    file, with the effect of a covariate and a change of each parameter, if there is one (status 1).
+    The logs of a folder are read in the order of their names. A CSV file gets one row of estimates
+    per log. The report shows the effect of covariates and any change of a parameter. The exit
+    status is 1 if a parameter changed or a log could not be used.
 
     MODEL is one_mass, two_mass, three_mass, or a TOML file of your own (docs/logs.md).
 
@@ -90,8 +90,8 @@ def track(args: Args) -> int:
     """Track parameters along a log of your axis: estimates, residuals, changes, alarms.
 
     `flexaxis identify` writes AXIS.toml. The estimates go to a NetCDF file, and a report names the
-    parameters that changed or drift, with the time. Status 1 if a parameter changed, or if the log
-    does not match the axis: another unit or sign, or another axis.
+    parameters that changed or drift, with the time. The exit status is 1 if a parameter changed, or
+    if the log does not match the axis (another unit or sign, or another axis).
 
     example:
       flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k

@@ -12,17 +12,17 @@ from flexaxis.sim.errors import FlexaxisError
 @command("names", "--base", "--candidate", "--seeds", "--max-seeds", "--margin",
          "--match-std", "--strict", "-o", "--jobs", "--overwrite", "--time-limit")  # fmt: skip
 def compare(args: Args) -> int:
-    r"""Test whether an estimator is better or worse than another, with an exit status.
+    r"""Test whether one estimator is better or worse than another, and set the exit status.
 
-    Both run on the same records, and their scores are compared seed by seed. Two folders of
-    finished runs are compared on their common seeds, if their scenarios and versions agree.
+    Both estimators run on the same records, and their scores are compared seed by seed. Two folders
+    of finished runs are compared on their common seeds, if their scenarios and versions agree.
     docs/gate.md explains the statistics.
 
-    With --match-std both are first tuned to the noise of rpem-forgetting, and only the lag is
-    compared. Both estimators must then have a tuning parameter (docs/scores.md).
+    With --match-std, both estimators are first tuned to the noise of rpem-forgetting, and only the
+    lag is compared. Both must then have a tuning parameter (docs/scores.md).
 
-    exit status: 0 no regression; 1 worse; 2 wrong use; 3 undecided, with --strict or if two or more
-    runs are newly lost, a run newly failed, or runs of the candidate are missing; 70 a crash
+    exit status: 0 no regression; 1 worse; 2 wrong use; 70 a crash; 3 undecided, but only with
+    --strict, or if the candidate loses at least two more runs, fails in more cases, or lacks runs
 
     example:
       flexaxis compare --base old.py:Mine --candidate new.py:Mine
@@ -38,7 +38,7 @@ def compare(args: Args) -> int:
         if not (args.base and args.candidate):
             raise FlexaxisError(
                 "name the estimators with --base E --candidate E, as in `flexaxis compare --base "
-                "rpem-forgetting --candidate glr fm_step`, or two folders of finished runs"
+                "rpem-forgetting --candidate glr fm_step`, or give two folders of finished runs"
             )
         fx.check_names(args.names)
     margins = {}
@@ -47,7 +47,7 @@ def compare(args: Args) -> int:
         try:
             margins[score.strip()] = float(share.removesuffix("%")) / 100
         except ValueError:
-            raise FlexaxisError(f"--margin {text}: give percent, as in lag=2%") from None
+            raise FlexaxisError(f"--margin {text}: write a percentage, as in lag=2%") from None
     result = fx.compare(
         args.base, args.candidate, scenarios=args.names or "gate", runs=runs,
         seeds=args.seeds, max_seeds=args.max_seeds, match_std=args.match_std, margins=margins,
@@ -62,12 +62,14 @@ def compare(args: Args) -> int:
 def tune(args: Args) -> int:
     r"""Find the setting at which an estimator is as noisy as the reference.
 
-    The estimator runs on the nominal axis without a fault, from the true parameters. The reference
-    is rpem-forgetting with default settings. Both must have the same excess prediction error, one
-    number for all parameters. At most 12 settings are tried, from 1/1024 to 1024 times the default.
+    The reference is rpem-forgetting with default settings. The estimator starts at the true
+    parameters and runs on the nominal axis without a fault. Its noise is the excess prediction
+    error, one number for all parameters. The command tries at most 12 settings of the tuning
+    parameter, from 1/1024 to 1024 times the default.
 
-    With --sweep the estimators run at several settings on a scenario with a fault instead: a table
-    and a figure of tracking speed over noise, and the lags at the noise of the reference.
+    With --sweep, the estimators run at several settings on a scenario with a fault instead. The
+    results are a table and a figure of lag against noise, and the lags at the noise of the
+    reference.
 
     example:
       flexaxis tune ekf
@@ -82,9 +84,9 @@ def tune(args: Args) -> int:
     if args.sweep:
         table.plot().savefig(figure := folder / "sweep.svg")
         return answer(args, table.content | {"figure": figure}, 0, table, f"figure: {figure}")
-    match = "{setting} is as noisy as rpem-forgetting: {ratio:.3f} times its {match}."
+    match = "{setting} is as noisy as rpem-forgetting: its {match} is {ratio:.3f} times as large."
     rows = table.to_dict("records")
-    lines = [("{estimator} is not matched: {problem}" if row["problem"] else match).format(**row)
+    lines = [("{estimator} is not tuned: {problem}" if row["problem"] else match).format(**row)
              for row in rows]  # fmt: skip
     return answer(args, {"rows": rows}, int(any(table["problem"])), *lines)
 
@@ -93,11 +95,12 @@ def tune(args: Args) -> int:
 def check(args: Args) -> int:
     """Check that an estimator keeps the rules that its scores rely on.
 
-    The rules concern shapes, finite numbers, step and run, look-ahead, gaps and more. A broken rule
-    is explained, with a hint. The command runs the code of the estimator.
+    The rules concern shapes, finite numbers, step against run, look-ahead, gaps and more. For each
+    broken rule, the command prints the reason for the rule and a hint. It runs the code of the
+    estimator.
 
-    exit status: 0 all rules hold, 1 a rule is broken, 2 it cannot be built, 70 its constructor
-    crashed
+    exit status: 0 all rules hold, 1 a rule is broken, 2 the estimator cannot be constructed, 70 its
+    constructor crashed
 
     example:
       flexaxis check my_estimator.py:Mine
@@ -115,10 +118,10 @@ def check(args: Args) -> int:
 
 @command("path")
 def new(args: Args) -> int:
-    """Write a working template of an own estimator, to be changed.
+    """Write a template for your own estimator, which runs as it is.
 
-    In Python it is a class; in C or GNU Octave a program that answers over a pipe (docs/pipes.md
-    has the protocol, for any other language).
+    In Python, the template is a class. In C and GNU Octave, it is a program that communicates over
+    a pipe; docs/pipes.md describes the protocol for other languages.
 
     example:
       flexaxis new my_estimator.py

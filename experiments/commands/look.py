@@ -1,4 +1,4 @@
-"""Commands to look and to teach: list, show, demo, paper."""
+"""Commands that list, show, teach and reproduce: list, show, demo, paper."""
 
 from collections import Counter
 from itertools import chain
@@ -38,7 +38,7 @@ def list_(args: Args) -> int:
             for row in chain(*content.values())]  # fmt: skip
     width = max((len(name) for name, *_ in rows), default=0)
     lines = [f"{name:<{width}} {' '.join(middle):<6} {text}" for name, *middle, text in rows]
-    lines = lines or [f"nothing has {args.find!r}"]
+    lines = lines or [f"no entry contains {args.find!r}"]
     if len(lines) > MOST and not args.all:
         lines[MOST:] = [f"… {len(lines) - MOST} more: add --all"]
     return answer(args, content, 0, *lines)
@@ -64,12 +64,13 @@ def show(args: Args) -> int:
 def demo(args: Args) -> int:
     """Inject faults into a live axis in the browser, and watch which estimator detects them first.
 
-    Estimator A is the paper's method, B the recommended one. Press "motor friction f_m × 2": the
-    diagram on the right shows the remaining error of both, and the theoretical limit. Pause and
-    step through the fault, change λ, Δ, μ, noise and dry friction, or choose other estimators.
+    Estimator A is the paper's method, estimator B the recommended one. Press "motor friction
+    f_m × 2": the diagram on the right shows the remaining error of both, and the theoretical limit.
+    Pause and step through the fault, change λ, Δ, μ, noise and dry friction, or choose other
+    estimators.
 
-    The page needs no network and is served on this computer only; docs/demo.md explains how to
-    show it to a class.
+    Only this computer can open the page, and it needs no network. docs/demo.md explains how to show
+    it to a class.
 
     example:
       flexaxis demo
@@ -87,8 +88,9 @@ def demo(args: Args) -> int:
 def paper(args: Args) -> int:
     """Reproduce the paper's figures and check its claims.
 
-    The folder gets index.html, claims.json, and fig3 to fig9 as .svg and .png. Exit status 1 if a
-    claim does not hold.
+    The paper is M. Östring and S. Gunnarsson, "Recursive identification of physical parameters in a
+    flexible robot arm". The folder gets index.html, claims.json, and fig3 to fig9 as .svg and .png.
+    The exit status is 1 if a claim does not hold.
 
     example:
       flexaxis paper -o results/paper

@@ -1,4 +1,4 @@
-"""The register of commands, every option of theirs declared once, and how a command answers."""
+"""The register of commands and their options, and the function that prints their results."""
 
 import argparse
 import json
@@ -19,12 +19,12 @@ COMMANDS: dict[str, tuple[Main, tuple[str, ...]]] = {}
 
 
 def command(*options: str) -> Callable[[Main], Main]:
-    """Register a function as the command of its name; its docstring is the help.
+    """Register a function as a command of the same name; its docstring is the help text.
 
     Parameters
     ----------
     *options : str
-        As in `OPTIONS`.
+        Names of the command's options, as in `OPTIONS`.
     """
 
     def register(main: Main) -> Main:
@@ -35,7 +35,7 @@ def command(*options: str) -> Callable[[Main], Main]:
 
 
 def part(text: str) -> tuple[int, int]:
-    """Return the number of a part and of all parts from "I/N"."""
+    """Return the two integers of a shard written as "I/N": its number and the number of shards."""
     number, every = map(int, text.split("/"))
     if not 1 <= number <= every:
         raise ValueError(text)
@@ -45,77 +45,83 @@ def part(text: str) -> tuple[int, int]:
 PATH, SEVERAL = {"type": Path}, {"action": "append", "default": []}
 VALUES = {**SEVERAL, "type": assignment}
 NUMBER, WHOLE, ZERO = {"type": float}, {"type": int}, {"type": int, "default": 0}
-NAMES = "Names of suites and scenarios as in `flexaxis list`, or paths to TOML files"
+NAMES = "Suites and scenarios: names from `flexaxis list`, or paths to TOML files"
 ESTIMATOR = (
-    "Estimator: a name of `flexaxis list estimators`, with options as in ekf[walk=0.1]; your own "
-    "as file.py:Class, module:Class or pipe:COMMAND"
+    "Estimator: a name from `flexaxis list estimators`, optionally with options as in "
+    "ekf[walk=0.1]; or your own, as file.py:Class, module:Class or pipe:COMMAND"
 )
 
 OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
-    "-q": "Print results and errors only (default: progress, too).",
-    "--traceback": "Print where a crash came from (default: one line).",
+    "-q": "Print only results and errors (default: also progress).",
+    "--traceback": "Print the full traceback of a crash (default: one line).",
     "--json": "Print one JSON object on stdout, and nothing else (default: tables and sentences).",
-    # what a command is about
-    "names SUITE|SCENARIO": (f"{NAMES} (required without --from).", {"nargs": "*"}),
+    # inputs
+    "names SUITE|SCENARIO": (f"{NAMES} (required unless --from is given).", {"nargs": "*"}),
     "compare: names SUITE|SCENARIO|RUN": (
-        f"{NAMES} (default: the suite gate); or two folders of finished runs.", {"nargs": "*"},
+        f"{NAMES} (default: the suite gate). Or the folders of two finished runs.", {"nargs": "*"},
     ),
-    "scenario SCENARIO": "Scenario: a catalogue name or a TOML path.",
-    "name SCENARIO|SUITE|ESTIMATOR": "Scenario, suite or estimator: its name, or a TOML path.",
+    "scenario SCENARIO": "Name of a scenario, or path to its TOML file.",
+    "name SCENARIO|SUITE|ESTIMATOR": "Name of a scenario, suite or estimator, or path to a TOML "
+    "file.",
     "kind KIND": (
-        "What to list: scenarios, suites, estimators, or faults, which shows the scenario for each "
-        "physical fault (default: the groups of scenarios, and the suites).",
+        "What to list: scenarios, suites, estimators, or faults (which scenario has which physical "
+        "fault) (default: the groups of scenarios, and the suites).",
         {"nargs": "?", "choices": ("scenarios", "suites", "estimators", "faults")},
     ),
-    "file STUDY.toml": ("Definition of the study; docs/studies.md has every key.", PATH),
-    "record RECORD.nc": ("Record, as simulate or import writes it.", PATH),
-    "folder DIR": ("Folder of a run or a study.", PATH),
+    "file STUDY.toml": ("TOML file that defines the study; docs/studies.md lists all keys.", PATH),
+    "record RECORD.nc": ("Record that `flexaxis simulate` or `flexaxis import` wrote.", PATH),
+    "folder DIR": ("Results folder of a run or a study.", PATH),
     "path FILE.py|c|m": ("File to write: Python (.py), C (.c) or GNU Octave (.m).", PATH),
     "estimator ESTIMATOR": f"{ESTIMATOR}.",
     "estimators ESTIMATOR": (
-        "Estimators with a tuning parameter (default: all registered ones).", {"nargs": "*"},
+        "Estimators to tune (default: all registered ones with a tuning parameter).",
+        {"nargs": "*"},
     ),
     "log LOG|REC.nc": ("Log (CSV, MAT, HDF5 or NetCDF), or record.", PATH),
     "identify: log LOG|REC.nc|FOLDER": ("Log, record, or folder of logs.", PATH),
     "lesson LESSON.toml": (
-        "TOML file of timed actions that replace clicks (default: none).",
+        "TOML file with timed actions that replace clicks (default: none).",
         {"nargs": "?", **PATH},
     ),
     # which runs
-    "--estimator E": (f"{ESTIMATOR}; repeat it for several (default: those of the suite).",
-                      SEVERAL),
+    "--estimator E": (f"{ESTIMATOR}. Repeat the option for several estimators (default: the "
+                      "estimators of the suite).", SEVERAL),
     "estimate: --estimator E": (f"{ESTIMATOR} (default: %(default)s).",
                                 {"default": "rpem-forgetting"}),
     "track: --estimator E": f"{ESTIMATOR} (default: ekf, or glr for an axis with dry friction).",
-    "demo: --estimator E": (f"{ESTIMATOR}; give two, which run on the same data (default: those of "
-                            "the lesson, else rpem-forgetting and glr).", SEVERAL),
+    "demo: --estimator E": (f"{ESTIMATOR}. Give the option twice; both estimators run on the same "
+                            "data (default: the estimators of the lesson, else rpem-forgetting and "
+                            "glr).", SEVERAL),
     "--base E": "Estimator to compare with, such as old.py:Mine.",
     "--candidate E": "Estimator to judge, such as new.py:Mine.",
-    "--seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1; tune on 0 to 99, report on 1000 "
-    "to 4999 (default: the number of the suite, 8 for single scenarios).",
-    "compare: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: the number of "
-    "the suite, 32 for single scenarios; all common ones of finished runs).",
-    "tune: --seeds N|A:B": "Seeds: N of them from 1000 on, or A to B-1 (default: 0:16).",
-    "--sample N": ("Run only N cases, spread over all (default: all).", ZERO),
-    "--seed N": ("Random seed: the same number gives the same run (default: 0).", ZERO),
-    "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's, or 0).", WHOLE),
-    # how they are run
+    "--seeds N|A:B": "Seeds: N seeds from 1000 on, or seeds A to B-1. Tune on 0 to 99, report on "
+    "1000 to 4999 (default: the number of the suite, 8 for single scenarios).",
+    "compare: --seeds N|A:B": "Seeds: N seeds from 1000 on, or seeds A to B-1 (default: the number "
+    "of the suite, 32 for single scenarios, all common seeds of two finished runs).",
+    "tune: --seeds N|A:B": "Seeds: N seeds from 1000 on, or seeds A to B-1 (default: 0:16).",
+    "--sample N": ("Run only N cases, spread evenly over all cases (default: run all).", ZERO),
+    "--seed N": ("Random seed: the same seed gives the same run (default: 0).", ZERO),
+    "demo: --seed N": ("Random seed of excitation and noise (default: the lesson's seed, or 0).",
+                       WHOLE),
+    # how to run
     "--jobs N": ("Number of worker processes; results do not depend on it (default: one per core, "
                  "here %(default)s).", {"type": int, "default": os.cpu_count() or 1}),
     "--dask ADDRESS": "Address of the scheduler of a Dask cluster that runs the cases (default: "
     "processes on this machine).",
-    "--shard I/N": ("Run only part I of N; --from merges the parts (default: 1/1).",
-                    {"type": part, "default": (1, 1)}),
-    "--from DIR": ("Merge finished shards into the folder of -o, and report (default: run).",
-                   {"dest": "shards", "nargs": "+", **PATH}),
-    "--overwrite": "Remove what the folder holds first (default: keep it, and run what is "
-    "missing).",
-    "--time-limit S": ("Longest time of one run of your own code [s] (default: 600).", NUMBER),
-    "--dry-run": "Print the variants, the time on this machine and the disk space, and stop "
+    "--shard I/N": ("Run only shard I of N; `flexaxis run --from` merges finished shards (default: "
+                    "1/1).", {"type": part, "default": (1, 1)}),
+    "--from DIR": ("Folders of finished shards to merge into the folder of -o, instead of running "
+                   "anything (default: none).", {"dest": "shards", "nargs": "+", **PATH}),
+    "--overwrite": "Delete the old contents of the folder first (default: keep them, and run only "
+    "missing cases).",
+    "--time-limit S": ("Time limit for one run of your own code [s] (default: 600).", NUMBER),
+    "--dry-run": "Print the variants, the estimated time and the disk space, and run nothing "
     "(default: run).",
     # what to list
-    "--group GROUP": ("Only scenarios of a group, such as steps (default: all).", {"default": ""}),
-    "--find TEXT": ("Only lines with this text (default: all).", {"default": ""}),
+    "--group GROUP": ("List only one group of scenarios, such as steps (default: all groups).",
+                      {"default": ""}),
+    "--find TEXT": ("List only entries that contain this text (default: all entries).",
+                    {"default": ""}),
     "--all": "Print all lines (default: at most 60).",
     # how to judge
     "--max-seeds N": ("Add seeds up to N while the verdict is undecided (default: add none).",
@@ -124,46 +130,50 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         "Relative change of a score that does not matter; scores are lag, std, t10, std_after, "
         "cross_talk and excess (default: lag=2%%,std=2%%).", {"default": ""},
     ),
-    "--match-std": "Tune both to the same noise first, and compare the lag alone (default: compare "
-    "them as they are).",
-    "--strict": "Exit with status 3 if the verdict is undecided (default: 0).",
-    "--sweep SCENARIO": ("Run several settings of each estimator on this scenario; repeat it for "
-                         "several (default: match the noise instead).", SEVERAL),
-    "--save FILE.toml": ("Write the settings to this file, too (default: print them).", PATH),
+    "--match-std": "Tune both estimators to the same noise first, and compare only the lag "
+    "(default: compare them as they are).",
+    "--strict": "Exit with status 3 if the verdict is undecided (default: usually 0, see above).",
+    "--sweep SCENARIO": ("Run several settings of each estimator on this scenario, instead of "
+                         "tuning; repeat the option for several scenarios (default: tune).",
+                         SEVERAL),
+    "--save FILE.toml": ("Also write the settings to this file (default: only print them).", PATH),
     # logs of a real axis
     "--model MODEL": ("Model: one_mass, two_mass, three_mass, or a TOML file (default: "
                       "%(default)s).", {"default": "two_mass"}),
-    "track: --model AXIS.toml": ("Axis, as identify wrote it.", {"required": True}),
-    "--free PARAMETER": ("Identify this parameter; repeat it for several (default: all that the "
-                         "log determines).", SEVERAL),
-    "--fix PARAMETER[=VALUE]": ("Hold this parameter at a value [SI]; repeat it for several "
-                                "(default: hold none; VALUE: its start value).", VALUES),
-    "identify: --start PARAMETER=VALUE": ("Start the search here [SI]; repeat it for several "
-                                          "(default: found from the log).", VALUES),
+    "track: --model AXIS.toml": ("Axis file that `flexaxis identify` wrote.", {"required": True}),
+    "--free PARAMETER": ("Identify only this parameter; repeat the option for several (default: "
+                         "all parameters that the log determines).", SEVERAL),
+    "--fix PARAMETER[=VALUE]": ("Hold this parameter at VALUE [SI], or at its start value; repeat "
+                                "the option for several (default: hold none).", VALUES),
+    "identify: --start PARAMETER=VALUE": ("Start value of a parameter for the search [SI]; repeat "
+                                          "the option for several (default: estimated from the "
+                                          "log).", VALUES),
     "track: --start F": ("Initial estimate as a multiple of the identified value; tests "
                          "convergence (default: 1).", {"type": float, "default": 1.0}),
     "--delay S": ("Known delay of the torque [s] (default: identified).", NUMBER),
     "--friction LAW": (
-        "Law of dry friction of the motor: none, coulomb or stribeck (default: auto, which chooses "
-        "by simulating held-out pieces).", {"default": "auto"},
+        "Dry friction of the motor: none, coulomb or stribeck (default: auto, which chooses the "
+        "one that simulates held-out pieces of the log best).", {"default": "auto"},
     ),
-    "--gravity LAW": ("Gravity torque, sine and cosine of the angle: none or sine (default: auto, "
-                      "which adds it if the log shows it).", {"default": "auto"}),
-    "--highpass HZ": ("Ignore residuals below this frequency [Hz] (default: found from the log).",
+    "--gravity LAW": ("Gravity torque: none, or sine (sine and cosine of the angle) (default: "
+                      "auto, which adds it if the log shows it).", {"default": "auto"}),
+    "--highpass HZ": ("Ignore residuals below this frequency [Hz] (default: chosen from the log).",
                       NUMBER),
-    "--validate OTHER": ("Simulate and predict another log with the result (default: none).", PATH),
+    "--validate OTHER": ("Another log, which the identified model simulates and predicts (default: "
+                         "none).", PATH),
     "--identify PARAMETER": (
-        "Parameter to track, or its inverse such as 1/J_l; several as 1/J_l,k or by repeating it.",
-        {"required": True, **SEVERAL},
+        "Parameter to track, or its inverse, such as 1/J_l; for several, write 1/J_l,k or repeat "
+        "the option.", {"required": True, **SEVERAL},
     ),
-    "--covariate NAME": ("Column whose mean may explain the estimates of a folder of logs; repeat "
-                         "it for several (default: none).", SEVERAL),
-    "--false-alarms P": ("False-alarm probability for a folder of logs (default: 0.01).",
-                         {"type": float, "default": 0.01}),
+    "--covariate NAME": ("Column with a quantity, such as a temperature, that may explain the "
+                         "estimates of a folder of logs; repeat the option for several (default: "
+                         "none).", SEVERAL),
+    "--false-alarms P": ("Probability of reporting a change in a folder of logs if there is none "
+                         "(default: 0.01).", {"type": float, "default": 0.01}),
     # the live axis
-    "--port N": ("Port of the page (default: 8080, or the next free one).", WHOLE),
-    "--no-browser": "Print the address only (default: open a browser).",
-    # where to
+    "--port N": ("Port of the page (default: 8080, or the next free port).", WHOLE),
+    "--no-browser": "Print only the address of the page (default: open a browser).",
+    # outputs
     "-o PATH": "File or folder to write (default: a name beside the input).",
     "run: -o DIR": "Folder for rows, summary and report (default: results/NAME).",
     "study: -o DIR": "Folder for rows and report (default: results/NAME).",
@@ -172,16 +182,17 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     "simulate: -o FILE": "File for the record or log (default: SCENARIO-SEED.nc or .csv).",
     "estimate: -o FILE": "File for the estimates (default: RECORD-estimates.nc).",
     "import: -o REC.nc": "File for the record (default: LOG-imported.nc).",
-    "identify: -o AXIS.toml": "File for the axis (default: LOG-axis.toml; of a folder, "
-                               "FOLDER-estimates.csv).",
+    "identify: -o AXIS.toml": "File for the axis, or for the table of a folder (default: "
+                               "LOG-axis.toml, or FOLDER-estimates.csv).",
     "track: -o EST.nc": "File for the estimates (default: LOG-track.nc).",
     "paper: -o DIR": "Folder for figures and claims (default: results/paper).",
     **LOG_OPTIONS,
 }  # fmt: skip
-"""Every option: its name and what it takes, then its help, and keywords of `add_argument`.
+"""Every option: the key has its name and metavar; the value has its help, and optionally keywords
+for `add_argument`.
 
-An option that takes nothing is a flag. One that begins with "track: " is that of `track`, and goes
-before one of all commands. A help is a sentence with unit and default.
+An option without a metavar is a flag. A key with a prefix such as "track: " is for that command
+only, and takes precedence over the key without a prefix. A help text states unit and default.
 """
 
 
@@ -203,17 +214,17 @@ def add_options(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: object) -> int:
-    """Print the result of a command, as lines or with ``--json`` as one object.
+    """Print the result of a command as lines, or as one JSON object with ``--json``.
 
     Parameters
     ----------
     args : Args
     content : mapping
-        The result as JSON; what is not finite becomes null.
+        The result for ``--json``; numbers that are not finite become null.
     status : int
-        Exit status, which is returned.
+        Exit status, which the function returns.
     *lines : object
-        The result in words.
+        The result as text, one line or block each.
     """
     if args.json:
         head = {"flexaxis": version("flexaxis"), "command": args.command, "status": status,
@@ -223,11 +234,11 @@ def answer(args: Args, content: Mapping[str, Any], status: int = 0, *lines: obje
         lines = (json.dumps(finite, ensure_ascii=False),)
     try:
         print(*lines, sep="\n", flush=True)
-    except BrokenPipeError:  # the reader has seen enough, as with `| head`
+    except BrokenPipeError:  # the reader has closed the pipe, as `| head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     return status
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON has for an array, a number of NumPy or a path."""
+    """Return an array, a NumPy number or a path as a value that JSON can represent."""
     return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -12,7 +12,7 @@ ENGINE = ("-o", "--jobs", "--dask", "--shard", "--overwrite", "--time-limit")
 
 
 def work(args: Args) -> dict[str, Any]:
-    """Return how cases are run, as for `fx.benchmark`."""
+    """Return the options that say how cases run, as keywords of `fx.benchmark`."""
     names = ("jobs", "dask", "shard", "overwrite", "time_limit")
     return {name: getattr(args, name) for name in names if name in args}
 
@@ -21,14 +21,15 @@ def work(args: Args) -> dict[str, Any]:
 def run(args: Args) -> int:
     r"""Run estimators on scenarios over many seeds, score them, and write a report.
 
-    SUITE and SCENARIO are names of `flexaxis list`, or paths to TOML files. Without --estimator the
-    estimators of the suite run (those of smoke if only scenarios are named). The folder gets
-    scores.sqlite and scores.csv (a row for each scenario, estimator, seed and parameter),
+    SUITE and SCENARIO are names from `flexaxis list`, or paths to TOML files. Without --estimator,
+    the estimators of the suite run (the estimators of smoke if you name only scenarios). The
+    folder gets scores.sqlite and scores.csv (one row per scenario, estimator, seed and parameter),
     summary.json and report.html. The command runs the code of your own estimators.
 
-    Results are stored while the command runs. The folder keeps its rows, and only missing cases
-    run: after Ctrl-C, a kill or a full disk, the same command resumes. If a case fails, its row
-    holds the error and the other cases continue; the exit status is then 1, or 70 after a crash.
+    A case is one estimator on one record. The command stores each result at once, and the same
+    command runs only missing cases: it resumes after Ctrl-C, a kill or a full disk. If a case
+    fails, its row holds the error and the other cases continue; the exit status is then 1, or 70
+    after a crash.
 
     example:
       flexaxis run smoke
@@ -39,7 +40,7 @@ def run(args: Args) -> int:
     """
     if args.shards:
         if args.output is None:
-            raise FlexaxisError("--from: name the folder of the whole with -o DIR")
+            raise FlexaxisError("--from needs a folder for the merged results: add -o DIR")
         check_not_input(args.shards, args.output)
         fx.merge(args.shards, args.output, jobs=args.jobs, overwrite=args.overwrite)
         return _results(args, fx.load(args.output))
@@ -57,7 +58,7 @@ def run(args: Args) -> int:
 
 @command("file", "--dry-run", *ENGINE)
 def study(args: Args) -> int:
-    r"""Sweep keys of scenarios, faults and estimators over many seeds, resumable.
+    r"""Run a study, which sweeps keys of scenarios, faults and estimators over many seeds.
 
     STUDY.toml names scenarios, estimators and seeds, and the values to sweep:
 
@@ -65,13 +66,14 @@ def study(args: Args) -> int:
       estimators = ["rpem-forgetting", "glr"]
       seeds = 60
       [sweep]
-      "fault[0].factor" = [1.1, 1.5, 2.0, 3.0]      # a key of the scenario, of its faults too
-      "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option of one ("estimator.X": of all)
+      "fault[0].factor" = [1.1, 1.5, 2.0, 3.0]      # a key of the scenario or of its faults
+      "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option ("estimator.X": of all estimators)
 
-    Results are stored while the command runs. The same command runs only missing cases, also after
-    you have added estimators, seeds or values to the file. If a case fails, its row holds the
-    error; the exit status is then 1, or 70 after a crash. Except in a dry run, the command runs
-    the code that the file names: use only files that you trust.
+    A case is one estimator on one record. The command stores each result at once, and the same
+    command runs only missing cases, also after you have added estimators, seeds or values to the
+    file. If a case fails, its row holds the error; the exit status is then 1, or 70 after a crash.
+    Except in a dry run, the command runs the code that the file names: use only files that you
+    trust.
 
     example:
       flexaxis study docs/examples/friction_steps.toml --dry-run
@@ -96,12 +98,12 @@ def study(args: Args) -> int:
 
 
 def _results(args: Args, results: Any) -> int:
-    """Print scores, failures and the path of the report."""
+    """Print the scores, the failures and the path of the report."""
     from flexaxis.experiments.reporting.terminal import run_text
 
     whole, lines = args.shard == (1, 1), results.problems
     missing, path = results.missing * whole, results.folder / (REPORT * whole)
-    lines += [f"{missing} cases are in no shard"] * bool(missing)
+    lines += [f"{missing} cases are missing: no shard contains them"] * bool(missing)
     crashed = results.failures["error"].str.startswith("EstimatorCrash").any()
     status = 70 if crashed else int(bool(lines))
     content, text = {"rows": results.pooled()}, results
@@ -125,11 +127,12 @@ def report(args: Args) -> int:
 
 @command("folder", "--sample", "--jobs", "--time-limit")
 def rerun(args: Args) -> int:
-    """Run cases of a folder again, such as one of somebody else, and compare their scores.
+    """Run cases of a results folder again, and compare the new scores with the stored ones.
 
-    The folder stays as it is. Code that its estimators name is run: it must be at the same place.
+    Use it to check results, also somebody else's. The command does not change the folder. It runs
+    the code of your own estimators, which must be where it was.
 
-    exit status: 0 if no score differs by more than 1e-6 of its value, 1 if one does
+    exit status: 0 if all scores agree to a relative 1e-6, 1 if one differs more
 
     example:
       flexaxis rerun results/smoke --sample 20
@@ -138,8 +141,8 @@ def rerun(args: Args) -> int:
     rows = fx.load(args.folder).rerun(args.sample, **work(args))
     worst = rows.loc[rows["difference"].idxmax()].to_dict()
     text = "{difference:.1g} ({score} of {parameter}, {estimator} on {scenario}, seed {seed})"
-    words = f"{len(rows)} rows again: the largest relative difference is {text.format(**worst)}."
-    status = int(worst["difference"] > 1e-6)  # another computer rounds otherwise
+    words = f"{len(rows)} rows compared: the largest relative difference is {text.format(**worst)}."
+    status = int(worst["difference"] > 1e-6)  # rounding differs between computers
     return answer(args, {"rows": rows.to_dict("records"), "worst": worst}, status, words)
 
 
@@ -148,8 +151,9 @@ def rerun(args: Args) -> int:
 def simulate(args: Args) -> int:
     """Simulate a scenario and save the record: measured signals and true values.
 
-    With --as-log, save it as the log of a robot instead: without true values, in other units, with
-    a coarse clock and gaps as you like. Use such a log to practise `import` and `identify`.
+    With --as-log, the command writes a log instead, as a robot would: without true values, and
+    optionally with other units, a jittering clock and gaps. Use such a log to practise `import` and
+    `identify`.
 
     example:
       flexaxis simulate fm_step --seed 0 -o rec.nc
@@ -163,9 +167,9 @@ def simulate(args: Args) -> int:
     style, ending = LogStyle(units, args.jitter, args.gaps, args.counts or 0), args.as_log or "nc"
     path = args.output or Path(f"{Path(args.scenario).stem}-{args.seed}.{ending}")
     if style != LogStyle() and not args.as_log:
-        raise FlexaxisError("--units, --jitter, --gaps and --counts are for a log: add --as-log")
+        raise FlexaxisError("--units, --jitter, --gaps and --counts apply to logs: add --as-log")
     if path.suffix != f".{ending}":
-        raise FlexaxisError(f"-o {path}: give a name that ends in .{ending}")
+        raise FlexaxisError(f"-o {path}: use a name that ends in .{ending}")
     check_not_input([args.scenario], path)
     record = fx.simulate(args.scenario, seed=args.seed)
     content = {"path": path, "hash": record.hash}
@@ -174,15 +178,15 @@ def simulate(args: Args) -> int:
         return answer(args, content, 0, path)
     record.save_log(path, style)
     line = f"flexaxis import '{path}' --torque-is held"
-    return answer(args, content | {"import": line}, 0, f"import it by: {line}", path)
+    return answer(args, content | {"import": line}, 0, f"To import it: {line}", path)
 
 
 @command("record", "--estimator", "-o")
 def estimate(args: Args) -> int:
     """Run an estimator on a record and save the estimates over time.
 
-    The estimator knows the nominal parameters and the period; which parameters it identifies and
-    what it reads is in the record's scenario.
+    The record's scenario gives the estimator the nominal parameters and the period, and determines
+    which parameters it identifies and which signal it reads.
 
     example:
       flexaxis estimate rec.nc --estimator rpem-forgetting -o est.nc
@@ -198,5 +202,5 @@ def estimate(args: Args) -> int:
     errors = result.table["error [%]"].dropna()
     words = ", ".join(f"{name} {error:+.2f} %" for name, error in errors.items())
     content = {"path": path, "estimator": result.estimator, **result.table.to_dict()}
-    end = f"At the end {result.estimator} is off by: {words or 'unknown, the record has no truth'}."
+    end = f"Final error of {result.estimator}: {words or 'unknown, the record has no true values'}."
     return answer(args, content, 0, result.table, end, path)

@@ -190,7 +190,10 @@ def test_the_list_shows_groups_first_and_one_line_each(capsys):
     assert len(lines) == 61 and "--all" in lines[-1]
     names = [line.split()[0] for line in lines[:-1]]
     assert len(set(names)) == len(names) and not any(name.endswith("-v2") for name in names)
-    assert "nothing has 'no such thing'" in flexaxis(capsys, "list", "--find", "no such thing")[1]
+    assert (
+        "no entry contains 'no such thing'"
+        in flexaxis(capsys, "list", "--find", "no such thing")[1]
+    )
     told = json.loads(flexaxis(capsys, "list", "--json")[1])
     assert "fm_step-v1" in {row["name"] for row in told["scenarios"]}
     assert "glr" in {row["name"] for row in told["estimators"]}
@@ -232,7 +235,7 @@ def test_simulate_then_estimate(capsys, short_toml, tmp_path):
         assert told["last"]["k_T"] == file["theta"][-1, 0]
     status, out, _ = flexaxis(capsys, "estimate", record, "--estimator", "frozen")
     *_, sentence, path = out.splitlines()
-    assert "frozen is off by: " in sentence and "f_m -33.33 %" in sentence
+    assert "Final error of frozen: " in sentence and "f_m -33.33 %" in sentence
     assert path == str(tmp_path / "rec-estimates.nc")
     record.write_bytes(record.read_bytes()[:5000])
     status, _, err = flexaxis(capsys, "estimate", record)
@@ -261,9 +264,9 @@ def test_a_benchmark_from_the_command_line_to_its_artefacts(capsys, short_toml, 
     assert told["report"] == f"{whole}/report.html" == f"{whole / 'report.html'}"
     assert (whole / "report.html").read_bytes() == page
     status, out, _ = flexaxis(capsys, "run", "--from", parts[0], "-o", tmp_path / "half")
-    assert status == 1 and "2 cases are in no shard" in out
+    assert status == 1 and "2 cases are missing: no shard contains them" in out
     status, out, _ = flexaxis(capsys, "rerun", whole, "--sample", 2, "--jobs", 1)
-    assert status == 0 and "6 rows again: the largest relative difference is 0 " in out
+    assert status == 0 and "6 rows compared: the largest relative difference is 0 " in out
     with sqlite3.connect(whole / "scores.sqlite") as rows:
         rows.execute("UPDATE cases SET numbers = (SELECT numbers FROM cases WHERE seed = 1000)")
     status, out, _ = flexaxis(capsys, "rerun", whole, "--jobs", 1)
