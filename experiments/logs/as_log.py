@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.files import new_file
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.units import SI, UNITS
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.record import Record

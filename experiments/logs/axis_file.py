@@ -17,7 +17,7 @@ from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.files import write_text
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 from flexaxis.sim.conflicts import explain
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.files import read_toml, toml_text

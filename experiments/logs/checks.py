@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.mapping import Raw
 from flexaxis.experiments.logs.prepare import (
     LONGEST,

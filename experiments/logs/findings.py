@@ -1,4 +1,4 @@
-"""Findings: how grave one is, its words, and what to type against it."""
+"""Findings on a log: their weight, their words and what to type; and the error of a useless log."""
 
 from __future__ import annotations
 
@@ -6,10 +6,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+from flexaxis.sim.errors import FlexaxisError
+
 ROUNDING = 1e-6  # of whatever unit a value has: less is that of numbers in a computer
 Kind = Literal["problem", "note", "info", "ok"]
 MARKS: dict[Kind, str] = {"problem": "✗", "note": "!", "info": "·", "ok": "✓"}
 """Marks of kinds, in the order of their weight."""
+
+
+class LogError(FlexaxisError):
+    """A log cannot be read or used; the message gives the reason and the next step."""
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.model import Model
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import changes_in
-from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.findings import Finding, texts_of
+from flexaxis.experiments.logs.findings import Finding, LogError, texts_of
 from flexaxis.experiments.logs.fit import Answer, answer
 from flexaxis.experiments.logs.search import FRICTION, Search, Tried
 from flexaxis.experiments.logs.setup import Setup

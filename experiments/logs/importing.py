@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.experiments.logs.checks import Evidence, examine, refuse_nonsense, torque_kind
-from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.mapping import mapping_from, pick
 from flexaxis.experiments.logs.prepare import Prepared, on_clock, prepare, without_interpolation
 from flexaxis.experiments.logs.read import open_log

@@ -13,8 +13,7 @@ import pandas as pd
 
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Explained, explain
-from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.fit import deviations_of
 from flexaxis.experiments.logs.identify import free_names, identify
 from flexaxis.experiments.logs.importing import import_any

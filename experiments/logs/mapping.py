@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.read import Log
 from flexaxis.experiments.logs.units import COUNTS, ENDINGS, SI, UNITS, WORDS, spelt
 from flexaxis.sim.conflicts import explain

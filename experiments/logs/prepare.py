@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.mapping import Raw
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from flexaxis.estimators.models.axes import BRISTLES, STATIC
 from flexaxis.estimators.offline.inverse import inverse_dynamics
 from flexaxis.estimators.offline.prediction_error import damped_step
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.fit import SURE, Candidate, candidate
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import columns_beside

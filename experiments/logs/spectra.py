@@ -14,7 +14,7 @@ from flexaxis.estimators.models.axes import MODELS, Traits
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.estimators.signals import SIGNALS
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 
 Array = NDArray[np.float64]
 

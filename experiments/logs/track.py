@@ -20,8 +20,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change, changes_along
-from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.signals import log_of
 from flexaxis.experiments.logs.verdict import correlation, validate
 from flexaxis.experiments.running.estimate import run_on, write_estimates

@@ -12,8 +12,7 @@ from scipy.signal import correlate
 from flexaxis.estimators.offline.colour import Colour
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change
-from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.fit import Answer, Candidate
 from flexaxis.experiments.logs.search import Search
 from flexaxis.experiments.logs.setup import Setup

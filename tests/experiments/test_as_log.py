@@ -9,7 +9,7 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.as_log import LONGEST_GAP, LogStyle, logged, write_log
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.sim.record import load_record
 from flexaxis.sim.scenario import load_scenario

@@ -6,8 +6,7 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from flexaxis.experiments.logs.checks import outliers
-from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.importing import import_any, import_log
 from flexaxis.experiments.logs.prepare import rhythm, unwrapped
 

@@ -9,7 +9,7 @@ from identify_axes import VALUES, log
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.identify import identify
 from flexaxis.experiments.logs.track import track
 from flexaxis.experiments.logs.verdict import Fit, validate

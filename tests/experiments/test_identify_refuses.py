@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.identify import _check_rate, identify
 from flexaxis.sim.record import Record
 

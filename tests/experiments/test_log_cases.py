@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.identify import identify
 from flexaxis.experiments.logs.importing import import_log
 

@@ -8,7 +8,7 @@ import pytest
 import scipy.io
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.mapping import load_mapping, mapping_from, pick
 from flexaxis.experiments.logs.read import LARGEST, open_log
