@@ -1,7 +1,7 @@
-"""The plants as data: MJCF models and the sources of their numbers.
+"""Plants as data: MJCF models and the sources of their parameter values.
 
-Each model has a folder with its MJCF, a README, and other parameter sets as TOML with a source for
-each number. `sim` asks for a model by name and gets the MJCF text and the other files.
+Each model has a folder with its MJCF, a README, and further parameter sets as TOML with a source
+for each value. `model_files` returns the MJCF text and the other files of a model by name.
 """
 
 from __future__ import annotations
@@ -13,25 +13,24 @@ from importlib.resources import files
 from xml.etree.ElementTree import canonicalize
 
 DEFAULT = "three_mass"
-"""The axis of the paper, which a scenario has that names no model."""
+"""The paper's axis, the default model of a scenario."""
 
 _FOUND = {f.name for f in files(__package__).iterdir() if (f / f"{f.name}.xml").is_file()}
 MODEL_NAMES = (DEFAULT, *sorted(_FOUND - {DEFAULT}))
-"""The models: each a folder beside this file with an MJCF of its name."""
+"""Names of the models; each is a folder beside this file with an MJCF of the same name."""
 
 SHIPPED = {
     "three_mass": "29c0e25cfb28f417",
     "two_mass": "54100381ce3d6dc7",
 }
-"""Digests of the models as they were first published: what was simulated with another is told apart
-by the hash of its scenario."""
+"""Digests of the models as first published. A scenario with a changed model has another hash."""
 
 
 @cache
 def model_digest(name: str) -> str:
-    """Return 16 hex digits of what a model's MJCF says; errors as from `model_files`.
+    """Return a digest (16 hex digits) of a model's MJCF; errors as from `model_files`.
 
-    Comments, blanks and ends of lines, which differ between systems, are no part of it.
+    The digest does not depend on comments, blanks or line endings.
     """
     meant = canonicalize(model_files(name)[0], strip_text=True)
     return sha256(meant.encode()).hexdigest()[:16]
@@ -50,7 +49,7 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
     xml : str
         The MJCF text of ``name/name.xml``.
     assets : dict of str to bytes
-        Every file of the model's folder by name, as MuJoCo wants them for an ``<include>``.
+        All files of the model's folder by name, in the form that MuJoCo needs for ``<include>``.
 
     Raises
     ------
@@ -67,7 +66,7 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
         near = get_close_matches(name, MODEL_NAMES, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"unknown model {name!r}; models are {', '.join(MODEL_NAMES)}.{hint}")
-    # Read through the import system, so that it also works from a wheel or a zip file.
+    # Read through the import system, which also works from a wheel or a zip file.
     folder = files(__package__) / name
     assets = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
     return assets[f"{name}.xml"].decode(), assets

@@ -2,6 +2,6 @@
 
 `scenario` defines a run, `simulate` runs it for a batch of seeds, and `record` holds the result:
 measured torque and motion, and the true values. `tables` holds the parts of a scenario, `conflicts`
-checks them, `plant` holds MuJoCo and the loop, `files` reads and writes. Nothing here imports an
-estimator.
+checks them, `plant` contains the MuJoCo model and the control loop, and `files` reads and writes
+files. This package imports no estimator.
 """

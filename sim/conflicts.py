@@ -1,4 +1,4 @@
-"""Check a scenario and report every mistake: single keys first, then conflicts between keys."""
+"""Check a scenario and report every mistake: first in single keys, then conflicts between keys."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ if TYPE_CHECKING:
     from flexaxis.sim.scenario import Scenario
 
 Problem = tuple[str, str]
-"""Key, such as ``fault[0].at``, and what is wrong with it."""
+"""Key, such as ``fault[0].at``, and the message about it."""
 
 OF_THE_GEAR = ("backlash", "stiffening", "gear_friction", "load_friction")
-"""Tables that act on the spring of the gear."""
+"""Tables that act on the gear spring."""
 
 _KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}
 
-# Where pydantic speaks Python, TOML's words.
+# TOML terms for pydantic's messages that use Python terms.
 _WORDS = {
     "dict_type": "must be a table",
     "model_type": "must be a table",
@@ -48,27 +48,27 @@ _WORDS = {
     "tuple_type": "must be an array",
     "list_type": "must be an array",
     "too_short": "must have at least one entry",
-    "string_pattern_mismatch": "must be one word, without blanks, slashes and unseen characters",
+    "string_pattern_mismatch": "must be one word, without blanks, slashes or control characters",
 }
 
 
 def problems(error: ValidationError, content: Mapping[str, Any], top: type[Scenario]) -> list[str]:
-    """Return all that is wrong with a scenario, a line each.
+    """Return one line for each problem of a scenario.
 
-    What conflicts is looked for in the keys that are right by themselves.
+    Only keys that are individually valid are checked for conflicts.
     """
     lines = [f"{key}: {text}" for key, text in explain(error, top)]
     if not lines:
         return _conflict_lines(error)
     wrong = {_place(item["loc"]) for item in error.errors()}
     right = {key: value for key, value in content.items() if (key,) not in wrong}
-    kept = {}  # of arrays of tables, the entries that are right
+    kept = {}  # indices of the valid entries in arrays of tables
     for key in ("fault", "nuisance"):
         if key in right:
             kept[key] = [i for i in range(len(right[key])) if (key, i) not in wrong]
             right[key] = [right[key][i] for i in kept[key]]
     try:
-        if ("model",) not in wrong:  # on which the names of all parameters depend
+        if ("model",) not in wrong:  # the names of all parameters depend on the model
             top.model_validate({"name": "x", "duration": 86400.0} | right)
     except ValidationError as more:
         for line in _conflict_lines(more):
@@ -79,25 +79,28 @@ def problems(error: ValidationError, content: Mapping[str, Any], top: type[Scena
 
 
 def _place(loc: Sequence[int | str]) -> tuple[int | str, ...]:
-    """Return the key at the top that an error is in, with the number of an entry of an array."""
+    """Return the top-level key of an error, with the index of the entry for an array of tables."""
     return tuple(loc[: 2 if loc[0] in {"fault", "nuisance"} else 1])
 
 
 def _conflict_lines(error: ValidationError) -> list[str]:
-    """Return what `Scenario` raised about its keys together."""
+    """Return the lines that `Scenario` raised about conflicts between its keys."""
     errors = [item["ctx"]["error"] for item in error.errors() if not item["loc"]]
     return [line for each in errors for line in str(each).splitlines()]
 
 
 def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
-    """Yield what pydantic found wrong with single keys of a table of type `top`."""
+    """Yield pydantic's errors for individual keys of a table of type `top`."""
     for item in error.errors():
         if item["loc"]:
             yield _key(item["loc"]), _text(item, top)
 
 
 def _key(loc: Iterable[int | str]) -> str:
-    """Return ``fault[0].at`` for the place ``("fault", 0, "step", "at")``."""
+    """Return the dotted key of a pydantic location: ``fault[0].at`` for ("fault", 0, "step", "at").
+
+    The `kind` of a table, here "step", is left out.
+    """
     key = ""
     for part in loc:
         if isinstance(part, int):
@@ -126,18 +129,18 @@ def _text(item: Any, top: type[BaseModel]) -> str:
 
 
 def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
-    """Return the keys of the table at a place such as ``["fault", "step"]``."""
+    """Return the keys of the table at a location such as ``["fault", "step"]``."""
     if not words:
         return top.model_fields
     if words[0] in _KINDS:
         return _KINDS[words[0]][words[1]].model_fields
     annotation = top.model_fields[words[0]].annotation
-    table = next(iter(get_args(annotation)), annotation)  # one that may be None is a union
+    table = next(iter(get_args(annotation)), annotation)  # an optional table is a union
     return table.model_fields if isinstance(table, type) and issubclass(table, BaseModel) else ()
 
 
 def conflicts(scenario: Scenario) -> Iterator[Problem]:
-    """Yield values of the right type that do not go together, or not with this plant."""
+    """Yield values of the right type that contradict each other or do not fit this plant."""
     yield from _rate_problems(scenario)
     yield from _axis_problems(scenario)
     yield from estimated_problems(scenario.identify, scenario)
@@ -146,7 +149,7 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
             yield f"identify[{i}]", text
     yield from _known_problems(scenario)
     if scenario.controller.rate and scenario.feedback == "measured":
-        yield "controller.rate", 'an inner loop sees the clean angle: it needs feedback = "clean"'
+        yield "controller.rate", 'an inner loop reads the clean angle: set feedback = "clean"'
     for table in ("fault", "nuisance"):
         for i, change in enumerate(getattr(scenario, table) or ()):
             for key, text in _change_problems(change, scenario):
@@ -155,21 +158,21 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
 
 
 def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield what does not go with the sampling period."""
+    """Yield keys that are incompatible with the sampling period."""
     period, controller, delay = scenario.period, scenario.controller, scenario.delay
     if abs(period / TICK - round(period / TICK)) >= 1e-6:
-        words = f"goes by whole ms, of which a sample of {1000 * period:g} ms has none"
+        words = f"needs a sampling period of whole milliseconds, not {1000 * period:g} ms"
         for key, value in (("controller.rate", controller.rate), ("delay.torque", delay.torque)):
             if value:
                 yield key, words
     for key, text in getattr(scenario.excitation, "sampling_problems", lambda period: ())(period):
         yield f"excitation.{key}", text
-    if period == PERIOD:  # scenarios with it are older than this check: they have to run into it
+    if period == PERIOD:  # older than this check: these scenarios are allowed to become unstable
         return
     late = delay.measurement if scenario.feedback == "measured" else 0
     try:
         axis = scenario.nominal
-    except ParameterError:  # which has a line of its own
+    except ParameterError:  # reported by `_axis_problems`
         return
     ticks = delay.torque_ticks
     if problem := loop_problem(axis, controller, period, torque_ticks=ticks, late=late):
@@ -177,13 +180,13 @@ def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
 
 
 def _axis_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield what preset, parameters and tables have that the model has not."""
+    """Yield entries of preset, parameters and tables that the model does not have."""
     names, known = parameter_names(scenario.model), presets(scenario.model)
     if scenario.preset not in known:
         yield "preset", unknown("preset", scenario.preset, known)
     for table in OF_THE_GEAR if "k_g" not in names else ():
         if table in scenario.tables:
-            yield table, f"is of the spring of a gear, which the model {scenario.model} has not"
+            yield table, f"acts on a gear spring, but the model {scenario.model} has none"
     for name, value in scenario.parameters.items():
         if name not in names:
             yield f"parameters.{name}", unknown("parameter", name, names)
@@ -198,43 +201,44 @@ def estimated_problems(
     key: str = "identify",
     besides: Sequence[str] = LAW_NAMES,
 ) -> Iterator[Problem]:
-    """Yield why parameters of these names cannot be estimated in a scenario.
+    """Yield why some of the named parameters cannot be estimated in a scenario.
 
     Parameters
     ----------
     names : iterable of str
-        Of a scenario's `identify`, or of an estimator.
+        Parameters to estimate, from a scenario's `identify` or from an estimator.
     scenario : Scenario
+        Scenario in which they are to be estimated.
     key : str
-        What to call the names in messages.
+        Key that messages show for the names.
     besides : sequence of str
-        What they may be besides the parameters of the axis and their inverses.
+        Allowed names in addition to the parameters of the axis and their inverses.
     """
     known, seen = parameter_names(scenario.model), dict[str, str]()
     for i, name in enumerate(names):
         place, parameter = f"{key}[{i}]", name.removeprefix("1/")
         if name in seen.values() or (parameter in seen and name not in besides):
-            yield place, f"{name!r} after {seen[parameter]!r}: name each once"
+            yield place, f"{name!r} repeats {seen[parameter]!r}: name each parameter once"
         elif name not in besides and parameter not in known:
             words = [*known, *(f"1/{each}" for each in known), *LAW_NAMES]
             yield place, unknown("parameter", name, words)
         elif parameter in MAY_BE_ZERO and scenario.parameters.get(parameter) == 0:
             yield (
                 place,
-                f"{name!r} cannot be estimated where parameters.{parameter} is 0, for errors are "
-                "in % of the nominal value: give it one above 0, or do not estimate it",
+                f"{name!r} cannot be estimated while parameters.{parameter} is 0, because errors "
+                "are in % of the nominal value: set it above 0, or do not estimate it",
             )
         seen.setdefault(parameter, name)
 
 
 def _law_problem(name: str, scenario: Scenario) -> str | None:
-    """Return why a parameter of a law cannot be meant on this plant, or None."""
+    """Return why this plant does not have the named law parameter, or None if it does."""
     having = [key for key, names in LAW_PARAMETERS.items() if name in names]
     tables = [key for key in having if key in scenario.tables]
     if having and not tables:
-        return f"the plant has no {name}: give it the table {' or '.join(having)}"
+        return f"the plant has no {name}: add the table {' or '.join(having)}"
     if len(tables) > 1:
-        return f"{name} is one of {' and one of '.join(tables)}: keep one of these tables"
+        return f"{name} is ambiguous, because {' and '.join(tables)} have it: keep one of them"
     return None
 
 
@@ -247,7 +251,7 @@ def _known_problems(scenario: Scenario) -> Iterator[Problem]:
         if name not in known:
             yield key, unknown("parameter", name, known)
         elif name in names and name in estimated:
-            yield key, f"{name} is estimated: where that starts is `start`"
+            yield key, f"{name} is estimated: set its initial value with `start`"
         elif name not in scenario.laws and (text := _law_problem(name, scenario)):
             yield key, text
 
@@ -256,7 +260,7 @@ def _change_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
     yield from _span_problems(change, scenario.period)
     yield from _changed_problems(change, scenario)
     index, until = scenario.grid.index, getattr(change, "until", None)
-    # the line of a profile begins with the value before
+    # a profile still has the value before the fault at its onset
     if index(change.at) + isinstance(change, Profile) >= scenario.samples:
         end = f"the end of the run at {scenario.duration:g} s"
         yield "at", f"the onset at {change.at:g} s is not before {end}"
@@ -265,43 +269,43 @@ def _change_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
-    """Yield the times of a fault or nuisance that are shorter than a sample."""
+    """Yield the times of a fault or nuisance that are shorter than one sample."""
     for key, about in type(change).model_fields.items():
         if A_SAMPLE in about.metadata and getattr(change, key) < period:
-            text = f"must be a sample of {period:g} s at least, not {getattr(change, key):g}"
+            text = f"must be at least one sample, {period:g} s, not {getattr(change, key):g}"
             yield key, text
     times = (0.0, *(time for time, _ in getattr(change, "points", ())))
     for i, (before, after) in enumerate(pairwise(sample_index(t, period) for t in times)):
         if after == before:
-            text = f"must be a sample of {period:g} s at least after the one before, and in another"
+            text = f"must be at least one sample, {period:g} s, after the previous point"
             yield f"points[{i}]", text
 
 
 def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
-    """Yield why a parameter cannot change, or not by this factor."""
+    """Yield why a parameter cannot change, or cannot change by this factor."""
     known, parameter = changeable(parameter_names(scenario.model)), change.parameter
     law = meant(parameter)
     text = _law_problem(law, scenario) if parameter == law or law not in scenario.laws else None
     if text:
         yield "parameter", text
     elif law in FIXED:
-        yield "parameter", f"{law} of {FIXED[law]} cannot change in the course of a run"
+        yield "parameter", f"{law} of {FIXED[law]} cannot change during a run"
     elif law not in known:
         yield "parameter", unknown("parameter", parameter, known)
     if change.factor > 0:
         return
     if law in known and law not in MAY_BE_ZERO | LAW_MAY_BE_ZERO:
-        yield "factor", f"must be above 0, for {parameter} must stay positive"
+        yield "factor", f"must be above 0, because {parameter} must stay positive"
     elif (inverse := f"1/{parameter}") in scenario.identify:
         yield (
             "factor",
-            f"must be above 0 where {inverse} is estimated, which would become infinite; "
-            f"estimate {parameter} itself to let it vanish",
+            f"must be above 0, because {inverse} is estimated and would become infinite; "
+            f"to let {parameter} become 0, estimate {parameter} itself",
         )
 
 
 def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield pauses after the end of a run, and an `onset_spread` that leaves it."""
+    """Yield pauses after the end of the run, and an `onset_spread` that is too large for it."""
     duration, spread = scenario.duration, scenario.onset_spread
     pauses = getattr(scenario.excitation, "pause", ())
     for i, (begin, _) in enumerate(pauses):
@@ -312,7 +316,7 @@ def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
             )
     times = [time for pause in pauses for time in pause]
     for fault in scenario.fault:
-        lines = getattr(fault, "points", ())[:-1]  # each begins where the one before ends
+        lines = getattr(fault, "points", ())[:-1]  # each line begins where the previous one ends
         times += [fault.at, *(fault.at + time for time, _ in lines)]
     if spread is None or not times:
         return
@@ -320,6 +324,6 @@ def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
     if spread > most:
         yield (
             "onset_spread",
-            f"must be {max(most, 0):g} s at most, so that its changes, from {min(times):g} to "
-            f"{max(times):g} s, stay within the run of {duration:g} s; it is {spread:g}",
+            f"must be at most {max(most, 0):g} s, not {spread:g}, so that all changes (from "
+            f"{min(times):g} to {max(times):g} s) stay within the run of {duration:g} s",
         )

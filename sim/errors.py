@@ -1,4 +1,4 @@
-"""Errors of the simulation side, and the nearest right word for a wrong one."""
+"""Error classes of the simulation, and spelling suggestions for unknown words."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ class ScenarioError(FlexaxisError):
     Attributes
     ----------
     problems : tuple of str
-        The lines of the message, one for each problem found.
+        The lines of the message, one per problem.
     """
 
     def __init__(self, *problems: str) -> None:
         super().__init__("\n".join(problems))
-        # From the message, so that it survives pickle, which calls the class with that alone.
+        # Derived from the message, because pickle calls the class with the message alone.
         self.problems = tuple(str(self).splitlines())
 
 
 class RecordError(FlexaxisError):
-    """A record cannot be read, written or trusted."""
+    """A record is invalid, or its file cannot be read or written."""
 
 
 class SimulationError(FlexaxisError):
-    """The physics engine gave a warning or a state that is not finite.
+    """The physics engine issued a warning, or the state is not finite.
 
     Attributes
     ----------
     run : int
-        Row of the batch in which it happened.
+        Row of the batch that failed.
     time : float
         Simulated time at the end of the failed step [s].
     reason : str
-        What the engine said.
+        Cause of the failure, as the engine reports it.
     """
 
     def __init__(self, message: str, run: int, time: float, reason: str) -> None:
-        super().__init__(message, run, time, reason)  # so that it survives pickle
+        super().__init__(message, run, time, reason)  # pickle needs all arguments
         self.run, self.time, self.reason = run, time, reason
 
     def __str__(self) -> str:
@@ -55,7 +55,7 @@ class SimulationError(FlexaxisError):
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return a hint naming the known word nearest to a wrong one, or nothing.
+    """Return a hint that names the most similar known word, or an empty string.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     ''
     """
     spelt = {name.lower(): name for name in known}
-    near = get_close_matches(str(word).lower(), spelt, n=1)  # what a file has may be a number
+    near = get_close_matches(str(word).lower(), spelt, n=1)  # a file may contain a number here
     return f" Did you mean {spelt[near[0]]!r}?" if near else ""
 
 

@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, and read or refused in one line."""
+"""Write files atomically, and read files with one-line error messages."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from typing import Any
 import tomli_w
 
 Refusal = Callable[[str], Exception]
-"""Makes the error that is raised, such as ``ScenarioError``, from its message."""
+"""Function or class that makes an exception, such as ``ScenarioError``, from its message."""
 
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 _SHORT.maxlevel = 3
 
 toml_text: Callable[[dict[str, Any]], str] = partial(tomli_w.dumps, multiline_strings=True)
-"""Return nested keys and values as TOML."""
+"""Function that returns nested dictionaries as TOML text."""
 
 
 @contextmanager
 def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path, which replaces `path` at the end.
+    """Yield a temporary path; the file written there replaces `path` at the end.
 
-    It is in a hidden folder next to `path`. If anything fails, the error is raised and the old file
-    stays.
+    The temporary path is in a hidden folder next to `path`. If anything fails, the error is raised
+    and the old file stays unchanged.
 
     Parameters
     ----------
     path : path-like
-        File to make or to replace; its folder must exist.
+        File to create or replace; its folder must exist.
 
     Raises
     ------
     OSError
-        If it cannot be written; a device or a pipe cannot be replaced.
+        If the file cannot be written, or `path` is a device or a pipe.
 
     Examples
     --------
@@ -55,7 +55,7 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     path = Path(path)
     if path.exists() and not (path.is_file() or path.is_dir()):
-        raise OSError(errno.EINVAL, "it is a device or a pipe, and no file")
+        raise OSError(errno.EINVAL, "it is a device or a pipe, not a file")
     with TemporaryDirectory(
         prefix=".", suffix=".flexaxis", dir=path.parent, ignore_cleanup_errors=True
     ) as folder:
@@ -64,7 +64,7 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def shown(value: object) -> str:
-    """Return a value as a message shows it: as Python writes it, shortened where it is long.
+    """Return the repr of a value for a message, shortened if it is long.
 
     Examples
     --------
@@ -77,14 +77,14 @@ def shown(value: object) -> str:
 
 
 def read_toml(path: Path, refuse: Refusal) -> dict[str, Any]:
-    """Return the tables of a TOML file; what cannot be read is refused."""
+    """Return the tables of a TOML file; raise `refuse` if it cannot be read."""
     return toml_tables(read_text(path, refuse), source=str(path), refuse=refuse)
 
 
 def read_text(path: Path, refuse: Refusal) -> str:
-    """Return the text of a file; what cannot be read is refused."""
+    """Return the text of a file; raise `refuse` if it cannot be read."""
     try:
-        return path.read_text(encoding="utf-8-sig")  # some editors begin with a mark
+        return path.read_text(encoding="utf-8-sig")  # some editors write a byte-order mark
     except OSError as error:
         raise refuse(f"{path}: cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
@@ -92,7 +92,7 @@ def read_text(path: Path, refuse: Refusal) -> str:
 
 
 def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
-    """Return the tables of a TOML text; `source` is what messages call it."""
+    """Return the tables of a TOML text; messages call it `source`."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -100,7 +100,7 @@ def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
 
 
 def json_value(text: str | bytes, *, source: str, refuse: Refusal) -> Any:
-    """Return the value of a JSON text; `source` is what messages call it."""
+    """Return the value of a JSON text; messages call it `source`."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

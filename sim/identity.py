@@ -1,4 +1,4 @@
-"""What tells scenarios apart: their hash, the key of their random numbers, and their records."""
+"""Identity of a scenario: its hash, the key of its random numbers and the hash of its records."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from flexaxis.models_mjcf import DEFAULT, SHIPPED, model_digest
 from flexaxis.sim.timing import PERIOD
 
 PLANT, CONTENT = "plant", "content"
-"""Keys of the random streams: what plant and sensors see, or the whole content."""
+"""Values of `streams`: the key covers what plant and sensors see, or the whole content."""
 
 _WORDS = frozenset({"name", "card", "group", "difficulty", "preset"})
-# The axis does not know what is estimated of it, from where, and what is scored.
+# Keys that only concern estimation and scoring; they do not affect the simulated axis.
 _NOT_SEEN = _WORDS | {"identify", "start", "known", "output", "burn_in", "streams"}
 
 
@@ -34,10 +34,11 @@ Streams = Annotated[str, AfterValidator(_a_key)]
 
 
 def content_hash(resolved: Mapping[str, Any]) -> str:
-    """Return the SHA-256 (64 hex digits) of a resolved scenario without the words on it.
+    """Return the SHA-256 (64 hex digits) of a resolved scenario without its descriptive keys.
 
-    ``streams = "content"`` is left out, the period of 5 ms and the paper's axis: the scenarios that
-    have them are older than the keys. The MJCF is in it where it is not as published.
+    ``streams = "content"``, the period of 5 ms and the paper's axis are left out, because scenarios
+    with these values are older than the keys. The MJCF is included if it differs from the
+    published one.
     """
     without = _WORDS | ({"streams"} if resolved["streams"] == CONTENT else set())
     return _digest({k: v for k, v in _told_apart(resolved).items() if k not in without})
@@ -55,21 +56,21 @@ def stream_key(resolved: Mapping[str, Any]) -> str:
 
 
 def record_hash(resolved: Mapping[str, Any]) -> str:
-    """Return the SHA-256 (64 hex digits) of all that the signals of a record depend on but seeds.
+    """Return the SHA-256 (64 hex digits) of everything that determines a record except the seed.
 
-    Scenarios that differ in nothing but what estimators know or are asked share it, where they
-    share the key of the random streams.
+    Scenarios share this hash if they differ only in what estimators know or estimate and use the
+    same key for the random streams.
     """
     return _digest(_seen(resolved) | {"key": stream_key(resolved)})
 
 
 def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what plant and sensors see of a scenario."""
+    """Return the part of a scenario that affects plant and sensors."""
     return {key: value for key, value in _told_apart(resolved).items() if key not in _NOT_SEEN}
 
 
 def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a resolved scenario without what every scenario once had, and with a new MJCF."""
+    """Return a resolved scenario without its oldest defaults, plus the digest of a changed MJCF."""
     usual, model = {"period": PERIOD, "model": DEFAULT}, resolved["model"]
     content = {key: value for key, value in resolved.items() if usual.get(key) != value}
     digest = model_digest(model)

@@ -1,4 +1,4 @@
-"""Dotted keys of a scenario, such as ``fault[0].factor``: setting them, and names made of them."""
+"""Set dotted keys of a scenario, such as ``fault[0].factor``, and build names from them."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from flexaxis.sim.errors import ScenarioError, did_you_mean
 
 
 def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str) -> None:
-    """Set dotted keys in nested content, in place.
+    """Set dotted keys in nested dictionaries and lists, in place.
 
     Raises
     ------
     ScenarioError
-        If there is no such place; it names source and key.
+        If a key does not exist; the message names source and key.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str
 
 
 def _keys(content: Any, key: str = "") -> list[str]:
-    """Return all dotted keys of nested content."""
+    """Return all dotted keys of nested dictionaries and lists."""
     if isinstance(content, dict):
         inner = [_keys(value, f"{key}.{name}" if key else name) for name, value in content.items()]
     elif isinstance(content, list):
@@ -50,7 +50,7 @@ def _keys(content: Any, key: str = "") -> list[str]:
 
 
 def suffix(changes: Mapping[str, Any]) -> str:
-    """Return what changes of keys add to a name.
+    """Return the suffix that overridden keys add to the name of a scenario.
 
     Examples
     --------
@@ -62,5 +62,5 @@ def suffix(changes: Mapping[str, Any]) -> str:
 
 def _compact(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value, default=str).replace(" ", "")
-    # a name is one word, and may become a file name
+    # a name is a single word and may become a file name
     return "".join(c if c.isprintable() and c not in " /\\" else "|" for c in text)

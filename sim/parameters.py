@@ -1,4 +1,4 @@
-"""The parameters of an axis, as its MJCF names them, named sets of them, and those of its laws."""
+"""Parameters of an axis as named in its MJCF, presets, and parameters of nonlinear laws."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _UNITS = {
 def nominal_numbers(model: str) -> Mapping[str, float]:
     """Return the parameters of a plant with the values of its MJCF, in order.
 
-    They are the torque constant ``k_T`` (`gear` of the motor); of each body, with its initial,
-    inertia ``J_m`` and friction ``f_m``; of each tendon stiffness ``k_g`` and damping ``d_g``,
-    without an initial where there is one alone; and the gear ratio ``r``, the coefficient of the
-    motor in the first tendon, unless that is 1.
+    The torque constant ``k_T`` is `gear` of the motor. Each body has an inertia ``J_m`` and a
+    friction ``f_m``, and each tendon a stiffness ``k_g`` and a damping ``d_g``; the subscript is
+    the first letter of its name, and a single tendon has no subscript. The gear ratio ``r`` is the
+    coefficient of the motor in the first tendon and is left out if it is 1.
 
-    The MJCF is a chain of bodies called motor, gear, arm or load, with a tendon from each to the
-    next; no two tendons have the same initial.
+    The MJCF is a chain of bodies called motor, gear, arm or load, with a tendon between neighbours.
+    The names of the tendons start with different letters.
     """
     root = ElementTree.fromstring(model_files(model)[0])
     bodies, tendons = [*root.iter("body")], root.findall("tendon/fixed")
@@ -37,7 +37,7 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
         element = owner.find(path)
         if element is None or not (text := element.get(key)):
             raise ParameterError(f"model {model}: {owner.get('name')} in its MJCF has no {key}.")
-        return float(text.split()[2 * (key == "diaginertia")])  # the third is about the axis z
+        return float(text.split()[2 * (key == "diaginertia")])  # third entry: about the z axis
 
     values = {"k_T": number(root, "actuator/motor", "gear")}
     for kind, owners, path, key in (
@@ -55,35 +55,35 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
 
 
 def parameter_names(model: str = DEFAULT) -> tuple[str, ...]:
-    """Return the parameters of a plant in the order that every array of them has."""
+    """Return the names of a plant's parameters in the order used by all arrays."""
     return tuple(nominal_numbers(model))
 
 
 def model_with(names: Iterable[str]) -> str | None:
-    """Return the first model with just these parameters, in any order, or None."""
+    """Return the first model that has exactly these parameters, in any order, or None."""
     unordered = set(names)
     return next((model for model in MODEL_NAMES if set(parameter_names(model)) == unordered), None)
 
 
 PARAMETER_NAMES = parameter_names()
-"""Those of the paper's axis."""
+"""Parameters of the paper's axis."""
 
 PARAMETER_UNITS = {
     name: _UNITS.get(name, _UNITS[name[0]])
     for model in MODEL_NAMES
     for name in parameter_names(model)
 }
-"""Unit of each parameter that a model has, those of the paper's axis first."""
+"""Units of the parameters of all models; parameters of the paper's axis come first."""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
-"""What is estimated unless a scenario says otherwise: the paper's three."""
+"""Parameters that are estimated by default: the three of the paper."""
 
 DATA_SHEET = {"poles": "1", "torque_limit": "N m", "noise": "unit of the output"}
-"""What else can be told of an axis, with its unit: periods of cogging in a turn of the motor, the
-largest command that acts, and the standard deviation of the measurement noise."""
+"""Further data-sheet values of an axis with their units: cogging periods per motor revolution, the
+torque limit of the drive, and the standard deviation of the measurement noise."""
 
 MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")
-"""Dampings and frictions; every other parameter must be positive."""
+"""Parameters that may be zero: dampings and frictions. All others must be positive."""
 
 
 LAW_UNITS = {
@@ -97,21 +97,21 @@ LAW_UNITS = {
     "kappa": "1/rad^2",
     "gap": "rad",
 }
-"""Unit of each parameter of a law, in the order of their columns after those of the axis.
+"""Units of the parameters of nonlinear laws, in the order of their columns after the axis.
 
-They are the level of Coulomb friction and what it takes more to break away, the Stribeck speed,
-stiffness and damping of the bristles, the two rates of a static curve, the cubic over the linear
-coefficient of the gear spring, and the width of its gap on the arm side.
+They are the Coulomb friction, the excess breakaway torque, the Stribeck speed, stiffness and
+damping of the bristles, the two rates of the static curve, the ratio of cubic to linear stiffness
+of the gear spring, and the backlash gap on the arm side.
 """
 
 LAW_NAMES = tuple(LAW_UNITS)
-"""The parameters of laws in the order of their columns."""
+"""Names of the parameters of nonlinear laws in the order of their columns."""
 
 LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
-"""What may vanish in the course of a run."""
+"""Law parameters that may become zero during a run."""
 
 ESTIMATED_ONLY = ("c_sin", "c_cos")
-"""What an estimator may call a parameter though no record has it: the phase of cogging is free."""
+"""Parameters that an estimator may have but no record contains (cogging with unknown phase)."""
 
 LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "friction": ("f_c",),
@@ -122,17 +122,18 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "backlash": ("gap",),
     "stiffening": ("kappa",),
 }
-"""The parameters of each table of a scenario that is a law, in the order of its keys.
+"""Parameters of each scenario table that defines a nonlinear law, in the order of its keys.
 
-The table knows their values (`law`). Where two have a parameter of one name, the first owns it.
+The table's `law` returns their values. If two tables have a parameter of the same name, it belongs
+to the first.
 """
 
 FIXED = {"gap": "backlash", "kappa": "stiffening"}
-"""Parameters that cannot change in the course of a run, and the tables that they are of."""
+"""Parameters that cannot change during a run, and the table that each belongs to."""
 
 
 def parameter_problem(name: str, value: float) -> str | None:
-    """Return why a value of a parameter is not physical, or None if it is.
+    """Return why a value of a parameter is not physical, or None if it is physical.
 
     Examples
     --------
@@ -152,23 +153,23 @@ def parameter_problem(name: str, value: float) -> str | None:
 
 
 class AxisParameters(Frozen):
-    """Physical parameters of an axis by name, in SI units; each is an attribute as well.
+    """Physical parameters of an axis by name, in SI units; each is also an attribute.
 
-    Motor quantities are on the motor side, those of the other masses on the arm side.
+    Motor quantities are on the motor side, quantities of the other masses on the arm side.
 
     Parameters
     ----------
     values : mapping of str to float
+        All parameters of one model, in any order: torque constant k_T, moments of inertia J, spring
+        constants k and damping coefficients d of the couplings, viscous frictions f, and the gear
+        ratio r (gear angle over motor angle); see `nominal_numbers`.
     **more : float
-        All parameters of one of the models, in any order: torque constant k_T, moments of inertia
-        J, spring constants k and damping coefficients d of the couplings, viscous frictions f, and
-        the gear ratio r, gear angle over motor angle; see `nominal_numbers`.
+        Parameters as keywords, which replace or complete `values`.
 
     Raises
     ------
     ParameterError
-        If a name lacks or is none of the model's, or a value is not finite, or not positive where
-        it must be.
+        If the names are not exactly the parameters of a model, or a value is not physical.
     """
 
     __slots__ = ()
@@ -177,7 +178,7 @@ class AxisParameters(Frozen):
         named = {**values, **more}
         if (model := model_with(named)) is None:
             raise ParameterError(
-                f"no model has just the parameters {', '.join(named)}; {DEFAULT} has "
+                f"no model has exactly the parameters {', '.join(named)}; {DEFAULT} has "
                 f"{', '.join(PARAMETER_NAMES)}."
             )
         super().__init__({name: named[name] for name in parameter_names(model)})
@@ -215,7 +216,8 @@ class AxisParameters(Frozen):
 def presets(model: str = DEFAULT) -> Mapping[str, Mapping[str, float]]:
     """Return the named parameter sets of a model.
 
-    "n1" holds the values of the MJCF; other sets are tables of the TOML files in its folder.
+    The preset "n1" has the values of the MJCF. Each table of a TOML file in the model's folder is
+    another preset.
     """
     texts = [text for name, text in sorted(model_files(model)[1].items()) if name.endswith(".toml")]
     tables = [tomllib.loads(text.decode()) for text in texts]
@@ -229,7 +231,7 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
     Raises
     ------
     ParameterError
-        If there is no such set, or it is none of this model.
+        If this model has no preset of that name.
 
     Examples
     --------
@@ -242,7 +244,7 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
 
 
 def meant(parameter: str) -> str:
-    """Return the parameter that a fault means: its ``coulomb`` is f_c.
+    """Return the standard name of a fault's parameter: ``coulomb`` is an alias of f_c.
 
     Examples
     --------

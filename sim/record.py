@@ -1,4 +1,4 @@
-"""A record: what was measured in one run, the truth where it is known, and where it is from."""
+"""A record: the measurements of one run, the true values if known, and their origin."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-ROUNDING = 2e-7  # of a period; nobody's clock is so exact
+ROUNDING = 2e-7  # relative deviation from a whole rate; no real clock is this exact
 
 OUTPUTS = ("speed", "increment", "angle")
-"""The signals of which a record needs one."""
+"""Output signals; a record needs at least one of them."""
 
 SIGNALS = {
     "time": ("s", "time of the sample"),
@@ -55,8 +55,8 @@ _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
 class Record:
     """One run, sampled at times t_k.
 
-    Output k is measured at t_k, before torque k acts on [t_k, t_{k+1}). Fields that a measured log
-    lacks are None: only time, torque and one of speed, increment and angle are required.
+    Output k is measured at t_k, before torque k acts on [t_k, t_{k+1}). Only time, torque and one
+    of speed, increment and angle are required; fields that a measured log lacks are None.
 
     Attributes
     ----------
@@ -68,30 +68,30 @@ class Record:
         Motor angle [rad], motor speed [rad/s] and difference of motor angles over the period
         [rad/s], as measured.
     true_speed, true_angle_m, true_angle_g, true_angle_a, true_angle_l : ndarray (N,), optional
-        True motor speed [rad/s], and true angle of motor, gear, arm and load [rad], of those that
-        the plant has.
+        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad], as far as the
+        plant has these masses.
     true_parameters : ndarray (N, P), optional
-        True parameters that act on [t_k, t_{k+1}), a column each of `parameter_names`.
+        True parameters that act on [t_k, t_{k+1}), one column per name in `parameter_names`.
     parameter_names : tuple of str
-        Those of the plant, in the order of `parameter_names`, and then those of its laws.
+        Names of the P parameters: first the plant's, then those of its nonlinear laws.
     valid : ndarray (N,) of bool, optional
-        False where a sample is missing; without it all are there.
+        False where a sample is missing; None if no sample is missing.
     scenario : dict
-        The scenario with all its values written out, its name included; empty if unknown.
+        The resolved scenario, including its name; empty if unknown.
     hash : str
         Content hash of the scenario.
     seed : int, optional
-        Number of the run.
+        Seed of the run.
     burn_in : float
-        Time from the start that is not to be scored [s].
+        Time from the start that is not scored [s].
     versions : dict
-        Versions of the programs that made it.
+        Versions of the programs that made the record.
 
     Raises
     ------
     RecordError
-        If a needed array is missing, shapes differ, a value is not finite, or time does not
-        advance evenly.
+        If a required array is missing, shapes differ, a value is not finite, or the sample times
+        are not evenly spaced.
     """
 
     time: Array
@@ -131,12 +131,12 @@ class Record:
         """Sampling period [s]."""
         span = self.time[-1] - self.time[0]
         mean = float(span / (len(self.time) - 1))
-        # A simulated grid is exact; a mean over it would be off by rounding.
+        # The period of a simulated grid is exact; a mean over the grid has rounding errors.
         whole = rate(mean)
         return 1 / whole if whole and abs(mean * whole - 1) < ROUNDING else mean
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return an xarray Dataset over time and parameter, as `save` writes it."""
+        """Return an xarray Dataset with dimensions time and parameter, as `save` writes it."""
         import xarray
 
         data: dict[str, Any] = {
@@ -157,17 +157,17 @@ class Record:
         return xarray.Dataset(data, attrs=attributes)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the record as NetCDF-4; a file of that name is replaced at once or not at all.
+        """Write the record as NetCDF-4, replacing an existing file atomically.
 
         Parameters
         ----------
         path : path-like
-            File to write; by custom it ends in ``.nc``.
+            File to write, usually with the extension ``.nc``.
 
         Returns
         -------
         Path
-            The file written.
+            Path of the written file.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class Record:
             If the folder does not exist or cannot be written.
         """
         path, data = Path(path), self.to_xarray()
-        # Columns that hardly ever change. Into memory first: HDF5 ends the process on a full disk.
+        # Constant columns compress well. Into memory first: HDF5 aborts the process on a full disk.
         packed = {"true_parameters": {"zlib": True, "complevel": 1}}
         encoding = packed if self.true_parameters is not None else {}
         content = data.to_netcdf(engine="h5netcdf", encoding=encoding)
@@ -188,23 +188,23 @@ class Record:
 
 
 def load_record(path: str | os.PathLike[str]) -> Record:
-    """Read a record from a NetCDF-4 file, and check it.
+    """Read a record from a NetCDF-4 file and check it.
 
     Parameters
     ----------
     path : path-like
-        File written by `Record.save`, or one of your own with variables ``time``, ``torque`` and
+        File written by `Record.save`, or your own file with the variables ``time``, ``torque`` and
         ``speed``, ``increment`` or ``angle`` on a dimension ``time``.
 
     Returns
     -------
     Record
-        The record; what the file does not have is None.
+        The record; fields that the file lacks are None.
 
     Raises
     ------
     RecordError
-        If the file is missing, broken, no record, or holds impossible values.
+        If the file is missing, broken or not a record, or if it contains invalid values.
     """
     import xarray
 
@@ -212,7 +212,7 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     if not path.is_file():
         raise RecordError(f"{path}: no such file.")
     try:
-        # Plain HDF5, as from MATLAB, has no named dimensions; it is just as good.
+        # Plain HDF5, for example from MATLAB, has no named dimensions and is accepted too.
         with xarray.open_dataset(
             path, engine="h5netcdf", phony_dims="sort", decode_cf=False
         ) as file:
@@ -220,8 +220,8 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
     except Exception as error:
-        # The HDF5 stack has many exceptions for a broken file, and no common one.
-        raise RecordError(f"{path}: no NetCDF-4 file, or a broken one ({error}).") from error
+        # The HDF5 stack raises many exceptions for a broken file, without a common base class.
+        raise RecordError(f"{path}: not a NetCDF-4 file, or broken ({error}).") from error
 
 
 def _fields(file: xarray.Dataset) -> dict[str, Any]:
@@ -229,7 +229,7 @@ def _fields(file: xarray.Dataset) -> dict[str, Any]:
     for name in ("time", "torque"):
         if name not in file.variables:
             present = ", ".join(map(str, file.variables)) or "none"
-            raise RecordError(f"variable {name!r} is missing; there are {present}.")
+            raise RecordError(f"variable {name!r} is missing; the file has {present}.")
     content = {name: file[name].values for name in (*SIGNALS, "valid") if name in file.variables}
     if "true_parameters" in file.variables:
         content |= _parameters(file)
@@ -240,25 +240,25 @@ def _fields(file: xarray.Dataset) -> dict[str, Any]:
 
 
 def _parameters(file: xarray.Dataset) -> dict[str, Any]:
-    """Return the true parameters with their columns in our order, and the names of these."""
+    """Return the true parameters with columns in our standard order, and their names."""
     if "parameter" not in file.variables:
-        raise RecordError("variable 'parameter', the names of the columns, is missing.")
+        raise RecordError("variable 'parameter' with the names of the columns is missing.")
     names = [str(name) for name in file["parameter"].values]
     model = model_with(name for name in names if name not in LAW_NAMES)
     order = [*parameter_names(model or DEFAULT), *(name for name in LAW_NAMES if name in names)]
     if sorted(names) != sorted(order):
         raise RecordError(
-            f"parameter must name all of a model ({', '.join(PARAMETER_NAMES)}, say), and may "
-            f"name {', '.join(LAW_NAMES)}; it has {names}."
+            f"parameter must name all parameters of a model, such as {', '.join(PARAMETER_NAMES)}, "
+            f"and may name {', '.join(LAW_NAMES)}; it has {names}."
         )
     values = file["true_parameters"].values[:, [names.index(name) for name in order]]
     return {"true_parameters": values, "parameter_names": tuple(order)}
 
 
 def _check(record: Record) -> None:
-    """Raise a RecordError for what would make a record useless or misleading."""
+    """Raise a RecordError if the record is useless or misleading."""
     if all(getattr(record, name) is None for name in OUTPUTS):
-        raise RecordError(f"a record needs one of {', '.join(OUTPUTS)}; there is none of them.")
+        raise RecordError(f"a record needs one of {', '.join(OUTPUTS)}; this one has none.")
     samples = np.size(record.time)
     if samples < 2:
         raise RecordError(f"a record needs at least 2 samples; time has {samples}.")
@@ -274,8 +274,7 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
         return
     if np.shape(values) != shape:
         raise RecordError(
-            f"{name} has shape {np.shape(values)}; with {shape[0]} samples of time it must be "
-            f"{shape}."
+            f"{name} has shape {np.shape(values)}; with {shape[0]} samples it must be {shape}."
         )
     bad = ~np.isfinite(values)
     if bad.any():
@@ -296,6 +295,6 @@ def _check_grid(time: Array) -> None:
     if uneven.any():
         k = int(np.argmax(uneven))
         raise RecordError(
-            f"time is not even: {steps[k]:.6g} s from sample {k} to {k + 1}, but "
-            f"{np.median(steps):.6g} s mostly; resample, or mark gaps with valid = False."
+            f"time is not evenly spaced: {steps[k]:.6g} s from sample {k} to {k + 1}, but usually "
+            f"{np.median(steps):.6g} s; resample, or mark gaps with valid = False."
         )

@@ -1,4 +1,4 @@
-"""A scenario: everything that defines a run but its seed, as TOML and as a frozen object."""
+"""A scenario: everything that defines a run except its seed, as TOML and as a frozen object."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from flexaxis.sim.tables.faults import Fault
 from flexaxis.sim.timing import PERIOD, Grid, checked_period, sample_index
 
 Array = NDArray[np.float64]
-Tuple = Field(strict=False)  # TOML has arrays where we keep tuples
+Tuple = Field(strict=False)  # arrays in TOML become tuples
 
 
 def _a_model(name: str) -> str:
@@ -48,51 +48,53 @@ def _a_model(name: str) -> str:
 class Scenario(Config):
     """Definition of a run: axis, excitation, loop, sensors and faults over time.
 
-    Make one with `load_scenario`, `parse_scenario` or `Scenario.override`, which report all
-    problems at once; docs/scenarios.md explains each key.
+    Create a scenario with `load_scenario`, `parse_scenario` or `Scenario.override`, which report
+    all problems at once. docs/scenarios.md explains each key.
 
     Attributes
     ----------
     name : str
-        Frozen with the content: change the content, and it is another name.
+        Name of the scenario. A scenario with other content gets another name.
     duration : float
         Length of the run [s].
     card, group : str, optional
-        What the scenario tests, in words, and where it stands in the catalogue.
+        Description of what the scenario tests, and its group in the catalogue.
     difficulty : {"easy", "medium", "hard"}, optional
-        What to expect of a good estimator.
+        Difficulty for a good estimator.
     period : float
-        Sampling period T [s] of controller and signals; its inverse is a whole number.
+        Sampling period T [s] of controller and signals; 1/T is an integer.
     substeps : int, optional
-        Steps of the simulation in 5 ms, where more are wanted than the laws of the axis ask for.
+        Steps of the simulation per 5 ms, to use more than the nonlinear laws of the axis require.
     model, preset : str
-        The plant, of `flexaxis.models_mjcf.MODEL_NAMES`, and a named parameter set of it.
+        Plant, one of `flexaxis.models_mjcf.MODEL_NAMES`, and the name of one of its parameter sets.
     parameters : dict of str to float
-        Values that replace those of the preset (SI).
+        Values that replace those of the preset [SI units].
     identify : tuple of str
-        Parameters to estimate, inverses such as ``"1/J_a"`` included.
+        Parameters to estimate, including inverses such as ``"1/J_a"``.
     start : float
-        Where the estimates of these start, over nominal.
+        Initial estimate of these parameters over their nominal value.
     known : dict of str to float, optional
-        What estimators know of others, over the truth, and of the `DATA_SHEET`, as it is; by its
-        `spread` the values of all that is not estimated are wrong, drawn by seed (`drawn`).
+        Values that estimators know: a factor on the true value for other parameters, the value
+        itself for those in `DATA_SHEET`. With `spread`, each seed draws an error for every
+        parameter that is not estimated (`drawn`).
     output : {"speed", "increment"}
-        What the estimators read.
+        Signal that the estimators read.
     burn_in : float
-        Time from the start that is not to be scored [s].
+        Time from the start that is not scored [s].
     streams : str
-        What the random numbers are keyed by: "plant" (what plant and sensors see of the scenario),
-        "content" (all of it), or the `key` of another scenario, to share its random numbers.
+        Key of the random numbers: "plant" (the part of the scenario that affects plant and
+        sensors), "content" (the whole scenario), or the `key` of another scenario, to share its
+        random numbers.
     feedback : {"clean", "measured"}
-        Whether the controller sees the true motor angle or the measured one.
+        Whether the controller reads the true motor angle or the measured one.
     delay, noise, encoder, controller, excitation, fault
-        Tables of their own.
+        Tables for sensors, control loop, reference and faults.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
-        What the axis has beyond the linear model, a table each: friction, gear, drive.
+        Tables for effects beyond the linear model: filter, friction, gear and drive.
     onset_spread : float, optional
-        By how much faults and pauses come earlier or later at most, drawn by seed [s] (`drawn`).
+        Largest shift of faults and pauses, drawn by seed [s] (`drawn`).
     nuisance : tuple of Fault, optional
-        Changes of the truth that are no faults: no event, and every alarm a false one.
+        Changes of true parameters that do not count as faults; an alarm on them is a false alarm.
     """
 
     name: Word
@@ -139,7 +141,7 @@ class Scenario(Config):
         return self
 
     def drawn(self, seed: int) -> Scenario:
-        """Return the scenario as it is in the run of a seed, by `sim.tables.events.drawn`."""
+        """Return the scenario with the values drawn for a seed; see `sim.tables.events.drawn`."""
         return drawn(self, seed) if self.onset_spread or self.spread else self
 
     @property
@@ -164,9 +166,9 @@ class Scenario(Config):
 
     @property
     def tables(self) -> dict[str, Any]:
-        """The tables of axis, loop and sensors that are not off, by key.
+        """The tables of axis, loop and sensors that are in use, by key.
 
-        Each has `exact`, whether the linear model describes what is logged with it, and `in_words`.
+        Each has `exact` (whether the linear model describes the logged signals) and `in_words`.
         """
         return {k: v for k, v in self if isinstance(v, Config) and k != "excitation"}
 
@@ -185,18 +187,18 @@ class Scenario(Config):
 
     @property
     def linear(self) -> bool:
-        """Whether the linear model, with what estimators know, describes the records."""
+        """Whether the linear model with the values known to estimators describes the records."""
         exact = all(table.exact for table in self.tables.values())
         return exact and not (self.known_factors or self.spread)
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the logarithm of the factors that are drawn."""
+        """Standard deviation of the logarithm of the drawn factors on known values."""
         return (self.known or {}).get("spread", 0.0)
 
     @property
     def known_factors(self) -> dict[str, float]:
-        """Values of parameters that estimators know, over the truth, where they are wrong."""
+        """Factors on the true values of parameters that estimators know wrongly, by name."""
         besides = (*DATA_SHEET, "spread")
         return {name: x for name, x in (self.known or {}).items() if name not in besides}
 
@@ -207,15 +209,15 @@ class Scenario(Config):
 
     @cached_property
     def laws(self) -> dict[str, float]:
-        """Parameters of the nonlinear laws of the plant before any fault."""
+        """Parameters of the plant's nonlinear laws before any fault."""
         values: dict[str, float] = {}
-        for table in self.nonlinear.values():  # of two with one name it is the first's
+        for table in self.nonlinear.values():  # the first table with a name takes precedence
             values = table.law | values
         return Frozen({name: float(values[name]) for name in LAW_NAMES if name in values})
 
     @cached_property
     def initial(self) -> dict[str, float]:
-        """The P parameters before any fault: the plant's, and those of its laws."""
+        """The P parameters before any fault: those of the plant, then those of its laws."""
         return Frozen(self.nominal.as_dict() | self.laws)
 
     @property
@@ -234,54 +236,54 @@ class Scenario(Config):
         return np.column_stack([changed(x, n, changes, self.grid) for n, x in self.initial.items()])
 
     def excited(self) -> NDArray[np.bool_]:
-        """Return at which samples (N,) the reference moves."""
+        """Return whether the reference moves at each sample (N,)."""
         return self.excitation.excited(self.grid)
 
     def events(self) -> tuple[Event, ...]:
         """Return the changes of the true parameters, in order of time.
 
-        A ramp is one event at its onset; an intermittent fault is one at each switch. Where
+        A ramp is one event at its onset; an intermittent fault is one event at each switch. If
         changes of one parameter overlap, each event has the size of its own fault alone.
         """
         return find_events(self.fault, self.nuisance or (), self.grid, self.initial)
 
     @cached_property
     def hash(self) -> str:
-        """Identity: SHA-256 of the content, that is without the words on it."""
+        """Identity of the scenario: SHA-256 of its content without name and description."""
         return identity.content_hash(self.resolved())
 
     @cached_property
     def key(self) -> str:
-        """What `flexaxis.sim.streams.stream` is keyed by: 64 hex digits."""
+        """Key of the random streams for `flexaxis.sim.streams.stream`: 64 hex digits."""
         return identity.stream_key(self.resolved())
 
     @cached_property
     def record_hash(self) -> str:
-        """SHA-256 of everything that the signals of a record depend on, except seed and repeat."""
+        """SHA-256 of everything that determines a record's signals except seed and repeat."""
         return identity.record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
-        """Return the definition with all defaults and all parameters written out.
+        """Return the scenario with all defaults and all parameter values filled in.
 
-        Keys that are None are left out, so that new features do not change old hashes.
+        Keys with the value None are left out, so that new features do not change old hashes.
         """
         content = self.model_dump(mode="json", exclude_none=True)
         return content | {"parameters": self.nominal.as_dict()}
 
     def to_toml(self) -> str:
-        """Return `resolved` as TOML; read again, it is the same scenario."""
+        """Return `resolved` as TOML, which parses to the same scenario."""
         return toml_text(self.resolved())
 
     def override(self, changes: Mapping[str, Any], *, inherit: bool = False) -> Scenario:
-        """Return the scenario with some keys changed, the changes added to its name.
+        """Return the scenario with some keys changed and the changes appended to its name.
 
         Parameters
         ----------
         changes : mapping of str to value
             New values by dotted key, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
         inherit : bool
-            Whether to keep the random numbers of this scenario: where the changes would give
-            others, and do not name `streams` themselves, `streams` is this scenario's `key`.
+            Whether to keep the random numbers of this scenario. If the changes would give others
+            and do not set `streams`, `streams` is set to this scenario's `key`.
 
         Raises
         ------
@@ -289,12 +291,12 @@ class Scenario(Config):
             If a key is unknown or a value is not allowed.
         """
         content = self.model_dump(mode="json", exclude_none=True)
-        # numbers and arrays of NumPy as Python's own
+        # convert numbers and arrays of NumPy to Python types
         changes = {key: getattr(x, "tolist", lambda x=x: x)() for key, x in changes.items()}
         set_keys(content, changes, source=self.name)
-        friction = content.get("friction") or {}  # a change to None takes it out
+        friction = content.get("friction") or {}  # a change to None removes the table
         if friction.get("coulomb") == 0 and len(friction) <= 2:
-            del content["friction"]  # a sweep says "none" by 0; the other key is the kind
+            del content["friction"]  # 0 in a sweep means no friction; the other key is the kind
         if "name" not in changes:
             content["name"] = self.name + suffix(changes)
         other = scenario_from(content, source=self.name)
@@ -309,14 +311,14 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
     Parameters
     ----------
     content : mapping
-        As from a TOML file.
+        Keys and values as read from a TOML file.
     source : str
-        What to call it in messages.
+        Name of the scenario's origin for messages.
 
     Raises
     ------
     ScenarioError
-        With one line for each problem, naming source and key.
+        If a key is wrong; each line of the message names source, key and problem.
     """
     try:
         return Scenario.model_validate(dict(content))

@@ -1,4 +1,4 @@
-"""Run a scenario: the plant in its closed loop, for a batch of seeds at once."""
+"""Simulate a scenario: the plant in its closed loop, for a batch of seeds at once."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ def simulate(
 ) -> list[Record]:
     """Run a scenario once for each seed, all in one batch.
 
-    A record depends on scenario, seed and repeat alone: not on the other seeds, or their order.
+    A record depends only on scenario, seed and repeat, not on the other seeds or their order.
 
     Parameters
     ----------
     scenario : Scenario
-        What to run.
+        Scenario to simulate.
     seeds : sequence of int
-        Numbers of the runs, from 0.
+        Seeds of the runs, each at least 0.
     repeat : int
-        Measure the same run again: the same excitation and faults, other noise.
+        Number of the repetition: the same excitation and faults with different noise.
 
     Returns
     -------
     list of Record
-        One for each seed.
+        One record per seed.
 
     Raises
     ------
     SimulationError
-        If the engine warns or a state is not finite; names scenario, seed and time.
+        If the engine warns or a state is not finite; the message names scenario, seed and time.
     """
     seeds = [int(seed) for seed in seeds]
     if not seeds or min(seeds) < 0:
-        raise ScenarioError(f"seeds: expected at least one number from 0 on, got {seeds}.")
+        raise ScenarioError(f"seeds: expected one or more integers of at least 0, got {seeds}.")
     grid, runs = scenario.grid, [scenario.drawn(seed) for seed in seeds]
     reference = np.column_stack(
         [
@@ -80,26 +80,27 @@ def tracked(
     *,
     samples: int | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Run scenarios on the reference and the noise of one seed of another, each with a follower.
+    """Run several scenarios with the reference and noise of one seed and an estimator in each loop.
 
     Parameters
     ----------
     scenario : Scenario
-        Whose random numbers they have, and whose reference.
+        Scenario that supplies the random numbers and the reference.
     runs : sequence of Scenario
-        One a run, which differ in their faults alone.
+        One scenario per run; they differ only in their faults.
     seed : int
+        Seed of the random numbers.
     followers : sequence of Follower or None
-        What learns in each run.
+        Estimator whose estimates each run feeds forward, or None.
     samples : int, optional
-        Of which the error is wanted, N; by default all.
+        Number N of samples to simulate; by default all.
 
     Returns
     -------
     error : ndarray (N, R)
-        Reference less true motor angle [rad].
+        Reference minus true motor angle [rad].
     limited : ndarray (R,)
-        Samples in which limits acted on what was fed forward.
+        Number of samples in which a limit acted on the feed-forward.
 
     Raises
     ------
@@ -124,14 +125,14 @@ def _white(scenario: Scenario, seeds: list[int], repeat: int, purpose: str) -> A
 
 @contextmanager
 def _named(scenario: Scenario, seeds: list[int]) -> Iterator[None]:
-    """Say in which scenario and seed a simulation fails."""
+    """Add scenario and seed to the message of a simulation that fails."""
     try:
         yield
     except SimulationError as error:
         message = (
             f"{scenario.name}, seed {seeds[error.run]}: the simulation failed at "
-            f"t = {error.time:.3f} s ({error.reason}). The axis is unstable: look at the gains, "
-            "the parameters and the faults, or it is too stiff for the step of the integrator."
+            f"t = {error.time:.3f} s ({error.reason}). The axis is unstable, or too stiff for the "
+            "step of the integrator: check the gains, the parameters and the faults."
         )
         raise SimulationError(message, error.run, error.time, error.reason) from None
 
@@ -171,11 +172,11 @@ def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Any]) -> Reco
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of what makes records, by name."""
+    """Return the versions of Python and the packages that produce records, by name."""
     packages = ("flexaxis", "mujoco", "numpy")
     return {"python": platform.python_version()} | {name: version(name) for name in packages}
 
 
 def made_with(scenario: Scenario) -> dict[str, str]:
-    """Return what decides about the bits of a record: versions, and a digest of the MJCF."""
+    """Return what the bits of a record depend on: versions, and the digest of the MJCF."""
     return versions() | {"mjcf": model_digest(scenario.model)}

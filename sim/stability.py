@@ -1,7 +1,7 @@
-"""Whether the loop is stable on the nominal linear axis, before anything is simulated.
+"""Check before a simulation whether the loop is stable on the nominal linear axis.
 
-From the equations of motion, M q̈ + D q̇ + K q = k_T u for the angles q of the masses, with
-controller, period and delays of a scenario.
+The check uses the equations of motion, M q̈ + D q̇ + K q = k_T u for the angles q of the masses,
+with the controller, period and delays of a scenario.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from flexaxis.sim.timing import TICK
 
 Array = NDArray[np.float64]
 
-GROWTH = 1e-6  # of a mode in a sample: less than e-fold in a million samples is rounding
+GROWTH = 1e-6  # relative growth of a mode per sample that still counts as rounding
 
 
 def loop_problem(
@@ -29,37 +29,39 @@ def loop_problem(
     torque_ticks: int = 0,
     late: int = 0,
 ) -> str | None:
-    """Return that the loop is unstable, or None for a stable one.
+    """Return a message if the loop is unstable, or None if it is stable.
 
     Parameters
     ----------
     parameters : AxisParameters
-        Of the nominal axis.
+        Parameters of the nominal axis.
     config : ControllerConfig
+        Gains and rate of the controller.
     period : float
         Sampling period T [s].
     torque_ticks : int
         Delay of the torque [ms].
     late : int
-        Samples by which the angle comes late to the controller.
+        Delay of the angle that the controller reads [samples].
     """
     growth = _radius(parameters, config, period, torque_ticks, late)
     if growth <= 1 + GROWTH:
         return None
     return (
         f"the loop is unstable on the nominal axis with Kv = {config.Kv:g} and samples of "
-        f"{1000 * period:g} ms (its fastest mode grows {growth:.6g}-fold in a sample): lower "
-        "controller.Kv, or look at controller.Kp, controller.Ki and the delays"
+        f"{1000 * period:g} ms (its fastest mode grows {growth:.6g}-fold per sample): lower "
+        "controller.Kv, or check controller.Kp, controller.Ki and the delays"
     )
 
 
-@lru_cache(maxsize=256)  # a sweep makes many scenarios with one loop
+@lru_cache(maxsize=256)  # a sweep makes many scenarios with the same loop
 def _radius(
     parameters: AxisParameters, config: ControllerConfig, period: float, torque: int, late: int
 ) -> float:
-    """Return the largest growth of a mode of the closed loop from sample to sample.
+    """Return the largest growth factor of a mode of the closed loop per sample.
 
-    One sample is taken from each unit vector of the states of controller, plant and delays.
+    The loop is advanced by one sample from each unit vector of the joint state of controller, plant
+    and delays. This gives the transition matrix, and its largest eigenvalue is the result.
     """
     if config.rate:
         period = TICK
@@ -81,9 +83,10 @@ def _radius(
 
 
 def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
-    """Return F (2n, 2n) and g (2n,) of angles and speeds from sample to sample, torque held.
+    """Return F (2n, 2n) and g (2n,) of x[k+1] = F x[k] + g u[k] for angles and speeds x.
 
-    By the Runge-Kutta steps of the engine, which on a linear axis are series of fourth order.
+    The torque u is held over the sample. On a linear axis, each Runge-Kutta step of the engine is a
+    Taylor series of fourth order.
     """
     steps = substeps([], period)
     A = _continuous(parameters) * (period / steps)
@@ -96,13 +99,13 @@ def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
 
 
 def _continuous(parameters: AxisParameters) -> Array:
-    """Return the derivative (2n + 1, 2n + 1) of angles, speeds and a held torque."""
+    """Return the continuous system matrix (2n + 1, 2n + 1) for angles, speeds and held torque."""
     J, k, d, f = (
         np.array([value for name, value in parameters.items() if name[0] == kind and name != "k_T"])
         for kind in "Jkdf"
     )
     n = len(J)
-    twists = np.eye(n)[:-1] - np.eye(n)[1:]  # over angles
+    twists = np.eye(n)[:-1] - np.eye(n)[1:]  # twists of the springs as functions of the angles
     twists[0, 0] = parameters.get("r", 1.0)
     K, D = twists.T * k @ twists, twists.T * d @ twists + np.diag(f)
     A = np.zeros((2 * n + 1, 2 * n + 1))

@@ -1,4 +1,4 @@
-"""Random numbers keyed by their purpose, never by the order of the draws."""
+"""Random numbers keyed by their purpose, independent of the order of the draws."""
 
 from __future__ import annotations
 
@@ -8,23 +8,24 @@ import numpy as np
 
 
 def stream(key: str, seed: int, purpose: str) -> np.random.Generator:
-    """Return the random stream of one purpose in one run.
+    """Return the random stream for one purpose in one run.
 
-    Streams of different (key, seed, purpose) are independent. The same three give the same
-    numbers on any worker and in any order.
+    Streams with different (key, seed, purpose) are independent. The same key, seed and purpose
+    give the same numbers on any worker and in any order.
 
     Parameters
     ----------
     key : str
-        That of the scenario, `Scenario.key`.
+        Key of the scenario, `Scenario.key`.
     seed : int
-        Number of the run.
+        Seed of the run.
     purpose : str
-        What the numbers are for, for example ``"noise.speed"``.
+        What the numbers are used for, for example ``"noise.speed"``.
 
     Notes
     -----
-    Philox 4x64 (Salmon et al., 2011) with the first 128 bits of the SHA-256 of the three as key.
+    The generator is Philox 4x64 (Salmon et al., 2011). Its key is the first 128 bits of the SHA-256
+    of key, seed and purpose.
     """
     digest = sha256(f"{key}/{seed}/{purpose}".encode()).digest()
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest[:16], "big")))

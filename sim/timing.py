@@ -8,26 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 PERIOD = 0.005
-"""Sampling period T of a scenario that does not say [s]."""
+"""Default sampling period T [s]."""
 
 SHORTEST, LONGEST = 0.001, 0.01
-"""Periods that a scenario may have [s].
+"""Limits of the sampling period of a scenario [s].
 
-A sample shorter than the engine's step of 1 ms tells nothing new of the linear axis; with one of
-more than 10 ms the modes of the nominal axes, at up to 24 Hz, come near half the sampling rate.
+A period below the engine's step of 1 ms adds no information about the linear axis. With a period
+above 10 ms, the modes of the nominal axes (up to 24 Hz) come close to half the sampling rate.
 """
 
 TICK = 0.001
-"""What goes on between samples goes by ticks of this length [s]: an inner loop, a short delay."""
+"""Time step between samples [s]; inner loops and short delays run in multiples of it."""
 
 
 def rate(period: float) -> int:
-    """Return the samples per second."""
+    """Return the number of samples per second."""
     return round(1 / period)
 
 
 def sample_index(time: float, period: float) -> int:
-    """Return the number of the sample nearest to a time [s]."""
+    """Return the index of the sample nearest to a time [s]."""
     return round(time * rate(period))
 
 
@@ -38,9 +38,9 @@ class Grid:
     Attributes
     ----------
     k : ndarray (M,) of int
-        Numbers of the samples.
+        Indices of the samples.
     period : float
-        Sampling period T [s]; its inverse is a whole number.
+        Sampling period T [s]; 1/T is an integer.
     """
 
     k: NDArray[np.int64]
@@ -48,20 +48,20 @@ class Grid:
 
     @classmethod
     def first(cls, samples: int, period: float) -> Grid:
-        """Return the first samples of a run."""
+        """Return the grid of the first `samples` samples of a run."""
         return cls(np.arange(samples), period)
 
     @property
     def times(self) -> NDArray[np.float64]:
         """Times (M,) of the samples [s].
 
-        A quotient rather than a multiple of T: so ``Grid.first(N, .005).times[2060]`` is the
-        float ``10.3``.
+        Computed as k divided by the rate rather than as k times T, so that
+        ``Grid.first(N, .005).times[2060]`` is exactly the float ``10.3``.
         """
         return self.k / rate(self.period)
 
     def index(self, time: float) -> int:
-        """Return the number of the sample nearest to a time [s]."""
+        """Return the index of the sample nearest to a time [s]."""
         return sample_index(time, self.period)
 
 
@@ -77,7 +77,7 @@ def checked_period(period: float) -> float:
         raise ValueError(f"must be from {SHORTEST:g} to {LONGEST:g} s, not {period:g}")
     if abs(1 / period - rate(period)) > 1e-6:
         raise ValueError(
-            f"must go into one second a whole number of times, such as {1 / rate(period):.6g} "
+            f"one second must be a whole number of periods: use {1 / rate(period):.6g} "
             f"({rate(period)} Hz), not {period:g}"
         )
     return period

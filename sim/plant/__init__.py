@@ -1,5 +1,5 @@
-"""The axis in MuJoCo, and the loop around it.
+"""The axis in MuJoCo and the control loop around it.
 
-In come parameters and laws of a scenario's tables, out go angles, speeds and torques of a batch of
-runs, sample by sample.
+The modules here simulate a batch of runs sample by sample: they take the parameters and nonlinear
+laws of a scenario and return angles, speeds and torques.
 """

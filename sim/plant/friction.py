@@ -1,9 +1,9 @@
-"""Friction that MuJoCo does not have, as one compiled function that it calls.
+"""Friction laws that MuJoCo lacks, as one compiled callback.
 
-MuJoCo calls one such function for all models of the process, whenever it sums up passive forces.
-Ours looks for rows of friction among the custom numbers of the model (see
-`sim/tables/friction.py`), which a batch holds for each run, and leaves every model without
-them as it is.
+MuJoCo has a single callback per process and calls it whenever it computes passive forces. Our
+callback looks for rows of friction parameters among the custom numbers of the model (see
+`sim/tables/friction.py`); a batch has its own rows for each run. Models without such rows are not
+affected.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.tables.friction import COMPILED_LAWS, MARK, WIDTH
 
 _LOCK = Lock()
-_SEARCHED = 1 << 18  # bytes of a structure of the engine: what we look for lies in these
-_NUMBERS = 7919  # custom numbers of a model for looking, a number that no other size has
+_SEARCHED = 1 << 18  # number of bytes to search at the start of an engine structure
+_NUMBERS = 7919  # number of custom numbers in the probe model, unlike any other size in it
 
 
 def install() -> None:
-    """Have MuJoCo call our function from now on; the first call compiles it (a second).
+    """Install our callback in MuJoCo; the first call takes about 1 s to compile it.
 
     Raises
     ------
     SimulationError
-        If another function is installed already.
+        If another callback is already installed.
     """
     with _LOCK:
         ours, present = _compiled().ctypes, mujoco.get_mjcb_passive()
         if present is not None and present is not ours:
             raise SimulationError(
-                "this process has a passive callback of MuJoCo's already, and there is room for "
-                "one: take it out by mujoco.set_mjcb_passive(None) before plants with friction "
-                "laws are made, or run them in a process of their own.",
+                "another passive callback of MuJoCo is installed, and a process can have only one: "
+                "remove it with mujoco.set_mjcb_passive(None) before you simulate plants with "
+                "friction laws, or simulate them in a separate process.",
                 run=0, time=0.0, reason="passive callback in use",
             )  # fmt: skip
         mujoco.set_mjcb_passive(ours)
@@ -46,10 +46,10 @@ def install() -> None:
 
 @cache
 def _layout() -> tuple[int, ...]:
-    """Return where the fields lie that our function reads and writes, in units of 8 bytes.
+    """Return the offsets of the fields that our callback reads and writes, in units of 8 bytes.
 
-    Of the model: how many custom numbers there are, their address, and the torque of the first
-    actuator over its command; of the data: speeds, torques of springs, passive torques, commands.
+    Fields of the model: number of custom numbers, their address, and the gear of the first
+    actuator. Fields of the data: speeds, spring torques, passive torques and commands.
     """
     spec = mujoco.MjSpec()
     spec.worldbody.add_body(mass=1.0, inertia=[1.0, 1.0, 1.0]).add_joint(name="motor")
@@ -64,21 +64,21 @@ def _layout() -> tuple[int, ...]:
 
 
 def _find(structure: Any, value: int) -> int:
-    """Return at which of its words a structure of the engine holds a value."""
+    """Return the index of the first 8-byte word of an engine structure that equals a value."""
     words = (ctypes.c_int64 * (_SEARCHED // 8)).from_address(structure._address)
     for i in range(len(words)):
         if words[i] == value:
             return i
     raise SimulationError(
-        f"laws of friction cannot be built into MuJoCo {mujoco.__version__}: its structures are "
-        "not laid out as in the versions that are known; install mujoco 4.0",
+        f"friction laws do not work with MuJoCo {mujoco.__version__}, because the layout of its "
+        "structures is unknown; install mujoco 4.0",
         run=0, time=0.0, reason="unknown layout of the engine",
     )  # fmt: skip
 
 
 @cache
 def _compiled() -> Any:
-    """Return the compiled function."""
+    """Return the compiled callback."""
     from numba import cfunc, types
     from numba.extending import intrinsic
 
@@ -92,7 +92,7 @@ def _compiled() -> Any:
 
         return types.CPointer(types.float64)(types.int64), convert
 
-    values: Any = intrinsic(pointer)  # of an address, the numbers that are there
+    values: Any = intrinsic(pointer)  # returns the numbers at an address
     words = types.CPointer(types.int64)
 
     @cfunc(types.void(words, words), error_model="numpy")
@@ -110,8 +110,8 @@ def _compiled() -> Any:
 
 
 def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
-    """Return the function of a row, and of the motion, that picks the row's law."""
-    from numba.extending import register_jitable  # not njit: a switch of numba's turns that off
+    """Return a function that evaluates the law of a row at the current motion."""
+    from numba.extending import register_jitable  # not njit, which NUMBA_DISABLE_JIT turns off
 
     this = register_jitable(laws[0])
     if len(laws) == 1:

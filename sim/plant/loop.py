@@ -23,9 +23,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Truth:
-    """True motion of a batch: torque (N, R) as logged, speed (N, R), angles (N, R, n) of n masses.
+    """True motion of a batch of R runs.
 
-    `limited` (R,) counts the samples in which a limit acted on the feed-forward.
+    Attributes
+    ----------
+    torque : ndarray (N, R)
+        Torque as logged [N m].
+    speed : ndarray (N, R)
+        Motor speed [rad/s].
+    angles : ndarray (N, R, n)
+        Angles of the n masses [rad].
+    limited : ndarray (R,)
+        Number of samples in which a limit acted on the feed-forward.
     """
 
     torque: Array
@@ -46,13 +55,14 @@ def closed_loop(
     Parameters
     ----------
     scenarios : sequence of Scenario
-        One a run, which differ in their faults and pauses alone.
+        One scenario per run; they differ only in their faults and pauses.
     reference : ndarray (N, R)
-        Wanted motor angle [rad].
+        Desired motor angle [rad].
     white : callable
-        The noise on the torque, and of the sensors if the controller sees what they read.
+        Function that returns the noise on the torque, and on the sensors if the controller reads
+        them.
     followers : sequence of Follower or None
-        What learns in each run, where the controller feeds forward; by default nothing does.
+        Estimator of each run, if the controller has a feed-forward; by default there is none.
 
     Raises
     ------
@@ -89,7 +99,7 @@ def closed_loop(
 
 
 class Changes:
-    """What changes the plant in the course of its runs, of a scenario each."""
+    """Changes of the plant's parameters over time, with one scenario per run."""
 
     def __init__(self, scenarios: Sequence[Scenario]) -> None:
         known = {s.hash: s.true_parameters() for s in scenarios}
@@ -100,7 +110,7 @@ class Changes:
         self._names = scenarios[0].parameter_names[linear:]
 
     def make(self, plant: Plant, k: int) -> None:
-        """Give the plant the parameters that act from sample k on, where they are new."""
+        """Update the parameters of the plant that change at sample k."""
         if k in self._moves:
             plant.set_parameters(self._parameters[k, self._whose])
         if k in self._turns:
@@ -121,10 +131,11 @@ def plant_of(scenario: Scenario, runs: int = 1, ticks: int = 1) -> Plant:
     Parameters
     ----------
     scenario : Scenario
+        Scenario that defines the plant.
     runs : int
-        That are simulated together.
+        Number of runs in the batch.
     ticks : int
-        Steps of the plant in a sample.
+        Number of steps of the plant per sample.
     """
     nonlinear, period = list(scenario.nonlinear.values()), scenario.period / ticks
     return Plant(
@@ -142,15 +153,15 @@ class _Drive:
     Attributes
     ----------
     disturbance : ndarray (R,) or None
-        What acts in this sample beside the commands [N m]; they are logged without.
+        Torque added to the commands in this sample [N m]; it is not logged.
     feed : callable or None
-        Returns the command (R,) of what the controller asks for (R,) in this sample [N m].
+        Function that adds the feed-forward to the feedback command (R,) of this sample [N m].
     """
 
     def __init__(self, scenario: Scenario, runs: int) -> None:
         config, delay = scenario.controller, scenario.delay.torque_ticks
         self._ticks = round(scenario.period / TICK) if config.rate or delay else 1
-        self._every = 1 if config.rate else self._ticks  # ticks from one command to the next
+        self._every = 1 if config.rate else self._ticks  # ticks between commands
         self._logged = config.logged
         between = scenario.period * self._every / self._ticks
         self._controller = Controller(config, runs, period=between)
@@ -160,7 +171,7 @@ class _Drive:
         self.plant = plant_of(scenario, runs, self._ticks)
 
     def advance(self, target: Array, next_target: Array, angle: Array) -> Array:
-        """Run one sample from the angle (R,) seen at its start, and return the torque logged."""
+        """Simulate one sample from the angle (R,) read at its start; return the logged torque."""
         commands = []
         for tick in range(self._ticks):
             if tick % self._every == 0:

@@ -1,4 +1,4 @@
-"""The axis in MuJoCo: a batch of runs, stepped at the sampling rate, parameters settable."""
+"""The axis in MuJoCo: a batch of runs, stepped at the sampling rate, with variable parameters."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from flexaxis.sim.tables.nonlinear import Nonlinearity, Place
 
 Array = NDArray[np.float64]
 
-# Of the six transmission ratios of an actuator only the first acts on a hinge; of the inertias all
-# three stay equal, so that they belong to a possible body.
+# Only the first of an actuator's six transmission ratios acts on a hinge. All three inertias of a
+# body are kept equal, so that they are physically possible.
 _FIELDS = {
     "J": "body_inertia", "k": "tendon_stiffness", "d": "tendon_damping", "f": "dof_damping",
 }  # fmt: skip
@@ -31,9 +31,10 @@ _KINDS = {"dof": "joint", "actuator": "actuator"}
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep the engine from printing warnings, and from writing them into the user's folder.
+    """Keep the engine from printing warnings or writing them to a file in the user's folder.
 
-    Its counters still count them, and they become errors. The setting is one for the process.
+    The engine still counts warnings, and `Plant.step` turns them into errors. The setting is global
+    to the process.
     """
     before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
     silent.logto_console = silent.logto_file = False
@@ -45,7 +46,7 @@ def quiet() -> Iterator[None]:
 
 
 class Plant:
-    """A batch of simulated axes; the torque is held over a sample.
+    """A batch of simulated axes; the torque is held constant over each sample.
 
     All runs start at rest at angle zero. A run gives the same bits in a batch of any size.
 
@@ -54,20 +55,21 @@ class Plant:
     parameters : sequence of AxisParameters, or ndarray (R, P)
         Parameters of each run.
     model : str
-        Of `flexaxis.models_mjcf.MODEL_NAMES`.
+        One of `flexaxis.models_mjcf.MODEL_NAMES`.
     period : float
         Time between two calls of `step` [s].
     substeps : int
-        Steps of the fourth-order Runge-Kutta method in one period.
+        Steps of the fourth-order Runge-Kutta method per period.
     nonlinear : sequence of Nonlinearity
-        What the axis has beyond the linear model; see `flexaxis.sim.tables.nonlinear`.
+        Effects beyond the linear model; see `flexaxis.sim.tables.nonlinear`.
 
     Attributes
     ----------
     angles, speeds : ndarray (R, n)
-        Of the n masses, now [rad, rad/s]; live views, to be copied if they are to be kept.
+        Current angles and speeds of the n masses [rad, rad/s]. They are views of the engine's
+        state and change with each step; copy them to keep the values.
     angle_m, speed_m : ndarray (R,)
-        Of the motor; live views too.
+        Current angle and speed of the motor [rad, rad/s], also views.
 
     Raises
     ------
@@ -104,20 +106,20 @@ class Plant:
         self.set_parameters(parameters)
 
     def set_parameters(self, parameters: Sequence[AxisParameters] | Array) -> None:
-        """Change the parameters of the runs from now on; angles and speeds stay.
+        """Change the parameters of the runs from now on; angles and speeds stay the same.
 
-        An inertia that changes keeps its speed, and so not its momentum, as when a load that
-        moves along is taken up or let go.
+        A body whose inertia changes keeps its speed and not its momentum, as when it picks up or
+        drops a load that moves at the same speed.
 
         Parameters
         ----------
         parameters : sequence of AxisParameters, or ndarray (R, P)
-            New parameters of each run. Only what differs is touched.
+            New parameters of each run. Only values that differ are written.
 
         Raises
         ------
         ParameterError
-            If a parameter is not physical; then nothing has changed.
+            If a parameter is not physical; in this case nothing is changed.
         """
         rows = [[*p.values()] if isinstance(p, AxisParameters) else p for p in parameters]
         values = np.array(rows, dtype=float)
@@ -126,29 +128,29 @@ class Plant:
             if problem := parameter_problem(self._names[column], float(values[run, column])):
                 raise ParameterError(f"{self._names[column]} of run {run} {problem}.")
         changed = np.flatnonzero(new.any(axis=0))
-        for column in changed:  # transposed, for an inertia has three entries in each run
+        for column in changed:  # transposed, because an inertia has three entries per run
             self._places[column].T[...] = values[:, column]
-        if self._cubic.any():  # with the stiffness of a spring, all of its law scales
+        if self._cubic.any():  # the cubic coefficient is proportional to the stiffness
             linear = self._batch.expand("tendon_stiffness")
             self._batch.expand("tendon_stiffnesspoly")[...] = linear[..., None] * self._cubic
         if any(self._names[column][0] in "Jr" for column in changed):
-            self._batch.set_const()  # which the engine derives from these
+            self._batch.set_const()  # recompute the constants that the engine derives
         self._values = values
 
     def set_law(self, name: str, values: float | Array) -> None:
-        """Change a parameter of a law from now on, such as the level f_c of dry friction.
+        """Change a parameter of a nonlinear law from now on, such as the Coulomb friction f_c.
 
         Parameters
         ----------
         name : str
-            Parameter of one of the `Law`s that the plant was made with; of the first that has it.
+            Parameter of a law in `nonlinear`; if several laws have it, the first one changes.
         values : float or ndarray (R,)
-            New value, for all runs or for each.
+            New value, either for all runs or per run.
         """
         next(law for law in self._laws if name in law.values).set(name, values)
 
     def step(self, torque: Array) -> None:
-        """Hold a torque command for one period.
+        """Simulate one period with a constant torque command.
 
         Parameters
         ----------
@@ -161,7 +163,7 @@ class Plant:
             If the engine warns, or a state is no longer finite.
         """
         if self._called:
-            friction.install()  # another may have taken the place of it
+            friction.install()  # the user may have replaced the callback
         self._torque[:] = torque
         with quiet():
             self._batch.step(nstep=self._substeps)
@@ -169,7 +171,7 @@ class Plant:
             self._fail()
 
     def _fail(self) -> None:
-        """Raise the error of the first run that has gone wrong."""
+        """Raise the error of the first run that failed."""
         counts = self._batch.warning[:, :, 1]
         bad = counts.any(axis=1) | ~np.isfinite(self._batch.state).all(axis=1)
         run = int(np.flatnonzero(bad)[0])
@@ -184,19 +186,19 @@ def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> 
     xml, _ = model_files(model)
     spec = mujoco.MjSpec.from_string(xml)
     spec.option.timestep = timestep
-    spec.compiler.discardvisual = True  # shapes only cost time here
+    spec.compiler.discardvisual = True  # shapes are not needed and cost time
     for feature in nonlinear:
         feature.build(spec)
     if not any(isinstance(feature, FrictionConfig) for feature in nonlinear):
-        # No other feature is a constraint; to look for them takes a twelfth of a step.
+        # Only Coulomb friction is a constraint; the search for constraints takes 1/12 of a step.
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return spec.compile()
 
 
 def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
-    """Yield, for each parameter, the live array (R, ...) of the engine that holds it.
+    """Yield the engine's array (R, ...) for each parameter.
 
-    Those of a kind have the order of bodies and tendons.
+    Parameters of one kind are in the order of the bodies or tendons.
     """
     seen = Counter({"J": 1})  # the first body is the world
     for name in names:
@@ -210,10 +212,10 @@ def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
 
 
 def _place(batch: Any, model: Any, place: Place) -> Array:
-    """Return the live array (R, ...) of the engine that holds what is kept in a place."""
+    """Return the engine's array (R, ...) at a place."""
     values: Array = batch.expand(place.field)
     match place.field:
-        case "numeric_data":  # all custom numbers, one after the other
+        case "numeric_data":  # all custom numbers, concatenated
             return values[:, model.numeric_adr[model.numeric(place.owner).id] + place.column]
     kind = _KINDS[place.field.split("_", maxsplit=1)[0]]
     rows = values[:, getattr(model, kind)(place.owner).id]
@@ -221,7 +223,7 @@ def _place(batch: Any, model: Any, place: Place) -> Array:
 
 
 class _LawInEngine:
-    """A law in the engine: the values of its parameters, and where the engine keeps them."""
+    """A nonlinear law in the engine: its parameter values and their places in the engine."""
 
     def __init__(self, batch: Any, model: Any, law: Nonlinearity) -> None:
         self.values: dict[str, float | Array] = dict(law.law)

@@ -1,5 +1,5 @@
 """The tables of a scenario file, with their checks.
 
-Each class reads keys and values and knows their effect on a run: faults and their events,
-references, controller gains, sensors, friction laws. Nothing here runs the engine.
+Each class holds the keys of one table and implements their effect on a run: faults and events,
+references, controller gains, sensors and friction laws. Nothing here runs the physics engine.
 """

@@ -1,4 +1,4 @@
-"""What all tables of a scenario have in common: frozen, strict, no unknown keys."""
+"""Base class and value types of all scenario tables: frozen, strict, without unknown keys."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 
 class Config(BaseModel):
-    """A table of a scenario: immutable, and no key or type is guessed."""
+    """A table of a scenario: immutable, with strict types and without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Frozen(dict[str, float]):
-    """A table of numbers that cannot change: what has it as a part has a hash that is kept."""
+    """An immutable dict of numbers, so that the hash of an object that contains it stays valid."""
 
     __slots__ = ()
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        raise TypeError("a scenario cannot change; make another one with its `override`")
+        raise TypeError("a scenario cannot be changed; create a new one with its `override`")
 
     __setitem__ = __delitem__ = __ior__ = _refuse  # type: ignore[assignment]
     clear = pop = popitem = setdefault = update = _refuse  # type: ignore[assignment]
@@ -30,16 +30,16 @@ class Frozen(dict[str, float]):
 
 Values = Annotated[dict[str, float], AfterValidator(Frozen)]
 LARGEST = 1e9
-"""No quantity of an axis, its loop or a run is larger in SI: that is a slip of the unit."""
+"""Largest value of any quantity in SI units; a larger value is a mistake in the unit."""
 
 Word = Annotated[str, Field(pattern=r"^[^\s/\\\p{Cc}\p{Cf}]+$")]
-"""A name: it may become that of a file, and stands in terminals, which it must not drive."""
+"""A name that is safe as a file name and contains no control characters for terminals."""
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
 def kinds(union: Any) -> dict[str, type[BaseModel]]:
-    """Return the tables that a union such as ``Fault`` may be, by their ``kind``."""
+    """Return the table classes of a union such as ``Fault``, keyed by their ``kind``."""
     tables = get_args(get_args(union)[0])
     return {table.model_fields["kind"].default: table for table in tables}

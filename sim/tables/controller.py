@@ -1,4 +1,4 @@
-"""The loop that turns reference and motor angle into a torque command."""
+"""The controller, which computes a torque command from reference and motor angle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexaxis.sim.tables.feed_forward import AdaptConfig
 
 
 class ControllerConfig(Config):
-    """Gains of the loop; the table ``[controller]`` of a scenario.
+    """Gains and rate of the controller; the table ``[controller]`` of a scenario.
 
     Attributes
     ----------
@@ -26,15 +26,15 @@ class ControllerConfig(Config):
     Ki : float
         Integral gain [1/s].
     tau : float
-        Time constant of the low-pass on the speed error [s]; 0 is no filter.
+        Time constant of the low-pass on the speed error [s]; 0 means no filter.
     rate : {1000}, optional
-        Rate of an inner loop [Hz]; without it the loop runs at the sampling rate. The reference
-        goes evenly from one sample to the next.
+        Rate of an inner loop [Hz]; by default the loop runs at the sampling rate. The reference is
+        interpolated linearly between samples.
     log : {"mean", "sample"}, optional
-        What is logged of the torque of an inner loop: its mean from each sample to the next
-        (default), or its value at the sample.
+        Torque to log for an inner loop: its mean over each sample (default), or its value at the
+        start of the sample.
     adapt : AdaptConfig, optional
-        What is fed forward besides, and follows an estimator where there is one.
+        Feed-forward, which uses the estimates of an estimator if there is one.
     """
 
     Kp: NotNegative = 4.0
@@ -48,28 +48,28 @@ class ControllerConfig(Config):
     @model_validator(mode="after")
     def _one_rate(self) -> ControllerConfig:
         if self.adapt and self.rate:
-            raise ValueError("adapt feeds forward once a sample: leave `rate` out, or `adapt`")
+            raise ValueError("`adapt` needs a loop at the sampling rate: remove `rate` or `adapt`")
         return self
 
     @field_validator("log")
     @classmethod
     def _of_an_inner_loop(cls, log: str | None, info: ValidationInfo) -> str | None:
         if log is not None and info.data.get("rate") is None:
-            raise ValueError("is for an inner loop: it needs controller.rate = 1000")
+            raise ValueError("needs an inner loop: set controller.rate = 1000")
         return log
 
     @property
     def exact(self) -> bool:
-        """Whether the torque logged is the one held from sample to sample."""
+        """Whether the logged torque is the one that acts over the whole sample."""
         return self.rate is None
 
     def logged(self, commands: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return the torque (R,) logged of the commands (R,) [N m] in a sample."""
+        """Return the torque (R,) [N m] to log for the commands (R,) of one sample [N m]."""
         inner = self.rate is not None and self.log != "sample"
         return np.asarray(np.mean(commands, axis=0)) if inner else commands[0]
 
     def in_words(self) -> str:
-        """Return the rate of the loop, if it is not that of the samples, and the feed-forward."""
+        """Return the rate of an inner loop or the feed-forward in words."""
         if self.adapt:
             return "loop with feed-forward"
         if self.rate is None:
@@ -80,7 +80,7 @@ class ControllerConfig(Config):
 class Controller:
     r"""Cascaded position and speed controller with integral action, for a batch of runs.
 
-    With the position error e = reference − angle, in sample k,
+    With the position error e = reference − angle, the command u in sample k is
 
     .. math::
 
@@ -89,7 +89,7 @@ class Controller:
         I_k &= I_{k-1} + T K_i s_k \\
         u_k &= K_v (s_k + I_k)
 
-    from rest: :math:`e_{-1} = v_{-1} = I_{-1} = 0`.
+    It starts at rest, :math:`e_{-1} = v_{-1} = I_{-1} = 0`.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class Controller:
         :math:`e_{k-1}, v_{k-1}, I_{k-1}`.
     """
 
-    # Only sums and products per sample: they give the same bits for any number of runs.
+    # Only elementwise sums and products, so the bits do not depend on the number of runs.
     def __init__(self, config: ControllerConfig, runs: int, *, period: float) -> None:
         pole = math.exp(-period / config.tau) if config.tau > 0 else 0.0
         self._pole, self._rate = pole, (1 - pole) / period
@@ -121,7 +121,7 @@ class Controller:
         Parameters
         ----------
         reference, angle : ndarray (R,)
-            Wanted and measured motor angle [rad].
+            Desired and measured motor angle [rad].
         """
         before, speed, integral = self.state
         error = reference - angle

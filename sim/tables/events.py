@@ -1,4 +1,4 @@
-"""Changes in a run: values over time, events, and the values that are drawn by seed."""
+"""Changes during a run: parameter values over time, events, and values drawn by seed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Event:
-    """A change of the truth.
+    """A change of a true parameter.
 
     Attributes
     ----------
@@ -32,8 +32,8 @@ class Event:
     index : int
         First sample with a changed value.
     before, after : float
-        Value before the change, and when it is complete; what else changes meanwhile is left
-        out (see `find_events`).
+        Value before the change and after its completion, without the effect of other changes of
+        the same parameter (see `find_events`).
     """
 
     parameter: str
@@ -43,7 +43,7 @@ class Event:
 
 
 def changed(nominal: float, name: str, changes: Iterable[Fault], grid: Grid) -> Array:
-    """Return a value (N,) over time: nominal times the factors of all changes that name it."""
+    """Return a parameter (N,) over time: its nominal value times the factors of all its changes."""
     factors = (change.factor_at(grid) for change in changes if meant(change.parameter) == name)
     return math.prod(factors, start=np.full(len(grid.k), nominal))
 
@@ -54,23 +54,23 @@ def find_events(
     grid: Grid,
     nominal: Mapping[str, float],
 ) -> tuple[Event, ...]:
-    """Return the changes by faults, in order of time.
+    """Return the changes caused by faults, in order of time.
 
     An event is the joint effect of the faults that begin in one sample on one parameter. `before`
-    is the true value in the previous sample. `after` is the value when these faults have settled,
-    if every other change of the parameter (fault or nuisance) kept its factor of the previous
-    sample. So after/before is the factor of the fault, even during a ramp or a drift.
+    is the true value in the previous sample. `after` is the value after these faults have settled,
+    computed as if every other change of the parameter (fault or nuisance) kept its factor of the
+    previous sample. So after/before is the factor of the fault, even during a ramp or a drift.
 
     Parameters
     ----------
     faults : sequence of Fault
-        What is scored; several on one parameter in one sample are one event.
+        Faults to score; faults on one parameter in the same sample form one event.
     nuisances : sequence of Fault
-        What else changes the truth.
+        Other changes of the true parameters, which are not scored.
     grid : Grid
         Samples of the run.
     nominal : mapping of str to float
-        The values that the factors multiply.
+        Parameter values before any fault, which the factors multiply.
     """
     changes = (*faults, *nuisances)
     settled: dict[tuple[int, str], dict[int, int]] = {}
@@ -97,7 +97,7 @@ def find_events(
 def drawn(scenario: Scenario, seed: int) -> Scenario:
     """Return the scenario of one seed, with drawn onsets and drawn errors of known values.
 
-    It keeps the name and the random numbers of the scenario and has its own hash.
+    The result keeps the name and the random numbers of the scenario but has its own hash.
     """
     runs: dict[int, Scenario] = scenario.__dict__.setdefault("_drawn", {})
     if seed not in runs:
@@ -109,11 +109,11 @@ def drawn(scenario: Scenario, seed: int) -> Scenario:
 
 
 def _known(scenario: Scenario, seed: int) -> dict[str, float]:
-    """Return the key `known` of a scenario in the run of a seed, without its `spread`.
+    """Return the table `known` of a scenario for one seed, without its `spread`.
 
     Each parameter has its own factor exp(spread z) with a standard normal z, except the identified
-    parameters and the gear ratio, which is exact. The plant does not change, and no factor depends
-    on other draws.
+    parameters and the gear ratio, which is exact. The plant does not change, and each factor is
+    independent of the others.
     """
     exact = {"r", *DATA_SHEET, *(name.removeprefix("1/") for name in scenario.identify)}
     known = dict.fromkeys(sorted(scenario.nominal.keys() - exact), 1.0) | scenario.known_factors
@@ -124,29 +124,30 @@ def _known(scenario: Scenario, seed: int) -> dict[str, float]:
 
 
 def first_onset(scenario: Scenario) -> int:
-    """Return the sample of the first fault; one of no size (factor 1) has an onset as well."""
+    """Return the onset sample of the first fault; a fault with factor 1 counts too."""
     return min(scenario.grid.index(fault.at) for fault in scenario.fault)
 
 
 def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
-    """Return the keys of a scenario that a seed changes, with their new values.
+    """Return the keys of a scenario that change with the drawn onset, with their new values.
 
-    All faults and pauses shift by the same time, so that the intervals between them stay; nuisances
-    do not shift. The shift is drawn evenly from the samples within `onset_spread` at which the
-    reference moves (or rests) as at the written time of the first fault.
+    All faults and pauses shift by the same time, so the intervals between them stay the same;
+    nuisances do not shift. The shift is drawn uniformly from the samples within `onset_spread`. If
+    the reference moves (or rests) at the nominal time of the first fault, it also moves (or rests)
+    at the shifted time.
 
     Parameters
     ----------
     scenario : Scenario
-        With an `onset_spread`.
+        Scenario with an `onset_spread`.
     seed : int
-        Number of the run.
+        Seed of the run.
     """
     assert scenario.onset_spread is not None
     period, most = scenario.period, sample_index(scenario.onset_spread, scenario.period)
     allowed = np.arange(-most, most + 1)
     pauses = getattr(scenario.excitation, "pause", ())
-    if scenario.fault and not pauses:  # else the pauses come along
+    if scenario.fault and not pauses:  # pauses shift together with the fault
         first, moves = first_onset(scenario), scenario.excited()
         allowed = allowed[moves[first + allowed] == moves[first]]
     by = int(stream(scenario.key, seed, "onset").choice(allowed))

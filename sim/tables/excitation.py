@@ -16,32 +16,32 @@ from flexaxis.sim.timing import Grid, sample_index
 Array = NDArray[np.float64]
 
 
-# TOML has arrays where we keep tuples.
+# Arrays in TOML become tuples.
 Interval = Annotated[tuple[NotNegative, float], Field(strict=False)]
 
 
 class Multisine(Config):
-    """Sum of sinusoids: all lines of the DFT in a band, of equal size and random phase.
+    """Sum of sinusoids: all DFT lines in a band, with equal amplitudes and random phases.
 
-    In a pause the reference keeps its last value and the clock of the signal stops, so that the
+    During a pause the reference keeps its last value and the clock of the signal stops, so the
     signal resumes without a jump.
 
     Attributes
     ----------
     low, high : float
-        Band, ends included [Hz].
+        Lowest and highest frequency of the band, both included [Hz].
     period : float
-        Period of the signal [s]; its inverse is the distance of the lines.
+        Period of the signal [s]; its inverse is the spacing of the lines.
     rms : float
-        Root mean square of the reference over one period [rad of the motor].
+        Root mean square of the reference over one period [rad on the motor side].
     pause : tuple of (float, float)
-        Pauses from ... to [s].
+        Start and end of each pause [s].
     """
 
     kind: Literal["multisine"] = "multisine"
     low: NotNegative = 0.1
     high: Positive = 30.0
-    period: Annotated[float, Field(gt=0, le=3600)] = 10.0  # all of it lies in memory
+    period: Annotated[float, Field(gt=0, le=3600)] = 10.0  # a whole period is kept in memory
     rms: Annotated[float, Field(gt=0, le=10)] = 0.0511
     pause: Annotated[tuple[Interval, ...], Field(strict=False)] = ()
 
@@ -65,20 +65,20 @@ class Multisine(Config):
         return self
 
     def _lines(self) -> range:
-        """Return the numbers of the DFT lines in the band, without the mean."""
-        slack = 1e-9  # so that 0.1 Hz at 10 s is line 1 and not line 1.0000000000000002
+        """Return the indices of the DFT lines in the band, without line 0 (the mean)."""
+        slack = 1e-9  # tolerance for rounding: 0.1 Hz at 10 s is line 1
         first = max(1, int(np.ceil(self.low * self.period - slack)))
         return range(first, int(np.floor(self.high * self.period + slack)) + 1)
 
     def sampling_problems(self, period: float) -> Iterator[tuple[str, str]]:
-        """Yield the keys, and why, that do not go with a sampling period [s]."""
+        """Yield (key, message) for each key that is incompatible with a sampling period [s]."""
         if self.high * period >= 0.5:
             yield "high", f"must be below half the sampling rate, {0.5 / period:g} Hz"
         if abs(self.period / period - sample_index(self.period, period)) > 1e-6:
             yield "period", f"must be a whole number of samples of {1000 * period:g} ms"
 
     def one_period(self, rng: np.random.Generator, period: float) -> Array:
-        """Return one period of the signal, sampled every `period` s [rad]; `rng` draws phases."""
+        """Return one period of the signal, sampled every `period` s [rad]; phases from `rng`."""
         lines, samples = self._lines(), sample_index(self.period, period)
         spectrum = np.zeros(samples // 2 + 1, dtype=complex)
         spectrum[lines] = np.exp(2j * np.pi * rng.random(len(lines)))
@@ -86,13 +86,13 @@ class Multisine(Config):
         return signal * (self.rms / np.sqrt(np.mean(signal**2)))
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference (N,) [rad] at the samples; before its first sample it is 0."""
+        """Return the reference (N,) [rad] at the samples; it is 0 until the first excited one."""
         signal = self.one_period(rng, grid.period)
         clock = np.cumsum(self.excited(grid)) - 1
         return np.where(clock < 0, 0.0, signal[clock % signal.size])
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return at which samples (N,) the reference moves."""
+        """Return whether the reference moves at each sample (N,)."""
         moves = np.ones(grid.k.size, dtype=bool)
         for begin, end in self.pause:
             moves &= (grid.k < grid.index(begin)) | (grid.k >= grid.index(end))
@@ -105,16 +105,16 @@ class Multisine(Config):
 
 
 class Moves(Config):
-    """Moves from point to point, each with the least jerk and a rest after it: a work cycle.
+    """Minimum-jerk moves from point to point with a rest after each, as in a work cycle.
 
     Attributes
     ----------
     reach : float
-        The targets are drawn evenly from ±reach [rad of the motor]; the first move starts at 0.
+        Targets are drawn uniformly from ±reach [rad on the motor side]; the first move starts at 0.
     move : float
-        Time of a move [s].
+        Duration of each move [s].
     dwell : float
-        Time at rest after each [s].
+        Time at rest after each move [s].
     """
 
     kind: Literal["moves"] = "moves"
@@ -131,7 +131,7 @@ class Moves(Config):
         return (1 - part) * targets[cycle] + part * targets[cycle + 1]
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return at which samples (N,) the reference moves."""
+        """Return whether the reference moves at each sample (N,)."""
         return self._clock(grid)[1] < 1
 
     def in_words(self) -> str:
@@ -139,7 +139,7 @@ class Moves(Config):
         return f"moves of {self.move:g} s within {self.reach:g} rad, {self.dwell:g} s apart"
 
     def _clock(self, grid: Grid) -> tuple[NDArray[np.int64], Array]:
-        """Return the number of the move (N,) at the samples, and how much of its time is over."""
+        """Return the index of the move (N,) at each sample, and the elapsed fraction of it (N,)."""
         length = grid.index(self.move)
         cycle, since = np.divmod(grid.k, length + grid.index(self.dwell))
         return cycle, np.minimum(since / length, 1.0)
@@ -155,7 +155,7 @@ class Standstill(Config):
         return np.zeros(len(grid.k))
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return at which samples (N,) the reference moves: at none."""
+        """Return whether the reference moves at each sample (N,): always False."""
         return np.zeros(len(grid.k), dtype=bool)
 
     def in_words(self) -> str:
@@ -163,5 +163,6 @@ class Standstill(Config):
         return "standstill"
 
 
-# A new excitation is a class with `kind`, `reference`, `excited` and `in_words`, and its name here.
+# To add an excitation, write a class with `kind`, `reference`, `excited` and `in_words`, and list
+# it here.
 Excitation = Annotated[Multisine | Moves | Standstill, Field(discriminator="kind")]

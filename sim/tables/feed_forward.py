@@ -14,14 +14,14 @@ from flexaxis.sim.tables.config import Config, Positive
 Array = NDArray[np.float64]
 
 USED = ("k_T", "f_m", "f_c", "r")
-"""Parameters that the controller makes use of, besides the inertias."""
+"""Parameters that the feed-forward uses in addition to the inertias."""
 
 
 Follower = Any
-"""What learns in the loop: an estimator, as `flexaxis.estimators.protocol` has it.
+"""An estimator in the loop, as defined in `flexaxis.estimators.protocol`.
 
-It has `names` and `output`, and ``step(u, y)`` takes u[k] and y[k] and returns θ[k], of which the
-next command is the first to make use.
+It has `names` and `output`, and ``step(u, y)`` takes u[k] and y[k] and returns θ[k]. The command of
+the next sample is the first that uses θ[k].
 """
 
 
@@ -31,16 +31,16 @@ class AdaptConfig(Config):
     Attributes
     ----------
     friction, inertia, torque : bool
-        Whether the friction of the wanted motion is fed forward, and the torque that its
-        acceleration takes, and whether commands are divided by the torque constant.
+        Whether to feed forward the friction of the desired motion, to feed forward the torque for
+        its acceleration, and to divide commands by the torque constant.
     smooth : float
-        Speed v₀ below which the sign of the wanted speed becomes smooth [rad/s].
+        Speed v₀ below which the sign of the desired speed is smoothed [rad/s].
     limit : float
-        Estimates are used within nominal/limit … limit × nominal; what the nominal axis lacks is
-        not fed forward.
+        Estimates are clipped to nominal/limit … limit × nominal. A parameter whose nominal value is
+        0 is not fed forward.
     gain : float
-        The same of the torque constant, by which the loop's gain is multiplied as well: less than
-        its gain margin.
+        The same limit for the torque constant. It also scales the loop gain, so it must be smaller
+        than the gain margin.
     """
 
     friction: bool = True
@@ -51,7 +51,7 @@ class AdaptConfig(Config):
     gain: Annotated[float, Field(gt=1, le=10)] = 1.5
 
     def command(self, feedback: Array, motion: tuple[Array, Array], of: Mapping[str, Any]) -> Array:
-        r"""Return the command (R,) [N m] of feedback (R,) and what is fed forward.
+        r"""Return the command (R,) [N m] as the sum of feedback and feed-forward.
 
         .. math::
 
@@ -61,11 +61,11 @@ class AdaptConfig(Config):
         Parameters
         ----------
         feedback : ndarray (R,)
-            What the controller asks of an axis with the nominal torque constant k_T0.
+            Command of the controller for the nominal torque constant k_T0 [N m].
         motion : (ndarray (R,), ndarray (R,))
-            Wanted speed v [rad/s] and acceleration a [rad/s²].
+            Desired speed v [rad/s] and acceleration a [rad/s²].
         of : mapping of str to float or ndarray (R,)
-            The parameters `USED`, the inertias in their order, and ``"k_T0"``.
+            Values of the parameters `USED`, of the inertias in their order, and of ``"k_T0"``.
         """
         speed, acceleration = motion
         torque = of["k_T0"] * feedback
@@ -78,24 +78,25 @@ class AdaptConfig(Config):
 
 
 class FeedForward:
-    """The feed-forward of a batch of runs, each with the estimates of its own axis.
+    """The feed-forward of a batch of runs, each with its own estimates.
 
     Parameters
     ----------
     config : AdaptConfig
+        Terms and limits of the feed-forward.
     nominal : mapping of str to float
-        Parameters of the axis before any fault; a run without a follower keeps to them.
+        Parameters of the axis before any fault; a run without an estimator uses them throughout.
     reference : ndarray (N, R)
-        Wanted motor angle [rad].
+        Desired motor angle [rad].
     period : float
         Sampling period T [s].
     followers : sequence of Follower or None
-        One a run.
+        Estimator of each run, or None.
 
     Attributes
     ----------
     limited : ndarray (R,)
-        Samples in which an estimate was beyond the limits, or no number.
+        Number of samples in which an estimate exceeded a limit or was not finite.
     """
 
     def __init__(
@@ -110,13 +111,13 @@ class FeedForward:
         runs = reference.shape[1]
         inertias = [name for name in nominal if name[0] == "J"]
         known = {name: nominal.get(name, float(name == "r")) for name in (*USED, *inertias)}
-        self._known = {name for name, value in known.items() if value}  # no limits about nothing
+        self._known = {name for name, value in known.items() if value}  # 0 has no relative limits
         self._values = {name: np.full(runs, value) for name, value in known.items()}
         most = {name: config.gain if name == "k_T" else config.limit for name in known}
         self._box = {name: (v / most[name], v * most[name]) for name, v in known.items()}
         self._k_T0 = known["k_T"]
         path = np.vstack([reference[:1], reference, reference[-1:]])
-        self._speed = np.diff(path, axis=0) / period  # before each sample; after it, one later
+        self._speed = np.diff(path, axis=0) / period  # [k]: just before sample k
         self._angle = np.zeros(runs)
         self.limited = np.zeros(runs, int)
 
@@ -138,7 +139,7 @@ class FeedForward:
                 self._use(run, dict(zip(follower.names, theta, strict=True)))
 
     def _use(self, run: int, theta: Mapping[str, float]) -> None:
-        """Limit the estimates."""
+        """Clip the estimates to their limits and count the sample if any was clipped."""
         beyond = False
         for name, estimate in theta.items():
             parameter = name.removeprefix("1/")

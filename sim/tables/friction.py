@@ -1,10 +1,10 @@
 r"""Friction laws of the motor; each class is a table of a scenario.
 
 MuJoCo has Coulomb and LuGre friction. The other laws are compiled callbacks
-(`sim/plant/friction.py`): such a table has its keys and the law itself (`torque`), a plain
-function. To add one, write a table here, put its name into `COMPILED_LAWS` and add a key to
-`Scenario`. These laws use :math:`\tanh(v/v_0)` in place of the sign of the speed v, with the key
-`smooth` for v₀, so the motor creeps instead of sticking.
+(`sim/plant/friction.py`); their tables contain the law itself as a plain function, `torque`. To add
+a law, write a table here, add its name to `COMPILED_LAWS` and add a key to `Scenario`. These laws
+use :math:`\tanh(v/v_0)` in place of the sign of the speed v, with the key `smooth` for v₀, so the
+motor creeps instead of sticking.
 """
 
 from __future__ import annotations
@@ -20,65 +20,65 @@ from flexaxis.sim.tables.config import NotNegative, Positive
 from flexaxis.sim.tables.nonlinear import Nonlinearity, Place, passive
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
-"""First number of a row, by which it is known to be ours."""
+"""First number of each row of parameters, which marks the row as ours."""
 
 WIDTH = 12
-"""Numbers in a row: mark, number of the law in `COMPILED_LAWS`, and up to ten parameters."""
+"""Length of a row: mark, index of the law in `COMPILED_LAWS`, and up to ten parameters."""
 
 Row = Sequence[float]
 
 
 class _CompiledLaw(Nonlinearity):
-    """A law that the engine calls, with its values in a row of custom data."""
+    """A law that the engine calls as a callback, with its values in a row of custom data."""
 
-    substeps: ClassVar[int] = 20  # a sign comes and goes within a millisecond: 6e-5 in the loop
+    substeps: ClassVar[int] = 20  # the speed can change sign within 1 ms; error 6e-5 in the loop
     parameters: ClassVar[tuple[str, ...]]
-    """Those of its keys that are parameters of a law."""
+    """Keys that are parameters of a law in a record."""
 
     def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
+        """Add the law to an `MjSpec`."""
         code = float(COMPILED_LAWS.index(type(self)))
         row = [MARK, code, *map(float, self.model_dump().values())]
         spec.add_numeric(name=type(self).__name__, size=WIDTH, data=row)
 
     @property
     def law(self) -> dict[str, float]:
-        """Its parameters by name."""
+        """Parameters of the law by name."""
         return {name: getattr(self, name) for name in self.parameters}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return where the engine keeps the parameters of its law, and as what."""
+        """Return the engine's numbers for these parameters, by their place in the engine."""
         keys, owner = [*type(self).model_fields], type(self).__name__
         at = {name: Place("numeric_data", owner, 2 + keys.index(name)) for name in law}
         return {at[name]: value for name, value in law.items()}
 
 
 class FrictionConfig(Nonlinearity):
-    """Friction of the motor that does not depend on the size of its speed.
+    """Coulomb friction of the motor, independent of the magnitude of its speed.
 
     Attributes
     ----------
     coulomb : float
-        Coulomb friction [N m]; it opposes the motion, and holds the motor up to that torque.
+        Coulomb friction [N m]; it opposes the motion and holds a resting motor up to this torque.
     """
 
-    substeps: ClassVar[int] = 20  # a switch is located to within a step: 7e-4 with these
+    substeps: ClassVar[int] = 20  # a switch is located to within one step; error 7e-4
     coulomb: Positive
 
     def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
+        """Add the law to an `MjSpec`."""
         motor = spec.joint("motor")
         motor.frictionloss = self.coulomb
-        # the engine's friction is soft by default, which is wrong by half here
+        # the engine's friction is soft by default, which gives errors of 50 % here
         motor.solref_friction, motor.solimp_friction[:3] = [1e-6, 1.0], [0.9999, 0.9999, 0.001]
 
     @property
     def law(self) -> dict[str, float]:
-        """Its parameters by name."""
+        """Parameters of the law by name."""
         return {"f_c": self.coulomb}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return where the engine keeps the parameters of its law, and as what."""
+        """Return the engine's numbers for these parameters, by their place in the engine."""
         return {Place("dof_frictionloss", "motor"): law["f_c"]}
 
     def in_words(self) -> str:
@@ -96,21 +96,21 @@ class LuGreConfig(Nonlinearity):
         F = \sigma_0 z + \sigma_1 \dot z, \quad \dot z = v - \sigma_0 |v| z / g(v), \quad
         g(v) = F_c + (F_s - F_c) e^{-(v/v_s)^2}
 
-    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425); its viscous part is f_m.
+    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425). f_m is the viscous part.
 
     Attributes
     ----------
     stiffness : float
-        σ₀ [N m/rad].
+        Stiffness σ₀ of the bristles [N m/rad].
     damping : float
-        σ₁ [N m s/rad].
+        Damping σ₁ of the bristles [N m s/rad].
     coulomb, static : float
-        F_c and F_s, the torque of fast sliding and of breaking away [N m].
+        Coulomb torque F_c at high speed and breakaway torque F_s [N m].
     stribeck : float
-        v_s, the speed at which the second has given way to the first [rad/s].
+        Stribeck speed v_s of the transition from F_s to F_c [rad/s].
     """
 
-    substeps: ClassVar[int] = 10  # the engine's bristles are of first order in the step: 7e-4
+    substeps: ClassVar[int] = 10  # the engine integrates bristles to first order; error 7e-4
     stiffness: Positive
     damping: Positive
     coulomb: Positive
@@ -126,13 +126,13 @@ class LuGreConfig(Nonlinearity):
         return self
 
     def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
+        """Add the law to an `MjSpec`."""
         law = [self.stiffness, self.damping, self.coulomb, self.static, self.stribeck]
         passive(spec, "lugre", lugre=law)
 
     @property
     def law(self) -> dict[str, float]:
-        """Its parameters by name; f_s is what breaking away takes more than sliding."""
+        """Parameters of the law by name; f_s is the excess of the breakaway torque over f_c."""
         return {
             "f_c": self.coulomb,
             "f_s": self.static - self.coulomb,
@@ -142,7 +142,7 @@ class LuGreConfig(Nonlinearity):
         }
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return where the engine keeps the parameters of its law, and as what."""
+        """Return the engine's numbers for these parameters, by their place in the engine."""
         return {
             Place("actuator_biasprm", "lugre", 3): law["f_c"],
             Place("actuator_biasprm", "lugre", 4): law["f_c"] + law["f_s"],
@@ -157,23 +157,23 @@ class LuGreConfig(Nonlinearity):
 
 
 class StaticFrictionConfig(_CompiledLaw):
-    r"""A static curve of friction, with its peak before the motor slides.
+    r"""A static friction curve with a peak at low speed.
 
     .. math:: \tau = (F_c + F_{cs} / \cosh(\alpha v)) \tanh(\beta v)
 
     (E. Wernholt and S. Gunnarsson, *Nonlinear identification of a physically parameterized robot
-    model*, SYSID 2006); its viscous part is f_m.
+    model*, SYSID 2006). f_m is the viscous part.
 
     Attributes
     ----------
     f_c : float
-        F_c, the torque of fast sliding [N m].
+        Coulomb torque F_c at high speed [N m].
     f_s : float
-        F_cs, the excess at low speed [N m].
+        Excess torque F_cs at low speed [N m].
     alpha : float
-        α, the inverse of the speed at which the excess has gone [s/rad].
+        Inverse α of the speed at which the excess decays [s/rad].
     beta : float
-        β, the inverse of the speed at which sliding begins [s/rad].
+        Inverse β of the speed at which the friction builds up [s/rad].
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "alpha", "beta")
@@ -184,7 +184,7 @@ class StaticFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the torque against the motion [N m]."""
+        """Return the friction torque, positive against the motion [N m]."""
         peak = row[3] / math.cosh(row[4] * speed)
         return (row[2] + peak) * math.tanh(row[5] * speed)
 
@@ -194,7 +194,7 @@ class StaticFrictionConfig(_CompiledLaw):
 
 
 class LoadFrictionConfig(_CompiledLaw):
-    r"""Dry friction that grows with the torque that the gear transmits.
+    r"""Dry friction that grows with the torque transmitted by the gear.
 
     .. math:: \tau = (f_c + \mu |\tau_g|) \tanh(v/v_0)
 
@@ -204,11 +204,11 @@ class LoadFrictionConfig(_CompiledLaw):
     Attributes
     ----------
     f_c : float
-        Without load [N m].
+        Friction torque without load [N m].
     load : float
-        μ, torque of friction over torque transmitted.
+        Ratio μ of friction torque to transmitted torque.
     smooth : float
-        v₀ [rad/s].
+        Speed v₀ below which the sign of the speed is smoothed [rad/s].
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c",)
@@ -218,7 +218,7 @@ class LoadFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the torque against the motion [N m]."""
+        """Return the friction torque, positive against the motion [N m]."""
         return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
 
     def in_words(self) -> str:
@@ -227,32 +227,33 @@ class LoadFrictionConfig(_CompiledLaw):
 
 
 class GearFrictionConfig(_CompiledLaw):
-    r"""Friction of a geared drive, of which a part is a share of the torques at the gear.
+    r"""Friction of a geared drive, partly proportional to the torques at the gear.
 
     .. math::
 
         \tau = [f_c + |\mu_e \tau_g - \mu_m u|
                 + (f_s + |\mu_{es} \tau_g - \mu_{ms} u|) e^{-|v/v_s|^\alpha}] \tanh(v/v_0)
 
-    with the torque of the motor u and that of the gear spring on it, τ_g: model M5 of M. Duclusaud,
-    G. Passault, V. Padois and O. Ly, *Extended friction models for the physics simulation of servo
-    actuators*, arXiv:2410.08650, with tanh for the sign. Its viscous part is f_m. Driving and being
-    driven differ, for u and τ_g have shares of their own.
+    with the motor torque u and the torque τ_g of the gear spring on the motor. This is model M5 of
+    M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction models for the physics
+    simulation of servo actuators*, arXiv:2410.08650, with tanh in place of the sign. f_m is the
+    viscous part. Because u and τ_g have separate coefficients, the friction of a driving motor
+    differs from that of a driven one.
 
     Attributes
     ----------
     f_c, f_s : float
-        Without load: of fast sliding, and the excess at low speed [N m].
+        Coulomb torque at high speed and excess at low speed, both without load [N m].
     motor, external : float
-        μ_m and μ_e, torque of friction over the torque of motor and spring.
+        Ratios μ_m and μ_e of friction torque to motor torque and to spring torque.
     motor_slow, external_slow : float
-        μ_ms and μ_es, the same of the excess at low speed.
+        The same ratios μ_ms and μ_es for the excess at low speed.
     v_s : float
-        The speed at which the excess has gone [rad/s].
+        Stribeck speed at which the excess decays [rad/s].
     alpha : float
-        How suddenly it goes.
+        Exponent of the decay.
     smooth : float
-        v₀ [rad/s].
+        Speed v₀ below which the sign of the speed is smoothed [rad/s].
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "v_s")
@@ -268,7 +269,7 @@ class GearFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the torque against the motion [N m]."""
+        """Return the friction torque, positive against the motion [N m]."""
         fast = row[2] + abs(row[5] * load - row[4] * motor)
         slow = row[3] + abs(row[7] * load - row[6] * motor)
         left = math.exp(-(abs(speed / row[8]) ** row[9]))
@@ -286,4 +287,4 @@ COMPILED_LAWS: tuple[Any, ...] = (
     LoadFrictionConfig,
     GearFrictionConfig,
 )
-"""The laws that are compiled; a row names its law by the place in here."""
+"""Laws that are compiled as callbacks; a row refers to its law by the index in this tuple."""

@@ -1,9 +1,9 @@
 """Nonlinear effects of an axis; each class is a table of a scenario.
 
-Every table adds itself to the MuJoCo model of the plant (`build`), states that the linear model
-does not describe it (`exact`), and gives the simulation steps per sample that it needs
-(`substeps`). The motor speed then agrees with an independent solution to 1e-5 of its rms, and to
-1e-3 with stick-slip friction.
+Every table adds its effect to the MuJoCo model of the plant (`build`), states that the linear model
+does not describe it (`exact`), and gives the number of simulation steps that it needs (`substeps`).
+With these steps the motor speed agrees with an independent solution to 1e-5 of its rms, or to 1e-3
+with stick-slip friction.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from pydantic import Field
 
 from flexaxis.sim.tables.config import Config, Positive
 
-SPAN = 0.005  # s, of which `substeps` says into how many steps it is cut
+SPAN = 0.005  # time that `substeps` steps take [s]
 LINEAR_SUBSTEPS = 5
 _NO_INPUT = 16  # MuJoCo's mjINPUT_NONE: an actuator without a command
 
 
 class Place(NamedTuple):
-    """Where the engine keeps a number: field of its model, named object, column if it has some."""
+    """Location of a number in the engine: field of the model, named object, optional column."""
 
     field: str
     owner: str
@@ -30,38 +30,38 @@ class Place(NamedTuple):
 
 
 class Nonlinearity(Config):
-    """A table of a scenario that is built into the plant.
+    """A scenario table that adds a nonlinear effect to the plant.
 
     Attributes
     ----------
     substeps : int
-        Steps of the engine that 5 ms need with it.
+        Number of engine steps per 5 ms that the effect needs.
     """
 
     exact: ClassVar[bool] = False
     substeps: ClassVar[int] = LINEAR_SUBSTEPS
 
     def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
+        """Add the effect to an `MjSpec`."""
         raise NotImplementedError
 
     @property
     def law(self) -> dict[str, float]:
-        """Its parameters by name, of those that a record has."""
+        """Parameters of the effect that a record contains, by name."""
         return {}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return where the engine keeps parameters such as these, and as what.
+        """Return the engine's numbers for these parameters, by their place in the engine.
 
-        Nowhere, where they cannot change in a run.
+        The result is empty if the parameters cannot change during a run.
         """
         return {}
 
 
 def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
-    """Return the steps of the engine in a period [s], fine enough for all features.
+    """Return the number of engine steps per period [s] that is fine enough for all features.
 
-    ``least`` is that of 5 ms.
+    ``least`` is a lower limit for the number of steps per 5 ms.
 
     Examples
     --------
@@ -73,21 +73,21 @@ def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1)
 
 
 class CoggingConfig(Nonlinearity):
-    """Cogging of the motor: a torque amplitude · sin(poles · φ_m) that the magnets add.
+    """Cogging of the motor: a torque amplitude · sin(poles · φ_m) caused by the magnets.
 
     Attributes
     ----------
     amplitude : float
         Largest torque [N m].
     poles : int
-        Periods in one revolution of the motor.
+        Periods per revolution of the motor.
     """
 
     amplitude: Positive
     poles: int = Field(ge=1, le=500)
 
     def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
+        """Add the effect to an `MjSpec`."""
         passive(spec, "cogging", cogging=[self.amplitude, self.poles, 0.0])
 
     def in_words(self) -> str:
@@ -96,25 +96,25 @@ class CoggingConfig(Nonlinearity):
 
 
 class BacklashConfig(Nonlinearity):
-    """Play between the motor and the gear.
+    """Backlash between the motor and the gear.
 
     Attributes
     ----------
     gear : float
-        Width of the gap [rad on the arm side] within which the gear spring has no force. The damper
-        of the gear acts in the gap too.
+        Width of the gap within which the gear spring exerts no torque [rad on the arm side]. The
+        damper of the gear acts within the gap too.
     """
 
     substeps: ClassVar[int] = 20
     gear: Positive
 
     def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
+        """Add the effect to an `MjSpec`."""
         spec.tendon("gear").springlength = [-self.gear / 2, self.gear / 2]
 
     @property
     def law(self) -> dict[str, float]:
-        """Its parameters by name."""
+        """Parameters of the effect by name."""
         return {"gap": self.gear}
 
     def in_words(self) -> str:
@@ -125,24 +125,24 @@ class BacklashConfig(Nonlinearity):
 class StiffeningConfig(Nonlinearity):
     """A gear spring that stiffens with its twist x: torque k_g (x + gear · x³).
 
-    The whole law is proportional to k_g, so that a fault of k_g weakens all of it.
+    Both terms are proportional to k_g, so a fault of k_g scales the whole law.
 
     Attributes
     ----------
     gear : float
-        Cubic coefficient over the linear one [1/rad² on the arm side].
+        Ratio of the cubic to the linear coefficient [1/rad² on the arm side].
     """
 
     gear: Positive
 
     def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
+        """Add the effect to an `MjSpec`."""
         spring = spec.tendon("gear")
         spring.stiffness = [spring.stiffness[0], 0.0, self.gear * spring.stiffness[0]]
 
     @property
     def law(self) -> dict[str, float]:
-        """Its parameters by name."""
+        """Parameters of the effect by name."""
         return {"kappa": self.gear}
 
     def in_words(self) -> str:
@@ -151,18 +151,18 @@ class StiffeningConfig(Nonlinearity):
 
 
 class SaturationConfig(Nonlinearity):
-    """A limit of the drive: it acts on ±torque at most, while the log has the command.
+    """A torque limit of the drive; the log still contains the unlimited command.
 
     Attributes
     ----------
     torque : float
-        Largest size of the command that acts [N m]; k_T multiplies what is left.
+        Limit of the absolute value of the command [N m]; k_T multiplies the limited command.
     """
 
     torque: Positive
 
     def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
+        """Add the effect to an `MjSpec`."""
         spec.actuator("motor").forcerange = [-self.torque, self.torque]
 
     def in_words(self) -> str:
@@ -171,7 +171,7 @@ class SaturationConfig(Nonlinearity):
 
 
 def passive(spec: Any, name: str, **law: list[float]) -> None:
-    """Add a currentless electric motor to the joint, because the engine models friction there."""
+    """Add a DC motor without current to the joint, because the engine models friction there."""
     motor = spec.add_actuator(name=name, target="motor")
     motor.trntype = spec.actuator("motor").trntype
     motor.set_to_dcmotor(motorconst=[0.0, 0.0], resistance=1.0, ctrlspec=_NO_INPUT, **law)

@@ -1,8 +1,8 @@
-"""Sensors between the axis and its log: delay, noise, encoder and filter, each one stage.
+"""Sensors between the axis and its log: delay, noise, encoder and filter, one stage each.
 
 Every table has a `stage` that changes a signal, and states whether the linear model still describes
-the result (`exact`). A signal passes through all stages in the order of the keys of `Scenario`,
-for the log and, if it uses measured feedback, for the controller.
+the result (`exact`). A signal passes through all stages in the order of the keys of `Scenario`.
+The log contains the result; the controller reads it only with measured feedback.
 """
 
 from __future__ import annotations
@@ -22,41 +22,43 @@ from flexaxis.sim.timing import TICK
 Array = NDArray[np.float64]
 
 Signal = Literal["angle", "speed"]
-"""What is measured of the motor: angle [rad] and speed [rad/s]."""
+"""Measured signals of the motor: angle [rad] and speed [rad/s]."""
 
 Stage = Callable[[Array], Array]
-"""Takes the next n samples (n, R) of a signal, and returns what becomes of them."""
+"""Function that takes the next n samples (n, R) of a signal and returns the processed samples."""
 
 White = Callable[[str], Array]
-"""Returns white noise (N, R) of standard deviation 1 for a purpose, such as "noise.speed"."""
+"""Function that returns white noise (N, R) of standard deviation 1 for a purpose, for example
+"noise.speed"."""
 
 
 @runtime_checkable
 class Sensor(Protocol):
-    """A table of a scenario with a `stage` that signals pass through."""
+    """A scenario table with a `stage` that processes measured signals."""
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the stage for a signal sampled every `period` s, at rest before the run."""
+        """Return the stage for a signal with this period [s]; the signal is 0 before the run."""
 
 
 def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: float) -> Stage:
-    """Return the way of a signal through the stages of all sensors.
+    """Return the composition of the stages of all sensors for one signal.
 
     Parameters
     ----------
     sensors : iterable of Sensor
-        In the order in which the signal meets them.
+        Sensor tables in the order in which the signal passes through them.
     signal : {"angle", "speed"}
+        Signal to measure.
     white : callable
-        Returns the noise of the whole run for a purpose.
+        Function that returns the noise of the whole run for a purpose.
     period : float
         Sampling period T [s].
 
     Returns
     -------
     callable
-        Takes the next samples (n, R) and returns what is read: all of a run at once, or one
-        sample at a time, with the same bits.
+        Function that takes the next samples (n, R) and returns the readings. A whole run at once
+        and one sample at a time give the same bits.
     """
     stages = [sensor.stage(signal, white, period) for sensor in sensors]
     return lambda values: reduce(lambda passed, stage: stage(passed), stages, values)
@@ -76,8 +78,9 @@ class NoiseConfig(Config):
     angle : float
         Standard deviation on the motor angle, before the encoder rounds it [rad].
     torque : float, optional
-        Standard deviation of what acts over what is commanded, new in every sample [N m]. The log
-        has the command, so that this is an error in the input, and no noise of the output.
+        Standard deviation of a disturbance torque that is added to the command and drawn anew for
+        each sample [N m]. The log contains only the command, so this is an error in the input and
+        not output noise.
     """
 
     speed: NotNegative = 0.1
@@ -90,16 +93,16 @@ class NoiseConfig(Config):
         return self.torque is None
 
     def on_torque(self, white: White) -> Array | None:
-        """Return the disturbance torque (N, R) [N m], or None."""
+        """Return the disturbance torque (N, R) [N m], or None if there is no disturbance."""
         return self.torque * white("noise.torque") if self.torque else None
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the adding of noise to a signal."""
+        """Return the stage that adds noise to a signal."""
         deviation = self.speed if signal == "speed" else self.angle
         return _added(deviation * white(f"noise.{signal}")) if deviation else _unchanged
 
     def in_words(self) -> str:
-        """Return how much noise there is."""
+        """Return the noise levels in words."""
         deviations = [(self.speed, "rad/s on the speed"), (self.angle, "rad on the angle"),
                  (self.torque, "N m on the torque that acts")]  # fmt: skip
         return "; ".join(f"noise of {value:g} {words}" for value, words in deviations if value)
@@ -114,7 +117,7 @@ class EncoderConfig(Config):
         Counts per revolution of the motor (65536 for 16 bits); 0 is an ideal encoder.
     """
 
-    exact: ClassVar[bool] = True  # the bounds know of rounding
+    exact: ClassVar[bool] = True  # the bounds include the rounding of the encoder
     counts: int = Field(default=0, ge=0)
 
     @field_validator("counts")
@@ -122,20 +125,20 @@ class EncoderConfig(Config):
     def _counts_and_not_bits(cls, counts: int) -> int:
         if 0 < counts < 64:
             raise ValueError(
-                f"{counts} counts per revolution are too few to control with; {counts} bits are "
+                f"{counts} counts per revolution are too few for control; {counts} bits are "
                 f"{2**counts} counts"
             )
         return counts
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the rounding of the angle to the nearest count."""
+        """Return the stage that rounds the angle to the nearest count."""
         if signal != "angle" or not self.counts:
             return _unchanged
         step = 2 * math.pi / self.counts
         return lambda values: np.rint(values / step) * step
 
     def in_words(self) -> str:
-        """Return its resolution."""
+        """Return the resolution in words."""
         return f"encoder of {self.counts} counts" if self.counts else ""
 
 
@@ -145,9 +148,10 @@ class DelayConfig(Config):
     Attributes
     ----------
     measurement : int
-        Whole samples by which angle and speed are late.
+        Delay of angle and speed [samples].
     torque : float, optional
-        Time from a torque command to its action [s], a multiple of 1 ms. The log has the command.
+        Time from a torque command to its effect [s], a multiple of 1 ms. The log contains the
+        torque at the time of the command.
     """
 
     measurement: int = Field(default=0, ge=0, le=1000)
@@ -162,11 +166,11 @@ class DelayConfig(Config):
 
     @property
     def exact(self) -> bool:
-        """Whether nothing is late."""
+        """Whether there is no delay."""
         return not (self.measurement or self.torque)
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the delay of a measured signal; the log has the torque when it is commanded."""
+        """Return the stage that delays a measured signal; the torque is logged without delay."""
         return _late(self.measurement) if self.measurement else _unchanged
 
     def in_words(self) -> str:
@@ -182,28 +186,28 @@ class DelayConfig(Config):
 
 
 class FilterConfig(Config):
-    """Low-pass filter of the logged speed; the table ``[filter]``.
+    """Low-pass filter of the logged speed; the table ``[filter]`` of a scenario.
 
     Attributes
     ----------
     speed : float
-        Time constant of a first-order low-pass on the measured speed, noise and all [s].
+        Time constant of a first-order low-pass on the measured speed, including its noise [s].
     """
 
     exact: ClassVar[bool] = False
     speed: Positive
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the low-pass on the speed."""
+        """Return the stage that filters the speed."""
         return _low_pass(self.speed, period) if signal == "speed" else _unchanged
 
     def in_words(self) -> str:
-        """Return its time constant."""
+        """Return the time constant in words."""
         return f"speed through a low-pass of {1000 * self.speed:g} ms"
 
 
 def _late(samples: int) -> Stage:
-    """Return what makes a signal late by whole samples; it is at rest (zero) before."""
+    """Return a stage that delays a signal by a number of samples, starting with zeros."""
     waiting: Array | None = None
 
     def stage(values: Array) -> Array:
@@ -217,7 +221,7 @@ def _late(samples: int) -> Stage:
 
 
 def _added(noise: Array) -> Stage:
-    """Return what adds noise (N, R) to a signal, sample by sample."""
+    """Return a stage that adds noise (N, R) to a signal, sample by sample."""
     done = 0
 
     def stage(values: Array) -> Array:
@@ -229,7 +233,7 @@ def _added(noise: Array) -> Stage:
 
 
 def _low_pass(time_constant: float, period: float) -> Stage:
-    """Return f[k] = a f[k−1] + (1−a) s[k], a = exp(−T/τ), from rest."""
+    """Return the stage f[k] = a f[k−1] + (1−a) s[k] with a = exp(−T/τ), starting at rest."""
     pole = math.exp(-period / time_constant)
     last: Array | float = 0.0
 

@@ -65,27 +65,28 @@ CASES = [
     ("noise.speed = -0.1", "noise.speed: must be greater than or equal to 0, not -0.1", ""),
     ("encoder.counts = 16", "encoder.counts: 16 counts per revolution are too few",
      "16 bits are 65536 counts"),
-    ("identify = ['k_T', '1/k_T']", "identify[1]: '1/k_T' after 'k_T': name each once", ""),
+    ("identify = ['k_T', '1/k_T']", "identify[1]: '1/k_T' repeats 'k_T': name each parameter once",
+     ""),
     (FAULT.replace("10.0", "20.0"),
      "fault[0].at: the onset at 20 s is not before the end of the run at 20 s", ""),
     (FAULT.replace("step", "profile").replace("10.0", "19.995") + "points = [[1.0, 1.0]]",
      "fault[0].at: the onset at 19.995 s is not before the end of the run at 20 s", ""),
     (FAULT.replace("10.0", "0"), "fault[0].at: must be greater than 0, not 0", ""),
-    (FAULT.replace("10.0", "0.004"), "fault[0].at: must be a sample of 0.005 s at least, not 0.004",
-     ""),
+    (FAULT.replace("10.0", "0.004"),
+     "fault[0].at: must be at least one sample, 0.005 s, not 0.004", ""),
     (FAULT.replace("f_m", "J_a").replace("1.5", "0"),
-     "fault[0].factor: must be above 0, for J_a must stay positive", ""),
+     "fault[0].factor: must be above 0, because J_a must stay positive", ""),
     (FAULT.replace("1.5", "150"), "fault[0].factor: must be less than or equal to 100, not 150",
      ""),
     (FAULT.replace("1.5", "-0.5"), "fault[0].factor: must be greater than or equal to 0", ""),
     (FAULT.replace("step", "intermittent") + "on = 1\noff = 0.001",
-     "fault[0].off: must be a sample of 0.005 s at least, not 0.001", ""),
+     "fault[0].off: must be at least one sample, 0.005 s, not 0.001", ""),
     (FAULT.replace("step", "intermittent") + "on = 1\noff = 1\nuntil = 9",
      "fault[0].until: the end at 9 s is not after the onset at 10 s", ""),
     (FAULT.replace("step", "profile") + "points = [[1, 0.5], [1, 1]]",
-     "fault[0].points: times must rise from point to point: 1 s is after 1 s; a jump is", ""),
+     "fault[0].points: times must increase from point to point: 1 s follows 1 s; use a fault", ""),
     (FAULT.replace("step", "profile") + "points = [[0.001, 0.5], [1, 1]]",
-     "fault[0].points[0]: must be a sample of 0.005 s at least after the one before", ""),
+     "fault[0].points[0]: must be at least one sample, 0.005 s, after the previous point", ""),
     ("excitation = { kind = 'multisine', low = 40 }",
      "excitation: no line of the period 10 s (a multiple of 0.1 Hz) lies between", ""),
     ("excitation = { kind = 'multisine', high = 100 }",
@@ -97,39 +98,40 @@ CASES = [
     ("excitation = { kind = 'multisine', pause = [[25, 30]] }",
      "excitation.pause[0]: the pause from 25 s begins after the end of the run", ""),
     ("period = 0.02", "period: must be from 0.001 to 0.01 s, not 0.02", ""),
-    ("period = 0.003", "period: must go into one second a whole number of times, such as "
+    ("period = 0.003", "period: one second must be a whole number of periods: use "
      "0.003003 (333 Hz), not 0.003", ""),
-    ("period = 0.0025\ndelay.torque = 0.001", "delay.torque: goes by whole ms, of which a sample "
-     "of 2.5 ms has none", ""),
+    ("period = 0.0025\ndelay.torque = 0.001", "delay.torque: needs a sampling period of whole "
+     "milliseconds, not 2.5 ms", ""),
     ("period = 0.01\ncontroller.Kv = 0.5", "controller.Kv: the loop is unstable on the nominal "
-     "axis with Kv = 0.5 and samples of 10 ms", "lower controller.Kv, or look at controller.Kp, "
+     "axis with Kv = 0.5 and samples of 10 ms", "lower controller.Kv, or check controller.Kp, "
      "controller.Ki and the delays"),
     ("delay.torque = 0.0015", "delay.torque: must be a multiple of 0.001 s, not 0.0015", ""),
-    ("controller.log = 'mean'", "controller.log: is for an inner loop: it needs", ""),
-    ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner loop sees the "
+    ("controller.log = 'mean'", "controller.log: needs an inner loop: set controller.rate", ""),
+    ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner loop reads the "
      "clean angle", ""),
-    ("known.J_a = 1.1", "known.J_a: J_a is estimated: where that starts is `start`", ""),
+    ("known.J_a = 1.1", "known.J_a: J_a is estimated: set its initial value with `start`", ""),
     ("known.Jg = 1.1", "known.Jg: unknown parameter 'Jg'; ", " Did you mean 'J_g'?"),
     (FAULT.replace("fault", "nuisance").replace("10.0", "20.0"),
      "nuisance[0].at: the onset at 20 s is not before the end of the run at 20 s", ""),
-    (FAULT.replace("f_m", "coulomb"), "fault[0].parameter: the plant has no f_c: give it the table "
+    (FAULT.replace("f_m", "coulomb"), "fault[0].parameter: the plant has no f_c: add the table "
      "friction or lugre or static_friction", ""),
-    (FAULT.replace("f_m", "f_s"), "fault[0].parameter: the plant has no f_s: give it the ", ""),
+    (FAULT.replace("f_m", "f_s"), "fault[0].parameter: the plant has no f_s: add the ", ""),
     ("stiffening.gear = 1e4\n" + FAULT.replace("f_m", "kappa"),
-     "fault[0].parameter: kappa of stiffening cannot change in the course of a run", ""),
-    ("identify = ['k_T', 'f_c']", "identify[1]: the plant has no f_c: give it the table", ""),
+     "fault[0].parameter: kappa of stiffening cannot change during a run", ""),
+    ("identify = ['k_T', 'f_c']", "identify[1]: the plant has no f_c: add the table", ""),
     ("friction.coulomb = 0.1\nidentify = ['f_c', 'f_c']",
-     "identify[1]: 'f_c' after 'f_c': name each once", ""),
+     "identify[1]: 'f_c' repeats 'f_c': name each parameter once", ""),
     ("friction.coulomb = 0.1\nidentify = ['1/f_c']", "identify[0]: unknown parameter '1/f_c';", ""),
     ("friction.coulomb = 0.1\nload_friction = { f_c = 0.05, load = 0.1 }\nidentify = ['f_c']",
-     "identify[0]: f_c is one of friction and one of load_friction: keep one", ""),
-    # what would vanish and is in the way of a percentage, or of an inverse
+     "identify[0]: f_c is ambiguous, because friction and load_friction have it: keep one", ""),
+    # a value of 0 that makes a percentage or an inverse infinite
     ("identify = ['f_m', '1/d_g']\nparameters.d_g = 0.0",
-     "identify[1]: '1/d_g' cannot be estimated where parameters.d_g is 0, for errors are in %", ""),
-    *((f"identify = ['1/f_m']\n{fault}", "fault[0].factor: must be above 0 where 1/f_m is "
-       "estimated, which would become infinite", "") for fault in TO_ZERO),
+     "identify[1]: '1/d_g' cannot be estimated while parameters.d_g is 0, because errors are in %",
+     ""),
+    *((f"identify = ['1/f_m']\n{fault}", "fault[0].factor: must be above 0, because 1/f_m is "
+       "estimated and would become infinite", "") for fault in TO_ZERO),
     (f"identify = ['1/f_m']\n{TO_ZERO[0]}".replace("[[fault", "[[nuisance"),
-     "nuisance[0].factor: must be above 0 where 1/f_m is estimated", ""),
+     "nuisance[0].factor: must be above 0, because 1/f_m is estimated", ""),
     ("streams = 'planet'", 'streams: must be "plant", "content", or the `key` of another scenario',
      " (64 hex digits), not 'planet'"),
     ("difficulty = 'easi'", "difficulty: must be 'easy', 'medium' or 'hard', not 'easi'", ""),
@@ -201,6 +203,6 @@ def test_what_may_be_zero_may_become_zero(fault, name):
 @pytest.mark.parametrize("name", ["k_T", "J_m", "J_g", "J_a", "k_g", "k_a"])
 def test_what_must_stay_positive_may_not(fault, name):
     with pytest.raises(
-        ScenarioError, match=rf"fault\[0\].factor: must be above 0, for {name} must"
+        ScenarioError, match=rf"fault\[0\].factor: must be above 0, because {name} must"
     ):
         parse_scenario('name = "x"\nduration = 20\n' + fault.replace("f_m", name))
