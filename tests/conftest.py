@@ -1,4 +1,7 @@
-"""A fast test should use one second of CPU; far more fails it, unless it is marked `slow`."""
+"""Fail tests that use far too much CPU time, unless they are marked `slow` or `browser`.
+
+A fast test should use about one second.
+"""
 
 import os
 import time
@@ -6,15 +9,15 @@ import time
 import pytest
 from numba.core import event
 
-LIMIT = 100.0  # s on the reference machine; loose: the first test of a machine compiles in a child
-REFERENCE = 0.1  # s
+LIMIT = 100.0  # [s] on the reference machine; loose, because a child process may compile first
+REFERENCE = 0.1  # result of `additions` on the reference machine [s]
 START, SHARED = pytest.StashKey[float](), pytest.StashKey[list]()
 COMPILING = event.TimingListener()
 event.register("numba:compile", COMPILING)
 
 
 def additions():
-    """Return the CPU time [s] of 3 million additions: the speed of this machine just now."""
+    """Return the CPU time [s] of 3 million additions, a measure of the machine's current speed."""
     start, total = time.process_time(), 0
     for i in range(3_000_000):
         total += i
@@ -22,18 +25,18 @@ def additions():
 
 
 def used():
-    """Return the CPU time [s] of this process and its children, without that of the compiler."""
+    """Return the CPU time [s] of this process and its children, without time spent compiling."""
     return sum(os.times()[:4]) - (COMPILING.duration if COMPILING.done else 0.0)
 
 
 def pytest_configure(config):
-    """Start with no time in shared fixtures."""
+    """Initialise the CPU time of shared fixtures."""
     config.stash[SHARED] = [0.0]
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_fixture_setup(fixturedef, request):
-    """Count what several tests share apart from the test that asks for it first."""
+    """Add the CPU time of shared fixtures to a separate sum, not to the first test using them."""
     start = used()
     try:
         return (yield)
@@ -44,14 +47,14 @@ def pytest_fixture_setup(fixturedef, request):
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_setup(item):
-    """Note when a test begins."""
+    """Store the CPU time at which a test starts."""
     item.stash[START] = used() - item.config.stash[SHARED][0]
     return (yield)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_call(item):
-    """Fail a test that took too long, measured in the speed of this machine."""
+    """Fail a test that used too much CPU time, relative to the speed of this machine."""
     result = yield
     seconds = used() - item.config.stash[SHARED][0] - item.stash[START]
     if seconds > LIMIT and not {"slow", "browser"} & item.keywords.keys():

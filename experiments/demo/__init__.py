@@ -1,6 +1,7 @@
-"""The live axis: a session without a screen, and a page in the browser.
+"""The live axis: a simulation session, and its page in the browser.
 
-`session` has the axis (`axis`) and two estimators (`racer`), and follows how they find a change
-(`tracking`); `page` shows it, `serve` says who may see it. `view` draws an axis without a browser.
-In come clicks or a lesson, out go curves and a table.
+`session` runs the axis (`axis`) with two estimators (`racer`) and records how they track each
+change (`tracking`). `page` draws the session, and `serve` serves the page on this computer only.
+`view` draws an axis without a browser. Clicks or a lesson are the inputs; curves and tables are the
+outputs.
 """

@@ -1,4 +1,4 @@
-"""The axis as it runs: plant and loop; faults, friction, noise and excitation may change."""
+"""The axis in closed loop; faults, friction, noise and excitation may change while it runs."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -28,33 +28,34 @@ FRICTION: Mapping[str, Mapping[str, Any]] = {
         }
     },
 }  # fmt: skip
-"""Laws of dry friction by name, as tables of a scenario; the rms of the torque is 0.85 N m."""
+"""Models of dry friction by name, as tables of a scenario. The rms torque is 0.85 N m."""
 
 EXCITATION = ("on", "stop-and-go", "off")
 SPELL = 10.0
-"""Time that the axis moves, and then stands, in stop-and-go [s]."""
+"""Length of each motion and of each standstill in stop-and-go [s]."""
 
 
 class LiveAxis:
-    """The nominal axis in its closed loop, advanced by any number of samples at a time.
+    """An axis in closed loop, which can be advanced by any number of samples.
 
     Parameters
     ----------
     seed : int
-        Of reference phases and noise: the same seed and the same actions give the same run.
+        Random seed of the reference phases and the noise. The same seed and the same actions give
+        the same run.
 
     Attributes
     ----------
     nominal, parameters : AxisParameters
-        Without a fault, and as they act now.
+        Parameters without a fault, and current parameters.
     scenario : Scenario
-        The laws of friction that act now.
+        Scenario with the current dry friction.
     samples : int
-        Simulated so far.
+        Number of samples simulated so far.
     noise : float
-        Standard deviation of the measured speed [rad/s].
+        Standard deviation of the noise on the measured speed [rad/s].
     excitation : {"on", "stop-and-go", "off"}
-        Whether the reference moves; otherwise it keeps its value.
+        Whether the reference moves; while it does not, it keeps its value.
     """
 
     def __init__(self, *, seed: int = 0) -> None:
@@ -81,19 +82,19 @@ class LiveAxis:
 
     @property
     def angles(self) -> Array:
-        """Motor, gear and arm angle (3,) [rad]."""
+        """Angles of motor, gear and arm (3,) [rad]."""
         angles: Array = self._plant.angles[0].copy()
         return angles
 
     @property
     def state(self) -> Array:
-        """Twist of gear and arm [rad], speed of motor, gear and arm [rad/s], (5,)."""
+        """State (5,): twist of gear and arm [rad], speed of motor, gear and arm [rad/s]."""
         motor, gear, arm = self.angles
         return np.array([self.parameters.r * motor - gear, gear - arm, *self._plant.speeds[0]])
 
     @property
     def values(self) -> Array:
-        """Parameters (P,) that act now, as `Scenario.parameter_names`."""
+        """Current values (P,) of the parameters, in the order of `Scenario.parameter_names`."""
         return np.array([*self.parameters.values(), *self.scenario.laws.values()])
 
     def theta(self, names: Sequence[str]) -> Array:
@@ -102,14 +103,14 @@ class LiveAxis:
         return true_theta(names, np.array([*values.values()]), tuple(values))
 
     def set_factors(self, factors: Mapping[str, float]) -> None:
-        """Set parameters to factors times nominal, and all others to nominal."""
+        """Set some parameters to a multiple of nominal, and all others to nominal."""
         values = {n: v * factors.get(n, 1.0) for n, v in self.nominal.as_dict().items()}
         parameters = AxisParameters(**values)
         self._plant.set_parameters([parameters])
         self.parameters = parameters
 
     def set_friction(self, kind: str) -> None:
-        """Let another law of `FRICTION` act from now on; angles and speeds stay."""
+        """Switch to another entry of `FRICTION`; angles and speeds do not change."""
         content = {"name": "live", "duration": 1.0, "preset": "n1", **FRICTION[kind]}
         self.scenario = scenario_from(content, source="live axis")
         laws, old = [*self.scenario.nonlinear.values()], self._plant
@@ -120,7 +121,13 @@ class LiveAxis:
             self._plant.angles[:], self._plant.speeds[:] = old.angles, old.speeds
 
     def advance(self, samples: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Simulate some samples; return torque [N m], measured speed [rad/s] and excitation."""
+        """Simulate some samples.
+
+        Returns
+        -------
+        torque, speed, excited : ndarray (samples,)
+            Torque [N m], measured speed [rad/s], and whether the reference moves.
+        """
         torque, speed = np.empty((2, samples))
         excited = np.empty(samples, bool)
         for k in range(samples):

@@ -1,4 +1,4 @@
-"""The page: the axis in 3-D, buttons, sliders, curves and a table, for any number of viewers."""
+"""The page of the demo: the axis in 3-D, buttons, sliders, curves and tables."""
 
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,26 +29,26 @@ EDGE = "± 2σ"
 SHARE = {"range": (0.0, 1.1)}
 SINCE = {"time": False, "distr": 3, "range": (PERIOD, LENGTH * PERIOD)}
 TWIST = 100.0
-"""Factor on the twist of the joints in the picture."""
+"""Magnification of the joint twist in the picture."""
 LATEST = 8
-"""Changes in the table."""
+"""Number of changes in the table."""
 
 
 class Page:
-    """Everything on the page, and the lock between the viewers' clicks and the session.
+    """The page, and the lock that keeps viewers' clicks and the simulation apart.
 
     Parameters
     ----------
     server : viser.ViserServer
     session : DemoSession
     acts : list of dict
-        What is done without a click, as `flexaxis.experiments.demo.serve.load_lesson` returns it.
+        Timed actions of a lesson, as `flexaxis.experiments.demo.serve.load_lesson` returns them.
 
     Attributes
     ----------
     paused : bool
     steps : int
-        Steps of `MARK` samples that viewers have asked for.
+        Number of single steps (`MARK` samples each) that viewers have requested.
     """
 
     def __init__(self, server: Any, session: DemoSession, acts: list[dict[str, Any]]) -> None:
@@ -65,7 +65,7 @@ class Page:
         self._add_curves()
 
     def advance(self, samples: int) -> None:
-        """Let the session go on."""
+        """Advance the session by some samples, and do the actions of the lesson that are due."""
         with self._lock:
             self._session.advance(samples)
             while self._acts and self._acts[0]["at"] <= self._session.axis.time:
@@ -74,7 +74,7 @@ class Page:
                 self._session.message = act.get("say", self._session.message)
 
     def draw_axis(self) -> None:
-        """Show where the axis is."""
+        """Draw the axis at its current angles."""
         mujoco, model, data = self._engine
         axis = self._session.axis
         data.qpos[:] = exaggerated(axis.angles, ratio=axis.nominal.r, exaggerate=TWIST)
@@ -83,7 +83,7 @@ class Page:
             self._scene.update_from_mjdata(data)
 
     def draw_curves(self) -> None:
-        """Show curves, clock and tables."""
+        """Update the curves, the clock and the tables."""
         with self._lock:
             session, curves = self._session, self._session.curves()
             clock = f"**t = {session.axis.time:.1f} s**{' · paused' * self.paused}"
@@ -108,7 +108,7 @@ class Page:
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(440)
-        gui.set_panel_label(f"flexaxis: break it! (twist × {TWIST:g} for the eye)")
+        gui.set_panel_label(f"flexaxis: break it! (twist shown × {TWIST:g})")
         sheet = (files("flexaxis.experiments.demo") / "page.css").read_text(encoding="utf-8")
         gui.add_html(f"<style>{sheet}:root {{ --a: {A[1]}; --b: {B[1]}; }}</style>")
         acts: Any = {label: ("inject", *fault) for label, fault in BUTTONS.items()}
@@ -118,8 +118,8 @@ class Page:
         clock = gui.add_button_group("clock", [RUN, PAUSE, STEP])
         clock.on_click(lambda _: self._wind(clock.value))
         self._clock, self._now = gui.add_markdown(""), gui.add_html("")
-        bounds = ("bound, told which", COLOURS[3]), ("not told", COLOURS[4])
-        self._left = _plot(gui, "left of the last change", (A, B, *bounds), x=SINCE, y=SHARE)
+        bounds = ("bound, known parameter", COLOURS[3]), ("unknown", COLOURS[4])
+        self._left = _plot(gui, "error since the last change", (A, B, *bounds), x=SINCE, y=SHARE)
         self._changes = gui.add_html("")
         with gui.add_folder("Axis: noise, excitation, dry friction", expand_by_default=False):
             noise = gui.add_slider("noise [rad/s]", 0.0, 0.5, 0.01, session.axis.noise)
@@ -127,7 +127,7 @@ class Page:
             self._on(gui.add_dropdown("excitation", EXCITATION), "set_excitation")
             self._on(gui.add_dropdown("friction", [*FRICTION]), "set_friction")
         for letter, racer in zip("AB", session.racers, strict=True):
-            with gui.add_folder(f"Estimator {letter}: which, λ, Δ, μ", expand_by_default=False):
+            with gui.add_folder(f"Estimator {letter}: choice, λ, Δ, μ", expand_by_default=False):
                 names = dict.fromkeys([racer.text, *(n for n in REGISTRY if n != "oracle-reset")])
                 choice = gui.add_dropdown("estimator", [*names])
                 sliders = {key: gui.add_slider(*look, look[1]) for key, look in TUNING.items()}
@@ -154,7 +154,7 @@ class Page:
     def _on(
         self, control: Any, action: str, *values: str, then: Callable[[], None] = lambda: None
     ) -> None:
-        """Let a control act when a viewer sets it, to one of its options if it has any."""
+        """Call an action of the session when a viewer sets a control to an allowed value."""
 
         def act(event: Any) -> None:
             value = control.value
@@ -169,7 +169,7 @@ class Page:
             self._session.do(action, *values)
 
     def _show(self, letter: str, sliders: Mapping[str, Any]) -> None:
-        """Show the sliders that an estimator has, where its tuning stands."""
+        """Show only the sliders of an estimator's options, at their current values."""
         tuning = self._session.racers["AB".index(letter)].tuning
         for option, slider in sliders.items():
             slider.visible = option in tuning
@@ -180,7 +180,7 @@ class Page:
 
 
 def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any) -> Any:
-    """Add a plot of lines with a label and a colour; many lines have no legend."""
+    """Add a plot of lines, each with a label and a colour; with many lines it has no legend."""
     series = [
         {"label": label, "stroke": colour, "width": 0.5 if label == EDGE else 1.5}
         for label, colour in lines
@@ -196,7 +196,7 @@ def _plot(gui: Any, title: str, lines: Sequence[tuple[str, str]], **scales: Any)
 
 
 def _since(values: Array) -> tuple[Array, ...]:
-    """Return times since a change, and the columns of values (n, k)."""
+    """Return the time since a change and the columns of values (n, k), as a plot needs them."""
     return (PERIOD * np.arange(1.0, len(values) + 1), *values.T)
 
 
@@ -208,7 +208,7 @@ def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def _values(session: DemoSession) -> str:
-    """Return true and estimated values as a table."""
+    """Return true and estimated values as an HTML table."""
     heads, columns = ["", "truth"], [session.axis.theta(SHOWN)]
     for letter, racer in zip("AB", session.racers, strict=True):
         heads.append(f"{letter}: {racer.text}")
@@ -221,7 +221,7 @@ def _values(session: DemoSession) -> str:
 
 
 def _changes(changes: Iterable[Change]) -> str:
-    """Return the latest changes as a table: lags [s], findings and the bound."""
+    """Return the latest changes as an HTML table: lags [s], detections and the bound."""
     rows = []
     for change in [*changes][: -LATEST - 1 : -1]:
         *lags, single, unknown = map(short, change.lags)
@@ -230,4 +230,4 @@ def _changes(changes: Iterable[Change]) -> str:
             for lag, finding in zip(lags, change.findings, strict=True)
         ]
         rows.append([f"{change.at * PERIOD:.1f}", change.what, *racers, f"{single} – {unknown}"])
-    return _table(["t [s]", "what", "lag [s], finding of A", "of B", "bound"], rows)
+    return _table(["t [s]", "change", "A: lag [s], detection", "B", "bound [s]"], rows)

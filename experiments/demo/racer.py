@@ -1,4 +1,4 @@
-"""An estimator in the race: built by name, tuned while it runs."""
+"""An estimator of the demo, constructed by name and tuned while it runs."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -20,46 +20,46 @@ Array = NDArray[np.float64]
 
 NAMES = tuple(DEFAULT_IDENTIFY)
 SHOWN = (*NAMES, "f_c")
-"""What is shown; the level of dry friction only of estimators that track it."""
+"""Parameters on the page; f_c is shown only for estimators that track dry friction."""
 HYPOTHESES = (*SHOWN, "another")
-"""What a bank of hypotheses is shown by: the most likely of all others is the last."""
+"""Hypotheses on the page; "another" is the most likely of all the other parameters."""
 WATCHED = sample_index(5.0, PERIOD)
-"""Samples after a change in which the bank of hypotheses is recorded."""
+"""Number of samples after a change for which the probabilities of the hypotheses are recorded."""
 SETTLE = sample_index(2.0, PERIOD)
-"""Samples in which a fresh predictor finds the state of the axis: five times its slowest decay."""
+"""Samples in which a new predictor reaches the state of the axis: five times its slowest decay."""
 
 TUNING: Mapping[str, tuple[str, float, float, float]] = {
     "forgetting": ("λ", 0.97, 0.9995, 0.0005),
-    "scale": ("Δ, × that of (32)", 0.05, 10.0, 0.05),
+    "scale": ("Δ / Δ of eq. (32)", 0.05, 10.0, 0.05),
     "regularization": ("μ", 0.0, 1.0, 0.01),
 }
-"""Options that a slider sets: its label, least and largest value, and step."""
+"""Options with a slider: its label, smallest and largest value, and step."""
 
 
 class Racer:
-    """An estimator with its tuning.
+    """An estimator of the demo with its tuning.
 
     Parameters
     ----------
     text : str
-        As for `--estimator`.
+        The estimator, as in `--estimator`.
     nominal : AxisParameters
-        What it is told.
+        Nominal values that the estimator gets.
 
     Attributes
     ----------
     text : str
     tuning : dict of str to float
-        Values of those options of `TUNING` that it has.
+        Current values of the estimator's options that are in `TUNING`.
     theta : ndarray (p,)
-        Its estimate.
+        Current estimate.
     thoughts : list of ndarray (5,)
         Probability that each of `HYPOTHESES` has jumped, for each sample since `watch`.
 
     Raises
     ------
     EstimatorError, FlexaxisError
-        If there is no such estimator, or it does not estimate `NAMES` from the speed.
+        If the estimator does not exist, or does not estimate `NAMES` from the speed.
     """
 
     def __init__(self, text: str, nominal: AxisParameters) -> None:
@@ -75,13 +75,13 @@ class Racer:
         if names[: len(NAMES)] != NAMES or self._estimator.output != "speed":
             raise FlexaxisError(
                 f"{text} estimates {', '.join(names)} from the {self._estimator.output}; "
-                f"the demo races estimators of {', '.join(NAMES)} from the speed"
+                f"the demo needs estimators of {', '.join(NAMES)} from the speed"
             )
         self._columns = [names.index(name) if name in names else len(names) for name in SHOWN]
 
     @property
     def deviation(self) -> Array:
-        """Standard deviations (4,) of `SHOWN` that it claims; NaN where it claims none."""
+        """Reported standard deviations (4,) of `SHOWN`; NaN where the estimator reports none."""
         covariance = getattr(self._estimator, "covariance", None)
         if covariance is None:
             return np.full(len(SHOWN), np.nan)
@@ -89,7 +89,7 @@ class Racer:
 
     @property
     def finding(self) -> str:
-        """The first change that it has reported since `watch`, and how long after."""
+        """The first change that the estimator has reported since `watch`, with its delay."""
         for finding in getattr(self._estimator, "findings", None) or ():
             if finding.alarm >= self._changed:
                 changes = zip(finding.parameters, finding.ratio, strict=False)
@@ -98,17 +98,17 @@ class Racer:
         return ""
 
     def shown(self, values: Array) -> Array:
-        """Return values (…, p) of its parameters as those of `SHOWN` (…, 4); NaN where absent."""
+        """Return the columns of `SHOWN` (…, 4) from values (…, p); NaN if not estimated."""
         missing = np.full((*values.shape[:-1], 1), np.nan)
         columns: Array = np.concatenate([values, missing], axis=-1)[..., self._columns]
         return columns
 
     def watch(self) -> None:
-        """Record its thoughts and findings from now on."""
+        """Record probabilities and detections from now on."""
         self.thoughts, self._changed = [], self._seen
 
     def run(self, torque: Array, speed: Array) -> Array:
-        """Take samples (n,) and return the estimates (n, 4) of `SHOWN`."""
+        """Process samples (n,) and return the estimates (n, 4) of `SHOWN`."""
         each = hasattr(self._estimator, "hypotheses") and len(self.thoughts) < WATCHED
         estimates = []
         for part in np.split(np.stack([torque, speed]), len(torque) if each else 1, axis=1):
@@ -120,12 +120,12 @@ class Racer:
         return self.shown(np.concatenate(estimates))
 
     def tune(self, option: str, value: float, recent: Array) -> None:
-        """Set an option, and go on from the same estimate and the same P.
+        """Set an option, and continue with the same estimate and the same P.
 
         Parameters
         ----------
         option : str
-            Of `tuning`.
+            A key of `tuning`.
         value : float
         recent : ndarray (2, n)
             Torque and speed of the last seconds.
@@ -133,23 +133,24 @@ class Racer:
         Raises
         ------
         EstimatorError, FlexaxisError
-            If it has no such option, or refuses the value; then nothing has changed.
+            If the estimator has no such option or rejects the value. The estimator is then
+            unchanged.
         """
         if option not in self.tuning:
-            raise FlexaxisError(f"{self.text} has no {option} to tune")
+            raise FlexaxisError(f"{self.text} has no option {option} to tune")
         old, tuning = self._estimator, self.tuning | {option: value}
         self._estimator, self.tuning = self._build(tuning), tuning
         self.join(recent, P=getattr(old, "P", None))
 
     def join(self, recent: Array, P: Array | None = None) -> None:
-        """Let a fresh estimator find the state of the axis, which is already moving.
+        """Bring a new estimator to the state of the axis, which is already moving.
 
-        During a gap in the measurement a predictor follows the torque, so that it forgets that it
-        began at rest.
+        The first samples of the speed are passed as missing. During this gap the predictor follows
+        the torque alone, and its error from starting at rest decays.
         """
         self._seen = 0
         torque, speed = recent
-        if len(torque) <= SETTLE or self._spec.is_users:  # user code need not know gaps
+        if len(torque) <= SETTLE or self._spec.is_users:  # user code need not support gaps
             return
         gap = torque[:SETTLE]
         run_estimator(self._estimator, gap, np.zeros(SETTLE), np.zeros(SETTLE, bool))
@@ -166,11 +167,11 @@ class Racer:
         return np.array([*known, max(bank.values(), default=0.0)])
 
     def _build(self, tuning: Mapping[str, float]) -> Estimator:
-        """Return the estimator with a tuning, starting at the present estimate."""
+        """Return a new estimator with the given tuning, which starts at the current estimate."""
         values = dict(self._nominal)
         for (parameter, exponent), value in zip(map(physical, NAMES), self.theta, strict=False):
             values[parameter] = float(value) ** exponent
         spec = replace(self._spec, options={**self._spec.options, **tuning})
-        # P(0) is that of the nominal axis, however far the estimate is by now.
+        # P(0) is computed for the nominal axis, even if the estimate is far from nominal.
         P0 = known_P(NAMES, forgetting=tuning.get("forgetting"), scale=tuning.get("scale", 1))
         return make_estimator(spec, values, PERIOD, P0=P0)

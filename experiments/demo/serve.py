@@ -1,4 +1,4 @@
-"""Serving the live axis: the address, who may come in, the clock, and the way to stop."""
+"""Serve the live axis: the server, its access control, the real-time loop, and stopping."""
 
 import io
 import signal
@@ -18,11 +18,11 @@ from flexaxis.sim.files import read_text, toml_tables
 from flexaxis.sim.timing import PERIOD, sample_index
 
 HOST, PORT = "127.0.0.1", 8080
-MAX_MESSAGE = 2**16  # bytes of a viewer's message: a hundred times what the page sends
-FRAMES = 30  # of the 3-D picture, a second
-CURVES = 4  # times a second that curves and numbers are drawn
-BEHIND = 0.25  # s of delay that are caught up
-WARM = 8.0  # s of the axis before the page is drawn: estimators have settled
+MAX_MESSAGE = 2**16  # largest message of a viewer [bytes]; the page sends a hundredth of this
+FRAMES = 30  # frames of the 3-D picture per second
+CURVES = 4  # updates of curves and numbers per second
+BEHIND = 0.25  # largest delay that the simulation catches up [s]
+WARM = 8.0  # time simulated before the page is drawn [s], in which the estimators settle
 
 
 def serve(
@@ -35,26 +35,26 @@ def serve(
 ) -> None:
     """Show the live axis in the browser, on this computer only, until Ctrl-C or SIGTERM.
 
-    The axis stands while nobody watches.
+    The simulation pauses while no browser is connected.
 
     Parameters
     ----------
     estimators : sequence of str
-        Two, as for `--estimator`; by default those of the lesson.
+        Two estimators, as in `--estimator` (default: those of the lesson).
     lesson : Path, optional
-        What is done without a click.
+        TOML file with timed actions that replace clicks.
     seed : int, optional
-        By default that of the lesson, or 0.
+        Random seed (default: the seed of the lesson, or 0).
     port : int, optional
-        This port or none; by default 8080, or the next that is free.
+        Port of the page (default: 8080, or the next free port).
     browser : bool
-        Whether to open one.
+        Whether to open a browser.
 
     Raises
     ------
     FlexaxisError
-        If viser or mjviser is missing, the port is taken, the lesson cannot be read, or an
-        estimator cannot race.
+        If viser or mjviser is missing, the port is in use, the lesson cannot be read, or the demo
+        cannot run one of the estimators.
     """
     plan = load_lesson(lesson) if lesson else {"act": []}
     session = DemoSession(
@@ -65,14 +65,14 @@ def serve(
     stopping = Event()
 
     def stop(*_: object) -> None:
-        stopping.set()  # also where the exception is lost, as in a callback of the engine
+        stopping.set()  # needed where the exception gets lost, such as in a callback of MuJoCo
         raise KeyboardInterrupt
 
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, stop)
     with suppress(KeyboardInterrupt):
         address = f"http://{HOST}:{server.get_port()}"
-        print(f"the live axis is at {address}  (Ctrl-C ends it)", flush=True)
+        print(f"the live axis is at {address}  (Ctrl-C stops it)", flush=True)
         page = Page(server, session, plan["act"])
         page.advance(sample_index(WARM, PERIOD))
         page.draw_curves()
@@ -84,36 +84,37 @@ def serve(
 
 
 def load_lesson(path: Path) -> dict[str, Any]:
-    """Return a lesson: ``estimators``, ``seed``, and the tables ``[[act]]`` in order of time.
+    """Return a lesson: ``estimators``, ``seed``, and the tables ``[[act]]`` sorted by time.
 
-    Each has a time ``at`` [s], what to ``do``, one of `flexaxis.experiments.demo.session.ACTIONS`,
-    ``with`` its arguments, and a message to ``say``.
+    Each ``[[act]]`` has a time ``at`` [s] and an action ``do``, which is one of
+    `flexaxis.experiments.demo.session.ACTIONS`. Optional keys are ``with``, the arguments of the
+    action, and ``say``, a message.
 
     Raises
     ------
     FlexaxisError
-        If the file cannot be read, or an act has no ``at`` or ``do``.
+        If the file cannot be read, or an ``[[act]]`` has no ``at`` or ``do``.
     """
     lesson = toml_tables(read_text(path, FlexaxisError), source=str(path), refuse=FlexaxisError)
     acts = lesson.get("act", [])
     for act in acts:
         if not {"at", "do"} <= act.keys():
-            raise FlexaxisError(f"{path}: each [[act]] needs `at` and `do`, this has {act}")
+            raise FlexaxisError(f"{path}: each [[act]] needs `at` and `do`; this one has {act}")
     return lesson | {"act": sorted(acts, key=itemgetter("at"))}
 
 
 def start(port: int | None = None) -> Any:
-    """Return a viser server that listens on this computer and answers its own pages only.
+    """Return a viser server that only this computer can reach, and only from the demo's own page.
 
     Parameters
     ----------
     port : int, optional
-        As for `serve`.
+        Port of the page, as in `serve`.
 
     Raises
     ------
     FlexaxisError
-        If viser or mjviser is missing, or the port is taken.
+        If viser or mjviser is missing, or the port is in use.
     """
     try:
         import mjviser  # noqa: F401
@@ -123,22 +124,22 @@ def start(port: int | None = None) -> Any:
             f"the live demo needs viser and mjviser ({error}): pip install -e '.[demo]' "
             "in the folder of flexaxis"
         ) from None
-    with redirect_stdout(io.StringIO()), _own_pages_only():  # viser prints a banner of its own
+    with redirect_stdout(io.StringIO()), _own_pages_only():  # viser prints its own banner
         server = viser.ViserServer(host=HOST, port=port or PORT, verbose=False)
-    # A page could ask viser for a tunnel through its makers' server.
+    # Otherwise a page could request a public tunnel through viser's share server.
     server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
     if port not in (None, server.get_port()):
         server.stop()
-        raise FlexaxisError(f"--port {port} is taken: give another one, or leave --port out")
+        raise FlexaxisError(f"--port {port} is in use: give another port, or leave --port out")
     return server
 
 
 @contextmanager
 def _own_pages_only() -> Iterator[None]:
-    """Let a websocket server that starts meanwhile refuse foreign Host and Origin headers.
+    """Make websocket servers that start in this context refuse foreign Host and Origin headers.
 
-    Otherwise any page that the browser shows, or a name that points at this computer (DNS
-    rebinding), could reach the demo. viser has no option for it.
+    Otherwise any other page in the browser, or a host name that resolves to this computer (DNS
+    rebinding), could reach the demo. viser has no option for this.
     """
     import websockets.asyncio.server as library
 
@@ -163,7 +164,7 @@ def _own_pages_only() -> Iterator[None]:
 
 
 def _loop(page: Page, server: Any, stopping: Event) -> None:
-    """Advance and draw in real time."""
+    """Advance the session and draw the page in real time, until `stopping` is set."""
     before, owed, next_curves = time.monotonic(), 0.0, 0.0
     while not stopping.wait(max(0.0, before + 1 / FRAMES - time.monotonic())):
         now = time.monotonic()
@@ -174,7 +175,7 @@ def _loop(page: Page, server: Any, stopping: Event) -> None:
         due, page.steps = int(owed) + page.steps * MARK, 0
         owed %= 1
         page.advance(due)
-        # viser wakes its event loop from this thread, which fails if a viewer comes or goes then.
+        # viser wakes its event loop from this thread; this fails if a viewer connects or leaves.
         with suppress(RuntimeError):
             page.draw_axis()
             if now >= next_curves:

@@ -1,6 +1,6 @@
-"""One change of the axis: how two estimators follow it, and what the Cramér–Rao bound allows.
+"""One change of the axis: the errors of both estimators after it, and the Cramér–Rao bound.
 
-Only samples in which the reference moves count, as in docs/scores.md.
+Only samples in which the reference moves count, as docs/scores.md explains.
 """
 
 from collections.abc import Sequence
@@ -21,32 +21,32 @@ LENGTH = sample_index(WINDOW, PERIOD)
 
 
 class Change:
-    """Errors of both estimators since a change, and the bound on them.
+    """Errors of both estimators since a change, and their lower bound.
 
-    An error is relative to the size of the change: it is 1 at first, and 0 at the truth. For an
-    estimator without the parameter it stays at 1.
+    Errors are divided by the size of the change: they start near 1, and 0 is the true value. For an
+    estimator that does not estimate the changed parameter, the error stays at 1.
 
     Parameters
     ----------
     axis : LiveAxis
-        After the change.
+        The axis after the change.
     what : str
-        In words.
+        Description of the change.
     before : ndarray (4,)
-        True values of `SHOWN` before it.
+        True values of `SHOWN` before the change.
 
     Attributes
     ----------
     at : int
-        First sample after it.
+        First sample after the change.
     parameter : str or None
-        Which of `SHOWN` changed, the one that changed most; None if none did.
+        The parameter of `SHOWN` that changed most; None if none of them changed.
     curves : ndarray (n, 4)
-        Errors of both estimators, for at most 5 s, and two that the Cramér–Rao bound allows on
-        the mean: for an estimator that knows which parameter changed, and for one that does not;
-        both know when. NaN where no bound is defined.
+        Mean absolute errors for at most 5 s: of both estimators, and by the Cramér–Rao bound for an
+        estimator that knows which parameter changed and for one that does not. Both bounds assume
+        a known time of the change. NaN if no bound is defined.
     findings : list of str
-        What each estimator reported.
+        The change that each estimator reported, in words.
     """
 
     def __init__(self, axis: LiveAxis, what: str, before: Array) -> None:
@@ -56,7 +56,7 @@ class Change:
         self._column = int(np.argmax(sizes / np.maximum(np.abs(self._truth + before), 1e-9)))
         self._size = float(sizes[self._column])
         self.parameter = SHOWN[self._column] if self._size else None
-        known = SHOWN[self._column] in tracked(axis.scenario, NAMES)  # not friction that is gone
+        known = SHOWN[self._column] in tracked(axis.scenario, NAMES)  # False for removed friction
         self._bounded = known and np.count_nonzero(sizes) == 1 and axis.noise > 0
         self._where = axis.scenario, axis.values, axis.state, axis.noise**2
         self.curves = np.full((0 if self.parameter else 1, 4), np.nan)
@@ -65,16 +65,26 @@ class Change:
 
     @property
     def open(self) -> bool:
-        """Whether it is still followed."""
+        """Whether the change is still recorded."""
         return self.parameter is not None and len(self.curves) < LENGTH
 
     @property
     def lags(self) -> Array:
-        """Integral of the curves so far (4,) [s]."""
+        """Integrals of the curves up to now (4,) [s]."""
         return np.asarray(lag(self.curves, PERIOD))
 
     def take(self, estimates: Sequence[Array], torque: Array, excited: NDArray[np.bool_]) -> None:
-        """Take estimates (n, 4) of both, the torque (n,), and whether the reference moves (n,)."""
+        """Append samples.
+
+        Parameters
+        ----------
+        estimates : sequence of ndarray (n, 4)
+            Estimates of `SHOWN` by both estimators.
+        torque : ndarray (n,)
+            Torque [N m].
+        excited : ndarray (n,)
+            Whether the reference moves.
+        """
         if not self.open:
             return
         shown = np.stack([theta[excited, self._column] for theta in estimates], axis=1)

@@ -1,4 +1,4 @@
-"""The axis in 3-D: a window that replays a run, or one picture of it."""
+"""Draw the axis in 3-D: replay a run in a window, or write a picture."""
 
 import os
 import sys
@@ -21,9 +21,9 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 
 STRIDE = 4
-"""Samples from one picture of a window to the next."""
+"""Number of samples between two frames of the window."""
 WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
-"""Values of MUJOCO_GL that need no display, best first, and the library that each needs."""
+"""Values of MUJOCO_GL that work without a display, best first, and the library of each."""
 
 
 def view(
@@ -34,47 +34,47 @@ def view(
     exaggerate: float = 100.0,
     picture: str | Path | None = None,
 ) -> Path | None:
-    """Show a run in 3-D: in a window, or as a picture.
+    """Show a run in 3-D, in a window or as a picture.
 
-    The twist of the joints is about a milliradian. The angles of gear and arm are therefore
-    exaggerated; the motor turns as it does.
+    The twist of the joints is about a milliradian, so it is magnified in the picture. The motor is
+    drawn at its true angle.
 
     Parameters
     ----------
     run : str, Path, Scenario or Record
-        A scenario, which is simulated first, or a recording of `simulate` or `load`.
+        A scenario, which is simulated first, or a record that `simulate` or `load` returned.
     seed : int
-        Seed of the simulation.
+        Random seed of the simulation.
     at : float
-        Time of the run at which to begin [s].
+        Time at which the window or picture starts [s].
     exaggerate : float
-        Factor of the twist; 1 shows it as it is.
+        Magnification of the twist; 1 shows the true angles.
     picture : str or Path, optional
         PNG file to write instead of opening a window. It needs no display.
 
     Returns
     -------
     Path or None
-        The picture.
+        The path of the picture.
 
     Raises
     ------
     FlexaxisError
-        If a number or the name of the picture is wrong.
+        If a number or the file name of the picture is wrong.
     OutputError
         If nothing can be drawn on this machine.
     """
     target = None if picture is None else Path(picture)
     if target is not None:
         if target.suffix.lower() != ".png":
-            raise FlexaxisError(f"picture={str(picture)!r}: give a name that ends in .png")
+            raise FlexaxisError(f"picture={str(picture)!r}: use a name that ends in .png")
         draw_offscreen()
-    from flexaxis.sim.simulate import simulate  # imports the engine
+    from flexaxis.sim.simulate import simulate  # imports MuJoCo, so MUJOCO_GL must be set before
 
     if not isinstance(run, Record):
         run = simulate(run if isinstance(run, Scenario) else find_scenario(str(run)), [seed])[0]
     if not 0 <= at <= (end := run.time[-1]):
-        raise FlexaxisError(f"at={at:g}: give a time of the run, 0 to {end:g} s")
+        raise FlexaxisError(f"at={at:g}: give a time within the run, 0 to {end:g} s")
     angles = poses(run, exaggerate=exaggerate)[round(at / run.period) :]
     mujoco, model, data = scene(run.scenario.get("model", DEFAULT))
     if target is None:
@@ -86,26 +86,27 @@ def view(
 
 
 def poses(record: Record, *, exaggerate: float) -> Array:
-    """Return the angles (N, n) [rad] of the n masses to be drawn, their twist exaggerated.
+    """Return the angles (N, n) [rad] at which to draw the n masses, with magnified twist.
 
     Raises
     ------
     OutputError
-        If the record does not know the true angles.
+        If the record does not contain the true angles.
     """
     values = record.scenario.get("parameters", {})
     angles = [getattr(record, f"true_angle_{name[2:]}") for name in values if name[0] == "J"]
     if not angles or any(each is None for each in angles):
-        raise OutputError("the record has no true angles to show; `flexaxis simulate` makes one")
+        raise OutputError(
+            "the record has no true angles, so it cannot be shown: use one of `flexaxis simulate`"
+        )
     ratio = values.get("r", 1.0)
     return exaggerated(np.column_stack(angles), ratio=ratio, exaggerate=exaggerate)
 
 
 def exaggerated(angles: Array, *, ratio: float, exaggerate: float) -> Array:
-    """Return the angles (…, n) [rad] to be drawn, from the true ones.
+    """Return angles (…, n) [rad] for drawing, with the twist of the joints magnified.
 
-    The gear is drawn where the motor would have it, and gear and arm are turned out of that by
-    `exaggerate` times their true deviation.
+    The deviations of gear and arm from the angles of a rigid axis are multiplied by `exaggerate`.
     """
     drawn = np.array(angles)
     rigid = ratio * drawn[..., :1]
@@ -114,16 +115,16 @@ def exaggerated(angles: Array, *, ratio: float, exaggerate: float) -> Array:
 
 
 def _draw(mujoco: Any, model: Any, data: Any, path: Path) -> None:
-    """Write a picture of the axis as it is."""
+    """Write a picture of the axis at its current angles."""
     import matplotlib.image
 
     mujoco.mj_forward(model, data)
     try:
         renderer = mujoco.Renderer(model, height=720, width=1280)
-    except Exception as error:  # each platform fails in its own way
+    except Exception as error:  # the type of the exception depends on the platform
         raise OutputError(
-            f"no picture can be drawn here: {error}. Without a display set MUJOCO_GL=egl or "
-            "MUJOCO_GL=osmesa (Debian: libegl1, libosmesa6)"
+            f"no picture can be drawn here: {error}. Without a display, set MUJOCO_GL=egl or "
+            "MUJOCO_GL=osmesa (Debian packages: libegl1, libosmesa6)"
         ) from error
     with renderer, new_file(path) as part:
         renderer.update_scene(data, camera="view")
@@ -136,7 +137,7 @@ def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) ->
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
     except Exception as error:
         raise OutputError(
-            f"no window can be opened here: {error}. A picture needs no display: -o axis.png"
+            f"no window can be opened here: {error}. A picture needs no display: picture='axis.png'"
         ) from error
     with viewer:
         for data.qpos[:] in angles[::STRIDE]:
@@ -148,7 +149,7 @@ def _replay(mujoco: Any, model: Any, data: Any, angles: Array, period: float) ->
 
 
 def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
-    """Return the engine's module, and model and data of a plant with floor, light and camera."""
+    """Return the module mujoco, and the model and data of a plant with floor, light and camera."""
     import mujoco
 
     _, assets = model_files(name)
@@ -157,12 +158,12 @@ def scene(name: str = DEFAULT) -> tuple[Any, Any, Any]:
 
 
 def draw_offscreen() -> None:
-    """Set MUJOCO_GL to a way that works here, unless it is set or there is a display.
+    """Set MUJOCO_GL to a renderer of this machine, unless it is set or there is a display.
 
     Raises
     ------
     FlexaxisError
-        If there is no display, and neither of the libraries that need none.
+        If there is neither a display nor a library that renders without one.
     """
     if sys.platform != "linux" or {"MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         return
@@ -170,7 +171,7 @@ def draw_offscreen() -> None:
     if way is None:
         raise FlexaxisError(
             "no picture can be drawn here: there is no display, and neither "
-            f"{' nor '.join(f'lib{library}' for library in WAYS.values())} is installed (Debian: "
-            "libegl1, libosmesa6)"
+            f"{' nor '.join(f'lib{library}' for library in WAYS.values())} is installed (Debian "
+            "packages: libegl1, libosmesa6)"
         )
     os.environ["MUJOCO_GL"] = way

@@ -1,5 +1,6 @@
-"""The paper of Östring and Gunnarsson, reproduced on MuJoCo data.
+"""Reproduces the paper of Östring and Gunnarsson on MuJoCo data.
 
-`evidence` simulates and estimates, `measures` makes numbers of it, `claims` (with ``claims.toml``)
-decides by them what the paper claims, `figures` draws, and `reproduce` writes it all.
+`evidence` simulates and estimates, `measures` computes numbers from the results, `claims` (with
+``claims.toml``) checks the paper's claims with these numbers, `figures` draws, and `reproduce`
+writes the page.
 """

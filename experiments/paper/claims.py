@@ -1,7 +1,7 @@
-"""How the claims of the paper are decided.
+"""Check the claims of the paper.
 
-``claims.toml`` has the words of each claim, what is measured for it, and between which limits all
-that is measured must lie; here are the conditions that limits cannot express.
+``claims.toml`` has the text of each claim, the measure that tests it, and limits for all measured
+values. This module has the conditions that limits cannot express.
 """
 
 import tomllib
@@ -16,15 +16,15 @@ from flexaxis.experiments.paper.measures import Measures
 from flexaxis.experiments.scoring.scores import finite
 
 CLAIMS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-"""Each claim by its id, in the order of the paper."""
+"""The claims in the order of the paper, keyed by id."""
 PEAKS = (95.0, 125.0, 185.0)
 """Peaks of the torque spectrum that the paper reports [rad/s]."""
 
 
 def nearest_half_of_P(ratios: pd.Series) -> bool:
-    """Return whether deviations, over those of σ²P/2, are nearer to these than to σ²P or σ²P/4.
+    """Return whether measured standard deviations fit σ²P/2 better than σ²P or σ²P/4.
 
-    Those of the latter are √2 away.
+    The ratios are to √(σ²P/2), from which the other two candidates differ by a factor of √2.
     """
     return bool(abs(np.log2(ratios).mean()) < 0.25)
 
@@ -48,20 +48,21 @@ CONDITIONS: Mapping[str, Callable[[pd.Series], Any]] = {
     "regularisation-stops-the-burst": lambda burst: burst["μ = 0"] > 100 and burst["μ = 1"] < 20,
     "reset-can-be-too-large": lambda loss: loss.max() > 3,
 }
-"""When a claim holds, where limits for all that is measured are not enough."""
+"""Conditions for claims that limits on the measured values cannot express."""
 
 
 def holds(name: str, measured: pd.Series) -> bool:
-    """Return whether a claim holds: at least one number, all within limits, and its condition."""
+    """Return whether a claim holds: it has a number, all are within limits, and its condition."""
     limits = CLAIMS[name].get("between", [-np.inf, np.inf])
     condition = CONDITIONS.get(name, len)
     return bool(measured.between(*limits).all() and condition(measured))
 
 
 def decide(name: str, evidence: Measures) -> dict[str, Any]:
-    """Return a claim as it stands in claims.json; a number that is not finite is None.
+    """Return the entry of a claim for claims.json; numbers that are not finite become None.
 
-    What is measured of each identified parameter has their names, one number is a ``value``.
+    Values for each identified parameter are keyed by its name; a single number has the key
+    ``value``.
     """
     claim = CLAIMS[name]
     result = getattr(evidence, claim["measure"])(*claim.get("with", ()))

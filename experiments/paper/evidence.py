@@ -1,6 +1,6 @@
-"""What the claims are checked on: MuJoCo runs, and what estimators made of them.
+"""The data for the claims: MuJoCo runs, and estimates on them.
 
-No estimator is tuned on the seeds. Everything is computed once it is asked for.
+No estimator is tuned on these seeds. Each result is computed on first use.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,27 +26,28 @@ ByName = Mapping[str, Any]
 Method = str | tuple[float, ...]
 
 FAULTS = {"k_T": ("kt_step-v1", 0.97), "1/J_a": ("ja_step-v1", 1.02), "f_m": ("fm_step-v1", 1.1)}
-"""The step-fault scenario of each identified parameter, and a factor on k_T, J_a or f_m that is
-small enough for a linear theory, well above the noise."""
+"""The step-fault scenario of each identified parameter, and a smaller factor on k_T, J_a or f_m:
+small enough for linear theory, yet well above the noise."""
 PAUSE = (10.0, 30.0)
-"""Standstill of the scenario that shows windup [s]."""
+"""Begin and end of the standstill in the scenario that shows windup [s]."""
 FORGETTING = 0.995
 METHODS = ("forgetting", "modification")
 SIZES = {"nominal": 30, "long": 8, "calm": 30, "others": 16}
-"""Runs of the paper's experiment; 60 s of it; it from the truth; each standstill or fault."""
+"""Number of runs of the paper's experiment, of its 60 s version, of its version that starts at the
+true parameters, and of each standstill or fault."""
 STRIDE = 20
-"""Samples from one kept P to the next."""
+"""Number of samples between two stored values of P."""
 
 
 class Runs(NamedTuple):
-    """What the recursive method did on S records of N samples.
+    """Results of the recursive method on S records of N samples.
 
     Attributes
     ----------
     theta : ndarray (S, N, p)
-        Estimates over nominal.
+        Estimates divided by nominal values.
     P : ndarray (S, N/STRIDE, p)
-        Diagonal of P(t+1|t), every so many samples.
+        Diagonal of P(t+1|t), every `STRIDE` samples.
     """
 
     theta: Array
@@ -54,33 +55,33 @@ class Runs(NamedTuple):
 
 
 class Evidence:
-    """Everything that was simulated and estimated.
+    """Simulated records, and estimates on them.
 
     Parameters
     ----------
     first : int
         Seed of the first run.
     sizes : mapping of str to int
-        As `SIZES`.
+        Numbers of runs, as in `SIZES`.
 
     Attributes
     ----------
     scenario : Scenario
         The paper's experiment.
     scenarios : dict of str to Scenario
-        That (``"nominal"``); with θ(0) at the truth: it (``"calm"``), 60 s of it (``"long"``), with
-        a standstill (``"pause"``), with a step fault (by the identified parameter that it changes),
-        and with a small one (such as ``"small f_m"``).
+        The paper's experiment (``"nominal"``), and variants that start at the true parameters: the
+        same experiment (``"calm"``), over 60 s (``"long"``), with a standstill (``"pause"``), with
+        a step fault (keyed by the identified parameter that changes), and with a small step (such
+        as ``"small f_m"``).
     onset : int
-        First sample after each of the faults.
+        First sample after the fault; it is the same in all scenarios with a fault.
     model : Parametrization
         The nominal axis as a function of the identified parameters.
     theta : ndarray (p,)
-        Their nominal values.
+        Nominal values of the identified parameters.
     adaptations : dict of str to dict
-        By method what is chosen in it, as `Rpem` takes it: the paper's λ, and Δ of eq. (32); and
-        slower ones. Time constants [s] of the
-        parameters are a method, too.
+        Options of `Rpem` for each named method: the paper's λ, Δ of eq. (32), and slower versions
+        of both. A method can also be a tuple of time constants [s], one per parameter.
     """
 
     def __init__(self, *, first: int = FIRST, sizes: Mapping[str, int] = SIZES) -> None:
@@ -96,7 +97,7 @@ class Evidence:
             "forgetting": {"forgetting": FORGETTING},
             "modification": {"drift": self.drift},
             "slow forgetting": {"forgetting": 0.999},
-            "slow modification": {"drift": self.drift / 16},  # a quarter of the speed
+            "slow modification": {"drift": self.drift / 16},  # 4 times slower
         }
         calm = scenario.override({"start": 1.0})
         pause = {"duration": 45.0, "excitation.pause": [list(PAUSE)]}
@@ -113,14 +114,14 @@ class Evidence:
 
     @cache  # noqa: B019
     def records(self, group: str) -> list[Any]:
-        """Return the records of one of `scenarios`."""
+        """Return the records of a scenario in `scenarios`."""
         number = self.sizes.get(group, self.sizes["others"])
         seeds = range(self.first, self.first + number)
         return records(self.scenarios[group], seeds, default_cache())
 
     @cached_property
     def reference(self) -> Array:
-        """Torque (8000,) [N m] of a run at nominal parameters that is not among the records."""
+        """Torque (8000,) [N m] of a separate run at nominal parameters."""
         return nominal_torque(self.scenario)
 
     def predict(self, torque: Array) -> tuple[Array, Array]:
@@ -128,7 +129,7 @@ class Evidence:
         return predict(self.model, self.theta, torque, period=self.period)
 
     def steady(self, signal: Array) -> Array:
-        """Return the last two periods of a signal (N, …), in which no transient is left."""
+        """Return the last two periods of a signal (N, …), after all transients."""
         return signal[-2 * round(self.excitation.period / self.period) :]
 
     def gradient_power(self, torque: Array) -> Array:
@@ -138,47 +139,49 @@ class Evidence:
 
     @cached_property
     def Q(self) -> Array:
-        """E ψψᵀ (p, p) of the reference torque."""
+        """E ψψᵀ (p, p) for the reference torque."""
         return self.gradient_power(self.reference)
 
     def adaptation(self, method: Method) -> ByName:
-        """Return what a method chooses; for time constants it is Δ."""
+        """Return the options of `Rpem` for a method; time constants are converted to Δ."""
         if isinstance(method, str):
             return self.adaptations[method]
         return {"drift": drift_for(method, self.Q, period=self.period)}
 
     def steady_P(self, method: Method) -> Array:
-        """Return P (p, p) of eq. (29) or (30)."""
+        """Return the steady-state P (p, p) of a method by eq. (29) or (30)."""
         return steady_P(self.Q, **self.adaptation(method))
 
     @cache  # noqa: B019
     def recipe(self, method: Method) -> Array:
-        """Return the diagonal of P(0) (p,) by the recipe of section 5.2."""
+        """Return the diagonal of P(0) (p,), computed as section 5.2 of the paper describes."""
         return priors.nominal_P(
             self.axis, self.reference, identify=self.names, period=self.period,
             **self.adaptation(method),
         )  # fmt: skip
 
     def runs(self, method: Method) -> Runs:
-        """Return runs of a method: from 1.2 times nominal; slow ones over 60 s, from nominal."""
+        """Return runs of a method: from 1.2 × nominal, or for slow methods 60 s from nominal."""
         return self.filtered("nominal" if method in METHODS else "long", method)
 
     @cache  # noqa: B019
     def filtered(self, group: str, method: Method, *, mu: float = 0.0, prior: float = 0.0) -> Runs:
         """Run the recursive prediction-error method on each record of a group.
 
-        From nominal P(0) is that of eq. (29) or (30), else that of the recipe.
+        P(0) follows eq. (29) or (30) if the run starts at nominal values; otherwise it is computed
+        by `recipe`.
 
         Parameters
         ----------
         group : str
+            A key of `scenarios`.
         method : str or tuple of float
-            As in `adaptations`, or time constants [s].
+            A key of `adaptations`, or time constants [s].
         mu : float
-            μ of eq. (12).
+            Regularisation μ of eq. (12).
         prior : float
-            If it is not 0, P is reset at the onset of the fault to that of estimates with this
-            standard deviation, over nominal.
+            Relative standard deviation of the estimates to which P is reset at the onset of the
+            fault; 0 for no reset.
         """
         theta, P, nominal, start = [], [], self.theta, self.scenarios[group].start
         P0 = self.steady_P(method) if start == 1 else self.recipe(method)
@@ -198,7 +201,7 @@ class Evidence:
         return Runs(np.reshape(theta, shape) / nominal, np.reshape(P, shape))
 
     def identified(self, names: Sequence[str], start: float, record: int = 0) -> Identified:
-        """Identify parameters off line from a run of 60 s, started at so many times nominal."""
+        """Identify parameters off-line from a 60 s run; `start` is the start value / nominal."""
         theta = start * self.axis.parametrize(names).theta
         measured = signals(self.records("long")[record])
         return output_error(
@@ -208,15 +211,15 @@ class Evidence:
 
     @cached_property
     def offline(self) -> list[Identified]:
-        """The three parameters from 1.2 times nominal, on each record of 60 s."""
+        """The three parameters, identified on each 60 s record from 1.2 times nominal."""
         return [self.identified(self.names, 1.2, i) for i in range(len(self.records("long")))]
 
     @cached_property
     def physical(self) -> Identified:
-        """All parameters but r, the last, and k_T, the first, which sets the scale."""
+        """Off-line estimates of all parameters except r and k_T, which sets the scale."""
         return self.identified(self.axis.parameters[1:-1], 1.2)
 
 
 def signals(record: Record) -> Any:
-    """Return torque [N m] and measured speed [rad/s] of a record, (N,) each."""
+    """Return the torque (N,) [N m] and the measured speed (N,) [rad/s] of a record."""
     return record.torque, record.speed

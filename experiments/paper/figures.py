@@ -1,4 +1,4 @@
-"""Figures 3 to 9 of the paper: each is a function of the evidence, which returns a Figure."""
+"""Figures 3 to 9 of the paper; each function draws one from the measures and returns a Figure."""
 
 from collections.abc import Iterable, Mapping
 from functools import partial
@@ -17,7 +17,7 @@ FREQUENCY, TIME = "frequency [rad/s]", "time [s]"
 
 
 def named(names: Iterable[str], x: Any, rows: Any, **options: Any) -> list[Series]:
-    """Return a curve with a name for each row (M,)."""
+    """Return a named curve for each row (M,)."""
     return [
         Series(x=x, y=y, estimator=name, **options) for name, y in zip(names, rows, strict=True)
     ]
@@ -50,7 +50,7 @@ def fig4(e: Measures) -> Figure:
 
 
 def fig5(e: Measures) -> Figure:
-    """Draw |G_θ|² of the three parameters."""
+    """Draw the squared gain |G_θ|² of the gradient of each of the three parameters."""
     omega = np.linspace(1, 220, 1000)
     _, slopes = frequency_response(e.model, e.theta, omega, period=e.period)
     gains = named(e.names, omega, np.abs(slopes.T) ** 2)
@@ -59,7 +59,7 @@ def fig5(e: Measures) -> Figure:
 
 
 def estimates(method: str, e: Measures) -> Figure:
-    """Draw estimates, on the same axes for each method."""
+    """Draw the estimates over time, with the same axis limits for each method."""
     time, theta = e.scenario.times[::STRIDE], e.runs(method).theta[:, ::STRIDE]
     panels = {}
     for name, columns in zip(e.names, theta.T, strict=True):
@@ -72,7 +72,7 @@ def estimates(method: str, e: Measures) -> Figure:
 
 
 def diagonal(method: str, e: Measures) -> Figure:
-    """Draw diag P of the first run beside theory, on the same axes for each method."""
+    """Draw diag P of the first run with its theoretical values, with fixed axis limits."""
     time, y = e.scenario.times[STRIDE - 1 :: STRIDE], "diagonal of P"
     levels = np.outer(np.diag(e.steady_P(method)), [1, 1])
     theory = named(e.names, time[[0, -1]], levels, role="bound", label="_")
@@ -85,14 +85,14 @@ FIGURES: Mapping[str, tuple[Any, str, str]] = {
     "fig4": (
         fig4,
         "Figure 4. Bode diagrams: the axis, the identified physical model, an ARX model",
-        "Where there is no torque the black-box model is free to be anything; the physical one is "
-        "not.",
+        "Where the torque has no energy, the data do not determine the ARX model. The structure of "
+        "the physical model does determine its response there.",
     ),
     "fig5": (
         fig5,
         "Figure 5. |G_θ|² of the three parameters",
-        "The frequencies at which the torque has its energy decide how well a parameter can be "
-        "estimated. 1/J_a shows around the first resonance only.",
+        "How well a parameter can be estimated depends on the frequencies at which the torque has "
+        "its energy. 1/J_a affects the speed only around the first resonance.",
     ),
     "fig6": (
         partial(estimates, "forgetting"),
@@ -115,4 +115,4 @@ FIGURES: Mapping[str, tuple[Any, str, str]] = {
         "Dotted: the solution of P Q P = Δ, eq. (30).",
     ),
 }
-"""Each figure with its title and its caption; a file has the name of its figure."""
+"""Function, title and caption of each figure, keyed by the name of its file."""

@@ -1,4 +1,4 @@
-"""What the claims are decided on: numbers of the evidence, one or one for each parameter."""
+"""The numbers that test the claims, computed from the simulations and estimates."""
 
 from collections.abc import Iterable, Iterator
 from functools import partial
@@ -34,52 +34,52 @@ from flexaxis.sim.simulate import simulate
 
 PHYSICAL = "physical model, identified"
 BAND = (40.0, 188.0)
-"""Where the excitation reaches and Fig. 4 is compared [rad/s]."""
+"""Frequency band of the excitation, in which the models of Fig. 4 are compared [rad/s]."""
 ORDERS = (10, 30, 40)
-"""Of the ARX models."""
+"""Orders of the ARX models."""
 SLOW = (3 * (1.2,), 3 * (2.4,))
-"""Time constants of the parameters that exceed the memory of the plant [s]."""
+"""Time constants of the three parameters that are longer than the memory of the plant [s]."""
 MU = (0.1, 1.0, 10.0)
-"""Values of μ of eq. (12) with which P(0) lies below the bound on P."""
+"""Values of μ of eq. (12) for which P(0) is below the bound on P."""
 WINDOW = 1000
-"""Samples after a fault or a standstill."""
+"""Number of samples evaluated after a fault or a standstill."""
 LAST = 2000
-"""Samples at the end over which a standard deviation is taken."""
+"""Number of last samples from which a standard deviation is computed."""
 
 
 def worst(ratios: ArrayLike) -> Array:
-    """Return of each column (S, p) the ratio that is farthest from one, or its inverse: ≥ 1."""
+    """Return the ratio farthest from one in each column of (S, p); if below one, its inverse."""
     return np.exp(np.abs(np.log(ratios)).max(axis=0))
 
 
 def decibels(response: Any) -> Any:
-    """Return the magnitude [dB]."""
+    """Return the magnitude of a frequency response [dB]."""
     return 20 * np.log10(np.abs(response))
 
 
 def std(runs: Runs) -> Array:
-    """Return the standard deviation of the estimates (p,) over the runs, over nominal.
+    """Return the relative standard deviation of the estimates (p,).
 
-    It is that at one time across runs, pooled over the last 10 s: an estimate that moves as slowly
-    as k_T does under Δ of (32) would hide in the mean over a window of its own run.
+    It is computed across runs at each time, and pooled over the last 10 s. A standard deviation
+    over time within a run would be too small for slow estimates, such as k_T with Δ of eq. (32).
     """
     return np.sqrt(np.var(runs.theta[:, -LAST:], axis=0, ddof=1).mean(axis=0))
 
 
 class Measures(Evidence):
-    """The numbers that decide the claims, each a method."""
+    """The numbers that test the claims; each method returns those of one measure."""
 
     def prediction_error(self) -> Any:
-        """Return the error of ŷ at the true parameters over the rms of the speed without noise."""
+        """Return the relative rms error of ŷ at the true parameters; the reference has no noise."""
         record = self.records("nominal")[0]
         error = self.predict(record.torque)[0] - record.true_speed
         return np.std(error) / np.std(record.true_speed)
 
     def samples_late(self) -> ByName:
-        """Return how late a step of each parameter first shows in the motor speed [samples].
+        """Return the delay after which a step of each parameter affects the motor speed [samples].
 
-        It shows where the run differs from one whose step comes a sample later: on time, a sample
-        after the onset.
+        The effect starts at the first sample at which the run differs from a run with the step one
+        sample later. The expected sample, with a delay of 0, is the one after the onset.
         """
         result = {}
         for name in self.names:
@@ -91,13 +91,13 @@ class Measures(Evidence):
         return result
 
     def friction_derivative(self) -> ByName:
-        """Return what is not 0 in the derivative of [A B; C 0] for f_m, over −1/J_m."""
+        """Return the non-zero entries of ∂[A B; C 0]/∂f_m, divided by −1/J_m."""
         _, slope = self.axis.parametrize(["f_m"]).blocks([self.scenario.nominal.f_m])
         return {f"({i + 1},{j + 1})": -slope[i, j] * self.scenario.nominal.J_m
                 for i, j in np.argwhere(slope)}  # fmt: skip
 
     def gradient_error(self) -> ByName:
-        """Return how far ψ is from a difference of ŷ, relative, for every parameter."""
+        """Return the relative difference of ψ and a finite difference of ŷ for every parameter."""
         model = self.axis.parametrize(self.axis.parameters)
         torque = self.records("nominal")[0].torque[:WINDOW]
         both = partial(predict, model, u=torque, period=self.period)
@@ -107,15 +107,15 @@ class Measures(Evidence):
         return dict(zip(model.names, error, strict=True))
 
     def torque_lines(self) -> tuple[Array, Array]:
-        """Return frequency [rad/s] and amplitude [N m] of the lines of the torque, first run."""
+        """Return frequencies [rad/s] and amplitudes [N m] of the torque's lines, first run."""
         torque = self.steady(self.records("nominal")[0].torque)
         omega, power = line_spectrum(torque, period=self.period)
         last = round(2 * self.excitation.high * self.excitation.period)
-        lines = slice(2, last + 1, 2)  # of two periods every second DFT line is one
+        lines = slice(2, last + 1, 2)  # the DFT of two periods has every second line
         return omega[lines], np.sqrt(2 * power[lines])
 
     def torque_peaks(self) -> ByName:
-        """Return the peaks of the torque's spectrum [rad/s]; the edge of the band can be one."""
+        """Return the peaks of the torque's spectrum [rad/s]; the band edge can also be a peak."""
         omega, amplitude = self.torque_lines()
         peaks, _ = find_peaks(np.r_[0, amplitude, 0])
         return {f"peak {i}": w for i, w in enumerate(omega[peaks - 1], 1)}
@@ -126,11 +126,11 @@ class Measures(Evidence):
         return 100 * np.sum(amplitude[omega < 70] ** 2) / np.sum(amplitude**2)
 
     def gradient_variances(self) -> Array:
-        """Return E ψ² of each parameter (p,)."""
+        """Return E ψ² for each parameter (p,)."""
         return np.diag(self.Q)
 
     def power_over_spectrum(self) -> Array:
-        """Return the mean of ψ² over the integral of |G_θ|² over the spectrum, the worst run's."""
+        """Return the mean of ψ² divided by the integral of |G_θ|² Φ_u, for the worst run."""
         ratios = []
         for record in self.records("nominal"):
             power = self.gradient_power(record.torque)
@@ -144,11 +144,11 @@ class Measures(Evidence):
         return 100 * np.max([np.abs(run.theta / self.theta - 1) for run in self.offline], axis=0)
 
     def offline_deviations(self) -> Array:
-        """Return the off-line errors (S, p) over the standard deviations claimed with them."""
+        """Return the off-line errors (S, p) divided by their reported standard deviations."""
         return np.abs([(r.theta - self.theta) / r.standard_deviations for r in self.offline])
 
     def worst_deviations(self) -> Array:
-        """Return the largest of `offline_deviations` of each parameter (p,)."""
+        """Return the largest of `offline_deviations` for each parameter (p,)."""
         return self.offline_deviations().max(axis=0)
 
     def rms_deviation(self) -> Any:
@@ -156,26 +156,29 @@ class Measures(Evidence):
         return rms(self.offline_deviations().ravel())
 
     def near_starts(self) -> ByName:
-        """Return how far the results from 1.2 and from 1.5 differ at most, and the warnings."""
+        """Return the largest relative difference of results from two starts, and the warnings.
+
+        The searches start at 1.2 and 1.5 times nominal; the warnings are counted.
+        """
         near, other = self.offline[0], self.identified(self.names, 1.5)
         difference = np.abs(near.theta / other.theta - 1).max()
         return {"difference": difference, "warnings": len((*near.warnings, *other.warnings))}
 
     def far_starts(self) -> ByName:
-        """Return the correlation of the residual by the start; 0 without the warning."""
+        """Return the residual's correlation for each start, or 0 without a warning."""
         runs = {f"{start:g}×": self.identified(self.names, start) for start in (0.5, 0.7, 2.0)}
         return {
             n: r.correlation * ("local minimum" in " ".join(r.warnings)) for n, r in runs.items()
         }
 
     def free_scale(self) -> ByName:
-        """Return the condition with all parameters free, and how many of them no warning names."""
-        run = self.identified(self.axis.parameters[:-1], 1.0)  # r is the last
+        """Return the condition number with all parameters free, and how many lack a warning."""
+        run = self.identified(self.axis.parameters[:-1], 1.0)  # all but r, which is the last
         warned = " ".join(run.warnings)
         return {"condition": run.condition, "unnamed": sum(n not in warned for n in run.names)}
 
     def responses(self, omega: Array) -> dict[str, Any]:
-        """Return the frequency responses (M,) of the axis, and of the models of Fig. 4."""
+        """Return the frequency responses (M,) of the axis and of the models of Fig. 4."""
         u, y = signals(self.records("long")[0])
         result = {f"ARX, order {n}": fit_arx(u, y, order=n, period=self.period).response(omega)
                  for n in ORDERS}  # fmt: skip
@@ -185,62 +188,69 @@ class Measures(Evidence):
         return result
 
     def magnitude_error(self, *names: str) -> ByName:
-        """Return the largest error of the magnitude of models in the band [dB]."""
+        """Return the largest error of the magnitude of each model within `BAND` [dB]."""
         result = self.responses(np.linspace(*BAND, 400))
         return {name: np.abs(decibels(result[name] / result["axis"])).max() for name in names}
 
     def final_error(self, percentile: float) -> Array:
-        """Return a percentile over the runs of the last error (p,) with forgetting [%]."""
+        """Return a percentile, over the runs, of the final error (p,) with forgetting [%]."""
         errors = np.abs(self.runs("forgetting").theta[:, -1] - 1)
         return 100 * np.percentile(errors, percentile, axis=0)
 
     def settled(self, errors: Iterable[Array], level: float) -> Array:
-        """Return when the median of each parameter's errors (S, n) stays within a level [s]."""
+        """Return the time after which the median error of each parameter stays below a level [s].
+
+        Parameters
+        ----------
+        errors : iterable of ndarray (S, n)
+            Errors of each parameter in S runs.
+        level : float
+        """
         medians = [np.median(error, axis=0) for error in errors]
         return np.array([settling(error, level, self.period) for error in medians], float)
 
     def times(self, method: str, level: float) -> Array:
-        """Return when all but `level` of the initial error is gone (p,) [s], median run."""
+        """Return the times (p,) [s] at which the median error falls to `level` times the first."""
         errors = (self.runs(method).theta - 1) / (self.scenario.start - 1)
         return self.settled(errors.transpose(2, 0, 1), level)
 
     def mean_P(self, method: str) -> Array:
-        """Return the mean of diag P (p,) over the second half of all runs."""
+        """Return the mean of diag P (p,) over the second halves of all runs."""
         P = self.runs(method).P
         return P[:, P.shape[1] // 2 :].mean(axis=(0, 1))
 
     def growth_of_P(self) -> Array:
-        """Return diag P with Δ of (32) over that with Δ/16 (p,)."""
+        """Return diag P (p,) with Δ of eq. (32), divided by diag P with Δ/16."""
         return self.mean_P("modification") / self.mean_P("slow modification")
 
     def recipe_over_mean(self) -> Array:
-        """Return P(0) of the recipe over the mean of diag P, the worse of both methods."""
+        """Return P(0) of `recipe` divided by the mean of diag P, for the worse of both methods."""
         return worst([self.recipe(method) / self.mean_P(method) for method in METHODS])
 
     def times_of_k_T(self) -> ByName:
-        """Return t63 of k_T with both methods [s]."""
+        """Return t63 of k_T with each of the two methods [s]."""
         return {method: self.times(method, 0.37)[0] for method in METHODS}
 
     def stds(self, name: str) -> ByName:
-        """Return the standard deviation of an estimate with both methods [% of nominal]."""
+        """Return the standard deviation of an estimate with each method [% of nominal]."""
         return {m: 100 * std(self.runs(m))[self.names.index(name)] for m in METHODS}
 
     def over_theory(self, method: str) -> Array:
-        """Return diag P over that of eq. (29) or (30)."""
+        """Return the mean of diag P (p,) divided by the diagonal of eq. (29) or (30)."""
         return self.mean_P(method) / np.diag(self.steady_P(method))
 
     def claimed(self, P: Array) -> Array:
-        """Return the standard deviation √(σ² P/2) (p,) that P (p, p) claims, over nominal."""
+        """Return the relative standard deviation √(σ² P/2) (p,) that P (p, p) predicts."""
         return np.sqrt(np.diag(estimate_covariance(P, self.scenario.noise.speed**2))) / self.theta
 
     def std_over_claim(self, method: str) -> Array:
-        """Return the standard deviation seen over that claimed with the mean of diag P."""
+        """Return the measured standard deviation divided by √(σ² P/2) with the mean of diag P."""
         return std(self.runs(method)) / self.claimed(np.diag(self.mean_P(method)))
 
     def peaks_over_bounds(self, method: str) -> ByName:
-        """Return the largest P in a standstill over its bound, by μ.
+        """Return the largest P during a standstill divided by its bound, keyed by μ.
 
-        The bound of P_ii is (1−λ)/μ with forgetting, and √(Δ_ii/μ) with covariance modification.
+        The bound of P_ii is (1−λ)/μ with forgetting and √(Δ_ii/μ) with covariance modification.
         """
         result = {}
         for mu in MU:
@@ -249,12 +259,12 @@ class Measures(Evidence):
         return result
 
     def growth(self) -> Any:
-        """Return by how much P grows in a standstill without μ."""
+        """Return the factor by which P grows during a standstill without regularisation."""
         P = self.filtered("pause", "forgetting").P
         return P.max() / P[:, 0].max()
 
     def bursts(self) -> ByName:
-        """Return the largest error after a standstill, without μ and with μ = 1 [%], median run."""
+        """Return the median, over runs, of the largest error after a standstill [%], keyed by μ."""
         restart, result = round(PAUSE[1] / self.period), {}
         for mu in (0.0, 1.0):
             theta = self.filtered("pause", "forgetting", mu=mu).theta[:, restart:][:, :WINDOW]
@@ -262,7 +272,7 @@ class Measures(Evidence):
         return result
 
     def steps(self, kind: str, method: Method, **options: float) -> Iterator[Array]:
-        """Yield θ̃/D (S, n) of each parameter, from the onset of its fault on."""
+        """Yield θ̃/D (S, n) of each parameter from the onset of its fault."""
         for i, name in enumerate(self.names):
             parameters = self.records(kind + name)[0].true_parameters[self.onset - 1 :]
             before, *after = true_theta(self.names, parameters)[:, i] / self.theta[i]
@@ -270,28 +280,31 @@ class Measures(Evidence):
             yield (theta - after) / abs(after[0] - before)
 
     def lags(self, method: str, **options: float) -> Array:
-        """Return the mean lag after a fault of each parameter (p,) [s]."""
+        """Return the mean lag (p,) after a fault of each parameter [s]."""
         errors = self.steps("", method, **options)
         return np.array([lag(error[:, :WINDOW].T, self.period).mean() for error in errors])
 
     def lag_ratio(self, prior: float, base: float) -> Array:
-        """Return the lags (p,) with a reset to a prior over those with another; 0 is no reset."""
+        """Return the lags (p,) with a reset to `prior`, divided by the lags with a reset to `base`.
+
+        A value of 0 means no reset.
+        """
         return self.lags("forgetting", prior=prior) / self.lags("forgetting", prior=base)
 
     def prices(self) -> ByName:
-        """Return the lag with μ = 1 over that without, for the parameter that pays most."""
+        """Return the lag with μ = 1 divided by the lag with μ = 0, largest over the parameters."""
         return {method: np.max(self.lags(method, mu=1.0) / self.lags(method)) for method in METHODS}
 
     def t63_over(self, *targets: float) -> Array:
-        """Return the time of 63 % of a small step with Δ for time constants [s], over these."""
+        """Return t63 after a small step divided by the time constants [s] for which Δ is chosen."""
         return self.settled(self.steps("small ", targets), 0.37) / targets
 
     def slow_t63(self) -> Array:
-        """Return the worst of `t63_over` with slow time constants (p,)."""
+        """Return the worst ratio of `t63_over` (p,) for the time constants in `SLOW`."""
         return worst([self.t63_over(*targets) for targets in SLOW])
 
     def slow_std(self) -> Array:
-        """Return the standard deviation with slow time constants over that predicted (p,), mean."""
+        """Return measured / predicted standard deviation (p,), as the mean over `SLOW`."""
         return np.mean(
             [
                 std(self.filtered("calm", targets)) / self.claimed(self.steady_P(targets))

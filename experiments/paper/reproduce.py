@@ -1,4 +1,4 @@
-"""The paper reproduced: decide the claims, draw the figures, and tell it on one page."""
+"""Reproduce the paper: check its claims, draw its figures, and write both on one page."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,23 +13,24 @@ from flexaxis.experiments.running.progress import LINE, progress
 
 
 def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
-    """Check every claim, and write figures, page and claims.json to a folder.
+    """Check every claim, and write the figures, a page and claims.json to a folder.
 
     Parameters
     ----------
     folder : Path
-        Made if it is missing.
+        Output folder, which is created if it does not exist.
 
     Returns
     -------
     claims : list of dict
-        As they stand in claims.json: ``id, claim, source, measured, expected, holds``.
+        The claims as in claims.json: ``id, claim, source, measured, expected, holds``.
     page : Path
+        Path of the page.
 
     Raises
     ------
     OutputError
-        If the folder cannot be written to.
+        If the folder cannot be written.
     """
     make_folder(folder)
     e, claims = Measures(), list[dict[str, Any]]()
@@ -47,7 +48,7 @@ def reproduce(folder: Path) -> tuple[list[dict[str, Any]], Path]:
 
 
 def render(e: Measures, claims: Sequence[Mapping[str, Any]]) -> str:
-    """Return the page that tells the story: equations, figures, claims."""
+    """Return the HTML page with equations, figures and claims."""
     return page.render(
         "paper/templates/paper.html",
         looks={},

@@ -1,6 +1,6 @@
-"""What people look at: figures, pages, tables, words.
+"""Reports: figures, tables, sentences and HTML pages.
 
-`figures` draws with matplotlib in the look of `styles`, `tables` writes numbers, `words` makes
-sentences, `terminal` makes tables for page and terminal, `page` puts all of it into HTML that needs
-no network. Out go the reports `run` and `study`, and the page of a comparison.
+`figures` draws with matplotlib in the styles of `styles`, `tables` formats numbers, `words` writes
+sentences, and `terminal` makes tables for pages and the terminal. `page` combines them into HTML
+that needs no network. `run` and `study` write the reports of a run and of a study.
 """

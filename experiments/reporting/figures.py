@@ -1,8 +1,8 @@
-"""Every figure of flexaxis: a function each, which returns a matplotlib Figure.
+"""Every figure of flexaxis: each function draws one and returns a matplotlib Figure.
 
-Pages, `.plot()` in Python, notebooks, docs and the paper draw with these. A page hides an
-estimator, and shows a value on hover, by the tags that `styles.tag` gives to artists. Figures are
-430 px wide: letters are readable on a telephone, and a screen shows several side by side.
+Pages, `.plot()` in Python, notebooks, docs and the paper use these functions. Pages hide estimators
+and show values on hover with the tags that `styles.tag` sets. Figures are 430 px wide: text is
+readable on a phone, and several figures fit side by side on a screen.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from flexaxis.sim.scenario import Scenario
 
 Looks = Mapping[str, styles.Style]
 USUAL: Looks = {}
-MARKERS = "oD^sv<"  # of faults, where estimators have a row each
+MARKERS = "oD^sv<"  # of faults, in figures with one row per estimator
 ROLES: dict[str, dict[str, Any]] = {
     "truth": {"color": TEXT, "lw": 1.1, "ls": (0, (5, 3)), "marker": "", "zorder": 5},
     "bound": {"color": TEXT, "ls": (0, (1.5, 2)), "marker": ""},
@@ -35,20 +35,21 @@ ROLES: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Series:
-    """A curve, or points.
+    """A curve or a set of points.
 
     Attributes
     ----------
     x, y : (M,) array
     low, high : (M,) array, optional
-        A band about a curve; whiskers of points.
+        Ends of a band around a curve, or of the intervals of points.
     estimator : str
-        Decides the look.
+        Name of the estimator, which determines the style.
     label : str
-        For the legend, where the estimator's name will not do.
+        Text for the legend, if it differs from the estimator's name.
     role : {"", "truth", "bound", "data"}
-        What is of no estimator.
+        Role of a curve that belongs to no estimator.
     kind : {"line", "steps", "points", "both"}
+        Whether to draw a line, a staircase, points, or points joined by a line.
     """
 
     x: Any
@@ -62,7 +63,7 @@ class Series:
 
 
 def new(height: float, count: int = 1) -> list[Any]:
-    """Return axes one below the other in a figure of their own, of a height [px]."""
+    """Return `count` axes, one below the other, in a new figure of the given height [px]."""
     figure = Figure(figsize=(430 / 96, height / 96))
     return list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
 
@@ -79,26 +80,27 @@ def curves(
     axes: Any = None,
     looks: Looks = USUAL,
 ) -> Figure:
-    """Draw curves over a common abscissa, a panel below the other.
+    """Draw curves over a common abscissa, in panels one below the other.
 
     Parameters
     ----------
     panels : mapping of str to sequence of Series
-        By the label of the ordinate, with its unit.
+        The curves of each panel, keyed by the label of its ordinate with the unit.
     x : str
         Label of the abscissa, with its unit.
     logs : sequence of str
         Labels of the axes with a logarithmic scale.
     limits : mapping of str to (float, float)
-        By the labels of axes.
+        Limits of axes, keyed by their labels.
     marks : sequence of (float, str)
-        Where something happens, and what.
+        Vertical lines: an abscissa, and the event that happens there.
     spans : sequence of (float, float, str)
-        What is shaded, such as burn-in.
+        Shaded intervals: begin, end, and a text such as "burn-in".
     axes : sequence of Axes, optional
-        Where to draw, one for each panel; a new figure by default.
+        Axes to draw on, one for each panel (default: a new figure).
     looks : mapping of str to Style
-        Of the estimators of a page, which names them above all figures; else panels have legends.
+        Styles of the estimators of a page. The page has its own legend; without `looks`, each panel
+        has a legend.
     """
     axes = new(60 + 200 * len(panels), len(panels)) if axes is None else axes
     for ax, (label, series) in zip(axes, panels.items(), strict=True):
@@ -111,7 +113,7 @@ def curves(
         for axis, name in ((ax.xaxis, x), (ax.yaxis, label)):
             if name in logs:
                 logarithmic(axis)
-        ax.autoscale()  # the axes may have limits from an earlier call
+        ax.autoscale()  # an earlier call may have set limits
         usual = None if label in logs else _usual(ax)
         ends = {"ylim": limits.get(label, usual), "xlim": limits.get(x)}
         ax.set(ylabel=symbols(label), **{key: pair for key, pair in ends.items() if pair})
@@ -122,7 +124,7 @@ def curves(
 
 
 def _usual(ax: Axes) -> tuple[float, float] | None:
-    """Return limits around the usual values of many; a burst does not set the scale."""
+    """Return limits around most of the values, so that a burst does not set the scale."""
     values = np.concatenate([line.get_ydata() for line in ax.get_lines()] or [[]])
     if len(values) < 100:
         return None
@@ -132,7 +134,7 @@ def _usual(ax: Axes) -> tuple[float, float] | None:
 
 
 def _draw(ax: Axes, one: Series, looks: Looks) -> None:
-    """Draw a series, with a marker at every fifth of the way where it has no points."""
+    """Draw a series; a line without points gets a marker at every fifth of its length."""
     who, usual = one.estimator, look(one.estimator or "another", looks)
     own = usual | ROLES.get(one.role, {}) | ({"color": usual["color"]} if who else {})
     label, pointed = one.label or who or one.role, one.kind in ("points", "both")
@@ -149,7 +151,7 @@ def _draw(ax: Axes, one: Series, looks: Looks) -> None:
 
 
 def logarithmic(axis: Any) -> None:
-    """Make an axis logarithmic, with plain numbers at 1, 2 and 5, or at the decades of many."""
+    """Make an axis logarithmic, with labels at 1, 2, 5 or, over a wide range, only at decades."""
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 2e3 * low else (1,)))
@@ -158,14 +160,14 @@ def logarithmic(axis: Any) -> None:
 
 
 def _interval(ax: Axes, place: float, parts: Any, who: str, tip: str, **own: Any) -> None:
-    """Draw a value and both ends of its interval in a row of some axes."""
+    """Draw a value and its interval as a dot and a horizontal line, at a height of the axes."""
     value, *ends = parts
     tag(ax.hlines(place, *ends, color=own["color"]), who, tip)
     tag(ax.plot(value, place, ls="", mec=styles.BACK, ms=6, **own)[0], who, tip)
 
 
 def _rows(ax: Any, names: Sequence[str], label: str, **options: Any) -> Figure:
-    """Name the rows of some axes, with a logarithmic abscissa, and return the figure."""
+    """Label the rows of axes, make the abscissa logarithmic, and return the figure."""
     ax.axvline(1, color=TEXT)
     logarithmic(ax.xaxis)
     ax.set(xlabel=label, ylim=(len(names) - 0.5, -0.5))
@@ -177,17 +179,20 @@ def _rows(ax: Any, names: Sequence[str], label: str, **options: Any) -> Figure:
 def over_bound(
     matched: pd.DataFrame, order: Sequence[str], faults: Mapping[str, str], *, looks: Looks = USUAL
 ) -> Figure:
-    """Draw lag over bound: a row an estimator, a dot a fault, 95 % intervals, the bound at 1.
+    """Draw the lag divided by the bound: one row per estimator, one dot per fault.
+
+    Lines show 95 % intervals; a vertical line at 1 is the bound.
 
     Parameters
     ----------
     matched : DataFrame
-        ``fault, estimator, lag, lag_interval, bound, over_bound``, at equal noise.
+        Scores at equal noise: ``fault, estimator, lag, lag_interval, bound, over_bound``.
     order : sequence of str
         Estimators from top to bottom.
     faults : mapping of str to str
-        What each fault is called.
+        Descriptions of the faults, keyed by fault.
     looks : mapping of str to Style
+        Styles of the estimators.
     """
     (ax,), known = new(44 * len(order) + 95), list(faults)
     for row in matched[matched["lag"] > 0].to_dict("records"):
@@ -204,7 +209,7 @@ def over_bound(
 
 
 def around(scenario: Scenario) -> dict[str, Any]:
-    """Return the events and pauses of a scenario, as options of `curves`."""
+    """Return the events, burn-in and pauses of a scenario as options of `curves`."""
     edges = np.flatnonzero(np.diff(np.r_[1, scenario.excited(), 1])) * scenario.period
     still = [(*pair, "no excitation") for pair in edges.reshape(-1, 2)]
     return {
@@ -217,24 +222,24 @@ def medians(
     traces: Mapping[str, Mapping[int, Any]], scenario: Scenario, name: str,
     window: tuple[float, float], *, banded: Sequence[str],
 ) -> list[Series]:  # fmt: skip
-    """Return the median estimates of some estimators in a window, and the truth.
+    """Return curves of the median estimates of some estimators in a window, and of the truth.
 
     Parameters
     ----------
     traces : mapping of str to mapping
-        Traces by estimator and seed.
+        Traces, keyed by estimator and then by seed.
     scenario : Scenario
     name : str
-        What is estimated.
+        Name of the estimated parameter.
     window : (float, float)
-        [s]
+        Begin and end [s].
     banded : sequence of str
-        Estimators with a band of 10 to 90 % of the runs.
+        Estimators that get a band from the 10 % to the 90 % quantile of the runs.
     """
     series = []
     for who, own in traces.items():
         runs = estimates(own, scenario, name).loc[slice(*window)]
-        runs = runs.iloc[:: max(1, len(runs) // 130)]  # one in 2 px
+        runs = runs.iloc[:: max(1, len(runs) // 130)]  # one point per 2 px
         low, middle, high = runs.quantile([0.1, 0.5, 0.9], axis=1).to_numpy()
         band = {"low": low, "high": high} if who in banded else {}
         series.append(Series(x=runs.index, y=middle, estimator=who, **band))
@@ -243,15 +248,16 @@ def medians(
 
 
 def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks = USUAL) -> Figure:
-    """Draw lag against the noise before the fault, a line an estimator, and the bound.
+    """Draw the lag against the noise before the fault, with one line per estimator, and the bound.
 
     Parameters
     ----------
     swept : DataFrame
-        ``fault, estimator, factor, lag, lag_interval, std, lag_bound``, a row a setting.
+        One row per setting: ``fault, estimator, factor, lag, lag_interval, std, lag_bound``.
     faults : mapping of str to str
-        What each fault is called; a panel each.
+        Descriptions of the faults, keyed by fault. Each fault has its own panel.
     looks : mapping of str to Style
+        Styles of the estimators.
     """
     panels = {}
     for fault, text in faults.items():
@@ -259,21 +265,22 @@ def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks 
         usual = own[(own["estimator"] == REFERENCE) & (own["factor"] == 1)]
         own = own.assign(x=own["std"] / usual["std"].median())
         panels[f"{text}\nlag [s]"] = lines(own, "x", "lag")
-    x = f"noise before the fault / that of {REFERENCE}"
-    marks = [(1.0, "read off in the table")]
+    x = f"noise before the fault / noise of {REFERENCE}"
+    marks = [(1.0, "the noise of the table")]
     return curves(panels, x=x, logs=[x, *panels], marks=marks, looks=looks)
 
 
 def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series]:
-    """Return a line an estimator through points with their intervals, and the bound of a lag.
+    """Return one curve per estimator through its points, with intervals; for a lag also the bound.
 
     Parameters
     ----------
     rows : DataFrame
-        The two columns, ``estimator``, and, if any, the interval of `y` and ``lag_bound``.
+        The columns `x`, `y` and ``estimator``; optionally the interval of `y`, and ``lag_bound``.
     x, y : str
+        Columns of the abscissa and the ordinate.
     kind : str
-        As of `Series`.
+        Kind of the curves, as in `Series`.
     """
     rows, series = rows.dropna(subset=y).sort_values(x), []
     for who, own in rows.groupby("estimator", sort=False):
@@ -287,14 +294,14 @@ def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series
 
 
 def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
-    """Draw lag against noise, a point a row: single runs, or faults at default settings.
+    """Draw the lag against the noise with one point per row.
 
     Parameters
     ----------
     rows : DataFrame
-        ``estimator, lag, std``.
+        Single runs or pooled scores: ``estimator, lag, std``.
     **options
-        As of `curves`.
+        Options of `curves`.
     """
     able, x = rows[(rows["lag"] > 0) & (rows["std"] > 1e-9)], "std before the fault [% of nominal]"
     panels = {"lag [s]": lines(able, "std", "lag", kind="points")}
@@ -302,18 +309,18 @@ def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
 
 
 def shares(runs: pd.DataFrame, **options: Any) -> Figure:
-    """Draw the share of runs with a lag of at most so many times the bound.
+    """Draw the share of runs with a lag below a multiple of the bound, over that multiple.
 
-    A run that was lost, or whose estimator does not estimate what changes, reaches nothing: it
-    counts all the same.
+    A run that is lost, or that does not estimate the changed parameter, stays in the total but
+    never reaches any multiple.
 
     Parameters
     ----------
     runs : DataFrame
-        ``scenario, parameter, seed, estimator, lag, lag_bound, over_bound, diverged``, a row a run;
-        those without a bound are left out.
+        One row per run: ``scenario, parameter, seed, estimator, lag, lag_bound, over_bound,
+        diverged``. Runs without a bound are left out.
     **options
-        As of `curves`.
+        Options of `curves`.
     """
     x, y, series = "lag / Cramér–Rao bound", "share of runs", []
     runs = runs[runs["lag_bound"] > 0].sort_values("over_bound")
@@ -330,18 +337,19 @@ def shares(runs: pd.DataFrame, **options: Any) -> Figure:
 def score_map(
     cells: pd.DataFrame, *, title: str, x: str, y: str, limits: tuple[float, float]
 ) -> Figure:
-    """Draw a score of an estimator over two axes of a study, its value in each cell.
+    """Draw a map of an estimator's score over two axes of a study, with its value in each cell.
 
     Parameters
     ----------
     cells : DataFrame
-        Values of the ordinate down, those of the abscissa across.
+        Scores; the index is the ordinate and the columns are the abscissa.
     title, x, y : str
+        Title and axis labels.
     limits : (float, float)
-        Of the colours, the same in maps that are compared.
+        Limits of the colour scale; use the same limits in maps that are compared.
     """
     (ax,), (low, high) = new(90 + 60 * len(cells)), limits
-    ax.pcolormesh(cells, norm=LogNorm(low, 10 * high), cmap="Blues")  # light, below black letters
+    ax.pcolormesh(cells, norm=LogNorm(low, 10 * high), cmap="Blues")  # light, under black text
     for (row, column), value in np.ndenumerate(cells):
         ax.text(column + 0.5, row + 0.5, short(value), color="#000000", ha="center", va="center")
     ax.set_xticks(np.arange(cells.shape[1]) + 0.5, map(number, cells.columns))
@@ -356,20 +364,21 @@ VERDICTS = {"worse": "#b3261e", "better": "#1b7f4d", "undecided": "#b26b00"}
 
 @styled
 def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = None) -> Figure:
-    """Draw changes with their intervals and margins, a line a score.
+    """Draw changes of scores with their intervals and margins, one line per score.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Of a verdict, as `flexaxis compare --json` prints them; those without interval are left out.
+        Rows of a verdict, as `flexaxis compare --json` prints them. Rows without an interval are
+        left out.
     axes : Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on (default: a new figure).
     """
     shown = [row for row in rows if None not in (row["change"], *row["interval"])]
     ax, names = axes or new(60 + 24 * len(shown))[0], []
     for place, row in enumerate(shown):
         parts = np.array([row["change"], *row["interval"], row["margin"] or 0])
-        # A difference may be less than all of the base: it ends at the edge of the scale.
+        # A ratio can be zero or negative; it is drawn at the edge of the logarithmic scale.
         *ratios, margin = np.maximum(1 + parts / (row["scale"] or 1), 0.01)
         name = f"{row['metric']} of {row['parameter']}, {row['scenario']}: {row['verdict']}"
         tip = f"{name}, × {short(ratios[0])} ({between(ratios[1:])})"
@@ -377,4 +386,4 @@ def verdict_intervals(rows: Sequence[Mapping[str, Any]], *, axes: Axes | None = 
         ax.hlines(place, 1 / margin, margin, color=MUTED, lw=7, alpha=0.2)
         colour = VERDICTS.get(row["verdict"], MUTED)
         _interval(ax, place, ratios, "", tip, color=colour, marker="o")
-    return _rows(ax, names, "candidate / base: less is better")
+    return _rows(ax, names, "candidate / base (less is better)")

@@ -1,7 +1,7 @@
-"""Pages: figures as SVG inside one HTML file that needs no network; one template under all of them.
+"""Pages: single HTML files with figures as SVG, which need no network and share one template.
 
-Text in a figure stays text. Colours are variables of the style sheet, so that a page is dark at
-night; an estimator has a class of its own, by which the script hides it.
+Text in a figure remains text. Colours are variables of the style sheet, so that a page has a dark
+mode. The artists of an estimator have a class, by which the script hides them.
 """
 
 import html
@@ -31,23 +31,23 @@ def render(template: str, *, looks: Looks, **content: Any) -> str:
     Parameters
     ----------
     template : str
-        Path in `flexaxis.experiments`, such as ``"reporting/templates/run.html"``. It extends
-        ``reporting/templates/page.html``, which needs a `title`.
+        Path of a template in `flexaxis.experiments`, such as ``"reporting/templates/run.html"``.
+        It extends ``reporting/templates/page.html``, which needs a `title`.
     looks : mapping of str to Style
-        Of the estimators that the page can hide, as from `styles.assigned`.
+        Styles of the estimators that the page can hide, as `styles.assigned` returns them.
     **content
-        What the template names. Text is escaped; a name that is missing is an error.
+        Values of the template's variables. Text is escaped; a missing variable is an error.
     """
     return TEMPLATES.get_template(template).render(styles=NINE, looks=looks, **content)
 
 
 def comparison(verdict: Mapping[str, Any]) -> str:
-    """Return the page of a comparison: the verdict, changes with intervals, all scores.
+    """Return the page of a comparison: the verdict, changes with intervals, and all scores.
 
     Parameters
     ----------
     verdict : mapping
-        As `flexaxis compare --json` prints it.
+        The object that `flexaxis compare --json` prints.
     """
     drawings = [drawn(figures.verdict_intervals, "change of each score", verdict["rows"])]
     lines = [("", list(map(tables.Cell, row["text"]))) for row in verdict["rows"]]
@@ -62,14 +62,14 @@ def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -
     Parameters
     ----------
     draw : callable
-        A function of `figures`.
+        A function of the module `figures`.
     label : str
-        What the figure shows, for those who cannot see it; no other on the page has the same.
+        Description of the figure for screen readers. It must be unique on the page.
     *args, **options
-        For `draw`.
+        Arguments of `draw`.
     """
     buffer, name = io.StringIO(), slug(label)
-    with mpl.rc_context(dict(SETTINGS) | {"svg.hashsalt": name}):  # no other figure has its ids
+    with mpl.rc_context(dict(SETTINGS) | {"svg.hashsalt": name}):  # makes its ids unique
         figure = draw(*args, **options)
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue()
@@ -83,7 +83,7 @@ def drawn(draw: Callable[..., Figure], label: str, *args: Any, **options: Any) -
 
 
 def _opened(group: re.Match[str]) -> str:
-    """Return the opening of a group without id; of a tagged artist with its class and title."""
+    """Return the opening tag of a group without its id; a tagged artist gets class and title."""
     text = html.unescape(group[1] or group[2])
     estimator, tip = json.loads(text) if text.startswith("[") else ("", "")
     title = f"<title>{escape(tip)}</title>" if tip else ""
@@ -91,13 +91,13 @@ def _opened(group: re.Match[str]) -> str:
 
 
 def slug(text: str) -> str:
-    """Return a text as an id of HTML; different texts have different ids."""
+    """Return an HTML id for a text; different texts have different ids."""
     plain = re.sub(r"\W+", "-", text).strip("-")
     return plain if plain == text else f"{plain}-{crc32(text.encode()):x}"
 
 
 def symbols(text: str) -> Markup:
-    """Return text with symbols as letter and index, such as f_m, and `code` as such.
+    """Return text as HTML, with symbols such as f_m as letter and index, and `code` as code.
 
     Examples
     --------

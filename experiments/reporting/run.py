@@ -1,4 +1,4 @@
-"""The report of a run: the answer on the first screen, every scenario below it."""
+"""The report of a run: the main result on the first screen, and every scenario below it."""
 
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -16,7 +16,7 @@ from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.scoring.score_table import SCORES
 from flexaxis.sim.scenario import Scenario, scenario_from
 
-MANY = 32  # single runs of an estimator on a scenario in a page, the worst
+MANY = 32  # number of single runs shown per estimator and scenario, the worst first
 SINGLE = ("estimator", "seed", "lag", "over_bound", "t10", "std", "bias", "score", "diverged")
 
 
@@ -27,7 +27,7 @@ def render(results: Results, summary: Mapping[str, Any]) -> str:
     ----------
     results : Results
     summary : mapping
-        What stands in summary.json.
+        The content of summary.json.
     """
     title, facts = words.answer(summary)
     rows = tables.flat(summary["rows"])
@@ -57,13 +57,13 @@ class Drawing:
         self.looks = assigned(words.order_of(summary))
         self.draw = partial(page.drawn, looks=self.looks)
         known = {name: entry["definition"] for name, entry in summary["scenarios"].items()}
-        known |= self.swept.get("definitions", {})  # of those only swept
+        known |= self.swept.get("definitions", {})  # scenarios that ran at equal noise only
         self.scenarios = {name: scenario_from(each, source=name) for name, each in known.items()}
         runs = results.frame[results.frame["error"].isna()]
         self.runs = runs.assign(over_bound=runs["lag"] / runs["lag_bound"])
 
     def board(self) -> dict[str, Any] | None:
-        """Return the first screen of a run; None if nothing was compared at equal noise."""
+        """Return the content of the first screen; None without a comparison at equal noise."""
         swept = self.swept
         if not swept.get("matched"):
             return None
@@ -83,9 +83,10 @@ class Drawing:
     def over_time(
         self, scenario: Scenario, name: str, settings: dict[str, str], label: str = "default"
     ) -> list[Markup]:
-        """Return the whole course of estimates and, if it changes, the first second after that.
+        """Return figures of the median estimates of a parameter over time.
 
-        The first estimator and the reference have bands.
+        If the scenario has an event, the first figure shows the second after it; the last figure
+        shows the whole run. The first estimator and the reference have bands.
         """
         traces, drawn, windows = {}, [], [(0.0, scenario.duration)]
         banded = (next(iter(settings)), REFERENCE)
@@ -105,13 +106,13 @@ class Drawing:
         return drawn
 
     def defaults(self) -> Iterator[tuple[str, Markup]]:
-        """Yield heading and figure of all scenarios together, at default settings."""
+        """Yield a heading and a figure over all scenarios, at default settings."""
         if (self.runs["lag_bound"] > 0).any():
             drawn = self.draw(figures.shares, "share of runs", self.runs)
             yield "Share of runs against the bound", drawn
 
     def section(self, name: str, rows: pd.DataFrame) -> dict[str, Any]:
-        """Return the description of a scenario in the report, or its name if it was only swept."""
+        """Return the section of a scenario; without scores if it ran at equal noise only."""
         scenario, own = self.scenarios[name], rows[rows["scenario"] == name]
         happens = words.happens(scenario.resolved())
         section = {"scenario": scenario, "happens": happens, "line": in_a_line(scenario)}
@@ -126,7 +127,7 @@ class Drawing:
         return section | {"figures": drawn, "table": table} | self._runs(name)
 
     def _runs(self, name: str) -> dict[str, Any]:
-        """Return the single runs on a scenario, the worst of each estimator first."""
+        """Return a figure and a table of single runs on a scenario, the worst runs first."""
         runs = self.runs.sort_values(["changed", "diverged", "lag", "std"], ascending=False)
         runs = runs[runs["scenario"] == name].drop_duplicates(["estimator", "seed"])
         shown = runs.groupby("estimator").head(MANY)

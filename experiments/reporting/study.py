@@ -1,4 +1,4 @@
-"""The report of a study: the answer first, scores over its axes, then maps and tables."""
+"""The report of a study: its main result, scores over the swept keys, maps and tables."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -15,7 +15,7 @@ from flexaxis.experiments.reporting.words import axis_words
 from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import is_option
 
-LINES = 300  # of the table
+LINES = 300  # rows of the table at most
 SHOWN = ("lag", "over_bound", "t10", "std", "bias", "score", "diverged")
 LABELS = {"score": "score, 0–100", "lag": "lag [s]", "std": "std before [%]",
           "detection.false_alarms_per_1000_s": "false alarms / 1000 s"}  # fmt: skip
@@ -30,7 +30,7 @@ def render(results: Results) -> str:
         If no run could be simulated.
     """
     if not results.frame["parameter"].any():
-        raise StudyError("no run could be simulated: `error` in the rows says why")
+        raise StudyError("no run could be simulated: the column `error` of the rows says why")
     axes, study = numeric_axes(results), results.study
     table = _table(results)
     looks = assigned(name for name, _ in table.rows)
@@ -54,24 +54,28 @@ def render(results: Results) -> str:
 
 
 def numeric_axes(results: Results) -> list[str]:
-    """Return the axes of a study with several numbers, those of a fault first."""
+    """Return the swept keys with several numeric values; keys of faults come first."""
     axes = results.frame[list(results.axes)].select_dtypes("number")
     return sorted(axes.columns[axes.nunique() > 1], key=lambda axis: not axis.startswith("fault"))
 
 
 def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
-    """Return pooled rows over some axes; swept options that are not among them name estimators."""
+    """Return pooled rows with some axes kept.
+
+    If none of the axes is an option of an estimator, each setting counts as an estimator of its
+    own, named with its options.
+    """
     option = any(is_option(axis, results.study["estimators"]) for axis in axes)
     rows = tables.flat(results.pooled(*by, "estimator" if option else "setting", *axes))
     return rows.rename(columns={"setting": "estimator"}).dropna(subset=list(axes))
 
 
 def title(results: Results) -> str:
-    """Return the result of a study in a sentence: the highest score over its first axis."""
+    """Return the main result of a study as a sentence: the best estimator over the first axis."""
     axes = numeric_axes(results)[:1]
     rows = _changed(results, axes).dropna(subset="score")
     if rows.empty:
-        return f"{results.study['name']}: nothing that is estimated changes"
+        return f"{results.study['name']}: no estimated parameter changes"
     scores = rows.groupby("estimator")["score"].agg(["mean", tables.between])
     order = scores.sort_values("mean", ascending=False)["between"]
     over = " over the ".join(["the highest score", *map(axis_words, axes)])
@@ -80,21 +84,23 @@ def title(results: Results) -> str:
 
 
 def _changed(results: Results, axes: Sequence[str]) -> pd.DataFrame:
-    """Return the pooled rows of what changes, with a lag."""
+    """Return the pooled rows of the parameters that change and have a lag."""
     rows = pooled(results, axes)
     return rows[rows["changed"].astype(bool) & rows["lag"].notna()]
 
 
 def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
-    """Return scores over an axis as options of `curves`: a panel a score and parameter.
+    """Return the options of `curves` that draw scores over an axis of a study.
+
+    Each score of each parameter has its own panel.
 
     Parameters
     ----------
     results : Results
     axis : str
-        A swept key.
+        The swept key of the abscissa.
     *measures : str
-        Columns of pooled rows.
+        Scores to draw: columns of the pooled rows.
     """
     rows, panels, x = _changed(results, [axis]), {}, axis_words(axis)
     for measure in rows.columns.intersection(measures):
@@ -105,7 +111,7 @@ def over_axis(results: Results, axis: str, *measures: str) -> dict[str, Any]:
 
 
 def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
-    """Yield a heading and a map of the lag an estimator, over two axes each."""
+    """Yield a heading and one map of the lag per estimator, for each pair of axes."""
     for y, x in combinations(numeric_axes(results), 2):
         heading = f"lag [s] over {axis_words(x)} and {axis_words(y)}"
         maps = _changed(results, [x, y]).pivot_table("lag", ["estimator", y], x)
@@ -116,7 +122,7 @@ def _maps(results: Results) -> Iterator[tuple[str, list[Markup]]]:
 
 
 def _table(results: Results) -> tables.Table:
-    """Return pooled scores at each point, what changed first."""
+    """Return the pooled scores at each point of the study, changed parameters first."""
     rows = pooled(results, results.axes, "scenario")
     rows = rows.sort_values("changed", ascending=False, kind="stable").head(LINES)
     names = ("estimator", "scenario", *results.axes, "parameter", *SHOWN)

@@ -1,8 +1,8 @@
-"""The look of every figure: matplotlib settings, and nine styles of colour, dash and marker.
+"""The style of every figure: matplotlib settings, and nine styles of colour, dash and marker.
 
-Any two of the nine colours differ by ΔE*76 ≥ 20, also for a deuteranope, and have a contrast of 3
-or more with the background (WCAG 2.1, 1.4.11), in the light and in the dark variant. They were
-chosen by a random search near named hues; measure both numbers again if you change one.
+Any two of the nine colours differ by ΔE*76 ≥ 20, also for a deuteranope. Each has a contrast of at
+least 3 with the background (WCAG 2.1, 1.4.11), in the light and in the dark variant. A random
+search near named hues chose the colours; measure both numbers again if you change a colour.
 """
 
 import json
@@ -20,20 +20,20 @@ from flexaxis.experiments.reporting.tables import SYMBOL
 
 @dataclass(frozen=True)
 class Style:
-    """How an estimator is drawn.
+    """The style in which an estimator is drawn.
 
     Attributes
     ----------
     place : int
-        Which of the nine colours.
+        Number of the colour, 0 to 8.
     light, dark : str
         The colour on a light and on a dark background.
     dash : str
-        Lengths of strokes and gaps, in pixels of 1/96 inch; none is a full line.
+        Lengths of strokes and gaps, in pixels of 1/96 inch; empty for a solid line.
     marker : str
-        In matplotlib's letters.
+        Marker code of matplotlib.
     hollow : bool
-        Whether the marker is an outline: beyond nine on a page.
+        Whether the marker is only an outline, as for the tenth and later estimators of a page.
     """
 
     place: int
@@ -44,7 +44,7 @@ class Style:
     hollow: bool = False
 
 
-# Colours of everything but estimators. A page replaces them by variables, which change at night.
+# Colours of everything but estimators. On a page they become variables with a dark variant.
 TEXT, MUTED, LINE, SOFT, BACK = "#222222", "#5c6066", "#dfe2e6", "#f4f5f7", "#ffffff"
 DARK_BACK, DARK_TEXT = "#16191d", "#e4e4e4"
 
@@ -65,9 +65,9 @@ STYLES = [
     for turn in range(len(NINE))
     for i, one in enumerate(NINE)
 ]
-"""The nine; then their colours with the dash and marker of another, hollow."""
+"""The nine styles, followed by their colours with other dashes and with hollow markers."""
 
-# What most figures show; it looks the same on every page. The reference is blue and unbroken.
+# Fixed styles of common estimators and parameters. The reference is a solid blue line.
 _PLACES = {
     "rpem-forgetting": 0, "rpem-drift": 1, "ekf": 2, "imm": 3, "cusum-reset": 4, RECOMMENDED: 5,
     "frozen": 8, "base": 0, "candidate": 1, "A": 0, "B": 1, "k_T": 0, "1/J_a": 1, "f_m": 2,
@@ -76,7 +76,7 @@ _PLACES = {
 
 VARIABLES = {TEXT: "text", MUTED: "muted", LINE: "line", SOFT: "soft", BACK: "back"}
 VARIABLES |= {style.light.lower(): f"style-{style.place}" for style in NINE}
-"""Names of the variables of the style sheet that stand for the colours of a figure."""
+"""Names of the style sheet's variables, keyed by the colours of a figure that they replace."""
 
 SETTINGS = mpl.rc_params_from_file(
     Path(__file__).parent / "figures.mplstyle", use_default_template=False
@@ -84,23 +84,23 @@ SETTINGS = mpl.rc_params_from_file(
 
 
 styled = mpl.rc_context(SETTINGS)
-"""Decorator of a function that draws: it draws in the style of all figures."""
+"""Decorator that makes a function draw with `SETTINGS`."""
 
 
 def tag(artist: Any, estimator: str = "", tip: str = "") -> Any:
-    """Set the group and the hover text of an artist on a page; return the artist."""
+    """Set the estimator and the hover text of an artist on a page, and return the artist."""
     artist.set_gid(json.dumps([estimator, tip]))
     return artist
 
 
 def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
-    """Return the look of an estimator as matplotlib's options of a line with markers.
+    """Return the style of an estimator as matplotlib options for a line with markers.
 
     Parameters
     ----------
     estimator : str
     looks : mapping of str to Style
-        As from `assigned`; an estimator that is not in it has its usual `style`.
+        Styles as `assigned` returns them. An estimator without an entry gets its usual `style`.
     """
     own = looks.get(estimator) or style(estimator)
     dash = tuple(float(part) / 1.5 for part in own.dash.split())  # scaled by the width of 1.5
@@ -114,7 +114,7 @@ def look(estimator: str, looks: Mapping[str, Style]) -> dict[str, Any]:
 
 
 def symbols(text: str) -> str:
-    """Return a text with its symbols, such as f_m, as matplotlib sets them.
+    """Return a text with symbols such as f_m in matplotlib's math notation.
 
     Examples
     --------
@@ -125,15 +125,15 @@ def symbols(text: str) -> str:
 
 
 def assigned(names: Iterable[str]) -> dict[str, Style]:
-    """Return the styles of the estimators of one page, in the order of their names.
+    """Return the styles of the estimators of one page, in the order of `names`.
 
-    The leading ones have theirs; the others have what is left, in order. Options in brackets do not
-    change a style where the estimator is on the page only once.
+    Common estimators have fixed styles; the others get the remaining styles in order. Options in
+    brackets do not change the style, unless the same estimator is on the page several times.
 
     Parameters
     ----------
     names : iterable of str
-        As typed.
+        Names of the estimators, with options as typed.
 
     Examples
     --------
@@ -148,7 +148,7 @@ def assigned(names: Iterable[str]) -> dict[str, Style]:
 
 
 def style(estimator: str) -> Style:
-    """Return the style of an estimator in a figure that is on no page: the same in all of them."""
+    """Return the style of an estimator in figures outside pages; it depends only on the name."""
     others = range(len(NINE), len(STYLES))
     return STYLES[_PLACES.get(_base(estimator), others[crc32(estimator.encode()) % len(others)])]
 

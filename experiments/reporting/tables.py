@@ -1,4 +1,4 @@
-"""Tables of pages: how numbers are written, and cells from the columns of a DataFrame."""
+"""Tables for pages: number formats, and cells made from the columns of a DataFrame."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9θ]{1,3})(?![A-Za-z0-9_-])")
-"""A letter with an index, such as f_m, that is no part of a longer word."""
+"""A symbol with an index, such as f_m, that is not part of a longer word."""
 
 COLUMNS = {
     "lag": "lag [s]",
@@ -23,11 +23,11 @@ COLUMNS = {
     "detection.false_alarms_per_1000_s": "false alarms / 1000 s",
     "cost.us_per_sample": "µs/sample",
 }
-"""Heads of the scores that pages and terminal show, with units."""
+"""Column heads, with units, of the scores that pages and the terminal show."""
 
 
 class Cell(NamedTuple):
-    """A cell: its text, its value for sorting, a note below, and whether it is marked as best."""
+    """A cell: its text, the value to sort by, small text below, and whether it has a star."""
 
     text: str
     value: Any = None
@@ -36,7 +36,7 @@ class Cell(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table: its name, heads, rows with the estimator of each, and notes below it."""
+    """A table: name, column heads, rows (each with its estimator), and notes below it."""
 
     name: str
     heads: Sequence[str]
@@ -45,14 +45,15 @@ class Table(NamedTuple):
 
 
 def table(name: str, rows: pd.DataFrame, columns: Mapping[str, str]) -> Table:
-    """Return a table of some columns of a DataFrame, with their intervals in small letters.
+    """Return a table of some columns of a DataFrame, with intervals as small text.
 
     Parameters
     ----------
     name : str
     rows : DataFrame
+        Scores, with a column ``estimator``.
     columns : mapping of str to str
-        Heads by column.
+        Column heads, keyed by the columns to show.
     """
     lines = [(row["estimator"], [_cell(row, column) for column in columns])
              for row in rows.to_dict("records")]  # fmt: skip
@@ -68,13 +69,13 @@ def _cell(row: Mapping[str, Any], column: str) -> Cell:
 
 
 def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return pooled rows as a DataFrame: tables in them by dotted names, and `over_bound`."""
+    """Return pooled rows as a DataFrame, nested scores with dotted names, and `over_bound`."""
     flat = pd.json_normalize(list(rows))
     return flat.assign(over_bound=pd.to_numeric(flat["lag"]) / pd.to_numeric(flat["lag_bound"]))
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number for a table; a dash if it is undefined.
+    """Return a number as text for a table, or a dash if it is None.
 
     Examples
     --------
@@ -83,12 +84,12 @@ def number(value: float | None, digits: int = 3) -> str:
     """
     if value is None:
         return "–"
-    # 120 and not 1.2e+02
+    # The format g would write 1234 as 1.23e+03.
     return f"{value:.0f}" if 10**digits <= abs(value) < 1e5 else f"{value:.{digits}g}"
 
 
 def short(value: float | None) -> str:
-    """Return a number with two digits, also where the second is 0: few seeds carry no third.
+    """Return a number as text with two significant digits; few seeds do not justify a third.
 
     Examples
     --------
@@ -103,7 +104,7 @@ def short(value: float | None) -> str:
 
 
 def between(values: Iterable[float | None] | None) -> str:
-    """Return the range of some numbers.
+    """Return the range of some numbers as text, or a single number if both ends look the same.
 
     Examples
     --------

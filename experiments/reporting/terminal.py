@@ -1,4 +1,4 @@
-"""Lags at equal noise and scores at default settings as tables, and tables in the terminal."""
+"""Tables of lags at equal noise and of scores at default settings, and their printed form."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -15,16 +15,16 @@ from flexaxis.experiments.reporting.tables import Cell, Table, between, short
 
 NOTES = {REFERENCE: "the paper’s method", RECOMMENDED: "recommended", "frozen": "never moves"}
 LEGEND = (
-    "★ fastest, or not distinguishable from it on these seeds; below a lag: × bound, 95 % interval",
+    "★ the fastest, or not significantly slower; below each lag: × bound, 95 % interval",
     "lag: mean |error| after the fault / size of the fault × 5 s; 5 s = never reacts",
-    "× bound: relative to the Cramér–Rao bound of an estimator that knows when, not what, changed",
-    f"≤, ≥: no setting is as noisy, as quiet, as {REFERENCE}; the lag is at most, at least, this",
+    "× bound: lag / Cramér–Rao bound of an estimator that knows when, but not what, changed",
+    f"≤: every setting is less noisy than {REFERENCE}, so the lag is at most this; ≥: the opposite",
 )
 
 
 def as_text(*tables: Table) -> str:
-    """Return tables as text, in a file or a pipe as wide as they need."""
-    # No name is cut in the log of a build.
+    """Return tables as text, as wide as the terminal or, in a file or pipe, 200 columns."""
+    # Logs of builds are no terminals, and should show names in full.
     console = Console(width=None if sys.stdout.isatty() else 200)
     with console.capture() as capture:
         console.print(*map(_shown, tables))
@@ -32,7 +32,7 @@ def as_text(*tables: Table) -> str:
 
 
 def _shown(table: Table) -> rich.table.Table:
-    """Return a table for the terminal, with its name above and its notes below it."""
+    """Return a rich table with the name of a table above it and its notes below it."""
     shown = rich.table.Table(box=None, padding=(0, 1, 0, 0), title=table.name, title_justify="left",
                              caption="\n".join(table.notes), caption_justify="left")  # fmt: skip
     for head in table.heads:
@@ -44,12 +44,12 @@ def _shown(table: Table) -> rich.table.Table:
 
 
 def run_text(summary: Mapping[str, Any]) -> str:
-    """Return the main tables of a run: lags at equal noise, then default settings.
+    """Return the main tables of a run as text: lags at equal noise, then default settings.
 
     Parameters
     ----------
     summary : mapping
-        As in summary.json.
+        The content of summary.json.
     """
     swept = summary.get("tradeoff") or {}
     first = [equal_noise_table(swept)] if swept.get("matched") else []
@@ -57,12 +57,14 @@ def run_text(summary: Mapping[str, Any]) -> str:
 
 
 def equal_noise_table(swept: Mapping[str, Any]) -> Table:
-    """Return the lags at equal noise: a line an estimator, a column a fault, and the score.
+    """Return the table of lags at equal noise: one row per estimator, one column per fault.
+
+    The last column is the score over all faults.
 
     Parameters
     ----------
     swept : mapping
-        With ``matched``, ``overall`` and ``definitions``, as in a summary.
+        The ``tradeoff`` of a summary, with ``matched``, ``overall`` and ``definitions``.
     """
     few, faults, cells = too_few(swept["matched"]), words.fault_words(swept), {}
     for row in swept["overall"]:
@@ -82,11 +84,14 @@ def equal_noise_table(swept: Mapping[str, Any]) -> Table:
 
 
 def default_table(pooled: Sequence[Mapping[str, Any]]) -> Table:
-    """Return scores at default settings: a line an estimator, on the parameter that changed.
+    """Return the table of scores at default settings: one row per estimator and scenario.
+
+    The scores are of the parameter that changed, or of all parameters if none changed.
 
     Parameters
     ----------
     pooled : sequence of mapping
+        Pooled rows.
     """
     rows = tables.flat(pooled)
     cases = rows.groupby(["scenario", "estimator"])["changed"]

@@ -1,6 +1,6 @@
-"""The sentences of reports: faults, the fastest estimator, and warnings.
+"""Sentences of reports: descriptions of faults, the fastest estimator, and warnings.
 
-All of them are computed. Terminal and page use the same.
+Every sentence is computed from the results. The terminal and the pages use the same sentences.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,16 +33,16 @@ BESIDE = {
     "friction": "dry friction",
     "lugre": "dry friction",
     "static_friction": "measured friction",
-    "gear_friction": "friction of the gear",
+    "gear_friction": "gear friction",
     "backlash": "backlash",
     "cogging": "cogging",
     "stiffening": "a stiffening gear",
 }
-BIASED = 10.0  # bias [% of nominal] from which an estimate is called wrong
+BIASED = 10.0  # an estimate with a larger bias [% of nominal] is called biased
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return names as a list in a sentence.
+    """Return names joined by commas and "and", for use in a sentence.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def listed(names: Sequence[str]) -> str:
 
 
 def change(fault: Row) -> str:
-    """Return a fault in words.
+    """Return the description of a fault in words.
 
     Examples
     --------
@@ -66,58 +66,58 @@ def change(fault: Row) -> str:
 
 
 def unmodelled(definition: Row) -> str:
-    """Return the nonlinear effects of an axis as a list."""
+    """Return the nonlinear effects of an axis as text, joined by commas and "and"."""
     return listed([BESIDE[key] for key in BESIDE if definition.get(key)])
 
 
 def happens(definition: Row) -> str:
-    """Return the events of a scenario, such as "motor friction +50 %, beside dry friction"."""
+    """Return the events of a scenario in words: "motor friction +50 %, with dry friction"."""
     faults = ", ".join(map(change, definition.get("fault") or ())) or "no fault"
     beside = unmodelled(definition)
-    return f"{faults}, beside {beside}" if beside else faults
+    return f"{faults}, with {beside}" if beside else faults
 
 
 def order_of(summary: Row) -> list[str]:
-    """Return the estimators of a run in the order of its ranking, others behind."""
+    """Return the estimators of a run in the order of their rank, unranked ones last."""
     ranked = [row["estimator"] for row in (summary.get("tradeoff") or {}).get("overall", ())]
     return list(dict.fromkeys([*ranked, *summary["estimators"]]))
 
 
 def fault_words(swept: Row) -> dict[str, str]:
-    """Return the descriptions of the faults of a sweep, by name."""
+    """Return descriptions of the faults of a sweep, keyed by "SCENARIO: PARAMETER"."""
     definitions, rows = swept["definitions"], swept["matched"]
     return {f"{r['scenario']}: {r['parameter']}": happens(definitions[r["scenario"]]) for r in rows}
 
 
 def answer(summary: Row) -> tuple[str, list[str]]:
-    """Return the main result of a run in a sentence, and further results in one sentence each."""
+    """Return the main result of a run as a sentence, and a list of sentences with more results."""
     rows = [row for row in (summary.get("tradeoff") or {}).get("matched", ())
             if row["estimator"] not in CONTROLS]  # fmt: skip
-    few = too_few(rows) if rows else "nothing was compared at equal noise"
+    few = too_few(rows) if rows else "no estimators were compared at equal noise"
     if few:
         return f"{summary['title']}: {few}", []
     matched = faults_of(rows)
     if matched["lag"].isna().all():
-        return "No estimator survived: every run was lost", []
+        return "Every estimator was lost in all runs", []
     near = matched.groupby("estimator")["over_bound"].agg(between)
-    takes = "{} takes {} times the shortest lag that theory allows".format
+    takes = "The lag of {} is {} times the Cramér–Rao bound".format
     if len(near) == 1:
         return takes(near.index[0], near.iloc[0]), []
     wins, faults = matched.groupby("estimator")["leads"].sum(), matched["fault"].nunique()
     first = [name for name in order_of(summary) if wins.get(name) == wins.max() > 0]
     if not first or len(first) == len(near):
-        return f"{len(summary['seeds'])} seeds cannot tell the estimators apart", []
+        return f"The estimators do not differ significantly on {len(summary['seeds'])} seeds", []
     where = f"in {wins.max()} of {faults} faults"
     names = dict.fromkeys([*first, *near.index.intersection([REFERENCE])])
     return _title(matched, first, where), [f"{takes(who, near[who])}." for who in names]
 
 
 def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
-    """Return how many times faster than the reference some estimators are, or that they lead."""
+    """Return a sentence with the leading estimators and how much faster than the reference."""
     equal = matched[matched["how"] == "matched"]
     lags = equal.pivot_table("lag", "estimator", "fault").reindex([REFERENCE, *first])
     ratios = (lags.iloc[0] / lags.iloc[1:]).stack()
-    if not ratios.min() >= 1.05:  # also where the reference itself leads
+    if not ratios.min() >= 1.05:  # also if the reference itself leads
         return f"{listed(first)} lead{'s' * (len(first) == 1)} {where}, at equal noise"
     ends = dict.fromkeys(f"{r:.0f}" if r >= 3 else short(r) for r in (ratios.min(), ratios.max()))
     times = f"{' to '.join(ends)} times faster than {REFERENCE}, at equal noise"
@@ -125,16 +125,21 @@ def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
 
 
 def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str] | None:
-    """Return the one line not to be missed, and its scenario.
+    """Return a sentence that warns of biased estimates, and the name of its scenario.
 
-    It is of the scenario in which the largest share of the estimators is biased.
+    The warning concerns the scenario in which the largest share of the estimators is biased.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Pooled, at default settings.
+        Pooled scores at default settings.
     scenarios : mapping of str to mapping
-        With their `definition`.
+        Scenarios with their `definition`, keyed by name.
+
+    Returns
+    -------
+    (str, str) or None
+        The sentence and the scenario; None if no estimate is biased.
     """
     able = pd.DataFrame([r for r in rows if r["changed"] and r["estimator"] not in CONTROLS])
     if able.empty:
@@ -155,12 +160,12 @@ def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str
 
 
 def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
-    """Return the first failure of each estimator in a sentence, and how many cases failed.
+    """Return one sentence per estimator with its first failure, and its number of failures.
 
     Parameters
     ----------
     failures : sequence of mapping
-        With `scenario`, `estimator`, `seed` and `error`.
+        Failed cases, with `scenario`, `estimator`, `seed` and `error`.
     """
     texts: dict[str, list[str]] = {}
     for row in failures:
@@ -170,36 +175,36 @@ def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
 
 
 AXES = {
-    "factor": "parameter after the fault / before",
+    "factor": "parameter after / before the fault",
     "at": "time of the fault [s]",
     "over": "time over which the parameter changes [s]",
     "duration": "length of the run [s]",
     "period": "sampling period [s]",
-    "start": "first estimate / nominal",
+    "start": "initial estimate / nominal",
     "noise.speed": "noise of the speed, 1σ [rad/s]",
     "noise.angle": "noise of the angle, 1σ [rad]",
-    "encoder.counts": "counts of the encoder in a turn",
+    "encoder.counts": "encoder counts per turn",
     "excitation.high": "upper end of the excitation [Hz]",
-    "excitation.rms": "size of the reference, rms [rad]",
+    "excitation.rms": "rms of the reference [rad]",
     "friction.coulomb": "Coulomb friction [N m]",
-    "backlash.gear": "gap of the gear [rad]",
+    "backlash.gear": "backlash of the gear [rad]",
     "forgetting": "forgetting factor λ",
     "drift": "size of the drift Δ",
 }
-"""What swept keys are called; the other keys stand as they are."""
+"""Labels of swept keys; keys without a label are shown as they are."""
 
 
 def axis_words(key: str) -> str:
-    """Return the name of a swept key, with its unit if it is one of `AXES`.
+    """Return the label of a swept key: the one in `AXES` with its unit, or the key itself.
 
     Parameters
     ----------
     key : str
-        Such as ``"fault[0].factor"`` or ``"rpem-forgetting.forgetting"``.
+        A key such as ``"fault[0].factor"`` or ``"rpem-forgetting.forgetting"``.
 
     Examples
     --------
     >>> axis_words("noise.speed"), axis_words("fault[0].factor"), axis_words("controller.Ki")
-    ('noise of the speed, 1σ [rad/s]', 'parameter after the fault / before', 'controller.Ki')
+    ('noise of the speed, 1σ [rad/s]', 'parameter after / before the fault', 'controller.Ki')
     """
     return AXES.get(key) or AXES.get(key.rpartition(".")[2], key)

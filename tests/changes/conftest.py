@@ -1,7 +1,7 @@
-"""The patches beside this file, applied to a copy in which `flexaxis` is then used.
+"""Apply the patches in this folder to a copy of the package, and run `flexaxis` from the copy.
 
-They are unified diffs (`git diff -U2`) as of a contributor. Line numbers are not looked at: the
-lines that a patch finds must be there, once.
+The patches are unified diffs (`git diff -U2`), as a contributor would make them. Line numbers are
+ignored: the old lines of each hunk must occur exactly once in the file.
 """
 
 import json
@@ -23,14 +23,14 @@ CHANGES = sorted(path.stem for path in HERE.glob("*.patch"))
 
 @pytest.fixture(autouse=True, scope="session")
 def flexaxis_of_this_folder():
-    """Skip where another one is used, as that of a wheel: it would not see a change here."""
+    """Skip the tests if another installation is imported, such as a wheel without the patches."""
     import flexaxis
 
     if not Path(flexaxis.__file__).resolve().is_relative_to(ROOT):
-        pytest.skip(f"flexaxis is that of {Path(flexaxis.__file__).parent}, not of this folder")
+        pytest.skip(f"flexaxis is imported from {Path(flexaxis.__file__).parent}, not from here")
 
 
-# One process for all commands of a copy: to start takes longer than most of them.
+# One process runs all commands of a copy, because starting takes longer than most commands.
 SERVED = """
 import contextlib, io, json, sys
 from flexaxis.experiments.cli import main
@@ -47,7 +47,7 @@ for line in sys.stdin:
 
 @dataclass
 class Hunk:
-    """Lines of a file, and what is to stand there instead; a new file has no old ones."""
+    """Old lines of a file and the new lines that replace them; a new file has no old lines."""
 
     change: str
     path: str
@@ -70,24 +70,24 @@ def read_patch(name):
 
 
 def apply(hunk, home):
-    """Change a file below a folder."""
+    """Apply a hunk to its file in the folder `home`."""
     path = home / hunk.path
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     places = [k for k in range(len(lines) + 1) if lines[k : k + len(hunk.old)] == hunk.old]
     shown = "\n".join(hunk.old)
     assert len(places) == 1, (
-        f"{hunk.change}.patch no longer fits: {hunk.path} has, {len(places)} times and not once:\n"
-        f"{shown}"
+        f"{hunk.change}.patch no longer fits: these lines occur {len(places)} times, not once, in "
+        f"{hunk.path}:\n{shown}"
     )
     lines[places[0] : places[0] + len(hunk.old)] = hunk.new
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def patched(place, hunks):
-    """Put a copy of the folders that some patches touch, with these, below a folder."""
+    """Copy the folders that the hunks touch to `place`, and apply the hunks."""
     package, skipped = place / "flexaxis", shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "experiments" / "front", package, ignore=skipped)  # `import flexaxis`
-    # A folder that is not copied is found where it is installed, with what was compiled for it.
+    # Folders that are not copied are imported from the installation, with their compiled code.
     for folder in FOLDERS & {Path(hunk.path).parts[0] for hunk in hunks}:
         shutil.copytree(ROOT / folder, package / folder, ignore=skipped)
     for hunk in hunks:
@@ -95,20 +95,20 @@ def patched(place, hunks):
 
 
 def environment(place):
-    """Return the environment in which `flexaxis` is the copy."""
+    """Return the environment variables with which Python imports the copy in `place`."""
     own = {"PYTHONPATH": str(place), "FLEXAXIS_CACHE": str(place / "cache"), "COLUMNS": "200"}
     return os.environ | own | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @dataclass
 class Flexaxis:
-    """The command line of a copy; files are written to `place`."""
+    """The command line of a copy, which runs in the folder `place`."""
 
     place: Path
     process: subprocess.Popen
 
     def __call__(self, *words, status=0):
-        """Run a command, and return what it printed."""
+        """Run a command, check its exit status, and return what it printed."""
         self.process.stdin.write(json.dumps([str(word) for word in words]) + "\n")
         self.process.stdin.flush()
         line = self.process.stdout.readline()
@@ -120,7 +120,7 @@ class Flexaxis:
 
 @contextmanager
 def serving(place, names):
-    """Give the command line of a copy with some changes."""
+    """Yield the command line of a copy with some changes."""
     patched(place, [hunk for name in names for hunk in read_patch(name)])
     with (
         (place / "stderr").open("w") as errors,
@@ -135,7 +135,7 @@ def serving(place, names):
 
 @pytest.fixture(scope="session")
 def together(tmp_path_factory):
-    """All changes in one copy but a law, with which every loop with friction compiles anew."""
+    """A copy with all changes except the law, which would recompile all loops with friction."""
     names = [name for name in CHANGES if name != "law"]
     with serving(tmp_path_factory.mktemp("together"), names) as flexaxis:
         yield flexaxis
@@ -143,7 +143,7 @@ def together(tmp_path_factory):
 
 @pytest.fixture(params=["together", pytest.param("alone", marks=pytest.mark.slow)])
 def flexaxis(request, tmp_path):
-    """The command line with all changes, and (slow) with that of the test's name alone."""
+    """The command line with all changes, and (slow) with only the change named by the test."""
     name = request.node.originalname.removeprefix("test_")
     if request.param == "together" and name != "law":
         yield request.getfixturevalue("together")

@@ -1,4 +1,4 @@
-"""What CONTRIBUTING says of changes is true: a small patch for each, and the new thing is there."""
+"""The typical changes that CONTRIBUTING lists are small: a patch makes each, and it works."""
 
 import csv
 import json
@@ -22,27 +22,27 @@ STEP = '[[fault]]\nkind = "step"\nparameter = "f_m"\nat = 4.0\nfactor = 1.5'
 
 
 def scenario(flexaxis, name, text):
-    """Write a scenario, and return its card."""
+    """Write a scenario file, and return its description."""
     head = f'name = "{name}"\nduration = 8.0\nburn_in = 1.0\n'
     (flexaxis.place / f"{name}.toml").write_text(head + text, encoding="utf-8")
     return flexaxis("show", f"{name}.toml")
 
 
 def stored_rows(flexaxis, folder):
-    """Return the rows of a results folder."""
+    """Return the rows of scores.csv in a results folder."""
     with (flexaxis.place / folder / "scores.csv").open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
 def ran(flexaxis, name):
-    """Run a scenario, and return its report and its rows."""
+    """Run a scenario; return its report, and its rows keyed by parameter."""
     flexaxis("run", name, *ONE, "-o", f"{name}.run")
     page = (flexaxis.place / f"{name}.run" / "report.html").read_text(encoding="utf-8")
     return page, {row["parameter"]: row for row in stored_rows(flexaxis, f"{name}.run")}
 
 
 def simulated(flexaxis, name):
-    """Return the signals of a record."""
+    """Simulate a scenario and return some signals of the record."""
     flexaxis("simulate", f"{name}.toml", "-o", f"{name}.nc")
     with h5netcdf.File(flexaxis.place / f"{name}.nc", decode_vlen_strings=True) as file:
         return {key: file[key][:] for key in ("torque", "angle", "speed", "true_speed")}
@@ -54,7 +54,7 @@ def test_fault(flexaxis):
     assert f"# happens: {words}\n" in scenario(flexaxis, "pulse", table)
     page, rows = ran(flexaxis, "pulse.toml")
     assert words.removeprefix("f_m ") in page  # there f_m is typeset
-    # who never moves is wrong by all of the fault while it lasts, and right again at its end
+    # An estimator that never moves has the full error during the fault, and none afterwards.
     assert float(rows["f_m"]["lag"]) == pytest.approx((1.5 + 0.0) / 2)
 
 
@@ -82,7 +82,7 @@ def test_sensor(flexaxis):
 
 @pytest.mark.slow
 def test_signal(flexaxis):
-    """Who reads the angle finds the fault."""
+    """An estimator that reads the angle tracks the fault."""
     table = f'output = "angle"\nencoder.counts = 65536\n{STEP}'
     assert "angle" in scenario(flexaxis, "turned", table)
     names = ["--estimator", "ekf", "--estimator", "frozen", "--jobs", "1"]
@@ -101,7 +101,7 @@ def test_nonlinearity(flexaxis):
     page, rows = ran(flexaxis, "spring.toml")
     assert words in page and float(rows["f_m"]["lag"]) == pytest.approx(4.0)
     record = simulated(flexaxis, "spring")
-    rest = slice(760, 780)  # the axis stands still, and the motor holds against the spring
+    rest = slice(760, 780)  # the axis stands still, and the motor torque balances the spring
     ratio = record["torque"][rest].mean() / record["angle"][rest].mean()
     assert preset("n1").k_T * ratio == pytest.approx(0.05, rel=0.01)
 
@@ -134,7 +134,7 @@ def test_estimator(flexaxis):
 
 @pytest.mark.slow
 def test_linear_model(flexaxis):
-    """A log of such an axis, made here by its exact response, gives back what it was made with."""
+    """`identify` recovers the parameters from a log that is computed with the exact response."""
     J_m, f_m, k, T = 2e-3, 0.02, 0.3, 0.005
     step = expm(np.array([[0, 1, 0], [-k / J_m, -f_m / J_m, 1 / J_m], [0, 0, 0]]) * T)
     rng = np.random.default_rng(0)
@@ -153,7 +153,7 @@ def test_linear_model(flexaxis):
 
 @pytest.mark.slow
 def test_law(flexaxis):
-    """The level of Dahl's friction is tracked, on a log that is integrated here in small steps."""
+    """`track` finds the level of Dahl friction in a log that is integrated in small steps."""
     J_m, f_m, f_c, stiffness, T, parts = 2e-3, 0.02, 0.1, 20.0, 0.005, 50
     rng = np.random.default_rng(0)
     torque, v, p, lines = 0.4 * rng.standard_normal(4000), 0.0, 0.0, ["t,torque,speed"]

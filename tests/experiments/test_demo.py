@@ -125,7 +125,7 @@ def test_a_foreign_host_or_origin_is_refused():
     server = serve.start()
     port = server.get_port()
     try:
-        with pytest.raises(FlexaxisError, match="is taken"):
+        with pytest.raises(FlexaxisError, match="is in use"):
             serve.start(port)
         own, page = f"http://127.0.0.1:{port}", f"ws://127.0.0.1:{port}"
         assert b"viser" in urllib.request.urlopen(own).read()

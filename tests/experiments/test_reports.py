@@ -61,11 +61,11 @@ def every(rows, **change):
     ("rows", "title"),
     [
         (THREE, "glr tracks a fault 12 to 20 times faster than rpem-forgetting, at equal noise"),
-        (THREE[:1], "glr takes 1.2 times the shortest lag that theory allows"),
-        (every(THREE, leads=True), "8 seeds cannot tell the estimators apart"),
-        (every(THREE, leads=False), "8 seeds cannot tell the estimators apart"),
-        (every(THREE, lag=None), "No estimator survived: every run was lost"),
-        ([], "test: nothing was compared at equal noise"),
+        (THREE[:1], "The lag of glr is 1.2 times the Cramér–Rao bound"),
+        (every(THREE, leads=True), "The estimators do not differ significantly on 8 seeds"),
+        (every(THREE, leads=False), "The estimators do not differ significantly on 8 seeds"),
+        (every(THREE, lag=None), "Every estimator was lost in all runs"),
+        ([], "test: no estimators were compared at equal noise"),
         ([matched("ekf", 0.5), matched("rpem-forgetting", 0.2, leads=True)],
          "rpem-forgetting leads in 1 of 1 faults, at equal noise"),
         (THREE[:2], "glr leads in 1 of 1 faults, at equal noise"),
@@ -216,6 +216,6 @@ def test_a_study_answers_first_and_has_a_map_of_two_axes(stored, tmp_path):
     more = {"scenarios": [{"definition": definition}], "seeds": [0, 1, 2], "streams": "own"}
     html = study.render(stored(tmp_path, rows, [size, friction], **more))
     title = html[html.index("<h1>") + 4 : html.index("</h1>")]
-    assert title.startswith("glr has the highest score over the parameter after the fault")
+    assert title.startswith("glr has the highest score over the parameter after / before the fault")
     assert html.count('aria-label="glr: lag [s] over') == 1
     assert "0.60</text>" in html and "4.0</text>" in html  # cells of glr and of ekf

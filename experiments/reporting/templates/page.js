@@ -2,7 +2,7 @@
 const all = (what, where = document) => [...where.querySelectorAll(what)];
 const root = document.documentElement;
 
-// Dark mode: that of the system until the button is pressed.
+// The page follows the system's dark mode until the button is pressed.
 const night = matchMedia("(prefers-color-scheme: dark)");
 const theme = document.getElementById("theme");
 const dark = () => (root.dataset.theme || (night.matches ? "dark" : "light")) === "dark";
@@ -14,7 +14,7 @@ theme.onclick = () => {
 night.onchange = named;
 named();
 
-// A chip hides its estimator in all figures and tables, and brings it out under the pointer.
+// A click on a chip hides its estimator in all figures and tables; hovering highlights it.
 for (const chip of all("button.who")) {
   const own = `.${CSS.escape(chip.dataset.estimator)}`;
   chip.onclick = () => {
@@ -32,7 +32,7 @@ for (const chip of all("button.who")) {
 
 const value = (row, column) => row.cells[column].dataset.value ?? row.cells[column].textContent;
 
-// A click on a head sorts; what has no value stands last.
+// A click on a column head sorts the table; cells without a value come last.
 for (const button of all("button.sort")) {
   button.onclick = () => {
     const head = button.closest("th");
@@ -72,7 +72,7 @@ const copy = async (button, text) => {
   setTimeout(() => { button.textContent = before; }, 1500);
 };
 
-// A command can be copied; a table copied, as for a spreadsheet, or saved as CSV.
+// Commands have a button to copy them; tables have buttons to copy them and to save them as CSV.
 for (const command of all("pre.command")) {
   command.after(press("Copy", (button) => copy(button, command.textContent)));
 }
