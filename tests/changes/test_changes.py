@@ -119,7 +119,7 @@ def test_scenario(flexaxis):
 
 def test_estimator(flexaxis):
     listed = flexaxis("list", "estimators")
-    assert re.search(r"constant-trace\s+forgets as much as is learnt", listed)
+    assert re.search(r"constant-trace\s+constant trace of P", listed)
     assert "forgetting = 0.995" in flexaxis("show", "constant-trace")
     scenario(flexaxis, "traced", STEP)
     names = ["--estimator", "constant-trace", "--estimator", "frozen", "--jobs", "1"]
