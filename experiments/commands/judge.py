@@ -63,9 +63,9 @@ def tune(args: Args) -> int:
     r"""Find the setting at which an estimator is as noisy as the reference.
 
     The reference is rpem-forgetting with default settings. The estimator starts at the true
-    parameters and runs on the nominal axis without a fault. Its noise is the excess prediction
-    error, one number for all parameters. The command tries at most 12 settings of the tuning
-    parameter, from 1/1024 to 1024 times the default.
+    parameters and runs on the nominal axis without a fault. Its noise is measured by the excess
+    prediction error, a single number for all parameters. The command tries at most 12 settings of
+    the tuning parameter, from 1/1024 to 1024 times the default.
 
     With --sweep, the estimators run at several settings on a scenario with a fault instead. The
     results are a table and a figure of lag against noise, and the lags at the noise of the

@@ -1,4 +1,4 @@
-"""The register of commands and their options, and the function that prints their results."""
+"""The registry of commands and their options, and the function that prints results."""
 
 import argparse
 import json
@@ -35,7 +35,7 @@ def command(*options: str) -> Callable[[Main], Main]:
 
 
 def part(text: str) -> tuple[int, int]:
-    """Return the two integers of a shard written as "I/N": its number and the number of shards."""
+    """Return the two integers of "I/N": the number of a shard, and the number of all shards."""
     number, every = map(int, text.split("/"))
     if not 1 <= number <= every:
         raise ValueError(text)
@@ -58,14 +58,15 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     # inputs
     "names SUITE|SCENARIO": (f"{NAMES} (required unless --from is given).", {"nargs": "*"}),
     "compare: names SUITE|SCENARIO|RUN": (
-        f"{NAMES} (default: the suite gate). Or the folders of two finished runs.", {"nargs": "*"},
+        f"{NAMES} (default: the suite gate). Instead, you can give the folders of two finished "
+        "runs.", {"nargs": "*"},
     ),
     "scenario SCENARIO": "Name of a scenario, or path to its TOML file.",
     "name SCENARIO|SUITE|ESTIMATOR": "Name of a scenario, suite or estimator, or path to a TOML "
     "file.",
     "kind KIND": (
-        "What to list: scenarios, suites, estimators, or faults (which scenario has which physical "
-        "fault) (default: the groups of scenarios, and the suites).",
+        "What to list: scenarios, suites, estimators, or faults with the scenarios for each "
+        "(default: the groups of scenarios, and the suites).",
         {"nargs": "?", "choices": ("scenarios", "suites", "estimators", "faults")},
     ),
     "file STUDY.toml": ("TOML file that defines the study; docs/studies.md lists all keys.", PATH),
@@ -132,7 +133,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     ),
     "--match-std": "Tune both estimators to the same noise first, and compare only the lag "
     "(default: compare them as they are).",
-    "--strict": "Exit with status 3 if the verdict is undecided (default: usually 0, see above).",
+    "--strict": "Exit with status 3 whenever the verdict is undecided (default: only in the cases "
+    "above).",
     "--sweep SCENARIO": ("Run several settings of each estimator on this scenario, instead of "
                          "tuning; repeat the option for several scenarios (default: tune).",
                          SEVERAL),
@@ -155,8 +157,8 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
         "Dry friction of the motor: none, coulomb or stribeck (default: auto, which chooses the "
         "one that simulates held-out pieces of the log best).", {"default": "auto"},
     ),
-    "--gravity LAW": ("Gravity torque: none, or sine (sine and cosine of the angle) (default: "
-                      "auto, which adds it if the log shows it).", {"default": "auto"}),
+    "--gravity LAW": ("Gravity torque: none, or sine for one in the sine and cosine of the angle "
+                      "(default: auto, which adds it if the log shows it).", {"default": "auto"}),
     "--highpass HZ": ("Ignore residuals below this frequency [Hz] (default: chosen from the log).",
                       NUMBER),
     "--validate OTHER": ("Another log, which the identified model simulates and predicts (default: "

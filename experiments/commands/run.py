@@ -22,12 +22,12 @@ def run(args: Args) -> int:
     r"""Run estimators on scenarios over many seeds, score them, and write a report.
 
     SUITE and SCENARIO are names from `flexaxis list`, or paths to TOML files. Without --estimator,
-    the estimators of the suite run (the estimators of smoke if you name only scenarios). The
-    folder gets scores.sqlite and scores.csv (one row per scenario, estimator, seed and parameter),
-    summary.json and report.html. The command runs the code of your own estimators.
+    the command runs the estimators of the suite, or those of the suite smoke if you name only
+    scenarios. The folder gets scores.sqlite and scores.csv (one row per scenario, estimator, seed
+    and parameter), summary.json and report.html. The command runs the code of your own estimators.
 
-    A case is one estimator on one record. The command stores each result at once, and the same
-    command runs only missing cases: it resumes after Ctrl-C, a kill or a full disk. If a case
+    A case is one estimator on one record. The command stores each result at once. If you repeat
+    it, it runs only missing cases, so it resumes after Ctrl-C, a kill or a full disk. If a case
     fails, its row holds the error and the other cases continue; the exit status is then 1, or 70
     after a crash.
 
@@ -69,8 +69,8 @@ def study(args: Args) -> int:
       "fault[0].factor" = [1.1, 1.5, 2.0, 3.0]      # a key of the scenario or of its faults
       "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option ("estimator.X": of all estimators)
 
-    A case is one estimator on one record. The command stores each result at once, and the same
-    command runs only missing cases, also after you have added estimators, seeds or values to the
+    A case is one estimator on one record. The command stores each result at once. If you repeat
+    it, it runs only missing cases, also after you have added estimators, seeds or values to the
     file. If a case fails, its row holds the error; the exit status is then 1, or 70 after a crash.
     Except in a dry run, the command runs the code that the file names: use only files that you
     trust.
@@ -90,8 +90,8 @@ def study(args: Args) -> int:
                  for each in known["variants"]]  # fmt: skip
         words = (
             f"{len(lines)} variants, {known['cases']} cases: about "
-            f"{known['seconds'] / args.jobs / 60:.2g} min on {args.jobs} processes, without "
-            f"estimators of your own; {known['megabytes']:.1f} MB in {folder}"
+            f"{known['seconds'] / args.jobs / 60:.2g} min on {args.jobs} processes, not counting "
+            f"your own estimators; {known['megabytes']:.1f} MB in {folder}"
         )
         return answer(args, known, 0, *lines, words)
     return _results(args, fx.study(args.file, folder=folder, **work(args)))
@@ -129,10 +129,10 @@ def report(args: Args) -> int:
 def rerun(args: Args) -> int:
     """Run cases of a results folder again, and compare the new scores with the stored ones.
 
-    Use it to check results, also somebody else's. The command does not change the folder. It runs
-    the code of your own estimators, which must be where it was.
+    Use it to check your own or somebody else's results. The command does not change the folder. It
+    runs the code of your own estimators, which must still be in the same place.
 
-    exit status: 0 if all scores agree to a relative 1e-6, 1 if one differs more
+    exit status: 0 if all scores agree within a relative difference of 1e-6, else 1
 
     example:
       flexaxis rerun results/smoke --sample 20

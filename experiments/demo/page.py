@@ -35,7 +35,7 @@ LATEST = 8
 
 
 class Page:
-    """The page, and the lock that keeps viewers' clicks and the simulation apart.
+    """The page of a session, with a lock so that clicks do not interfere with the simulation.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ HYPOTHESES = (*SHOWN, "another")
 WATCHED = sample_index(5.0, PERIOD)
 """Number of samples after a change for which the probabilities of the hypotheses are recorded."""
 SETTLE = sample_index(2.0, PERIOD)
-"""Samples in which a new predictor reaches the state of the axis: five times its slowest decay."""
+"""Number of samples in which a new predictor settles: five times its slowest time constant."""
 
 TUNING: Mapping[str, tuple[str, float, float, float]] = {
     "forgetting": ("λ", 0.97, 0.9995, 0.0005),

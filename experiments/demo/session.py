@@ -1,4 +1,4 @@
-"""The session of the demo: an axis, two estimators on the same data, and its changes so far."""
+"""The session of the demo: an axis, two estimators on its data, and the changes of the axis."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -102,7 +102,7 @@ class DemoSession:
         return dict(zip(names, columns, strict=True))
 
     def do(self, action: str, *values: Any) -> None:
-        """Call one of `ACTIONS`; its description, or the text of its error, becomes the message."""
+        """Call one of `ACTIONS`, and set `message` to its description or to its error."""
         try:
             if action not in ACTIONS:
                 raise FlexaxisError(unknown("action", action, ACTIONS))

@@ -79,7 +79,7 @@ class Estimate:
 
     @cached_property
     def truth(self) -> Mapping[str, Array]:
-        """True values (N,) of the estimated parameters that the record knows."""
+        """True values (N,) of the estimated parameters, as far as the record contains them."""
         return true_values(self.names, self.record, slice(None))
 
     def plot(self, *names: str, ax: Any = None, band: bool = True) -> Any:

@@ -185,7 +185,7 @@ def cache(*, clear: bool = False) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``folder`` and size in ``megabytes``. The environment variables FLEXAXIS_CACHE and
+        The ``folder`` and its size in ``megabytes``. The environment variables FLEXAXIS_CACHE and
         FLEXAXIS_CACHE_LIMIT set the folder and the size limit [MB].
 
     Examples
@@ -257,7 +257,7 @@ class Axis:
 
     @property
     def done(self) -> bool:
-        """Whether the end of the scenario is reached."""
+        """Whether the axis has reached the end of the scenario."""
         return self._k >= self.scenario.samples - 1
 
     def step(self, torque: float) -> Sample:
@@ -266,7 +266,7 @@ class Axis:
         Raises
         ------
         FlexaxisError
-            If the end of the scenario is reached.
+            If the axis has reached the end of the scenario.
         SimulationError
             If the axis becomes unstable, or the torque is not finite.
         """

@@ -367,8 +367,9 @@ def tune(
     Returns
     -------
     DataFrame or Sweep
-        One row per estimator: ``setting, knob, value, match, ratio`` (its noise divided by that of
-        the reference), and ``problem`` if no setting has this noise. With `sweep`, a `Sweep`.
+        One row per estimator. The columns are ``setting, knob, value, match, ratio`` (its noise
+        divided by that of the reference), and ``problem``, the reason if no setting has this noise.
+        With `sweep`, the result is a `Sweep`.
     """
     numbers = seeds_of(seeds, 16)
     names, lines = estimators or [n for n, entry in REGISTRY.items() if entry.knob], []

@@ -24,7 +24,7 @@ PEAKS = (95.0, 125.0, 185.0)
 def nearest_half_of_P(ratios: pd.Series) -> bool:
     """Return whether measured standard deviations fit σ²P/2 better than σ²P or σ²P/4.
 
-    The ratios are to √(σ²P/2), from which the other two candidates differ by a factor of √2.
+    The ratios are relative to √(σ²P/2). The other two candidates differ from it by a factor of √2.
     """
     return bool(abs(np.log2(ratios).mean()) < 0.25)
 
@@ -52,7 +52,7 @@ CONDITIONS: Mapping[str, Callable[[pd.Series], Any]] = {
 
 
 def holds(name: str, measured: pd.Series) -> bool:
-    """Return whether a claim holds: it has a number, all are within limits, and its condition."""
+    """Return whether a claim holds: its values exist, are within limits, and fit its condition."""
     limits = CLAIMS[name].get("between", [-np.inf, np.inf])
     condition = CONDITIONS.get(name, len)
     return bool(measured.between(*limits).all() and condition(measured))

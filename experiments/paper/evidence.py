@@ -161,7 +161,7 @@ class Evidence:
         )  # fmt: skip
 
     def runs(self, method: Method) -> Runs:
-        """Return runs of a method: from 1.2 × nominal, or for slow methods 60 s from nominal."""
+        """Return the runs of a method: slow methods run for 60 s from nominal values."""
         return self.filtered("nominal" if method in METHODS else "long", method)
 
     @cache  # noqa: B019

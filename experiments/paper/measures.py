@@ -48,7 +48,7 @@ LAST = 2000
 
 
 def worst(ratios: ArrayLike) -> Array:
-    """Return the ratio farthest from one in each column of (S, p); if below one, its inverse."""
+    """Return the ratio farthest from one in each column of (S, p), inverted if it is below one."""
     return np.exp(np.abs(np.log(ratios)).max(axis=0))
 
 
@@ -67,7 +67,7 @@ def std(runs: Runs) -> Array:
 
 
 class Measures(Evidence):
-    """The numbers that test the claims; each method returns those of one measure."""
+    """The measures that test the claims; each method computes one of them."""
 
     def prediction_error(self) -> Any:
         """Return the relative rms error of ŷ at the true parameters; the reference has no noise."""
@@ -107,7 +107,7 @@ class Measures(Evidence):
         return dict(zip(model.names, error, strict=True))
 
     def torque_lines(self) -> tuple[Array, Array]:
-        """Return frequencies [rad/s] and amplitudes [N m] of the torque's lines, first run."""
+        """Return the frequencies [rad/s] and amplitudes [N m] of the torque's spectral lines."""
         torque = self.steady(self.records("nominal")[0].torque)
         omega, power = line_spectrum(torque, period=self.period)
         last = round(2 * self.excitation.high * self.excitation.period)
@@ -156,23 +156,26 @@ class Measures(Evidence):
         return rms(self.offline_deviations().ravel())
 
     def near_starts(self) -> ByName:
-        """Return the largest relative difference of results from two starts, and the warnings.
+        """Return the largest relative difference of two results, and the number of warnings.
 
-        The searches start at 1.2 and 1.5 times nominal; the warnings are counted.
+        The searches start at 1.2 and at 1.5 times nominal.
         """
         near, other = self.offline[0], self.identified(self.names, 1.5)
         difference = np.abs(near.theta / other.theta - 1).max()
         return {"difference": difference, "warnings": len((*near.warnings, *other.warnings))}
 
     def far_starts(self) -> ByName:
-        """Return the residual's correlation for each start, or 0 without a warning."""
+        """Return the residual's correlation for each start, or 0 if there was no warning."""
         runs = {f"{start:g}×": self.identified(self.names, start) for start in (0.5, 0.7, 2.0)}
         return {
             n: r.correlation * ("local minimum" in " ".join(r.warnings)) for n, r in runs.items()
         }
 
     def free_scale(self) -> ByName:
-        """Return the condition number with all parameters free, and how many lack a warning."""
+        """Return the condition number with all parameters free.
+
+        The second value is the number of parameters that no warning names.
+        """
         run = self.identified(self.axis.parameters[:-1], 1.0)  # all but r, which is the last
         warned = " ".join(run.warnings)
         return {"condition": run.condition, "unnamed": sum(n not in warned for n in run.names)}
@@ -210,7 +213,7 @@ class Measures(Evidence):
         return np.array([settling(error, level, self.period) for error in medians], float)
 
     def times(self, method: str, level: float) -> Array:
-        """Return the times (p,) [s] at which the median error falls to `level` times the first."""
+        """Return the times (p,) [s] after which the median of error / start stays below `level`."""
         errors = (self.runs(method).theta - 1) / (self.scenario.start - 1)
         return self.settled(errors.transpose(2, 0, 1), level)
 

@@ -160,7 +160,7 @@ def logarithmic(axis: Any) -> None:
 
 
 def _interval(ax: Axes, place: float, parts: Any, who: str, tip: str, **own: Any) -> None:
-    """Draw a value and its interval as a dot and a horizontal line, at a height of the axes."""
+    """Draw a value as a dot and its interval as a horizontal line, at the ordinate `place`."""
     value, *ends = parts
     tag(ax.hlines(place, *ends, color=own["color"]), who, tip)
     tag(ax.plot(value, place, ls="", mec=styles.BACK, ms=6, **own)[0], who, tip)
@@ -271,7 +271,7 @@ def speed_noise(swept: pd.DataFrame, faults: Mapping[str, str], *, looks: Looks 
 
 
 def lines(rows: pd.DataFrame, x: str, y: str, kind: Any = "both") -> list[Series]:
-    """Return one curve per estimator through its points, with intervals; for a lag also the bound.
+    """Return one curve with intervals per estimator and, if `y` is the lag, the curve of its bound.
 
     Parameters
     ----------
@@ -309,10 +309,9 @@ def lag_against_noise(rows: pd.DataFrame, **options: Any) -> Figure:
 
 
 def shares(runs: pd.DataFrame, **options: Any) -> Figure:
-    """Draw the share of runs with a lag below a multiple of the bound, over that multiple.
+    """Draw the cumulative distribution of lag / bound over the runs of each estimator.
 
-    A run that is lost, or that does not estimate the changed parameter, stays in the total but
-    never reaches any multiple.
+    Lost runs, and runs that do not estimate the changed parameter, count as infinitely slow.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ class Drawing:
         self.runs = runs.assign(over_bound=runs["lag"] / runs["lag_bound"])
 
     def board(self) -> dict[str, Any] | None:
-        """Return the content of the first screen; None without a comparison at equal noise."""
+        """Return the content of the first screen, or None if nothing ran at equal noise."""
         swept = self.swept
         if not swept.get("matched"):
             return None
@@ -112,7 +112,7 @@ class Drawing:
             yield "Share of runs against the bound", drawn
 
     def section(self, name: str, rows: pd.DataFrame) -> dict[str, Any]:
-        """Return the section of a scenario; without scores if it ran at equal noise only."""
+        """Return the section of a scenario, which has no scores if it ran at equal noise only."""
         scenario, own = self.scenarios[name], rows[rows["scenario"] == name]
         happens = words.happens(scenario.resolved())
         section = {"scenario": scenario, "happens": happens, "line": in_a_line(scenario)}

@@ -30,7 +30,7 @@ def render(results: Results) -> str:
         If no run could be simulated.
     """
     if not results.frame["parameter"].any():
-        raise StudyError("no run could be simulated: the column `error` of the rows says why")
+        raise StudyError("no run could be simulated: the column `error` gives the reasons")
     axes, study = numeric_axes(results), results.study
     table = _table(results)
     looks = assigned(name for name, _ in table.rows)
@@ -60,10 +60,10 @@ def numeric_axes(results: Results) -> list[str]:
 
 
 def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
-    """Return pooled rows with some axes kept.
+    """Return the rows pooled over the seeds and over all axes that are not in `axes`.
 
-    If none of the axes is an option of an estimator, each setting counts as an estimator of its
-    own, named with its options.
+    If none of `axes` is an option of an estimator, the rows of different settings stay separate,
+    and each setting counts as an estimator.
     """
     option = any(is_option(axis, results.study["estimators"]) for axis in axes)
     rows = tables.flat(results.pooled(*by, "estimator" if option else "setting", *axes))
@@ -71,7 +71,7 @@ def pooled(results: Results, axes: Sequence[str], *by: str) -> pd.DataFrame:
 
 
 def title(results: Results) -> str:
-    """Return the main result of a study as a sentence: the best estimator over the first axis."""
+    """Return the main result of a study as a sentence: the estimator with the highest score."""
     axes = numeric_axes(results)[:1]
     rows = _changed(results, axes).dropna(subset="score")
     if rows.empty:

@@ -69,7 +69,7 @@ def _cell(row: Mapping[str, Any], column: str) -> Cell:
 
 
 def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return pooled rows as a DataFrame, nested scores with dotted names, and `over_bound`."""
+    """Return pooled rows as a DataFrame; nested scores get dotted names, `over_bound` is added."""
     flat = pd.json_normalize(list(rows))
     return flat.assign(over_bound=pd.to_numeric(flat["lag"]) / pd.to_numeric(flat["lag_bound"]))
 

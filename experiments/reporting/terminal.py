@@ -18,13 +18,13 @@ LEGEND = (
     "★ the fastest, or not significantly slower; below each lag: × bound, 95 % interval",
     "lag: mean |error| after the fault / size of the fault × 5 s; 5 s = never reacts",
     "× bound: lag / Cramér–Rao bound of an estimator that knows when, but not what, changed",
-    f"≤: every setting is less noisy than {REFERENCE}, so the lag is at most this; ≥: the opposite",
+    f"≤: at most this, because no setting is as noisy as {REFERENCE}; ≥: at least this",
 )
 
 
 def as_text(*tables: Table) -> str:
-    """Return tables as text, as wide as the terminal or, in a file or pipe, 200 columns."""
-    # Logs of builds are no terminals, and should show names in full.
+    """Return tables as text, with the width of the terminal, or 200 columns in a file or pipe."""
+    # The log of a CI build is a file, and 200 columns show all names in full.
     console = Console(width=None if sys.stdout.isatty() else 200)
     with console.capture() as capture:
         console.print(*map(_shown, tables))
@@ -86,7 +86,7 @@ def equal_noise_table(swept: Mapping[str, Any]) -> Table:
 def default_table(pooled: Sequence[Mapping[str, Any]]) -> Table:
     """Return the table of scores at default settings: one row per estimator and scenario.
 
-    The scores are of the parameter that changed, or of all parameters if none changed.
+    The table shows the parameter that changed, or all parameters if none changed.
 
     Parameters
     ----------

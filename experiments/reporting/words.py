@@ -98,7 +98,7 @@ def answer(summary: Row) -> tuple[str, list[str]]:
         return f"{summary['title']}: {few}", []
     matched = faults_of(rows)
     if matched["lag"].isna().all():
-        return "Every estimator was lost in all runs", []
+        return "Every run of every estimator was lost", []
     near = matched.groupby("estimator")["over_bound"].agg(between)
     takes = "The lag of {} is {} times the Cramér–Rao bound".format
     if len(near) == 1:
@@ -113,7 +113,7 @@ def answer(summary: Row) -> tuple[str, list[str]]:
 
 
 def _title(matched: pd.DataFrame, first: Sequence[str], where: str) -> str:
-    """Return a sentence with the leading estimators and how much faster than the reference."""
+    """Return a sentence that names the leading estimators and compares them with the reference."""
     equal = matched[matched["how"] == "matched"]
     lags = equal.pivot_table("lag", "estimator", "fault").reindex([REFERENCE, *first])
     ratios = (lags.iloc[0] / lags.iloc[1:]).stack()
@@ -160,7 +160,7 @@ def warning(rows: Sequence[Row], scenarios: Mapping[str, Row]) -> tuple[str, str
 
 
 def failures_in_words(failures: Sequence[Row]) -> list[tuple[str, int]]:
-    """Return one sentence per estimator with its first failure, and its number of failures.
+    """Return a sentence on the first failure and the number of failures of each estimator.
 
     Parameters
     ----------
