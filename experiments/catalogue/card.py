@@ -14,8 +14,8 @@ from flexaxis.sim.scenario import Scenario
 
 
 def reference_card(scenario: Scenario) -> dict[str, str]:
-    """Return what to know of a scenario before reading its results, by heading."""
-    from flexaxis.experiments.scoring.bounds import bounded  # and all that bounds take
+    """Return the description of a scenario, keyed by heading."""
+    from flexaxis.experiments.scoring.bounds import bounded  # slow to import
 
     names = ", ".join(bounded(scenario, scenario.identify))
     return {
@@ -25,37 +25,37 @@ def reference_card(scenario: Scenario) -> dict[str, str]:
         "happens": happens(scenario),
         **{heading: "; ".join(texts) or "nothing" for heading, texts in _parts(scenario).items()},
         "estimated": ", ".join(scenario.identify),
-        "bound": f"defined for {names}" if names else "none, so no score: see lag, std and alarms",
+        "bound": f"defined for {names}" if names else "none, so no score; use lag, std and alarms",
     }
 
 
 def happens(scenario: Scenario) -> str:
-    """Return the faults and other changes of a scenario in a line."""
+    """Return the faults and other changes of a scenario in one line."""
     words = [fault.in_words() for fault in scenario.fault]
     words += [f"no fault: {change.in_words()}" for change in scenario.nuisance or ()]
     estimated = {physical(name)[0] for name in scenario.identify}
     if scenario.fault and not estimated & {fault.parameter for fault in scenario.fault}:
         words.append("not estimated")
     if scenario.onset_spread is not None:
-        words.append(f"onset drawn by seed, ± {scenario.onset_spread:g} s")
+        words.append(f"onset drawn for each seed, ± {scenario.onset_spread:g} s")
     return "; ".join(words) or "no fault"
 
 
 def in_a_line(scenario: Scenario) -> str:
-    """Return what happens in a scenario, and what about it is not as in most."""
+    """Return the faults of a scenario, and how it differs from a default scenario, in one line."""
     usual = _parts(Scenario(name="usual", duration=20.0))
     parts = (t for name, texts in _parts(scenario).items() for t in texts if t not in usual[name])
     return "; ".join([happens(scenario), *parts])
 
 
 def _parts(scenario: Scenario) -> dict[str, list[str]]:
-    """Return the parts of a scenario by heading; the sensors include no mismatch."""
+    """Return the parts of a scenario by heading; sensor errors are listed as unmodelled."""
     s, tables = scenario, scenario.tables.values()
     sensors = [words for table in tables if table.exact and (words := table.in_words())]
-    sensors += ["controller sees what is measured"] * (s.feedback == "measured")
+    sensors += ["controller uses the measured angle"] * (s.feedback == "measured")
     unmodelled = [table.in_words() for table in tables if not table.exact]
     unmodelled += [f"known {name} × {factor:g}" for name, factor in s.known_factors.items()]
-    unmodelled += [f"known values {100 * s.spread:g} % off"] * (s.spread > 0)
+    unmodelled += [f"known values wrong by {100 * s.spread:g} %"] * (s.spread > 0)
     axis = s.preset if s.model == "three_mass" else s.model
     return {
         "axis": [axis + (f", start {s.start:g}" if s.start != 1 else "")],
@@ -69,17 +69,18 @@ def _parts(scenario: Scenario) -> dict[str, list[str]]:
 
 
 def show(name: str) -> tuple[dict[str, Any], list[str]]:
-    """Return all values of a scenario, a suite or an estimator, and the same as lines.
+    """Return all values of a scenario, a suite or an estimator, as a dict and as lines of text.
 
     Parameters
     ----------
     name : str
-        For a scenario a path will do, too; its lines are TOML below a card.
+        Name of a scenario, suite or estimator, or the path of a scenario. The lines of a scenario
+        are its description followed by TOML.
 
     Raises
     ------
     ScenarioError
-        If there is no such thing.
+        If there is no scenario, suite or estimator of this name.
     """
     if name in REGISTRY:
         entry = REGISTRY[name]

@@ -1,6 +1,6 @@
-"""The catalogue: scenarios and suites by name or from a file, and a line on each for `list`.
+"""The catalogue: find scenarios and suites by name or path, and list them.
 
-Nothing heavy is imported before a name is known to be right, so that a typo is answered at once.
+Slow imports happen after names are checked, so a typo is reported at once.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ HOME = Path(str(files("flexaxis.experiments.catalogue")))
 HASHES = "hashes.toml"
 STREAMS = "streams.toml"
 DRAWN = "-v2"
-"""Ends the name of a scenario that is its -v1 with an onset that is drawn for each seed."""
+"""Suffix of a scenario that differs from its -v1 only by an onset that is drawn for each seed."""
 SPREAD = 3.0  # s, `onset_spread` of every -v2
-SCORED = 5.0  # s that each of them lasts at least after its last fault, wherever that is drawn
+SCORED = 5.0  # s, shortest time from the last fault of a -v2 to the end of the run
 
 GROUPS = {
     "nominal": "nothing happens",
     "steps": "one parameter jumps",
     "wear": "one parameter changes over seconds",
-    "intermittent": "one parameter jumps to and fro",
-    "several": "more than one change",
-    "excitation": "another motion than the full multisine",
-    "sensors": "sensors, and delays between the axis and its log",
+    "intermittent": "one parameter jumps back and forth",
+    "several": "several changes",
+    "excitation": "other motions than the full multisine",
+    "sensors": "sensor errors, and delays between the axis and its log",
     "mismatch": "effects that the linear model does not describe",
-    "nuisance": "changes that are no faults",
+    "nuisance": "changes that are not faults",
     "known": "faults on axes whose other parameters are known with errors",
-    "drives": "commercial drives, with friction and faults of their own",
-    "control": "estimates drive the controller",
-    "chains": "axes of other masses than the paper's",
+    "drives": "commercial drives with their own friction and faults",
+    "control": "the controller uses the estimates",
+    "chains": "axes with another number of masses",
     "ground": "conditions under which good estimators have failed",
 }
-"""The groups of the catalogue, in the order in which it is read."""
+"""The groups of the catalogue, in the order in which they are listed."""
 
 FAULTS = {
     "worn or dry motor bearing, dragging brake": "f_m",
@@ -58,16 +58,17 @@ FAULTS = {
     "part added to the motor shaft": "J_m",
     "part added to the gear": "J_g",
 }
-"""The parameter that changes with each physical fault."""
+"""The parameter that each physical fault changes."""
 
 Line = dict[str, str]
 
 
 @dataclass(frozen=True)
 class Suite:
-    """Which scenarios, which estimators, how many seeds; scenarios are names, or as `select` finds.
+    """The scenarios, estimators and number of seeds of a benchmark.
 
-    `swept_scenarios` and `swept_estimators` are those that are compared at equal noise.
+    Scenarios are names in the catalogue, or Scenario objects in the result of `select`. The
+    `swept_estimators` are compared at equal noise on the `swept_scenarios`.
     """
 
     name: str
@@ -85,7 +86,7 @@ def names_in(folder: str) -> list[str]:
 
 
 def scenario_names() -> list[str]:
-    """Return the names of the scenarios; those with a drawn onset are not listed."""
+    """Return the names of the scenarios, except those with a drawn onset (-v2)."""
     return names_in("scenarios")
 
 
@@ -96,7 +97,7 @@ def suite_names() -> list[str]:
 
 @cache
 def hashes() -> dict[str, str]:
-    """Return the hash of the content of each scenario."""
+    """Return the frozen hash of each scenario, keyed by name."""
     return _tables(HASHES)
 
 
@@ -105,12 +106,12 @@ def _tables(place: str) -> dict[str, Any]:
 
 
 def full_name(name: str) -> str:
-    """Return the name of a scenario with its suffix; without one, -v1 is meant."""
+    """Return the name of a scenario with its suffix; the default suffix is -v1."""
     return f"{name}-v1" if f"{name}-v1" in hashes() else name
 
 
 def check_names(names: Iterable[str]) -> None:
-    """Raise a ScenarioError with a line for each name that is no scenario, suite or file."""
+    """Raise a ScenarioError with a line for each name that is not a scenario, suite or file."""
     known = {*hashes(), *suite_names()}
     if wrong := [n for n in names if full_name(n) not in known and not Path(n).is_file()]:
         raise ScenarioError(*map(_unknown, wrong))
@@ -118,26 +119,27 @@ def check_names(names: Iterable[str]) -> None:
 
 def _unknown(name: str) -> str:
     if name in suite_names():
-        return f"{name} is a suite: name one of its scenarios; `flexaxis show {name}` lists them"
+        return f"{name} is a suite; use one of its scenarios (`flexaxis show {name}` lists them)"
     if name.endswith(".toml"):
         return f"{name}: no such file"
     hint = did_you_mean(name, [*suite_names(), *scenario_names()])
     return (
-        f"unknown scenario {name!r}.{hint} `flexaxis list` shows the catalogue; a path to a TOML "
-        "file works too"
+        f"unknown scenario {name!r}.{hint} `flexaxis list` shows the catalogue. The path of a TOML "
+        "file also works"
     )
 
 
 def find_scenario(name: str) -> Scenario:
     """Return a scenario by its catalogue name or from a TOML file.
 
-    Without a suffix, -v1 is meant. The onset of a -v2 is drawn by seed.
+    The default suffix of a name is -v1. In a scenario with the suffix -v2, the onset is drawn for
+    each seed.
 
     Raises
     ------
     ScenarioError
-        If there is neither such a name nor such a file, the file has errors, or the content of a
-        catalogue scenario does not match the hash of its name.
+        If neither the name nor the file exists, if the file has errors, or if the content of a
+        catalogue scenario does not match its frozen hash.
     """
     from flexaxis.sim.scenario import load_scenario, scenario_from
 
@@ -157,27 +159,27 @@ def find_scenario(name: str) -> Scenario:
 
 
 def _frozen(scenario: Scenario, name: str) -> Scenario:
-    """Return a scenario whose content has the hash of its name.
+    """Return the scenario if its content matches the frozen hash of its name.
 
-    Other content would be pooled with stored results of that name without notice.
+    Without this check, changed content would be silently pooled with stored results of that name.
     """
     frozen_hash, result = hashes().get(name), scenario.hash[:16]
     if frozen_hash is None:
         raise ScenarioError(
-            f"{name}: not frozen yet; when it is as it should be, add the line "
-            f'"{name}" = "{result}" to {HOME / HASHES}; until then, run it from its path'
+            f"{name}: not frozen yet. When it is final, add the line "
+            f'"{name}" = "{result}" to {HOME / HASHES}. Until then, run it by its path'
         )
     if frozen_hash != result:
         raise ScenarioError(
-            f"{name}: the content has the hash {result}, but the frozen one is {frozen_hash}; "
-            "give a changed scenario a new name (and a new key of Scenario the default None, which "
-            "changes no hash)"
+            f"{name}: the content has the hash {result}, but the frozen hash is {frozen_hash}. "
+            "Give a changed scenario a new name. (A new key of Scenario needs the default None, "
+            "which leaves hashes unchanged.)"
         )
     return scenario
 
 
 def find_suite(name: str) -> Suite:
-    """Return a suite by its name, with "all" written out."""
+    """Return a suite by its name, with "all" replaced by the names of all estimators."""
     from flexaxis.estimators.registry import REGISTRY
 
     table = _tables(f"suites/{name}.toml")
@@ -189,9 +191,9 @@ def find_suite(name: str) -> Suite:
 
 
 def _members(table: dict[str, Any]) -> list[str]:
-    """Return the scenarios of a suite: those of some groups, all but some groups, or those named.
+    """Return the scenarios of a suite, which lists groups, excluded groups, or names.
 
-    A scenario whose onset can be drawn takes part with a drawn one.
+    From a group, the suite takes the -v2 of every scenario that has one.
     """
     if "groups" not in table and table["scenarios"] != "all":
         return list(table["scenarios"])
@@ -202,19 +204,19 @@ def _members(table: dict[str, Any]) -> list[str]:
 
 
 def select(names: Any, *, default: str = "smoke") -> Suite:
-    """Turn names of suites and scenarios into scenarios, with the estimators of the first suite.
+    """Return the scenarios for names of suites and scenarios, with the first suite's estimators.
 
     Parameters
     ----------
     names : str, Path, Scenario, or several of them
-        Suites, catalogue names, TOML paths and scenarios, mixed.
+        Any mixture of suites, catalogue names, TOML paths and scenarios.
     default : str
-        The suite whose estimators and number of seeds are meant without a suite.
+        Suite that provides the estimators and the number of seeds if `names` has no suite.
 
     Raises
     ------
     ScenarioError
-        With one line for each name that is wrong, or for each problem of a file.
+        If a name or a file is wrong; the message has one line per problem.
     """
     names = names if isinstance(names, list | tuple | set) else [names]
     texts = [str(name) for name in names if isinstance(name, str | Path)]
@@ -226,7 +228,7 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
             scenario = find_scenario(str(each)) if isinstance(each, str | Path) else each
             result.setdefault((scenario.name, scenario.hash), scenario)
     if not result:
-        raise ScenarioError("name at least one scenario, such as fm_step")
+        raise ScenarioError("give at least one scenario, such as fm_step")
     first = (*suites.values(), find_suite(default))[0]
     swept = [find_scenario(name) for name in first.swept_scenarios] if suites else []
     name = ", ".join(getattr(each, "name", str(each)) for each in names)
@@ -234,14 +236,14 @@ def select(names: Any, *, default: str = "smoke") -> Suite:
 
 
 def scenarios(*, group: str = "", find: str = "") -> list[Line]:
-    """Return name, group, difficulty, faults (parameters) and card of scenarios.
+    """Return the name, group, difficulty, faults (parameters) and card of scenarios.
 
     Parameters
     ----------
     group : str
-        Only those of one group.
+        Group to list (default: all groups).
     find : str
-        Only those with this text in one of these, in either case.
+        Text that one of these entries must contain, ignoring case.
 
     Raises
     ------
@@ -265,13 +267,13 @@ def _with(find: str, lines: list[Line]) -> list[Line]:
 
 
 def suites(find: str = "") -> list[Line]:
-    """Return name and card of suites, those that have some text."""
+    """Return the name and card of each suite that contains a text."""
     lines = [{"name": n, "card": _tables(f"suites/{n}.toml")["card"]} for n in suite_names()]
     return _with(find, lines)
 
 
 def faults(find: str = "") -> list[Line]:
-    """Return fault, parameter and scenarios: which scenarios a physical fault is simulated by."""
+    """Return each physical fault with its parameter and the scenarios that simulate it."""
     lines = scenarios()
     result = []
     for fault, parameter in FAULTS.items():

@@ -1,5 +1,5 @@
-"""The rules that an estimator must keep.
+"""The rules that an estimator must follow.
 
-`check` has one function a rule and runs them on an estimator; `template` writes one of those in
+`check` has one function per rule and runs all rules on an estimator; `template` copies one of the
 `templates` for a user to change.
 """

@@ -1,7 +1,7 @@
 """Check an estimator against the rules that its scores rely on; each rule is one function.
 
-A rule looks at fresh estimators on one simulated record. It returns whether it holds (True), does
-not (False) or does not apply (None), and what was seen.
+A rule runs fresh estimators on one simulated record, and returns two values: True if the estimator
+follows the rule, False if not, or None if the rule does not apply; and a text with the observation.
 """
 
 import time
@@ -29,13 +29,13 @@ DURATION = 12.0  # s, 2400 samples; the fault is at 10 s
 BEFORE_FAULT = slice(1000, 2000)
 GAP = slice(1200, 1300)
 CUTS = (700, 1400, 2100)
-FAR = 0.25  # share of nominal; an error beyond it is larger than most faults
-MOVES = 1e-9  # share of nominal; an estimator that moves less is frozen
-SLACK = 1e-9  # of a correlation: what rounding may make of symmetry and of an eigenvalue of zero
+FAR = 0.25  # error relative to nominal that is larger than most faults
+MOVES = 1e-9  # an estimator that moves less than this, relative to nominal, is frozen
+SLACK = 1e-9  # rounding error of a correlation matrix: asymmetry and negative eigenvalues
 
 
 class Subject:
-    """An estimator under test, and the record that it is tested on."""
+    """An estimator under test, and the record for the tests."""
 
     def __init__(self, spec: Spec, scenario: Scenario, record: Record) -> None:
         self.spec, self.scenario, self.u = spec, scenario, record.torque
@@ -50,33 +50,33 @@ class Subject:
         return build(self.spec, self.scenario)
 
     def run(self, u: Array, y: Array) -> Array:
-        """Return the estimates (N, p) of a fresh estimator; its inputs are copies."""
+        """Return the estimates (N, p) of a fresh estimator, which receives copies of u and y."""
         return run_estimator(self.make(), u.copy(), y.copy())
 
     @cached_property
     def theta(self) -> Array:
-        """Estimates on the record as it is."""
+        """Estimates on the unchanged record."""
         return self.run(self.u, self.y)
 
     @cached_property
     def nominal(self) -> Array:
-        """Sizes (p,) of the parameters: those of the first estimates."""
+        """Sizes (p,) of the parameters, taken from the first estimates."""
         sizes = np.abs(self.theta[0])
         return np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
 
     def gaps(self, one: Array, other: Array) -> Array:
-        """Return the largest difference (N,) of two runs at each sample, as a share of nominal."""
+        """Return the largest difference (N,) of two runs at each sample, relative to nominal."""
         with np.errstate(invalid="ignore", over="ignore"):
             gap = np.abs(one - other) / self.nominal
-        same = np.isclose(one, other, rtol=0, atol=0, equal_nan=True)  # `finite` judges NaN
+        same = np.isclose(one, other, rtol=0, atol=0, equal_nan=True)  # `finite` checks for NaN
         return np.asarray(np.where(same, 0.0, gap).max(axis=1))
 
     def apart(self, one: Array, other: Array) -> float:
-        """Return the largest difference of two runs, as a share of nominal."""
+        """Return the largest difference of two runs, relative to nominal."""
         return float(self.gaps(one, other).max(initial=0.0))
 
     def error(self, theta: Array) -> float:
-        """Return the rms error before the fault as a share of nominal, of all that has a truth."""
+        """Return the relative rms error before the fault, of parameters with known true values."""
         with np.errstate(invalid="ignore", over="ignore"):
             errors = (theta[:, self.known] - self.truth) / self.truth[0]
             error = np.sqrt(np.mean(errors[BEFORE_FAULT] ** 2))
@@ -84,7 +84,7 @@ class Subject:
 
 
 def step(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Array:
-    """Return the estimates (N, p) step by step, without y in the gap."""
+    """Return the estimates (N, p) from single steps; y is missing in the gap."""
     values: list[float | None] = y.tolist()
     values[gap] = [None] * len(values[gap])
     pairs = zip(u.tolist(), values, strict=True)
@@ -95,41 +95,41 @@ Seen = tuple[bool | None, str]
 
 
 def shapes(subject: Subject) -> Seen:
-    """Look at the shape of what run or step return."""
+    """Check the shape of the estimates from run or step."""
     shape, expected = subject.theta.shape, (len(subject.u), len(subject.names))
     return shape == expected, f"{shape} for {len(subject.u)} samples of {', '.join(subject.names)}"
 
 
 def finite(subject: Subject) -> Seen:
-    """Look for estimates that are not finite, also after a spike of 20 sd in one sample of y."""
+    """Look for estimates that are not finite, with and without a spike in one sample of y."""
     spiked = subject.y.copy()
     spiked[GAP.start] += 20 * spiked.std()
     for y, where in ((subject.y, "the record"), (spiked, "a spike of 20 standard deviations")):
         if not np.isfinite(subject.run(subject.u, y)).all():
-            return False, f"not all are finite, with {where}"
-    return True, "all are, with a spike in y as well"
+            return False, f"some estimates are not finite with {where}"
+    return True, "all estimates are finite, also with a spike in y"
 
 
 def deterministic(subject: Subject) -> Seen:
-    """Run it twice."""
+    """Run the estimator twice and compare."""
     apart = subject.apart(subject.run(subject.u, subject.y), subject.theta)
     return apart == 0, f"two runs differ by {apart:.2g} of nominal"
 
 
 def step_equals_run(subject: Subject) -> Seen:
-    """Compare step, and step then run, with run."""
+    """Compare step, and step followed by run, with run alone."""
     mixed, half = subject.make(), len(subject.u) // 2
     if not hasattr(mixed, "run"):
-        return None, "it has no run of its own"
+        return None, "the estimator has no run"
     first = step(mixed, subject.u[:half], subject.y[:half])
     theta = np.vstack([first, run_estimator(mixed, subject.u[half:], subject.y[half:])])
     each = step(subject.make(), subject.u, subject.y)
     apart = max(subject.apart(t, subject.theta) for t in (each, theta))
-    return apart < 1e-9, f"step, and step then run, differ from run by {apart:.2g} of nominal"
+    return apart < 1e-9, f"step, or step then run, differs from run by {apart:.2g} of nominal"
 
 
 def no_look_ahead(subject: Subject) -> Seen:
-    """Change the future, and look for changes in the past."""
+    """Change future samples, and look for changes of past estimates."""
     random = np.random.default_rng(0)
 
     def other(x: Array) -> Array:  # in mean, spread, order, distribution and correlation
@@ -141,14 +141,14 @@ def no_look_ahead(subject: Subject) -> Seen:
         wrong = np.flatnonzero(~(apart < 1e-12))
         if wrong.size:
             return False, (
-                f"other samples after {cut} changed the estimate at sample {wrong[0]}, "
-                f"{cut + 1 - wrong[0]} samples before, by {apart[wrong].max():.2g} of nominal"
+                f"a change of the samples after {cut} changed the estimate at sample {wrong[0]}, "
+                f"{cut + 1 - wrong[0]} samples earlier, by {apart[wrong].max():.2g} of nominal"
             )
-    return True, f"changing what comes after samples {', '.join(map(str, CUTS))} changes nothing"
+    return True, f"changes after samples {', '.join(map(str, CUTS))} leave earlier estimates alone"
 
 
 def keeps_no_reference(subject: Subject) -> Seen:
-    """Overwrite inputs, and look whether inputs, or outputs kept, change."""
+    """Check that the estimator neither keeps nor changes its inputs, nor changes past outputs."""
     u, y, half = subject.u.copy(), subject.y.copy(), len(subject.u) // 2
     reused, kept = subject.make(), subject.make()
     run_estimator(reused, u[:half], y[:half])
@@ -161,23 +161,23 @@ def keeps_no_reference(subject: Subject) -> Seen:
     before = np.array(first, float)
     step(estimator, subject.u[1:500], subject.y[1:500])
     faults = {
-        "run writes into the arrays it is given": not intact,
-        "overwriting inputs of the past changed later estimates": subject.apart(rest, expected) > 0,
-        "an array that step has returned changes later": not np.array_equal(first, before),
+        "run writes into its input arrays": not intact,
+        "overwriting past inputs changed later estimates": subject.apart(rest, expected) > 0,
+        "an array that step returned changes later": not np.array_equal(first, before),
     }
     seen = [text for text, wrong in faults.items() if wrong]
     return not seen, ", ".join(seen) or "inputs and outputs are copies"
 
 
 def reset(subject: Subject) -> Seen:
-    """Run it, reset it, and run it again."""
+    """Run the estimator, reset it, and run it again."""
     estimator = subject.make()
     if not hasattr(estimator, "reset"):
-        return None, "it has no reset"
+        return None, "the estimator has no reset"
     run_estimator(estimator, subject.u, subject.y)
     estimator.reset()
     apart = subject.apart(run_estimator(estimator, subject.u, subject.y), subject.theta)
-    return apart < 1e-9, f"after reset a run differs from the first by {apart:.2g} of nominal"
+    return apart < 1e-9, f"after reset, a run differs from the first by {apart:.2g} of nominal"
 
 
 def survives_a_gap(subject: Subject) -> Seen:
@@ -190,10 +190,10 @@ def survives_a_gap(subject: Subject) -> Seen:
 
 
 def covariance(subject: Subject) -> Seen:
-    """Look whether the claimed covariance is symmetric and positive semidefinite everywhere."""
+    """Check that the reported covariance is symmetric and positive semidefinite at every sample."""
     estimator, p = subject.make(), len(subject.names)
     if getattr(estimator, "covariance", None) is None:
-        return None, "it claims none"
+        return None, "the estimator reports no covariance"
     for k in range(len(subject.u)):
         step(estimator, subject.u[[k]], subject.y[[k]])
         C = np.asarray(estimator.covariance, float)  # type: ignore[attr-defined, type-var]
@@ -202,86 +202,86 @@ def covariance(subject: Subject) -> Seen:
             R = C / np.outer(scale, scale)
             if np.abs(R - R.T).max() <= SLACK and np.linalg.eigvalsh(R).min() >= -SLACK:
                 continue
-        return False, f"sample {k}: not finite, symmetric and positive semidefinite: {C}"
+        return False, f"not finite, symmetric and positive semidefinite at sample {k}: {C}"
     return True, "symmetric and positive semidefinite at every sample"
 
 
 def cost(subject: Subject) -> Seen:
-    """Take the time of a step."""
+    """Measure the time of a step."""
     estimator = subject.make()
-    step(estimator, subject.u[:2], subject.y[:2])  # so that all is compiled
+    step(estimator, subject.u[:2], subject.y[:2])  # compiles everything
     start = time.perf_counter()
     step(estimator, subject.u, subject.y)
     seconds = (time.perf_counter() - start) / len(subject.u)
-    return seconds < subject.scenario.period, f"{1e6 * seconds:.3g} µs a step"
+    return seconds < subject.scenario.period, f"{1e6 * seconds:.3g} µs per step"
 
 
 def a_shift_of_u_hurts(subject: Subject) -> Seen:
-    """Shift u by a sample either way; the estimates must be best as it is."""
+    """Shift u by one sample in both directions; the estimates must be best without a shift."""
     if (np.ptp(subject.theta, axis=0) / subject.nominal).max() < MOVES:
-        return None, "it does not move"
+        return None, "the estimates do not move"
     shifted = (np.r_[0.0, subject.u[:-1]], np.r_[subject.u[1:], 0.0])
     right = subject.error(subject.theta)
     late, early = (subject.error(subject.run(u, subject.y)) for u in shifted)
-    seen = f"error {right:.1%}, {late:.1%} with u late, {early:.1%} early"
+    seen = f"error {right:.1%}; {late:.1%} with u one sample late, {early:.1%} with u early"
     return right < min(FAR, late / 1.5, early / 1.5), seen
 
 
 RULES: dict[Callable[[Subject], Seen], tuple[str, str]] = {
     shapes: (
-        "scores are taken for each name, in the order of `names`",
-        "return one number for each of `names` from step, and (N, p) from run",
+        "each name has its own scores, in the order of `names`",
+        "return one number per name from step, and an array (N, p) from run",
     ),
     finite: (
-        "a run with an estimate that is not finite counts as diverged; one wrong sample must not "
-        "end it",
+        "an estimate that is not finite makes a run diverge, and a single wrong sample must not "
+        "cause it",
         "bound the estimates, clip the residual, and keep P symmetric and positive",
     ),
     deterministic: (
-        "a comparison cannot tell a random number from an effect",
+        "a comparison cannot distinguish random numbers from an effect",
         "seed random numbers in the constructor; keep no state in the class or module",
     ),
     step_equals_run: (
-        "the benchmark scores run, a robot uses step",
-        "let run begin with the present state and leave it after the last sample",
+        "the benchmark calls run, but a robot calls step",
+        "start run from the current state, and keep the state after the last sample",
     ),
     no_look_ahead: (
         "θ[k] may use y up to k only; an estimator that sees the future has no lag",
-        "no smoothing, centred filter or statistics of the whole record in run",
+        "use no smoothing, centred filter or statistics of the whole record in run",
     ),
     keeps_no_reference: (
-        "callers reuse their buffers, and keep what is returned",
-        "copy what you keep of the inputs, return copies of θ, write into neither",
+        "callers reuse their buffers and keep the returned arrays",
+        "copy inputs that you keep, return a copy of θ, and never write into either",
     ),
     reset: (
-        "a run after reset must be a first run",
-        "put everything that step changes back to its value in the constructor",
+        "a run after reset must equal the first run",
+        "restore every attribute that step changes to its initial value",
     ),
     survives_a_gap: (
-        "sensors miss samples: y is None, and a missing sample must not move the estimates",
+        "sensors miss samples (y is None), and a missing sample must not move the estimates",
         "predict without an update while y is None",
     ),
     covariance: (
-        "NEES and fault detection rely on the claimed covariance; a negative variance means "
-        "nothing",
+        "NEES and fault detection rely on the reported covariance, and a negative variance is "
+        "meaningless",
         "update P in Joseph's form, or symmetrise it as (P + Pᵀ)/2",
     ),
     cost: (
-        "a step must be done before the next sample comes",
-        "take work out of step, or compile it",
+        "a step must finish before the next sample",
+        "move work out of step, or compile it",
     ),
     a_shift_of_u_hurts: (
-        "u[k] acts after y[k]; one sample late or early ruins the estimates without a message",
-        "in step(u, y) use the u of the step before to predict y, then keep this u; if the error "
-        "is large in any case, look at model, units and the order of names first",
+        "u[k] acts after y[k], and a shift by one sample silently ruins the estimates",
+        "in step(u, y), predict y with the u of the previous step, then store the new u; if the "
+        "error is large for every shift, check model, units and the order of names first",
     ),
 }
-"""Why each rule matters, and what to do where it is broken."""
+"""The reason for each rule, and a hint on how to follow it."""
 
 
 @dataclass(frozen=True)
 class RuleResult:
-    """The result of a rule; `holds` is None if it does not apply."""
+    """The result of a rule; `holds` is None if the rule does not apply."""
 
     rule: str
     holds: bool | None
@@ -291,12 +291,12 @@ class RuleResult:
 
 
 def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
-    """Return what every rule finds about an estimator.
+    """Return the result of every rule for an estimator.
 
     Raises
     ------
     EstimatorError, EstimatorCrash
-        If it cannot be built at all.
+        If the estimator cannot be constructed.
     """
     subject, results = _subject(spec, store), []
     for look, texts in RULES.items():
@@ -311,9 +311,9 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
 
 
 def _subject(spec: Spec, store: RecordCache | None) -> Subject:
-    for name in ("fm_step-v1", "encoder_fm_step-v1"):  # whichever output it reads
+    for name in ("fm_step-v1", "encoder_fm_step-v1"):  # speed or increment
         scenario = find_scenario(name).override({"name": "check", "duration": DURATION})
         with suppress(EstimatorError):
             build(spec, scenario)
             break
-    return Subject(spec, scenario, records(scenario, [0], store)[0])  # tells why it is neither
+    return Subject(spec, scenario, records(scenario, [0], store)[0])  # raises if neither fits

@@ -1,4 +1,4 @@
-"""The template of an own estimator, and what to type when it has been changed."""
+"""Write the template of a new estimator, and list the commands to run afterwards."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -11,26 +11,26 @@ TEMPLATES = {
     ".c": ("my_estimator.c", "flexaxis.h"),
     ".m": ("my_estimator.m",),
 }
-"""The files to write by suffix; the first one gets the name that was given."""
+"""Files to write, keyed by suffix; the first file gets the requested name."""
 
 
 def new(path: Path) -> list[str]:
-    """Write a working estimator and return the lines to type next.
+    """Write a working estimator and return the commands to run next.
 
     Parameters
     ----------
     path : Path
-        Python (.py), C (.c) or GNU Octave (.m).
+        File in Python (.py), C (.c) or GNU Octave (.m).
 
     Raises
     ------
     FlexaxisError
-        If the name does not do, or the file exists.
+        If the name is not suitable, or if the file exists.
     """
     if path.suffix not in TEMPLATES or not path.stem.isidentifier():
         raise FlexaxisError(
-            f"{path}: give a file that Python can import, such as my_estimator.py, or one in C or "
-            "Octave, such as my_estimator.c or my_estimator.m"
+            f"{path}: give a name that Python can import, such as my_estimator.py, or the name of "
+            "a file in C or Octave, such as my_estimator.c or my_estimator.m"
         )
     if path.exists():
         raise FlexaxisError(f"{path} exists already; give another name")

@@ -1,8 +1,8 @@
-"""Estimators at equal noise: the lag between two settings of a tuning parameter.
+"""Estimators at equal noise: interpolate the lag between two settings of a tuning parameter.
 
-The lag is interpolated, linearly in the logarithms, between the two settings on either side of the
-noise of a reference. Where no setting is as quiet as the reference (or as noisy), the nearest one
-gives a bound on one side.
+One of the two settings has less noise than a reference, the other has more. The lag is interpolated
+linearly in the logarithms. If all settings have more noise than the reference (or all have less),
+the nearest setting gives a one-sided bound on the lag.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 Noise = Literal["std", "excess"]
 SPREADS = {"std": ("bias", "lost_before"), "std_after": ("bias_after", "lost_after")}
-"""Standard deviations, with the score of their mean and the one that says a run was lost."""
+"""Each standard deviation with two other scores: its mean, and whether the run had diverged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """One estimator at one setting of its knob, on one scenario, for one parameter.
+    """One estimator at one setting of its tuning parameter, on one scenario, for one parameter.
 
     Attributes
     ----------
     text : str
-        As for `--estimator`.
+        Estimator as for `--estimator`.
     factor : float
-        Turn of the knob, 1 for the default.
+        Tuning parameter relative to its default.
     rows : DataFrame
-        Rows of scores, one a seed, in the order of the seeds, which all settings share.
+        Scores, one row per seed in the order of seeds. All settings have the same seeds.
     biases : ndarray (n, p)
-        Biases of the scenario's `identify` [% of nominal].
+        Biases of the parameters of the scenario's `identify` [% of nominal].
     information : ndarray (p, p) or None
-        As from `flexaxis.experiments.scoring.excess.information`; the excess error needs both.
+        Matrix from `flexaxis.experiments.scoring.excess.information`, for the excess error.
     """
 
     text: str
@@ -56,20 +56,21 @@ class Setting:
     def of(
         text: str, factor: float, frame: pd.DataFrame, parameter: str, scenario: Scenario
     ) -> Setting:
-        """Return a setting from the rows of its runs, one a seed and parameter."""
+        """Return a setting from the rows of its runs, one per seed and parameter."""
         wide = frame.pivot(index="seed", columns="parameter", values="bias")
         biases = wide.reindex(columns=list(scenario.identify)).fillna(0.0).to_numpy(float)
         rows = frame[frame["parameter"] == parameter].sort_values("seed")
         return Setting(text, factor, rows, biases, information(scenario))
 
     def array(self, name: str, runs: Any = slice(None)) -> Array:
-        """Return a score run by run (n,), NaN where it is not defined."""
+        """Return a score for each run (n,), with NaN where it is undefined."""
         return self.rows[name].to_numpy(float)[runs]
 
     def log(self, name: str, runs: Any = slice(None)) -> float:
-        """Return ln of a pooled score; NaN where a run has none.
+        """Return the logarithm of a pooled score, or NaN if the score is undefined in any run.
 
-        Of the excess error it is that of the root; a `score` is a logarithm already.
+        For the excess error, the result is the logarithm of the square root. A `score` is already
+        logarithmic, so the result is its mean.
         """
         each = self.array(name, runs)
         if name == "score" or np.isnan(each).any():
@@ -84,7 +85,7 @@ class Setting:
         return float(np.log(np.maximum(each, FLOOR)).mean())
 
     def at(self, name: str) -> Array | None:
-        """Return ln of a score as the jackknife's values (n,), None where a run has none."""
+        """Return jackknife values (n,) of the log of a score, or None if a run has no score."""
         if np.isnan(self.array(name)).any():
             return None
         return pseudo_values(lambda runs: self.log(name, runs), len(self.rows))
@@ -97,12 +98,13 @@ class Match:
     Attributes
     ----------
     how : {"matched", "quieter", "noisier"}
-        Whether it is as noisy, or at all its settings quieter, or noisier.
+        "matched" if the noise can be equal; "quieter" or "noisier" if the noise of all settings is
+        below or above the noise of the reference.
     sides : tuple of Setting
-        The two settings it lies between, or the nearest one.
+        The two settings between which the match lies, or the nearest setting.
     reference : Setting
     kind : {"std", "excess"}
-        Which noise.
+        Measure of the noise.
     """
 
     how: str
@@ -111,25 +113,26 @@ class Match:
     kind: Noise
 
     def apart(self, side: Setting, runs: Any = slice(None)) -> float:
-        """Return ln of the noise of a setting over that of the reference."""
+        """Return the log of the ratio of a setting's noise to the reference's noise."""
         return side.log(self.kind, runs) - self.reference.log(self.kind, runs)
 
     @property
     def nearest(self) -> Setting:
-        """The setting whose noise is nearest to that of the reference."""
+        """The setting whose noise is closest to the noise of the reference."""
         return min(self.sides, key=lambda side: abs(self.apart(side)))
 
     @property
     def ratio(self) -> float:
-        """Noise over that of the reference: 1 if matched."""
+        """Ratio of the noise to the noise of the reference; 1 if matched."""
         return 1.0 if self.how == MATCHED else float(np.exp(self.apart(self.nearest)))
 
     def at(self, name: str) -> Array | None:
-        """Return ln of a score at the match, seed by seed, as the jackknife's values (n,).
+        """Return jackknife values (n,) of the log of a score at the match, one per seed.
 
-        Their mean is the estimate, and those of two estimators are paired. How far between the two
-        settings the match lies is itself measured on the same runs; the jackknife includes that.
-        None where a run has no such score.
+        The mean of the values is the estimate, and the values of two estimators are paired. The
+        position of the match between the two settings is estimated from the same runs; the
+        jackknife includes this uncertainty. The result is None if the score is undefined in any
+        run.
         """
 
         def statistic(runs: Any) -> float:
@@ -152,14 +155,14 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
     ----------
     reference : Setting
     settings : sequence of Setting
-        Of one estimator.
+        Settings of one estimator.
     noise : {"std", "excess"}
-        What is to be equal.
+        Measure of the noise that is matched.
 
     Returns
     -------
     Match or None
-        None where the reference has no noise, or the estimator no settings with any.
+        None if the reference has no noise, or if the estimator has no settings.
     """
     line = sorted(settings, key=lambda setting: setting.factor)
     none, target = np.log(FLOOR), reference.log(noise)
@@ -171,7 +174,7 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
         for k, (one, other) in enumerate(pairwise(logs))
         if min(one, other) > none and (one - target) * (other - target) <= 0
     ]
-    if crossings:  # the one nearest to the default: the best would be the best by luck
+    if crossings:  # take the one nearest to the default: choosing the best lag would be biased
         return min(crossings, key=lambda m: abs(np.log(m.nearest.factor)))
     best = int(np.argmin(abs(logs - target)))
     how = MATCHED if logs[best] == target else QUIETER if logs[best] < target else NOISIER

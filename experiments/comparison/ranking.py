@@ -1,4 +1,4 @@
-"""Rank estimators on paired runs: the best for each fault, and those not significantly worse."""
+"""Rank estimators on paired runs: for each fault, find the best and those not clearly worse."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -12,35 +12,35 @@ Row = Mapping[str, Any]
 
 REFERENCE = "rpem-forgetting"
 MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
-CONTROLS = ("frozen", "oracle-reset")  # they know more than an estimator may, or nothing
+CONTROLS = ("frozen", "oracle-reset")  # baselines, which do not compete
 AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
-"""Sign before a lag that no setting matches; before a score it is the other way round."""
+"""Sign before a lag if the noise is not matched; a score has the opposite sign (`AT_LEAST`)."""
 AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
-LEVEL = 0.05  # probability that any of those that are equally good is wrongly told apart
+LEVEL = 0.05  # probability of any false difference between equally good estimators
 
 
 Scores = Sequence[float | None]
-"""A score seed by seed; None where an estimator has none, such as where it could not be run."""
+"""A score for each seed; None where it is undefined, for example because the run failed."""
 
 
 def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
-    """Return the best and all that are not significantly worse.
+    """Return the best estimator and all that are not significantly worse.
 
-    Pairs are compared on their common seeds, and the best is the one that is behind the fewest
-    others. As it is chosen on the same seeds, the level is divided as for all k(k−1)/2 pairs
-    (Bonferroni over the choice of the best, Holm over the rest).
+    Estimators are compared in pairs on their common seeds. The best estimator is the one that has
+    the fewest better ones. Because the same seeds choose the best estimator, the level is divided
+    as if all k(k−1)/2 pairs were tested (Bonferroni for the choice of the best, Holm for the rest).
 
     Parameters
     ----------
     values : mapping of str to sequence of float or None (n,)
-        A score by name, seed by seed; less is better.
+        Values of a score for each seed, keyed by estimator; less is better.
     most : bool
         Whether more is better.
 
     Returns
     -------
     list of str
-        The best first; empty where none has the five seeds that a ranking takes.
+        Names with the best first; empty if no estimator has the five seeds that a ranking needs.
     """
     scores = {name: (-1) ** most * np.array(each, float) for name, each in values.items()}
     seeds = {name: np.sum(~np.isnan(each)) for name, each in scores.items()}
@@ -59,7 +59,7 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
 
 
 def by_fault(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
-    """Return the rows of each fault, by scenario and parameter."""
+    """Group rows by fault, that is by scenario and parameter."""
     faults: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         faults.setdefault((row["scenario"], row["parameter"]), []).append(row)
@@ -67,12 +67,12 @@ def by_fault(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
 
 
 def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """Return the rows with `leads`: whether an estimator is among the best at its fault.
+    """Add `leads` to each row: whether the estimator is among the best for this fault.
 
-    The rows are of a sweep, or of estimators at the one setting that they were run at (without
-    `how`). Controls do not compete, nor does one that is noisier than the reference at every
-    setting. One that is quieter at every setting may be quicker than its lag here, and never counts
-    as slower.
+    The rows come from a sweep, or from runs of each estimator at one setting (then without `how`).
+    Baselines do not compete, and neither do estimators that are noisier than the reference at every
+    setting. An estimator that is quieter at every setting competes only if its lag is below the lag
+    of all estimators at equal noise.
     """
     rows = list(rows)
     ahead = {
@@ -86,12 +86,12 @@ def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
 
 
 def compete(rows: Sequence[Row], score: str = "lag") -> list[Row]:
-    """Return the rows that can be ranked: at equal noise, or quieter and better than all of these.
+    """Return the rows to rank: estimators at equal noise, and quieter ones that beat all of them.
 
     Parameters
     ----------
     rows : sequence of mapping
-        ``estimator, how``, the score, and ``values`` of it.
+        Rows with ``estimator, how``, the score, and its ``values`` for each seed.
     score : {"lag", "score"}
     """
     sign = 1 if score == "lag" else -1
@@ -102,20 +102,20 @@ def compete(rows: Sequence[Row], score: str = "lag") -> list[Row]:
 
 
 def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return one number an estimator over all faults: its mean score at equal excess error.
+    """Return one number per estimator over all faults: its mean score at equal excess error.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Of a sweep, matched on the excess error: one for each fault and estimator.
+        Rows of a sweep at equal excess error, one for each fault and estimator.
 
     Returns
     -------
     list of dict
-        ``estimator, score, score_interval, how, faults, leads``, the best first. The set of faults
-        is the same for all, those for which a bound is defined; an estimator without a score at
-        one has 0 there. `how` is "quieter" or "noisier" where that is all that can be said at some
-        of them (the score is then at least, or at most, so much), "mixed" where both occur.
+        Dicts with ``estimator, score, score_interval, how, faults, leads``, the best first. The
+        mean is over all faults that have a bound; a missing score counts as 0. ``how`` is "quieter"
+        if the noise stays below the reference for some faults (the score is then a lower limit),
+        "noisier" if the noise stays above (an upper limit), and "mixed" if both occur.
     """
     faults = list(by_fault(row for row in rows if row["bound"]))
     seeds = max((len(row["values"].get("score") or ()) for row in rows), default=0)
@@ -143,24 +143,24 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def too_few(rows: Iterable[Row]) -> str:
-    """Return in words that there are fewer seeds than a ranking takes.
+    """Return a message if there are fewer seeds than a ranking needs, or an empty message.
 
-    Empty where there are enough, or no rows with a lag.
+    The message is also empty if no row has a lag.
     """
     lags = [np.array(row["values"]["lag"], float) for row in rows if row["values"].get("lag")]
     seeds = max((int(np.sum(~np.isnan(lag))) for lag in lags), default=LEAST)
     are = "seed is" if seeds == 1 else "seeds are"
-    return f"{seeds} {are} too few to rank: from {LEAST} on" if seeds < LEAST else ""
+    return f"{seeds} {are} too few for a ranking, which needs {LEAST}" if seeds < LEAST else ""
 
 
 def faults_of(rows: Sequence[Row]) -> pd.DataFrame:
-    """Return rows of a sweep as a DataFrame, with the name of their `fault`."""
+    """Return rows of a sweep as a DataFrame with a column `fault` (scenario and parameter)."""
     table = pd.DataFrame(rows, columns=None if rows else ["scenario", "parameter", "lag"])
     return table.assign(fault=table["scenario"] + ": " + table["parameter"],
                         lag=table["lag"].astype(float))  # fmt: skip
 
 
 def widest(matched: pd.DataFrame) -> str:
-    """Return the fault at which the lags of estimators at equal noise differ most."""
+    """Return the fault for which the lags at equal noise differ most between estimators."""
     lags = matched.groupby("fault")["lag"].agg(["max", "min"])
     return str((lags["max"] / lags["min"]).fillna(0).idxmax())

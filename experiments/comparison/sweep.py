@@ -1,11 +1,10 @@
-"""Turn the tuning parameters (knobs) of estimators, and compare these at equal noise.
+"""Run estimators at several settings of their tuning parameters, and compare them at equal noise.
 
-One setting of a knob ranks nothing: an estimator that forgets faster is faster and noisier. So each
-estimator runs at several settings, and its lag is interpolated, linearly in the logarithms, between
-the two settings on either side of the noise of a reference. For one fault the noise is the standard
-deviation of the parameter that changes; for all faults together it is the excess prediction error,
-which has no units. Where no setting is as quiet as the reference (or as noisy), the nearest one
-gives a bound on one side.
+A single setting does not allow a ranking, because an estimator that forgets faster is faster and
+noisier. So each estimator runs at several settings, and `matching` interpolates its lag at the
+noise of a reference. For a single fault, the noise is the standard deviation of the parameter that
+changes; for all faults together, the noise is the excess prediction error, which has no unit. The
+code calls a tuning parameter a knob.
 """
 
 import inspect
@@ -36,28 +35,28 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 Run = Callable[[Sequence[Scenario], Sequence[str], Sequence[int]], pd.DataFrame]
-"""``run(scenarios, estimators, seeds)``: the rows of these cases, as `Runner.rows` returns them."""
+"""Function ``run(scenarios, estimators, seeds)`` that returns rows like `Runner.rows`."""
 
-FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the default setting, in what the knob gives of speed
-WIDER = (16.0, 64.0, 256.0, 1024.0)  # and its inverse, where these do not reach the reference
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # settings relative to the default; larger is faster
+WIDER = (16.0, 64.0, 256.0, 1024.0)  # tried (or their inverses) if FACTORS do not suffice
 TURNS = (*FACTORS, *WIDER, *(1 / factor for factor in WIDER))
-"""All turns that a sweep may take."""
+"""All settings that a sweep may run, relative to the default."""
 
 ALARMS = "detection.false_alarms_per_1000_s"
 NOISES: tuple[Noise, ...] = ("std", "excess")
 
-Line = dict[str, float]  # settings of one estimator, with the turn of its knob
+Line = dict[str, float]  # settings of one estimator, each with its ratio to the default
 Turn = Callable[[float], str | None]
-"""From a turn of the knob to the estimator's text, None where it does not turn so far."""
+"""Function from a factor to the estimator's text, or to None outside the knob's range."""
 
 
 def knob_of(name: str) -> Knob | None:
-    """Return the knob of an estimator, None where it has none, or options already.
+    """Return the knob of an estimator; None if it has no knob, or if `name` has options already.
 
     Raises
     ------
     EstimatorError
-        If there is no such estimator, or its class declares a knob that cannot be turned.
+        If there is no such estimator, or its class declares an invalid knob.
     """
     spec = parse(name)
     if spec.options:
@@ -75,10 +74,10 @@ def knob_of(name: str) -> Knob | None:
 
 
 def with_knob(name: str, factor: float) -> str | None:
-    """Return an estimator with its knob turned: "rpem-forgetting[forgetting=0.99]".
+    """Return the text of an estimator at another setting of its knob.
 
-    One without a knob, or with options already, stays as it is. None where the knob does not turn
-    so far.
+    An estimator without a knob, or with options already, is returned unchanged. The result is None
+    if the setting is outside the range of the knob.
 
     Examples
     --------
@@ -93,9 +92,9 @@ def with_knob(name: str, factor: float) -> str | None:
 
 
 def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -> dict[str, Line]:
-    """Return the settings that a first sweep runs of each estimator.
+    """Return the settings of each estimator for a first sweep.
 
-    One without a knob has one setting. Two estimators may share a setting, which is run once.
+    An estimator without a knob has a single setting. Two estimators can share a setting.
     """
     lines: dict[str, Line] = {}
     for name in estimators:
@@ -105,25 +104,25 @@ def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -
 
 
 def texts(lines: Mapping[str, Line]) -> list[str]:
-    """Return all settings of a first sweep, each once, and the reference."""
+    """Return the reference and all settings of a first sweep, without duplicates."""
     return list(dict.fromkeys([reference(), *(text for line in lines.values() for text in line)]))
 
 
 def reference() -> str:
-    """Return the setting that others are compared with at equal noise."""
+    """Return the setting that defines the noise at which estimators are compared."""
     return str(with_knob(REFERENCE, 1.0))
 
 
 @dataclass(frozen=True)
 class Runs:
-    """Rows of some seeds by scenario and setting, each run once."""
+    """Cache of rows for fixed seeds, keyed by scenario and setting; each setting is run once."""
 
     run: Run
     seeds: Sequence[int]
     known: dict[tuple[str, str], pd.DataFrame] = field(default_factory=dict, repr=False)
 
     def of(self, scenario: Scenario, text: str) -> pd.DataFrame:
-        """Return the rows of a setting, one a seed and parameter; raise if a case failed."""
+        """Return the rows of a setting, one per seed and parameter; raise if a case failed."""
         key = scenario.hash, text
         if key not in self.known:
             frame = self.run([scenario], [text], self.seeds)
@@ -132,12 +131,12 @@ class Runs:
         return self.known[key]
 
     def changed(self, scenario: Scenario, text: str) -> list[str]:
-        """Return the parameters that an estimator estimates and that change."""
+        """Return the parameters that change and that the estimator estimates."""
         frame = self.of(scenario, text)
         return list(frame.loc[frame["changed"].astype(bool), "parameter"].unique())
 
     def able(self, scenario: Scenario, text: str) -> bool:
-        """Return whether a setting runs on a scenario."""
+        """Return whether a setting can run on a scenario."""
         try:
             return bool(len(self.of(scenario, text)))
         except (EstimatorError, StudyError):
@@ -147,11 +146,11 @@ class Runs:
         self, scenario: Scenario, base: str, line: Line, turn: Turn, further: Sequence[float], *,
         pairs: Iterable[tuple[str, Noise]], whole: bool = False,
     ) -> dict[tuple[str, Noise], Match | None]:  # fmt: skip
-        """Return an estimator at the noise of a base, by parameter and kind of noise.
+        """Return an estimator at the noise of a base, keyed by parameter and kind of noise.
 
-        Where its settings are all quieter than the base, or all noisier, its knob is turned
-        further, as far as it goes; these settings are added to its line. If `whole`, seeds on
-        which any setting lost a run are left out.
+        If all settings are quieter than the base, or all are noisier, settings further from the
+        default are run and added to `line`. If `whole`, seeds on which a run of any setting
+        diverged are left out.
         """
         matches: dict[tuple[str, Noise], Match | None] = dict.fromkeys(pairs)
         for factor in (1.0, *further):
@@ -182,15 +181,16 @@ class Sweep:
     Attributes
     ----------
     points : list of dict
-        One for each fault, estimator and setting: ``scenario, parameter, estimator, setting,
-        factor``, pooled ``lag, lag_interval, t10, std, std_interval, std_after, excess, diverged,
-        seeds``, ``lag_bound`` and ``lag_bound_single``.
+        One dict for each fault, estimator and setting: ``scenario, parameter, estimator, setting,
+        factor``, the pooled ``lag, lag_interval, t10, std, std_interval, std_after, excess,
+        diverged, seeds``, and ``lag_bound`` and ``lag_bound_single``.
     matched : list of dict
-        One for each fault and estimator, at the std of the reference in the parameter that
-        changes: ``how`` (see `Match`), ``nearest, ratio, lag, lag_interval, bound, over_bound,
-        std_after, false_alarms_per_1000_s, leads``, and ``values`` of ln lag seed by seed.
+        One dict for each fault and estimator, at the same std of the changing parameter as the
+        reference: ``how`` (see `Match`), ``nearest, ratio, lag, lag_interval, bound, over_bound,
+        std_after, false_alarms_per_1000_s, leads``, and ``values``, the log lag for each seed.
     at_excess : list of dict
-        The same at the excess error of the reference, with ``score`` and its values.
+        Results as in `matched`, but at the excess error of the reference, and with ``score`` and
+        its values.
     """
 
     points: list[dict[str, Any]]
@@ -201,10 +201,10 @@ class Sweep:
 def sweep(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], run: Run
 ) -> Sweep:
-    """Run every estimator at several settings of its knob, and match them to the reference.
+    """Run every estimator at several settings of its knob, and match its noise to the reference.
 
-    Where these settings are all quieter than the reference, or all noisier, the knob is turned
-    further, up to 1024 times, as far as the estimator allows.
+    If all settings are quieter than the reference, or all are noisier, the sweep tries settings up
+    to a factor of 1024 from the default, within the range of the knob.
 
     Parameters
     ----------
@@ -212,17 +212,17 @@ def sweep(
     estimators : sequence of str
     seeds : sequence of int
     run : callable
-        ``run(scenarios, estimators, seeds)``: rows of these cases, one a parameter.
+        ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
 
     Raises
     ------
     FlexaxisError
-        If no scenario has a fault in a parameter that it asks to be estimated.
+        If no scenario has a fault in a parameter of its `identify`.
     """
     if not any(w.D > 0 for s in scenarios for w in windows(s, s.identify)):
         raise FlexaxisError(
             f"{', '.join(s.name for s in scenarios)}: no fault in an estimated parameter, so there "
-            "is no lag to compare. Name a scenario with one (`flexaxis list`)"
+            "is no lag to compare. Choose a scenario with such a fault (`flexaxis list`)"
         )
     run(scenarios, texts(settings(estimators)), seeds)  # all at once, because they share records
     runs, points = Runs(run, seeds), []
@@ -247,7 +247,7 @@ def sweep(
 def able(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], run: Run
 ) -> list[str]:
-    """Return the estimators that run on all that a first sweep asks of them."""
+    """Return the estimators that run without failure on all scenarios in a first sweep."""
     lines = settings(estimators)
     frame = run(scenarios, texts(lines), seeds)
     failed = {*frame.loc[frame["error"].notna(), "estimator"]}
@@ -261,7 +261,7 @@ _KEPT = (
 
 
 def _row(scenario: Scenario, estimator: str, parameter: str, matched: Match) -> dict[str, Any]:
-    """Return the scores of an estimator at equal noise, with the values of each seed."""
+    """Return the scores of an estimator at equal noise, with their values for each seed."""
     values = {name: matched.at(name) for name in ("lag", "std_after", "score")}
     lag, after, score = (None if x is None else float(x.mean()) for x in values.values())
     within = None if lag is None else mean_interval(values["lag"])  # type: ignore[arg-type]
@@ -282,7 +282,7 @@ def _row(scenario: Scenario, estimator: str, parameter: str, matched: Match) -> 
         "score": score,
         "std_after": after and round(after, 5),  # 0 where it does not move
         "false_alarms_per_1000_s": rate,
-        "values": {  # six digits, by seed
+        "values": {  # six digits, one value per seed
             name: None if (x := values[name]) is None else [float(f"{v:.6g}") for v in x]
             for name in ("lag", "score")
         },

@@ -1,6 +1,6 @@
-"""Tune an estimator: find where its noise is that of the reference.
+"""Tune an estimator: find the setting at which it is as noisy as the reference.
 
-Its tuning parameter, the knob, is the way through its options that buys speed with noise
+The tuning parameter, or knob, is the option that trades speed for noise
 (`flexaxis.estimators.knob`).
 """
 
@@ -27,10 +27,10 @@ from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.files import read_toml, toml_text
 from flexaxis.sim.scenario import Scenario
 
-EXCESS = "excess"  # what is matched unless the std of one parameter is
-TOLERANCE = 0.01  # of the matched noise
-ROUNDS = 12  # settings that a match may take
-DIGITS = 4  # of a setting: more than the tolerance can tell apart
+EXCESS = "excess"  # default measure of noise; the alternative is the std of one parameter
+TOLERANCE = 0.01  # relative tolerance of the matched noise
+ROUNDS = 12  # largest number of settings tried
+DIGITS = 4  # significant digits of a setting, finer than the tolerance requires
 
 
 @dataclass(frozen=True)
@@ -40,16 +40,16 @@ class Tuned:
     Attributes
     ----------
     setting : str
-        The estimator with its knob, as for `--estimator`.
+        The estimator with its tuned options, as for `--estimator`.
     knob : str
-        The option that is turned, or the options.
+        The option that is tuned, or several options.
     value : float
-        Of the option; of several the position on their path.
+        Value of the option; for several options, the position on their common path.
     match : str
-        What is matched: "excess", or the parameter whose std is.
+        Noise that is matched: "excess", or the parameter whose std is matched.
     ratio : float
-        Noise over that of the reference: of the excess error the root, so that it is a ratio of
-        deviations.
+        Noise over the noise of the reference. For the excess error, which is a square, `ratio` is
+        the root.
     """
 
     setting: str
@@ -59,51 +59,52 @@ class Tuned:
     ratio: float
 
     def turned(self, factor: float) -> str | None:
-        """Return the estimator with its knob turned about this setting, None if out of range."""
+        """Return the estimator at another setting relative to this one; None if out of range."""
         name, options, knob = parts(self.setting)
         at = knob.at(knob.position(self.value) * factor)
         return None if at is None else with_options(name, options | at)
 
 
 def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
-    """Return the name of an estimator, its options without those of the knob, and the knob.
+    """Return the name of an estimator, its options except the tuned ones, and its knob.
 
     Raises
     ------
     FlexaxisError
-        If it has no knob.
+        If the estimator has no knob.
     """
     options = written_options(text)
     name = text.partition("[")[0].strip() if options else text
     knob = knob_of(name)
     if knob is None:
         raise FlexaxisError(
-            f"{text} has no knob to turn, so its noise cannot be matched. An estimator of your own "
-            'names the option in its class, such as knob = "1-lam" for λ turned in 1−λ; a program '
-            "takes no options"
+            f"{text} has no tuning parameter, so its noise cannot be matched. In your own class, "
+            'name the option to tune, such as knob = "1-lam" to tune λ in 1−λ. A program has no '
+            "options"
         )
     return name, {key: value for key, value in options.items() if key not in knob.names}, knob
 
 
 def tuning_scenario() -> Scenario:
-    """Return where the noise is matched: the nominal axis without a fault, started at the truth."""
+    """Return the scenario for matching noise: the nominal axis, true θ(0), and no fault."""
     return find_scenario("paper_nominal-v1").override({"start": 1.0})
 
 
 @dataclass(frozen=True)
 class Trials:
-    """Where settings are tried.
+    """The runs on which settings are tried.
 
     Attributes
     ----------
     seeds : sequence of int
-        Those for tuning.
+        Seeds for tuning.
     run : callable
-        ``run(scenarios, estimators, seeds)``: rows of these cases, one a parameter.
+        ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
     match : str
-        What is to be matched: "excess", or the parameter whose std is.
+        Noise that is matched: "excess", or the parameter whose std is matched.
     scenarios : sequence of Scenario
-        Where the noise is taken, before the first fault: the nominal axis, without one, if empty.
+        Scenarios in which the noise before the first fault is measured. If empty, the noise is
+        measured on the nominal axis without a fault.
     """
 
     seeds: Sequence[int]
@@ -112,9 +113,10 @@ class Trials:
     scenarios: Sequence[Scenario] = ()
 
     def noises(self, text: str) -> pd.Series:
-        """Return ln of the std by parameter, and of the root of the excess error as "excess".
+        """Return the logarithm of the std of each parameter, and of the root of the excess error.
 
-        Of several scenarios it is the mean, of what all of them have.
+        The result has the key "excess" for the latter. Values are means over the scenarios; a
+        parameter that is not estimated in every scenario is left out.
         """
         each = []
         for scenario in self.scenarios or [tuning_scenario()]:
@@ -130,27 +132,28 @@ class Trials:
 
 
 def match_noise(text: str, trials: Trials) -> Tuned:
-    """Turn the knob until the noise is that of `rpem-forgetting` at its default.
+    """Tune an estimator until it is as noisy as `rpem-forgetting` at its default.
 
-    Secant steps in the logarithms, halving once the match lies between two settings; noise grows
-    with every knob's position. At most `ROUNDS` settings, within the range of the knob.
+    The search takes secant steps in the logarithms, and bisects once the match lies between two
+    settings. It assumes that noise increases with the position of the knob, and tries at most
+    `ROUNDS` settings within the knob's range.
 
     Parameters
     ----------
     text : str
-        An estimator with a knob; other options stay as they are.
+        An estimator with a knob. Other options keep their values.
     trials : Trials
 
     Raises
     ------
     FlexaxisError
-        If the estimator has no knob, or no setting is found.
+        If the estimator has no knob, or if no setting matches.
     """
     (name, options, knob), target = parts(text), trials.noises(reference())
     if trials.match not in target:
         raise FlexaxisError(
             f"{trials.match!r} cannot be matched.{did_you_mean(trials.match, target.index)} "
-            f"There are: {', '.join(target.index)}"
+            f"Choose from: {', '.join(target.index)}"
         )
     quiet, noisy, slope, before = -np.inf, np.inf, 0.5, None
     here = np.log(_rounded(knob.usual, knob))
@@ -161,8 +164,8 @@ def match_noise(text: str, trials: Trials) -> Tuned:
         errors = (trials.noises(tried) - target).dropna()
         if trials.match not in errors:
             raise FlexaxisError(
-                f"{tried}: it has no noise to match: it does not move, or does not estimate what "
-                f"the {'excess error' if trials.match == EXCESS else trials.match} takes"
+                f"{tried} has no noise to match. Its estimates do not move, or it does not "
+                f"estimate the parameters needed to match {trials.match!r}"
             )
         error = errors[trials.match]
         if abs(error) < TOLERANCE:
@@ -179,46 +182,47 @@ def match_noise(text: str, trials: Trials) -> Tuned:
             here = (quiet + noisy) / 2
     least, most = sorted((knob.value(knob.least), knob.value(knob.most)))
     raise FlexaxisError(
-        f"{name}: no setting of its knob has the noise of {REFERENCE}. The last one tried "
-        f"within {knob.label} from {least:.4g} to {most:.4g} is {tried}, with {np.exp(error):.3g} "
-        f'times that noise. If it is quicker with less of it, write knob = "1/{knob.label}"'
+        f"{name}: no setting of {knob.label} from {least:.4g} to {most:.4g} has the noise of "
+        f"{REFERENCE}. The last one tried is {tried}, with {np.exp(error):.3g} times that noise. "
+        f'If a smaller {knob.label} is faster, write knob = "1/{knob.label}"'
     )
 
 
 def equally_noisy(
     texts: Sequence[str], scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int]
 ) -> list[Tuned]:
-    """Turn the tuning parameters of two estimators until both are as noisy as the reference.
+    """Tune two estimators until both are as noisy as the reference.
 
-    Where one parameter alone changes in these scenarios, the std of that parameter is equal; where
-    several do, the excess prediction error, which is one number for all.
+    If a single parameter changes in these scenarios, its std is matched. If several parameters
+    change, the excess prediction error is matched, because it is one number for all.
 
     Parameters
     ----------
     texts : sequence of str
-        As for `--estimator`; a tuning parameter that is set in them is turned, other options
-        stay.
+        Estimators as for `--estimator`. A value of the tuning parameter is replaced; other options
+        keep their values.
     scenarios : sequence of Scenario
-        Noise is taken before their faults.
+        Scenarios in which the noise before the faults is measured.
     run : callable
+        ``run(scenarios, estimators, seeds)`` returns the rows of these cases, one per parameter.
     seeds : sequence of int
-        For tuning.
+        Seeds for tuning.
 
     Raises
     ------
     FlexaxisError
-        If one of them has no tuning parameter, nothing changes that both estimate, or no setting
-        reaches the noise.
+        If one of them has no tuning parameter, if no parameter that both estimate changes, or if no
+        setting matches the noise.
     """
     for text in texts:
-        parts(text)  # without a knob nothing need be run
+        parts(text)  # fail before any run if there is no knob
     first = Runs(run, seeds[:1])
     changing = [set[str].intersection(*({*first.changed(s, t)} for t in texts)) for s in scenarios]
     every = set[str]().union(*changing)
     if not every:
         raise FlexaxisError(
             "--match-std: no scenario has a fault in a parameter that both estimate, so there is "
-            "no lag to compare. Name one that has (`flexaxis list`)"
+            "no lag to compare. Choose a scenario with such a fault (`flexaxis list`)"
         )
     match = EXCESS if len(every) > 1 else every.pop()
     where = [s for s, names in zip(scenarios, changing, strict=True) if names]
@@ -231,15 +235,15 @@ def _rounded(position: float, knob: Knob) -> float:
 
 
 def save(path: Path, name: str, tuned: Tuned | None) -> None:
-    """Write a setting to a file like estimators/tuned.toml, in place of the one it had.
+    """Write the setting of an estimator to a file like estimators/tuned.toml; replace an old one.
 
     Parameters
     ----------
     path : Path
     name : str
-        The estimator.
+        Name of the estimator.
     tuned : Tuned or None
-        None removes the setting: what was found before is no match any more.
+        New setting, or None to remove the old one because it no longer matches.
     """
     known = read_toml(path, FlexaxisError) if path.exists() else {}
     tables = [table for table in known.get("tuned", []) if table["estimator"] != name]
@@ -253,5 +257,5 @@ def save(path: Path, name: str, tuned: Tuned | None) -> None:
         tables.append(asdict(about))
     order = [*REGISTRY]
     tables.sort(key=lambda table: [*order, table["estimator"]].index(table["estimator"]))
-    text = "# Written by `flexaxis tune`; docs/scores.md explains.\n" + toml_text({"tuned": tables})
+    text = "# Written by `flexaxis tune` (see docs/scores.md).\n" + toml_text({"tuned": tables})
     write_text(path, text)

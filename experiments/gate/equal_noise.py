@@ -1,9 +1,9 @@
 """Compare at equal noise: tune both sides to the same noise, then compare their lags.
 
 The tuning parameters are adjusted on tuning seeds until both estimators are as noisy as the
-reference. On the seeds of the comparison their noise still differs by chance. So the candidate
-also runs at neighbouring settings, and its lag is interpolated where it is exactly as noisy as the
-base (`flexaxis.experiments.comparison.sweep`).
+reference. On the seeds of the comparison, their noise still differs by chance. So the candidate
+also runs at neighbouring settings, and its lag is interpolated at exactly the noise of the base
+(`flexaxis.experiments.comparison.sweep`).
 """
 
 from collections.abc import Sequence
@@ -22,25 +22,25 @@ from flexaxis.sim.scenario import Scenario
 SEEDS = tuple(range(16))
 """Seeds for tuning."""
 
-TURNS = (1 / 1.2, 1.0, 1.2)  # of the candidate's knob, about its setting
-FURTHER = (1.6, 4.0, 16.0)  # and its inverse, where all are noisier than the base, or all quieter
+TURNS = (1 / 1.2, 1.0, 1.2)  # settings of the candidate relative to the tuned one
+FURTHER = (1.6, 4.0, 16.0)  # used (or their inverses) if these do not reach the noise of the base
 
 
 def at_equal_noise(
     paired: Paired, base: Tuned, candidate: Tuned, *,
     scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int],
 ) -> Paired:  # fmt: skip
-    """Return the lags read off at equal noise; a fault that has no match is a gap.
+    """Replace the lags by lags at equal noise; a fault without a match becomes a gap.
 
     Parameters
     ----------
     paired : Paired
-        Of the two settings as they are.
+        Paired scores of the two tuned settings.
     base, candidate : Tuned
     scenarios : sequence of Scenario
     run : callable
     seeds : sequence of int
-        Of the comparison.
+        Seeds of the comparison, which must differ from the tuning seeds.
     """
     noise: Noise = "excess" if base.match == EXCESS else "std"
     turn, runs = candidate.turned, Runs(run, seeds)
@@ -53,7 +53,7 @@ def at_equal_noise(
             pairs=[(row["parameter"], noise)], whole=True,
         ).values()  # fmt: skip
         if match is None or match.how != MATCHED:
-            text = "the noise of {parameter} at {scenario} has no match"
+            text = "no setting matches the noise of {parameter} at {scenario}"
             gaps.append(Gap("candidate", text.format(**row)))
             continue
         logs = np.array([match.reference.at("lag"), match.at("lag")])

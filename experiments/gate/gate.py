@@ -1,4 +1,4 @@
-"""Compare a candidate with a base: run both on common seeds, and add seeds until it is decided."""
+"""Compare a candidate with a base: run both on common seeds, adding seeds until a clear verdict."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -39,19 +39,19 @@ class Comparison:
     Attributes
     ----------
     base, candidate : str
-        Texts as for `--estimator`; at equal noise as tuned.
+        Estimators as for `--estimator`; at equal noise, with their tuned options.
     seeds : list of int
     rows : DataFrame
-        A verdict a score, as from `flexaxis.experiments.gate.verdict.judge`.
+        One verdict per score, from `flexaxis.experiments.gate.verdict.judge`.
     lost : sequence of Lost
-        A verdict on each way to lose runs.
+        One verdict for each kind of lost run.
     paired : Paired
-        What they are of.
+        Paired scores on which the verdicts are based.
     margins : mapping of metric to float
     look, looks : int
-        At which look it was decided, of how many planned.
+        Number of the look that gave the verdict, counted from 1, and the number of planned looks.
     equal : sequence of Tuned
-        The settings of both, where they were tuned to one noise first.
+        Tuned settings of both estimators, if they were first tuned to equal noise.
     """
 
     base: str
@@ -67,17 +67,17 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """The overall verdict: if runs of the candidate are missing, "worse" or "undecided"."""
+        """The overall verdict; if candidate runs are missing, it is "worse" or "undecided"."""
         word = overall(self.rows["verdict"], self.lost)
         sides = {gap.side for gap in self.paired.gaps}
         short = "candidate" in sides or ("base" in sides and word in {SLIGHT, SAME})
         return UNDECIDED if short and word != WORSE else word
 
     def status(self) -> int:
-        """Return the exit status: 1 worse; 3 undecided; else 0.
+        """Return the exit status: 1 for worse, 3 for undecided with problems, otherwise 0.
 
-        Undecided is 3 only where somebody must look: candidate runs are newly lost or failed, or
-        not there.
+        Undecided gives 3 only if runs of the candidate are missing, or if more of them fail,
+        diverge or never settle than for the base.
         """
         if self.verdict != UNDECIDED:
             return int(self.verdict == WORSE)
@@ -93,31 +93,32 @@ def compare(
 ) -> Comparison:  # fmt: skip
     """Run both estimators and judge every score, at equal noise if `match_std`.
 
-    With more seeds allowed than the first look has, looks with twice as many follow until nothing
-    is undecided, or the seeds are spent. K looks have alpha/K each (Bonferroni), so that looking
-    again does not raise the rate of false alarms. Scenarios that one side cannot read are left out.
+    If `max_seeds` allows more seeds, further looks (interim analyses) double the number of seeds
+    until nothing is undecided or the seeds are used up. Each of K looks has the level alpha/K
+    (Bonferroni), so repeated looks do not raise the false alarm rate. Scenarios that one of the
+    estimators cannot run on are left out.
 
     Parameters
     ----------
     base, candidate : str
-        Texts as for `--estimator`.
+        Estimators as for `--estimator`.
     scenarios : sequence of Scenario
     seeds : sequence of int
-        Of the first look.
+        Seeds of the first look.
     runner : Runner
-        Where the cases are run.
+        Runner for the cases.
     margins : mapping of metric to float
-        Changes that do not matter, as shares.
+        Largest relative change of each score that counts as negligible.
     max_seeds : int
-        Seeds that may be spent.
+        Largest number of seeds.
     match_std : bool
-        Whether to tune both to one noise first.
+        Whether to tune both estimators to equal noise first.
 
     Raises
     ------
     FlexaxisError
-        If there are fewer than two seeds, more than `max_seeds`, or no common run; if noise cannot
-        be equal.
+        If there are fewer than two seeds, more than `max_seeds`, or no common run; or if the noise
+        cannot be matched.
     """
     looks, run = look_seeds(seeds, max_seeds), runner.rows
     left = [runner.misfits(scenarios, [text]) for text in (base, candidate)]
@@ -125,12 +126,13 @@ def compare(
             for side, own, other in zip(SIDES, left, left[::-1], strict=True)
             for name in own if name not in other]  # fmt: skip
     readable = [s for s in scenarios if s.name not in {*left[0], *left[1]}]
-    scenarios = readable or scenarios  # running them tells why
+    scenarios = readable or scenarios  # if none is left, running them raises the error
     equal: Sequence[Tuned] = ()
     if match_std:
         if used := {*SEEDS} & {*looks[-1]}:
             raise FlexaxisError(
-                f"seed {min(used)} is used for tuning: compare on others, such as --seeds 1000:1032"
+                f"seed {min(used)} is used for tuning: compare on other seeds, such as "
+                "--seeds 1000:1032"
             )
         equal = equally_noisy((base, candidate), scenarios, run, SEEDS[: max(2, len(seeds))])
         base, candidate = (side.setting for side in equal)
@@ -138,7 +140,7 @@ def compare(
         frame = run(scenarios, [base, candidate], now)
         sides = [table(frame[frame["estimator"] == text]) for text in (base, candidate)]
         for side in sides:
-            if side["failed"].all():  # a crash, and no verdict
+            if side["failed"].all():  # report the crash instead of a verdict
                 check_failures(side)
         paired = pair(*sides, margins)  # type: ignore[call-arg]
         if equal:
@@ -153,7 +155,7 @@ def compare(
 
 
 def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
-    """Return the seeds of each look: the first ones, then twice as many, up to the most.
+    """Return the seeds of each look; each look doubles the number of seeds, up to `most`.
 
     Examples
     --------
@@ -162,8 +164,8 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
     """
     if len(seeds) < 2 or 0 < most < len(seeds):
         raise FlexaxisError(
-            f"give at least 2 seeds, better 32, and no more --seeds ({len(seeds)}) than "
-            f"--max-seeds ({most})"
+            f"give at least 2 seeds (32 are recommended), and at most as many --seeds "
+            f"({len(seeds)}) as --max-seeds ({most})"
         )
     every, sizes = [*seeds, *range(seeds[-1] + 1, seeds[-1] + 1 + most)], [len(seeds)]
     while sizes[-1] < most:
@@ -172,11 +174,11 @@ def look_seeds(seeds: Sequence[int], most: int) -> list[list[int]]:
 
 
 def check_margins(margins: Mapping[str, float]) -> dict[str, float]:
-    """Return all margins, with some of them added or changed; refuse unknown scores."""
+    """Return the default margins updated with `margins`; raise if a score is unknown."""
     for metric, margin in margins.items():
         if metric not in METRICS or not 0 < margin < 1:
             raise FlexaxisError(
-                f"--margin {metric}: give a score and a share between 0 and 100 %, as in lag=2%."
+                f"--margin {metric}: give a score and a margin between 0 and 100 %, as in lag=2%."
                 f"{did_you_mean(metric, METRICS)}"
             )
     return {**MARGINS, **margins}
@@ -186,7 +188,7 @@ def compare_runs(
     base: Path, candidate: Path, *, margins: Mapping[str, float] = MARGINS,
     estimators: Sequence[str | None] = (None, None), seeds: Sequence[int] | None = None,
 ) -> Comparison:  # fmt: skip
-    """Compare an estimator of one finished run with one of another, on their common seeds.
+    """Compare estimators from two finished runs on their common seeds.
 
     Parameters
     ----------
@@ -194,15 +196,15 @@ def compare_runs(
         Results folders.
     margins : mapping of metric to float
     estimators : sequence of str or None
-        Which estimator of each folder; may be left out where there is only one.
+        Estimator from each folder; None if the folder has only one.
     seeds : sequence of int, optional
-        Only these.
+        Seeds to compare (default: all).
 
     Raises
     ------
     FlexaxisError
-        If the versions or the content of a scenario differ, the estimator is not clear, or fewer
-        than two seeds are common.
+        If the versions or a scenario differ, if a folder has several estimators and none is chosen,
+        or if there are fewer than two common seeds.
     """
     sides, names, versions = [], [], []  # type: ignore[var-annotated]
     for folder, text in zip((base, candidate), estimators, strict=True):
@@ -213,8 +215,8 @@ def compare_runs(
         chosen = [text] if text else texts
         if results.axes or len(chosen) > 1 or chosen[0] not in texts:
             raise FlexaxisError(
-                f"{folder}: take a finished run, and name its estimator with --base or "
-                f"--candidate. It holds: {', '.join(texts)}"
+                f"{folder}: give the folder of a finished run, and choose its estimator with "
+                f"--base or --candidate. The folder has: {', '.join(texts)}"
             )
         names += chosen
         versions.append(summary_of(folder)["versions"])
@@ -222,8 +224,8 @@ def compare_runs(
     old, new = (dict(zip(side["scenario"], side["hash"], strict=True)) for side in sides)
     if versions[0] != versions[1] or any(old[name] != new[name] for name in old.keys() & new):
         raise FlexaxisError(
-            f"{base} and {candidate} are of different versions of flexaxis, or of a scenario: run "
-            "both again, or use `flexaxis compare --base … --candidate …`"
+            f"{base} and {candidate} come from different versions of flexaxis or of a scenario. "
+            "Run both again, or use `flexaxis compare --base … --candidate …`"
         )
     paired = pair(*sides, margins)  # type: ignore[call-arg]
     common = sorted({*sides[0]["seed"]} & {*sides[1]["seed"]})

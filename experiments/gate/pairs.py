@@ -15,8 +15,8 @@ from flexaxis.sim.errors import FlexaxisError
 Array = NDArray[np.float64]
 
 LOST = ("diverged", "never_settled")
-"""Ways to lose a run. They are counted over all scenarios, apart from each other and from scores:
-an average over the runs that are left would reward an estimator for losing the hard ones."""
+"""Kinds of lost runs. Each kind is counted over all scenarios and judged separately from scores,
+because an average over the remaining runs would reward an estimator for losing difficult ones."""
 
 SIDES = ("base", "candidate")
 CASE = ["scenario", "seed"]
@@ -27,7 +27,7 @@ NUMBERS = [*dict.fromkeys([*METRICS, *(bias for bias, _ in SPREADS.values())])]
 
 
 class Gap(NamedTuple):
-    """What `side` lacks in a comparison; `must_look` if the comparison may not pass for it."""
+    """Results that are missing for `side`. If `must_look` is true, the gate must not pass."""
 
     side: str
     text: str
@@ -36,23 +36,23 @@ class Gap(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Paired:
-    """All that a comparison is made of.
+    """The paired data of a comparison.
 
     Attributes
     ----------
     scores : DataFrame
-        One row a score: ``scenario, parameter, metric, margin``; ``base, candidate``, means over
-        the pairs, geometric where ratios are compared [unit of the metric]; ``changes`` (n,),
-        log(candidate/base) or (candidate − base)/``scale``, NaN where either side diverged or has
-        no score; ``scale``, NaN where ratios are compared.
+        One row per score, with ``scenario, parameter, metric, margin``. ``base`` and ``candidate``
+        are means over the pairs [unit of the metric], geometric if ratios are compared.
+        ``changes`` (n,) are log(candidate/base) or (candidate − base)/``scale``, NaN if either side
+        diverged or has no score. ``scale`` is NaN if ratios are compared.
     lost : DataFrame
-        By scenario and seed: whether the run was lost, columns ``"diverged base"`` and so on. A
-        run that diverged on either side does not count as never settled.
+        One row per scenario and seed; the columns ``"diverged base"`` and so on tell whether the
+        run was lost. A run that diverged on either side does not count as never settled.
     gaps : sequence of Gap
     estimated : mapping of side to set of str
         Parameters that base and candidate estimate.
     failed : mapping of side to int
-        Cases that failed.
+        Number of failed cases.
     """
 
     scores: pd.DataFrame
@@ -65,13 +65,13 @@ class Paired:
 def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     """Return the rows of one estimator for the comparison.
 
-    A failed case has rows for all parameters of its scenario. They are dropped for parameters that
-    no other case of the estimator has.
+    A failed case has rows for all parameters of its scenario. The rows for parameters that the
+    estimator does not estimate in any other case are dropped.
 
     Parameters
     ----------
     rows : iterable of mapping, or DataFrame
-        One row a run and parameter: ``scenario, seed, parameter, changed, failed, diverged,
+        One row per run and parameter, with ``scenario, seed, parameter, changed, failed, diverged,
         never_settled``, the scores, and optionally ``hash`` and ``error``.
     """
     frame = pd.DataFrame(rows).reindex(columns=[*KEY, *FLAGS, *NUMBERS, "hash", "error"])
@@ -82,19 +82,19 @@ def table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, float]) -> Paired:
-    """Return what base and candidate scored on the runs common to both.
+    """Return the scores of base and candidate on their common runs.
 
     Parameters
     ----------
     base, candidate : DataFrame
-        As from `table`.
+        Rows from `table`.
     margins : mapping of metric to float
-        What is compared, and how large a change matters.
+        Scores to compare, each with the smallest relative change that matters.
 
     Raises
     ------
     FlexaxisError
-        If they have fewer than two seeds in common, or no scenario or parameter.
+        If both sides have fewer than two common seeds, or no common scenario or parameter.
     """
     both = base.merge(candidate, on=KEY, suffixes=(" base", " candidate"))
     if both["seed"].nunique() < 2:
@@ -119,7 +119,7 @@ def pair(base: pd.DataFrame, candidate: pd.DataFrame, margins: Mapping[str, floa
 
 
 def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
-    """Return what one side alone was run on, of the seeds on which both were run at all."""
+    """Return the cases that only one side has, among the seeds on which both were run."""
     seeds = set.intersection(*({*rows["seed"]} for rows in sides.values()))
     cases = pd.DataFrame({
         side: rows[rows["seed"].isin(seeds)].drop_duplicates(CASE)["scenario"].value_counts()
@@ -131,7 +131,7 @@ def _lacking(sides: Mapping[str, pd.DataFrame]) -> list[Gap]:
 
 
 def _lost(both: pd.DataFrame) -> pd.DataFrame:
-    """Return which runs each side lost, in any of the common parameters."""
+    """Return the runs that each side lost, in any of the common parameters."""
     columns = [f"{way} {side}" for way in LOST for side in SIDES]
     lost = both.groupby(CASE)[columns].any()
     lost[columns[2:]] &= ~lost[columns[:2]].any(axis=1).to_numpy()[:, None]
@@ -141,7 +141,7 @@ def _lost(both: pd.DataFrame) -> pd.DataFrame:
 def _score(
     part: pd.DataFrame, scenario: str, parameter: str, metric: str, margin: float
 ) -> dict[str, Any]:
-    """Return one score of both sides; empty if undefined, such as the lag without a change."""
+    """Return one score of both sides, or {} if it is undefined (such as a lag without a change)."""
 
     def sides(name: str) -> Array:
         return part[[f"{name} base", f"{name} candidate"]].to_numpy(float).T.copy()
@@ -152,14 +152,14 @@ def _score(
     pairs = np.isfinite(values).all(axis=0) & ~sides("diverged").any(axis=0)
     values[:, ~pairs] = np.nan
     if pairs.any():
-        if metric in SPREADS:  # about the mean of all runs of a side
+        if metric in SPREADS:  # about the mean over all runs of a side
             errors = np.nan_to_num(sides(SPREADS[metric][0]))
             mean = errors[:, pairs].mean(axis=1, keepdims=True)
             values = np.sqrt(np.maximum(values**2 + mean * (mean - 2 * errors), 0.0))
-        if score.guard:  # the modulus of the mean, and the runs on its side
+        if score.guard:  # the absolute value of the mean; each run has the sign of its side
             scale = max(np.sqrt(np.mean(sides("std")[0, pairs] ** 2)), 1e-3 / margin)
             values *= np.sign(np.nanmean(values, axis=1, keepdims=True))
-    # less than `zero` is as good as none
+    # values below `zero` count as equal
     logs = values / scale if score.guard else np.log(np.maximum(values, score.zero))
     middle = logs[:, pairs].mean(axis=1) if pairs.any() else np.full(2, np.nan)
     base, candidate = scale * middle if score.guard else np.exp(middle)

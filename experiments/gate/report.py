@@ -1,4 +1,4 @@
-"""A comparison in words, with the verdict first: for the terminal, Markdown, JSON and a page."""
+"""The result of a comparison as text, verdict first, for the terminal, Markdown, JSON and HTML."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -23,35 +23,35 @@ Row = Mapping[str, Any]
 COLUMNS = ("scenario", "score", "base", "candidate", "change", "interval", "verdict")
 
 TEXTS = {
-    # by score: more, less
+    # comparatives for each score: more, less
     "lag": ("longer", "shorter"), "t10": ("longer", "shorter"), "else": ("larger", "smaller"),
-    # noise beside a lag, by the verdict on the std
+    # noise reported with a lag, keyed by the verdict on the std
     SAME: "same noise", SLIGHT: "same noise", WORSE: "more noise", BETTER: "less noise",
     UNDECIDED: "noise undecided",
     # reasons for undecided
-    "far": " (a run lies far on the other side)",
+    "far": " (some run is much worse)",
     "few": " (too few runs to exclude rare failures)", "": "",
     # lost runs
     "diverged": "{4} of {1} runs newly diverge, {5} no longer do",
     "never_settled": "{4} of {1} runs newly never settle, {5} settle again",
     # advice
-    "unfair": "Not a fair comparison: the {0} estimates {1} too, which costs lag and noise with "
-    "any method; the {2} holds them at nominal.",
-    "scenarios": "Compare on scenarios that both are run on, and whose faults both estimate.",
-    "seeds": "More seeds may decide: --max-seeds.",
+    "unfair": "Not a fair comparison: the {0} also estimates {1}, which increases lag and noise "
+    "with any method; the {2} keeps their nominal values.",
+    "scenarios": "Compare on scenarios that both can run, and whose faults both estimate.",
+    "seeds": "More seeds may give a verdict: --max-seeds.",
     "tuned": "Tuned to the {0} of rpem-forgetting: base {1}, candidate {2}.",
 }  # fmt: skip
-"""All words that depend on a verdict."""
+"""Texts that depend on a verdict."""
 
 LEGEND = (
-    "{seeds} seeds, paired. Change: candidate over base (geometric mean) in percent, as a factor "
-    "beyond 2; with another unit, a difference. A std is about the mean of all runs.",
-    "Interval: Student's t of paired log-ratios, at the level of Holm's procedure. A false worse "
-    "or better anywhere has a probability of at most {percent:.2g} %.",
-    "worse, better: the interval lies beyond the margin ({margins}), and enough runs show it. "
-    "slight, same: it lies within.",
-    "Lost runs: McNemar's exact test on the runs that one side alone lost, over all scenarios.",
-    "Look {look} of {looks}; each has its share of the probability of error.",
+    "{seeds} paired seeds. Change: candidate relative to base (geometric mean), in percent or, "
+    "above 100 %, as a factor. Changes with other units are differences.",
+    "Interval: Student's t of paired log-ratios at the level of Holm's procedure. The probability "
+    'of any false "worse" or "better" is at most {percent:.2g} %.',
+    "worse, better: the interval lies outside the margin ({margins}), and enough runs confirm the "
+    "change. slight, same: the interval lies inside the margin.",
+    "Lost runs: McNemar's exact test on runs that only one side lost, over all scenarios.",
+    "Look {look} of {looks}; the probability of error is divided equally among the looks.",
 )
 
 
@@ -64,13 +64,14 @@ def as_dict(c: Comparison) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``verdict``, one word; ``headline``, one line; ``advice``, lines on what to do next;
-        ``columns`` and ``rows``, what matters first, each with its cells as ``text``; ``legend``,
-        at most five lines; ``lost``, verdicts on lost runs; ``base, candidate, seeds, look, looks,
-        alpha, failed, gaps``; ``equal_noise``, both settings as tuned. The other keys of a row are
-        those of `flexaxis.experiments.gate.verdict.judge`.
+        ``verdict`` is one word, ``headline`` one line, and ``advice`` a list of lines on what to do
+        next. ``columns`` are the headings of ``rows``, the most important row first; a row has the
+        keys of `flexaxis.experiments.gate.verdict.judge` and its cells as ``text``. ``legend`` has
+        at most five lines, ``lost`` the verdicts on lost runs, and ``equal_noise`` both tuned
+        settings. ``base, candidate, seeds, look, looks, alpha, failed, gaps`` describe the
+        comparison.
     """
-    rows = c.rows[c.rows["verdict"] != SILENT]  # a bias that is not worse needs no row
+    rows = c.rows[c.rows["verdict"] != SILENT]  # leave out biases that are not worse
     shown = json.loads(rows.to_json(orient="records", double_precision=15))
     margins = ", ".join(f"{name} {100 * margin:g} %" for name, margin in c.margins.items())
     about = {**vars(c), "seeds": len(c.seeds), "percent": 100 * ALPHA / c.looks, "margins": margins}
@@ -87,7 +88,7 @@ def as_dict(c: Comparison) -> dict[str, Any]:
 
 
 def headline(c: Comparison, shown: Sequence[Row]) -> str:
-    """Return "WORSE: lag of f_m at fm_step-v1 is 17 times longer (12–23), same noise"."""
+    """Return a line such as "WORSE: lag of f_m at fm_step-v1 is 17 times longer, same noise"."""
     own, clauses = [row for row in shown if row["verdict"] == c.verdict], []
     if own and c.verdict in {WORSE, BETTER}:
         std = {"metric": "std", **{key: own[0][key] for key in KIND}}
@@ -103,7 +104,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
 
 
 def _scaled(row: Row) -> tuple[Any, str]:
-    """Return the change and the ends of its interval as they are shown, and their unit."""
+    """Return the change and the ends of its interval, scaled for display, and their unit."""
     numbers = np.array([row["change"], *row["interval"]], float)
     if row["scale"] is not None:
         return numbers, METRICS[row["metric"]]
@@ -111,7 +112,7 @@ def _scaled(row: Row) -> tuple[Any, str]:
 
 
 def sentence(row: Row) -> str:
-    """Return "lag of f_m at fm_step-v1 is 17 times longer (12–23)"."""
+    """Return a clause like "lag of f_m at fm_step-v1 is 17 times longer (12–23)"."""
     numbers, unit = _scaled(row)
     numbers = abs(numbers ** np.sign(row["change"]) if unit == "times" else numbers)
     word = TEXTS.get(row["metric"], TEXTS["else"])[row["change"] < 0]
@@ -120,7 +121,7 @@ def sentence(row: Row) -> str:
 
 
 def advice(c: Comparison) -> list[str]:
-    """Return what limits the comparison, and what to do next."""
+    """Return lines on the limits of the comparison and on what to do next."""
     names, lines = c.paired.estimated, []
     for fewer, more in permutations(names, 2):
         if rest := ", ".join(sorted(names[more] - names[fewer])):
@@ -135,7 +136,7 @@ def advice(c: Comparison) -> list[str]:
 
 
 def cells(row: Row) -> list[str]:
-    """Return a verdict as the texts of a row, in the order of `COLUMNS`."""
+    """Return the cells of a row as texts, in the order of `COLUMNS`."""
     metric, (numbers, unit) = row["metric"].replace("_", " "), _scaled(row)
     change, low, high = map(short, numbers)
     values = (f"{short(row[side])} {METRICS[row['metric']]}".rstrip() for side in SIDES)
@@ -146,7 +147,7 @@ def cells(row: Row) -> list[str]:
 
 
 def markdown(content: Mapping[str, Any]) -> str:
-    """Return the comparison as Markdown, for a comment on a change."""
+    """Return the comparison as Markdown, for a comment on a pull request."""
     table = [COLUMNS, ["---"] * len(COLUMNS), *(row["text"] for row in content["rows"])]
     lines = "\n".join(f"| {' | '.join(line)} |" for line in table)
     sides = "base `{base}`, candidate `{candidate}`".format(**content)
@@ -160,5 +161,5 @@ def write(folder: Path, content: Mapping[str, Any]) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "verdict.md", markdown(content))
     write_text(folder / REPORT, comparison(content))
-    write_json(folder / "compare.json", content)  # last: a folder without it is not complete
+    write_json(folder / "compare.json", content)  # last, to mark the folder as complete
     return folder / REPORT

@@ -13,31 +13,35 @@ from flexaxis.experiments.scoring.score_table import SCORES
 
 WORSE, UNDECIDED, BETTER, SLIGHT, SAME = "worse", "undecided", "better", "slight", "same"
 ORDER = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME)
-"""The five words; that of a whole comparison is the first that any score has."""
+"""The five verdicts; the overall verdict is the first of them that any score has."""
 
 SILENT = "not more"
-"""Of lost runs and of a bias, which count only where they are worse: no more than by chance."""
+"""Verdict on lost runs or a bias without a significant increase; the overall verdict ignores it."""
 
 ALPHA = 0.01
 """Largest probability of any false "worse" or "better" in a comparison."""
 
 SHARES = {False: 0.5, True: 0.1, "diverged": 0.2, "never_settled": 0.2}
-"""How alpha is shared: all scores together, all biases (guards), and each way to lose a run."""
+"""Shares of alpha: for all scores together, all biases (guards), and each kind of lost run."""
 
 LOST_WORSE = 0.75
-"""Part of a lost-run test's share for "worse": ten runs lost and none regained (p = 2⁻¹⁰) are
-enough at alpha 0.01."""
+"""Part of a lost-run test's alpha for the verdict "worse". With alpha = 0.01, ten runs lost and
+none regained (p = 2⁻¹⁰) are enough for that verdict."""
 
 UNSEEN = 0.5
-"""How far on the other side (log-ratio; 1.65 times) runs may lie that did not show."""
+"""Log-ratio (a factor of 1.65) that is assumed for rare contrary runs that did not occur."""
 
 FAILED, SCATTER = 0.2, 4 * 1.4826
-"""A pair this far on the other side (log-ratio), and so many median deviations (four standard
-deviations) off the median, is a failure."""
+"""A pair is a failure if its log-ratio exceeds FAILED and deviates from the median by more than
+SCATTER median absolute deviations (four standard deviations)."""
 
 
 class Lost(NamedTuple):
-    """Runs that were lost in one way on each side, and ``newly`` and ``regained`` on one alone."""
+    """Numbers of lost runs of one kind.
+
+    ``newly`` counts the runs that only the candidate lost, ``regained`` those that only the base
+    lost.
+    """
 
     way: str
     runs: int
@@ -60,17 +64,17 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a score, what matters most first: ``scenario, metric, parameter, verdict``;
-        ``base, candidate``, means over the pairs (geometric where ratios are compared); ``runs,
-        pairs``; ``change, interval``, candidate/base − 1, of a bias (``scale``) the
-        difference; ``p``, uncorrected; ``margin``, as the change is;
-        ``reason``, why a clear change is undecided: "few" (rare failures may not have shown in so
-        few runs), "far" (a run lies far on the other side).
+        One row per score, the most important first: ``scenario, metric, parameter, verdict, runs,
+        pairs``. ``base`` and ``candidate`` are means over the pairs (geometric if ratios are
+        compared). ``change`` and ``interval`` are candidate/base − 1, or a difference for a bias
+        (which has a ``scale``); ``margin`` has the same unit as ``change``. ``p`` is uncorrected.
+        ``reason`` explains why a clear change is undecided: "few" if there are too few runs to
+        exclude rare failures, "far" if the mean is better but some run is much worse.
     """
     scores = paired.scores.reset_index(drop=True)
     if scores.empty:
         return pd.DataFrame({"verdict": []})
-    changes = pd.DataFrame(scores["changes"].tolist())  # NaN where one has fewer
+    changes = pd.DataFrame(scores["changes"].tolist())  # NaN pads scores with fewer runs
     about = scores[["scenario", "metric", "margin"]].to_numpy().T
     rows = scores.join(decide(changes, *about, alpha))  # type: ignore[call-arg]
     ratio, scale = rows["scale"].isna(), rows["scale"].fillna(1.0)
@@ -92,17 +96,16 @@ def decide(
     Parameters
     ----------
     changes : array_like (S, n)
-        log(candidate/base) of each score and seed, or the difference as a share; NaN where there
-        is no pair.
+        log(candidate/base) of each score and seed, or the relative difference; NaN without a pair.
     scenarios, metrics, margins : ndarray (S,)
-        What each score is, and the share by which a change matters.
+        Scenario and metric of each score, and the smallest relative change that matters.
     alpha : float
-        Of the whole comparison.
+        Largest probability of any false "worse" or "better" in the whole comparison.
 
     Returns
     -------
     DataFrame
-        One row a score: ``pairs, change, low, high, p, verdict, reason``.
+        One row per score: ``pairs, change, low, high, p, verdict, reason``.
     """
     pairs = pd.DataFrame(changes)
     n, mean, se = pairs.count(axis=1), pairs.mean(axis=1), pairs.sem(axis=1)
@@ -111,7 +114,7 @@ def decide(
     freedom, level = np.maximum(n - 1, 1), np.empty(len(n))
     guard = np.array([SCORES[metric].guard for metric in metrics])
     with np.errstate(all="ignore"):
-        # Scores that are equal on every seed cannot differ: their p is NaN, no member of a family.
+        # For scores that are equal on every seed, p is NaN, which leaves them out of the family.
         p = np.where(n > 1, 2 * stdtr(freedom, -abs(mean) / se), 1.0)
         for kind in (False, True):
             level[guard == kind] = holm_levels(p[guard == kind], SHARES[kind] * alpha)
@@ -137,11 +140,11 @@ def decide(
 
 
 def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]:
-    """Return the runs (S,) behind each change, and the ways to choose the scenarios that agree.
+    """Return the number of runs (S,) that confirm each change, and the ways to choose scenarios.
 
-    These are the runs of all scores of the metric that change the same way, each run once. What
-    happens in a share q of the runs is missed by all n with probability (1 − q)ⁿ, so failures in
-    fewer than 1 − alpha^(1/n) of them must be reckoned with.
+    All runs of a metric whose scores change in the same direction count, each run once. The
+    probability that failures with probability q per run do not occur in n runs is (1 − q)ⁿ, so n
+    runs cannot exclude failures with q below 1 − alpha^(1/n).
     """
     table = pd.DataFrame({"metric": metrics, "way": way, "scenario": scenarios, "n": n})
     most = table.groupby(["metric", "way", "scenario"])["n"].max()
@@ -152,9 +155,9 @@ def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]
 
 
 def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str:
-    """Return the word for runs that one side alone lost, by McNemar's exact test.
+    """Return the verdict on runs that only one side lost, by McNemar's exact test.
 
-    Undecided where a run is newly lost, and not made up for.
+    The verdict is "undecided" if some runs are newly lost, unless more runs are regained.
     """
     share = SHARES[way] * alpha
     if sign_p(newly, regained) <= LOST_WORSE * share:
@@ -165,7 +168,7 @@ def judge_lost(newly: int, regained: int, way: str, alpha: float = ALPHA) -> str
 
 
 def losses(paired: Paired, *, alpha: float = ALPHA) -> list[Lost]:
-    """Return a verdict for each way to lose a run; `alpha` as for `judge`."""
+    """Return a verdict for each kind of lost run, with the same `alpha` as in `judge`."""
     verdicts = []
     for way in LOST:
         base, candidate = paired.lost[[f"{way} base", f"{way} candidate"]].to_numpy(bool).T
@@ -175,9 +178,10 @@ def losses(paired: Paired, *, alpha: float = ALPHA) -> list[Lost]:
 
 
 def alarming(lost: Sequence[Lost]) -> bool:
-    """Return whether so many runs were newly lost that somebody must look, significant or not.
+    """Return whether the newly lost runs need attention, even if they are not significant.
 
-    Two are enough if the base loses none; else chance must lose so many more in at most 5 %.
+    At least two runs must be newly lost. If the base also loses runs, the p-value of the increase
+    must be at most 5 %.
     """
     return any(
         way.newly >= 2 and (not way.base or sign_p(way.newly, way.regained) <= 0.05) for way in lost
@@ -185,9 +189,9 @@ def alarming(lost: Sequence[Lost]) -> bool:
 
 
 def overall(verdicts: Sequence[str], lost: Sequence[Lost] = ()) -> str:
-    """Return the one word: any worse, else any undecided, any better, any slight, or same.
+    """Return the overall verdict: the first word of `ORDER` that any score or lost run has.
 
-    Without a verdict on a score it is never "same".
+    Without a verdict on any score, the result is never "same".
     """
     words = {*verdicts, *(way.verdict for way in lost)}
     return next((word for word in ORDER if word in words), SAME if len(verdicts) else UNDECIDED)

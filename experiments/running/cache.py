@@ -1,7 +1,8 @@
-"""Simulated records kept for the next run: one NetCDF file each, the least recently used go first.
+"""Cache of simulated records: one NetCDF file each; the least recently used are removed first.
 
-A record is known by what plant and sensors see of its scenario (`Scenario.record_hash`), its seed,
-the version of MuJoCo and a digest of the simulation code and the MJCF.
+The key of a record consists of the parts of its scenario that affect plant and sensors
+(`Scenario.record_hash`), its seed, the version of MuJoCo, and a digest of the simulation code and
+the MJCF.
 """
 
 import io
@@ -29,28 +30,28 @@ SHORT = 12
 
 @dataclass(frozen=True)
 class RecordCache:
-    """A folder of records, and how large it may grow [bytes]."""
+    """A folder of records with a size limit [bytes]."""
 
     folder: Path
     limit: int = LIMIT
 
     def get(self, scenario: Scenario, seed: int) -> Record | None:
-        """Return a record, or None if it is not here; a damaged file is removed."""
+        """Return a record, or None if it is not in the cache; a damaged file is removed."""
         path = self._path(scenario, seed)
         try:
             with h5py.File(path) as file:
                 signals = {name: values[()] for name, values in file.items()}
-            os.utime(path)  # used just now
+            os.utime(path)  # mark as recently used
             return record_of(scenario, seed, signals)
         except (OSError, TypeError, ValueError):
             path.unlink(missing_ok=True)
             return None
 
     def put(self, scenario: Scenario, record: Record) -> None:
-        """Keep a record; a full or read-only folder is no error."""
-        content = io.BytesIO()  # HDF5 itself would end the process on a full disk
+        """Store a record; a full or read-only folder is not an error."""
+        content = io.BytesIO()  # HDF5 would end the process if it wrote to a full disk itself
         with h5py.File(content, "w") as file:
-            for name in [*SIGNALS][1:]:  # time is that of the scenario
+            for name in [*SIGNALS][1:]:  # time follows from the scenario
                 if (values := getattr(record, name)) is not None:
                     file[name] = values
         with suppress(OSError):
@@ -63,7 +64,7 @@ class RecordCache:
         return sorted(self.folder.glob("*.nc"), key=lambda path: path.stat().st_mtime_ns)
 
     def evict(self, limit: int) -> int:
-        """Remove the least recently used entries down to a size [bytes]; return how many."""
+        """Remove least recently used entries until the size [bytes] fits; return their number."""
         total, removed = 0, 0
         for path in self.entries()[::-1]:
             total += path.stat().st_size
@@ -79,7 +80,7 @@ class RecordCache:
 
 
 def default_cache() -> RecordCache:
-    """Return the user's cache: the folder FLEXAXIS_CACHE, else one in the user's cache folder."""
+    """Return the user's cache: FLEXAXIS_CACHE if set, otherwise a folder in the user's cache."""
     from flexaxis.estimators.models.compiler import user_cache
 
     usual = user_cache() / "flexaxis" / "records"
@@ -87,9 +88,9 @@ def default_cache() -> RecordCache:
 
 
 def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None) -> list[Record]:
-    """Return the records of some seeds, simulated where they are not kept.
+    """Return the records of some seeds from the cache, and simulate those that are missing.
 
-    A kept record is equal to a simulated one to the last bit.
+    A cached record and a simulated one are equal to the last bit.
     """
     if cache is None:
         return simulate(scenario, seeds)
@@ -98,14 +99,14 @@ def records(scenario: Scenario, seeds: Sequence[int], cache: RecordCache | None)
     made = simulate(scenario, missing) if missing else []
     for record in made:
         cache.put(scenario, record)
-    with suppress(FileNotFoundError):  # another process evicts, too
+    with suppress(FileNotFoundError):  # another process may evict at the same time
         cache.evict(cache.limit)
     known |= dict(zip(missing, made, strict=True))
     return [record for record in known.values() if record]
 
 
 def keep_nominal_runs(cache: RecordCache | None) -> AbstractContextManager[None]:
-    """Keep the nominal runs that are simulated inside, too: each serves many scenarios."""
+    """Return a context that caches nominal runs, too, because many scenarios share them."""
     return nominal_runs(lambda scenario: records(scenario, [0], cache)[0].torque)
 
 

@@ -43,23 +43,23 @@ NUMBERS = (
     "changed", *(name for name, kind in columns().items() if kind != "text"),
     "onset", "cost.us_per_sample", "cost.seconds",
 )  # fmt: skip
-"""The columns of a row that are numbers, in the order in which they are stored."""
+"""Numeric columns of a row, in the order in which they are stored."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a worker runs cases.
+    """Options of a worker.
 
     Attributes
     ----------
     cache : RecordCache or None
-        Where records are kept.
+        Cache of simulated records.
     traces : bool
-        Whether to keep what the figures of single runs need.
+        Whether to keep the curves for figures of single runs.
     time_limit : float
-        Of one run of a user's estimator [s].
+        Time limit for one run of a user's estimator [s].
     log : str
-        File for the traceback of a run that takes longer.
+        File for the traceback of a run that exceeds the limit.
     """
 
     cache: RecordCache | None = None
@@ -76,16 +76,16 @@ class Done:
     ----------
     id : str
     about : str
-        JSON of what the cases of an estimator on a scenario have in common, parameters included.
+        Properties that the cases of an estimator on a scenario share, as JSON.
     seed : int
     numbers : ndarray (p, n)
-        Columns `NUMBERS`; NaN is not defined.
+        Columns `NUMBERS`; NaN means undefined.
     isolation : str or None
-        JSON of what was named for each fault.
+        Parameters that the estimator named for each fault, as JSON.
     error : str or None
-        Why the case failed.
+        Error message of a failed case.
     trace : bytes or None
-        What its figures are drawn from, as from `pack`.
+        Data for its figures, from `pack`.
     """
 
     id: str
@@ -98,12 +98,12 @@ class Done:
 
 
 Outcome = list[Done | str]
-"""What became of the cases of a unit; a text says why one was not run: it was not its estimator."""
+"""Results of the cases of a unit; a text explains why the machine could not run a case."""
 
 
 def run_unit(unit: Unit, options: Options) -> Outcome:
     """Run the cases of a unit."""
-    # One thread, so that rows are equal to the last bit wherever they are made.
+    # One thread, so that rows are equal to the last bit on every worker.
     with threadpool_limits(1), keep_nominal_runs(options.cache), warnings.catch_warnings():
         warnings.filterwarnings("ignore", category=UserWarning, module="flexaxis")
         seeds = list(dict.fromkeys(seed for _, _, seed in unit.cases()))
@@ -112,7 +112,7 @@ def run_unit(unit: Unit, options: Options) -> Outcome:
 
 
 def simulate_units(units: Sequence[Unit], options: Options) -> None:
-    """Put the records of units into the cache."""
+    """Simulate the records of units and put them into the cache."""
     for unit in units:
         seeds = list(dict.fromkeys(seed for _, _, seed in unit.cases()))
         _records(unit.scenario, seeds, options.cache)
@@ -131,9 +131,9 @@ def _records(
 
 
 def _run(unit: Unit, case: PlannedCase, record: Record | str, options: Options) -> Done | str:
-    """Return a case that was run, or why it was not through no fault of its estimator."""
+    """Run a case and return it, or return the reason why the machine could not run it."""
     _, setting, seed = case
-    if isinstance(record, str):  # nobody can run it: one row without scores
+    if isinstance(record, str):  # the simulation failed: one row without scores
         return _done(unit, case, [undefined()], record)
     error = unit.error
     try:
@@ -146,7 +146,7 @@ def _run(unit: Unit, case: PlannedCase, record: Record | str, options: Options) 
         error = f"{type(raised).__name__}: {raised}"
     assert record.true_parameters is not None
     lost = failed_track(unit.scenario.drawn(seed), record.true_parameters, record.torque)
-    return _done(unit, case, rows(lost), error)  # a run lost at its first sample
+    return _done(unit, case, rows(lost), error)  # diverged at its first sample
 
 
 def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = Options()) -> Case:
@@ -155,7 +155,7 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
     Raises
     ------
     EstimatorError
-        If the estimator raises an exception, or returns what it must not.
+        If the estimator raises an exception or returns invalid values.
     """
     drawn = scenario.drawn(record.seed or 0)
     clock = time.perf_counter if spec.text.startswith(PIPE) else time.thread_time
@@ -179,34 +179,34 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, options: Options = 
 def follow(
     text: str, estimator: Estimator, scenario: Scenario, record: Record
 ) -> tuple[Array, Any, Array | None]:
-    """Run an estimator on a whole record and keep its claimed covariance.
+    """Run an estimator on a whole record, and read its reported covariance before the fault.
 
     Parameters
     ----------
     text : str
-        Its name, for messages.
+        Name of the estimator, for messages.
     estimator : Estimator
     scenario : Scenario
-        For the first fault.
+        Scenario of the record, which defines the first fault.
     record : Record
 
     Returns
     -------
     theta : ndarray (N, p)
     claimed : ndarray (p, p) or None
-        Covariance before the first fault, as `claimed_at` defines it.
+        Reported covariance at the sample that `claimed_at` returns.
     innovations : ndarray (N, 2) or None
-        y − ŷ and its claimed variance.
+        Innovations y − ŷ and their reported variances.
 
     Raises
     ------
     EstimatorError
-        If the estimator raises an exception, or returns what it must not.
+        If the estimator raises an exception or returns invalid values.
     """
     where, samples = f"on {scenario.name}, seed {record.seed}", len(record.time)
     y, claimed = getattr(record, estimator.output), None
     thetas, shown = [], list[Any]()
-    # In seconds, so that the estimator does not learn from a cut when the fault comes.
+    # The record is cut every second, so that a cut does not reveal the time of the fault.
     size = sample_index(1.0, scenario.period) if hasattr(estimator, "covariance") else samples
     for first in range(0, samples, size):
         part = slice(first, min(first + size, samples))
@@ -223,7 +223,7 @@ def follow(
         if values is not None and values.shape != (samples, width):
             raise EstimatorError(
                 f"{text} returned {what} of the shape {values.shape} {where}; "
-                f"{(samples, width)} is needed: one row a sample"
+                f"{(samples, width)} is needed, with one row per sample"
             )
     return theta, claimed, innovations
 
@@ -232,19 +232,19 @@ def track_of(  # noqa: PLR0917
     scenario: Scenario, record: Record, estimated: Sequence[str], theta: Array, claimed: Any,
     innovations: Array | None, findings: Sequence[Any] | None,
 ) -> Track:  # fmt: skip
-    """Return the scored columns of estimates (N, p): parameters with a true value other than zero.
+    """Return the track of estimates, without parameters whose initial true value is zero.
 
     Parameters
     ----------
     scenario : Scenario
     record : Record
-        A simulated one.
+        A simulated record.
     estimated : sequence of str
         Names of all p estimates.
     theta, claimed, innovations
-        As from `follow`.
+        Results of `follow`.
     findings : sequence or None
-        What the estimator detected.
+        Changes that the estimator detected.
     """
     assert record.true_parameters is not None
     names = known_names(scenario, estimated)
@@ -273,7 +273,7 @@ def _done(
 
 
 def numbers_of(lines: Sequence[Mapping[str, Any]]) -> Array:
-    """Return the numbers (p, n) of rows with tables in them, in the order of `NUMBERS`."""
+    """Return the numbers (p, n) of rows in the order of `NUMBERS`, including nested tables."""
     table = pd.json_normalize(list(lines)).reindex(columns=NUMBERS)
     return np.ascontiguousarray(table.to_numpy(float))
 
@@ -286,6 +286,6 @@ def pack(case: Case) -> bytes:
 
 
 def unpack(content: bytes) -> Case:
-    """Return the case that `pack` was given, without rows."""
+    """Return the case from the bytes that `pack` returned, without its rows."""
     with np.load(io.BytesIO(content)) as stored:
         return Case(tuple(stored["names"].tolist()), stored["curve"], stored["near"])

@@ -1,4 +1,4 @@
-"""Run one estimator on one record, and write its estimates and claimed covariances to a file."""
+"""Run one estimator on one record, and write its estimates and reported covariances to a file."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]:
-    """Return the true values of the parameters that a record knows, at some of its samples."""
+    """Return the true values of the parameters that a record contains, at samples `at`."""
     known = [name for name in names if physical(name)[0] in record.parameter_names]
     if record.true_parameters is None or not known:
         return {}
@@ -27,19 +27,24 @@ def true_values(names: Sequence[str], record: Record, at: Any) -> dict[str, Any]
 def run_on(
     estimator: Estimator, u: Array, y: Array, valid: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array | None, NDArray[np.bool_]]:
-    """Run an estimator from its current state; read its claimed covariance after each sample.
+    """Run an estimator from its current state; read its reported covariance after each sample.
 
     Parameters
     ----------
     estimator : Estimator
     u, y : ndarray (n,)
+        Torque [N m] and measured output.
     valid : ndarray (n,) of bool, optional
+        Whether each y was measured (default: all).
 
     Returns
     -------
     theta : ndarray (n, p)
+        Estimates after each sample.
     covariance : ndarray (n, p, p) or None
+        Covariance that the estimator reports after each sample.
     alarms : ndarray (n,) of bool
+        Whether the estimator raised an alarm at each sample.
     """
     n, p, claims = len(y), len(estimator.names), hasattr(estimator, "covariance")
     theta, claimed, alarms = np.empty((n, p)), np.empty((n, p, p)), np.zeros(n, bool)
@@ -62,25 +67,27 @@ def write_estimates(
     path: Path, times: Any, theta: Any, names: Sequence[str], about: Mapping[str, Any],
     **claimed: Array | None,
 ) -> None:  # fmt: skip
-    """Write estimates as NetCDF-4: ``time``, ``theta`` (time, estimate) and the claimed covariance.
+    """Write estimates to NetCDF-4: ``time``, ``theta`` (time, estimate) and reported covariances.
 
     Parameters
     ----------
     path : Path
-        Its folder is made.
+        File to write; its folder is created.
     times : ndarray (N,)
-        [s].
+        Time of each sample [s].
     theta : ndarray (N, p)
+        Estimates.
     names : sequence of str
+        Names of the p estimates.
     about : mapping
         Attributes of the file.
     **claimed : ndarray or None
-        ``covariance`` (N, p, p) or ``deviation`` (N, p).
+        Reported ``covariance`` (N, p, p) or standard ``deviation`` (N, p).
 
     Raises
     ------
     OutputError
-        If it cannot be written.
+        If the file cannot be written.
     """
     import xarray
 
@@ -88,10 +95,10 @@ def write_estimates(
     data: dict[str, Any] = {"theta": (dimensions[:2], theta, {"long_name": "estimates, SI units"})}
     for name, values in claimed.items():
         if values is not None:
-            words = {"long_name": f"{name} that the estimator claims"}
+            words = {"long_name": f"{name} that the estimator reports"}
             data[name] = (dimensions[: values.ndim], values, words)
     coords = {"time": ("time", times, {"units": "s"}), "estimate": np.array(names, object)}
     content = xarray.Dataset(data, coords, about).to_netcdf(engine="h5netcdf")
     make_folder(path.parent)
-    with new_file(path) as part:  # HDF5 itself would end the process on a full disk
+    with new_file(path) as part:  # HDF5 would end the process if it wrote to a full disk itself
         part.write_bytes(content)

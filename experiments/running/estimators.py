@@ -1,8 +1,9 @@
-"""From the text of `--estimator` to an estimator with the values that it may know of the axis.
+"""Create estimators from the text of `--estimator`, with the values that they may know of the axis.
 
-The text is a name of the registry or of an entry point in the group `flexaxis.estimators`,
-``path/file.py:Class``, ``package.module:Class``, each with options in brackets as in TOML
-(``rpem-forgetting[forgetting=0.99]``), or ``pipe:COMMAND``, a program in any language.
+The text is the name of a registered estimator or of an entry point in the group
+`flexaxis.estimators`, ``path/file.py:Class``, or ``package.module:Class``. Options follow in
+brackets and are written as in TOML (``rpem-forgetting[forgetting=0.99]``). The text
+``pipe:COMMAND`` runs a program in any language.
 """
 
 import inspect
@@ -46,24 +47,26 @@ from flexaxis.sim.parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.scenario import Scenario
 
 GROUP = "flexaxis.estimators"
-KEPT = 48  # built estimators of the registry in a process
+KEPT = 48  # registered estimators that are cached in a process
 Factory = Callable[..., Any]
 
 
 class Misfit(EstimatorError):
-    """An estimator and a scenario that do not fit each other, though each is right."""
+    """An estimator and a scenario do not fit each other, although each of them is valid."""
 
 
 @dataclass(frozen=True)
 class Spec:
-    """An estimator to be built.
+    """Specification of an estimator.
 
     Attributes
     ----------
     text : str
+        Text as for `--estimator`.
     options : mapping
+        Options in the text.
     session : callable or None
-        A class of this session, which no file holds.
+        Class that was defined in this session instead of a file.
     """
 
     text: str
@@ -77,12 +80,12 @@ class Spec:
 
     @property
     def is_users(self) -> bool:
-        """Whether it is code of a user: a file, module, program, entry point or session class."""
+        """Whether it is user code: a file, module, program, entry point or session class."""
         return self.session is not None or self.name not in REGISTRY
 
     @property
     def make(self) -> Factory:
-        """The class, or what makes an estimator; user code is imported when it is first asked."""
+        """The class or factory function; user code is imported on first access."""
         if self.text.startswith(PIPE):
             return partial(PipeEstimator, self.text.removeprefix(PIPE))
         if self.session is not None:
@@ -91,15 +94,15 @@ class Spec:
             return REGISTRY[self.name].factory
         if names_code(self.text):
             return load_class(self.name)
-        with reported(self.text, "when it was imported"):
+        with reported(self.text, "during import"):
             return _installed()[self.name].load()  # type: ignore[no-any-return]
 
     @cached_property
     def digest(self) -> str | None:
-        """Digest of the code of a user, None for an estimator of the registry or an entry point.
+        """Digest of user code; None for a registered estimator or an entry point.
 
-        It covers the file, the words of a command that are files, or the source of a class of
-        this session.
+        The digest covers the file of the class, all files in the words of a command, or the source
+        of a session class.
         """
         if self.session is not None:
             content = _source(self.session)
@@ -129,14 +132,14 @@ _session: dict[str, Factory] = {}
 
 
 def text_of(make: str | Factory) -> str:
-    """Return the text for a class: its module's, or its name in this session; a text as it is."""
+    """Return the text for a class: ``module:Class`` or its name; a text is returned unchanged."""
     if isinstance(make, str):
         return make
     name, module = getattr(make, "__name__", ""), getattr(make, "__module__", "__main__")
     if not name.isidentifier() or name in REGISTRY:
         raise EstimatorError(
-            f"{make!r}: give a name, such as 'glr', or a class with a name that no registered one "
-            "has, not an instance: each run needs an estimator of its own"
+            f"{make!r}: give a name such as 'glr', or a class whose name is not registered. An "
+            "instance does not work, because each run needs a new estimator"
         )
     home = sys.modules.get(module)
     if module != "__main__" and getattr(home, name, None) is make and home.__spec__:  # type: ignore[union-attr]
@@ -158,12 +161,13 @@ def parse(text: str) -> Spec:
     spec = Spec(text, written_options(text), _session.get(text.partition("[")[0].strip()))
     name = spec.name
     if (file := code_file(name)) and not Path(file).is_file():
-        raise EstimatorError(f"{file} cannot be imported: there is no such file")
+        raise EstimatorError(f"{file} cannot be imported: the file does not exist")
     ours = name in REGISTRY or spec.session or names_code(name)
     if not ours and name not in (installed := _installed()):
         raise EstimatorError(
             f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis "
-            "list` shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
+            "list` shows them. For your own estimator, write path/file.py:Class, "
+            "package.module:Class or pipe:COMMAND"
         )
     if name in REGISTRY:
         keywords(spec)
@@ -180,7 +184,7 @@ def written_options(text: str) -> dict[str, Any]:
     Raises
     ------
     EstimatorError
-        If they are not written as in TOML.
+        If the options are not valid TOML.
 
     Examples
     --------
@@ -220,7 +224,7 @@ def keywords(spec: Spec) -> set[str]:
     Raises
     ------
     EstimatorError
-        If an option of the text is not among them.
+        If the text has an option that is not among the keywords.
     """
     parameters = list(inspect.signature(spec.make).parameters.values())[2:]
     known = {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
@@ -234,7 +238,7 @@ def keywords(spec: Spec) -> set[str]:
 
 
 def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Estimator:
-    """Return an estimator from nominal values (a mapping, or a model) and a period [s].
+    """Return an estimator from nominal values (a mapping or a model) and a period [s].
 
     Values of `known` are passed if the constructor has these keywords. Options in the text take
     precedence.
@@ -242,19 +246,19 @@ def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Est
     Raises
     ------
     EstimatorError
-        If it refuses an option, or is no estimator.
+        If the constructor refuses an option, or the object is not an estimator.
     EstimatorCrash
-        If its constructor raises anything else.
+        If the constructor raises any other exception.
     """
     names = keywords(spec)
     known = {key: value for key, value in known.items() if key in names} | dict(spec.options)
-    with reported(spec.text, "when it was made", refusing=True):
+    with reported(spec.text, "in its constructor", refusing=True):
         try:
             estimator = spec.make(nominal, period, **known)
         except (TypeError, ValueError) as error:
             if isinstance(error, EstimatorError) or user_line(error):
                 raise
-            raise EstimatorError(f"{spec.text}: {error}") from error  # it refuses an option
+            raise EstimatorError(f"{spec.text}: {error}") from error  # an option was refused
         if not isinstance(estimator, Estimator) or not len(estimator.names):
             raise EstimatorError(f"{spec.text}: an estimator needs `names`, `output` and `step`")
     return estimator
@@ -263,17 +267,18 @@ def make_estimator(spec: Spec, nominal: Any, period: float, **known: Any) -> Est
 def build(spec: Spec, scenario: Scenario) -> Estimator:
     """Return a new estimator with the values that it may know of a scenario.
 
-    It gets the nominal parameters (scaled by `start`, with data-sheet values) and the period. If
-    its constructor has such keywords, it also gets `identify`, `output`, `noise` (if the data sheet
-    has it) and `torque` (of a nominal run, to compute P(0)). Estimators of the registry are cached
-    and copied, because building one takes as long as running it. User code is built for each run.
+    The constructor receives the nominal parameters (scaled by `start`, with data-sheet values) and
+    the period. If it has these keywords, it also receives `identify`, `output`, `noise` (if the
+    data sheet has it) and `torque` (of a nominal run, to compute P(0)). Registered estimators are
+    cached and copied, because construction takes as long as a run. User estimators are constructed
+    for each run.
 
     Raises
     ------
     EstimatorError
-        If an option is refused, or it does not fit the scenario (`Misfit`).
+        If an option is refused, or if the estimator does not fit the scenario (`Misfit`).
     EstimatorCrash
-        If its constructor raises anything else.
+        If the constructor raises any other exception.
     """
     check_model(scenario)
     nominal = started_nominal(scenario)
@@ -289,17 +294,17 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
 
 @lru_cache(KEPT)
 def _registered(key: bytes) -> Any:
-    """Return an estimator of the registry that was built with these arguments, and compiled."""
+    """Return a registered estimator that was constructed with these arguments and compiled."""
     text, model, nominal, period, known = pickle.loads(key)
     axis = nominal if model == DEFAULT else MODELS[model].factory(nominal)
     estimator: Any = make_estimator(parse(text), axis, period, **known)
-    run_estimator(estimator, np.zeros(2), np.zeros(2))  # compiles it: no part of the cost
+    run_estimator(estimator, np.zeros(2), np.zeros(2))  # compile now, outside the measured cost
     estimator.reset()
     return estimator
 
 
 def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict[str, Any]:
-    """Return the keywords that a scenario can fill in: `identify`, `output`, `noise` and others."""
+    """Return keyword arguments from a scenario: `identify`, `output`, `noise` and others."""
     from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
 
     laws = bool(getattr(REGISTRY.get(spec.name, spec.make), "laws", False))
@@ -312,11 +317,11 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
     known: dict[str, Any] = {"identify": identify, "output": scenario.output}
     if (noise := scenario.data_sheet.get("noise")) is not None:
         known["noise"] = noise
-    if spec.name == "oracle-reset":  # the baseline that is told when
+    if spec.name == "oracle-reset":  # this baseline knows the fault times
         known["onsets"] = tuple(event.index for event in scenario.events())
     if "torque" in keywords(spec) and "P0" not in spec.options:
         model = MODELS[scenario.model].factory(nominal)
-        if laws:  # friction is of the size of the torque
+        if laws:  # the torque gives the scale of friction
             known["torque"] = design_torque(scenario)
         elif spec.is_users or stored_P(model, identify, scenario.period, forgetting=None) is None:
             known["torque"] = nominal_torque(scenario)
@@ -324,7 +329,7 @@ def _known(spec: Spec, scenario: Scenario, nominal: Mapping[str, float]) -> dict
 
 
 def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
-    """Refuse an estimator that cannot read a scenario, or whose estimates cannot be scored."""
+    """Raise if an estimator cannot run on a scenario, or if its estimates cannot be scored."""
     names, besides = tuple(estimator.names), (*LAW_NAMES, *ESTIMATED_ONLY)
     problems = estimated_problems(names, scenario, key="names", besides=besides)
     if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
@@ -333,6 +338,6 @@ def _check_fits(text: str, estimator: Estimator, scenario: Scenario) -> None:
         raise Misfit(
             f"{text} reads {estimator.output!r} and estimates {', '.join(names)}, but "
             f"{scenario.name} gives {scenario.output!r} and has "
-            f"{', '.join(scenario.parameter_names)}: set its `output` to that, or leave the "
-            "scenario out"
+            f"{', '.join(scenario.parameter_names)}: change the estimator's `output`, or leave "
+            "the scenario out"
         )

@@ -1,4 +1,4 @@
-"""Progress and remarks on stderr, or neither with --quiet."""
+"""Progress and remarks on stderr; --quiet suppresses both."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -7,16 +7,16 @@ from contextvars import ContextVar
 from functools import partial
 
 QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
-"""Whether neither progress nor remarks are wanted."""
+"""Whether to suppress progress and remarks."""
 LINE: ContextVar[str] = ContextVar("line", default="")
-"""The command line that does what is under way; empty in Python."""
+"""The command line of the running command, empty if Python code calls flexaxis."""
 
 
 @contextmanager
 def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
-    """Give a function that is called with the amount done since its last call.
+    """Yield a function to call with the amount of work done since its last call.
 
-    A terminal shows a bar with the remaining time until it is done; elsewhere nothing is shown.
+    A terminal shows a progress bar with the remaining time; other outputs show nothing.
     """
     from rich.console import Console
     from rich.progress import Progress
@@ -30,6 +30,6 @@ def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
 
 def remark(text: str) -> None:
-    """Print a remark to stderr, unless --quiet."""
+    """Print a remark to stderr, unless --quiet is set."""
     if not QUIET.get():
         print(text, file=sys.stderr)

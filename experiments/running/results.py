@@ -1,4 +1,4 @@
-"""Results as tables: rows as a DataFrame, scores pooled over seeds, xarray, CSV, Parquet."""
+"""Results as tables: rows as a DataFrame, pooled scores, xarray, CSV and Parquet."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ LAST = ("onset", "seconds", "error", "setting", "hash", "case", "cost.us_per_sam
 
 
 class Results:
-    """The cases of a study.
+    """The results of a study.
 
     Parameters
     ----------
     store : Store
     study : mapping
-        As from `describe`; without its ``variants`` all cases are meant.
+        Description from `describe`; without ``variants``, the results include all cases.
 
     Attributes
     ----------
@@ -57,16 +57,16 @@ class Results:
         Raises
         ------
         StudyError
-            If it holds no rows, or none of a run or a study.
+            If the folder has no rows, or none from a run or a study.
         """
         store = Store.read(Path(folder))
         if study := store.told("study"):
             return cls(store, study)
-        raise StudyError(f"{folder} holds the trials of a verdict or of a tuning, and no study")
+        raise StudyError(f"{folder} has the rows of a comparison or a tuning, but no study")
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """All rows, a line a case and parameter; the columns that matter most come first."""
+        """All rows, one per case and parameter, with the most important columns first."""
         table = self._store.frame(self._variants)
         table = table[table["seed"].isin(self.study.get("seeds", table["seed"]))].reset_index(
             drop=True
@@ -91,12 +91,12 @@ class Results:
 
     @property
     def cases(self) -> int:
-        """Number of cases, failed ones included."""
+        """Number of cases, including failed ones."""
         return int(self.frame["case"].nunique())
 
     @property
     def missing(self) -> int:
-        """Number of cases that were asked for and are not here, such as those of other shards."""
+        """Number of cases of the study without results, such as the cases of other shards."""
         return len(self.study["variants"]) * len(self.study["seeds"]) - self.cases
 
     @property
@@ -111,27 +111,27 @@ class Results:
         return pd.DataFrame(self.pooled(*by, scores=scores))
 
     def pooled(self, *by: str, scores: Sequence[str] | None = None) -> list[dict[str, Any]]:
-        """Return scores pooled over the rows that agree in some columns, with 95 % intervals.
+        """Return scores pooled over groups of rows, with 95 % intervals.
 
         Parameters
         ----------
         *by : str
-            Columns to tell apart; scenario, estimator and all axes by default. Parameters, and
-            rows with and without a change, are always told apart.
+            Columns to group by (default: scenario, estimator and all axes). Different parameters,
+            and rows with and without a change, are never pooled.
         scores : sequence of str, optional
-            Which scores to pool; all by default.
+            Scores to pool (default: all).
 
         Returns
         -------
         list of dict
             The columns of `by`, ``parameter, changed, runs, seeds``, and the scores as in
-            summary.json, in the order of the study. The excess error is that of one scenario, and
-            is None where rows of several are pooled.
+            summary.json, in the order of the study. The excess error is None if a group contains
+            several scenarios, because it is defined for one scenario.
 
         Raises
         ------
         StudyError
-            If there is no such column or score.
+            If a column or score does not exist.
         """
         names = list(by or ("scenario", "estimator", *self.axes))
         chosen = ["failed", *(summary.POOLED if scores is None else scores)]
@@ -157,7 +157,7 @@ class Results:
         return lines
 
     def _excess(self, columns: Mapping[Any, Columns], first: int) -> dict[str, Any]:
-        """Return the excess error, which all parameters of a group share."""
+        """Return the excess error of a group, which is the same for all parameters."""
         if len({point for own in columns.values() for point in own["point"]}) == 1:
             scenario = self.scenario(self.frame.loc[first])
             by_name = {name: own for (name, _), own in columns.items()}
@@ -167,7 +167,7 @@ class Results:
         return {"excess": None, "excess_interval": None}
 
     def scenario(self, row: Mapping[str, Any]) -> Scenario:
-        """Return the scenario of a row of `frame`, at its point of the sweep."""
+        """Return the scenario of a row of `frame`, including its swept values."""
         definitions = {s["definition"]["name"]: s["definition"] for s in self.study["scenarios"]}
         base = scenario_from(definitions[row["scenario"]], source=row["scenario"])
         variants = {about["hash"]: about["changes"] for about in self._variants.values()}
@@ -176,31 +176,32 @@ class Results:
         return base.override(changes, inherit=inherit) if changes else base
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
-        """Return the data for figures of single runs, by seed.
+        """Return the data for figures of single runs, keyed by seed.
 
         Parameters
         ----------
         scenario_hash, setting : str
-            As in the columns ``hash`` and ``setting`` of `frame`.
+            Values of the columns ``hash`` and ``setting`` of `frame`.
         """
         seeds, every = {*self.frame["seed"]}, self._store.traces(scenario_hash, setting)
         return {seed: trace for seed, trace in every.items() if seed in seeds}
 
     def to_csv(self, path: str | Path) -> None:
-        """Write the rows as CSV; a column that is defined in no row is there and empty."""
+        """Write the rows to a CSV file; a column without any values is empty."""
         with new_file(Path(path)) as part:
             self.frame.to_csv(part, index=False)
 
     def to_parquet(self, path: str | Path) -> None:
-        """Write the rows as Parquet; needs pyarrow."""
+        """Write the rows to a Parquet file, which requires pyarrow."""
         with new_file(Path(path)) as part:
             self.frame.to_parquet(part, index=False)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the numbers over scenario, estimator, point of the sweep, seed and parameter.
+        """Return numbers as a Dataset over scenario, estimator, point, seed and parameter.
 
-        Missing and undefined values are NaN. The axes are coordinates of the points:
-        ``set_index(point=[...]).unstack("point")`` makes them dimensions.
+        A point is a combination of swept values. Missing and undefined values are NaN. The axes are
+        coordinates of the points; ``set_index(point=[...]).unstack("point")`` turns them into
+        dimensions.
         """
         axes, table = list(self.axes), self.frame[self.frame["parameter"] != ""]
         points = table.groupby(axes, dropna=False).ngroup() if axes else 0
@@ -212,12 +213,12 @@ class Results:
 
 
 def _plain(value: Any) -> Any:
-    """Return the value of an axis as a cell: a number, a text, or JSON."""
+    """Return the value of an axis as a cell of a table: a number, a text, or JSON."""
     return json.dumps(value) if isinstance(value, list | dict) else value
 
 
 def _value(value: Any) -> Any:
-    """Return a value of a group as one of Python, None where it is missing."""
+    """Convert a value of a group to a Python value, and a missing value to None."""
     return None if pd.isna(value) else getattr(value, "item", lambda: value)()
 
 

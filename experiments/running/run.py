@@ -50,11 +50,11 @@ Pair = tuple[Scenario, Spec]
 ENVIRONMENT = {"PYTHONSAFEPATH": "1"} | dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-"""Of a worker: one thread each, and no file of the current folder hides a library."""
+"""Environment of a worker: one thread, and no file of the current folder can hide a library."""
 
 
 class Worker:
-    """One process that runs one unit at a time, and can be replaced alone."""
+    """One worker process, which runs one unit at a time and can be replaced on its own."""
 
     def __init__(self) -> None:
         self._pool = _pool()
@@ -63,7 +63,7 @@ class Worker:
         """Submit work to the process; start the process if necessary."""
         try:
             return self._pool.submit(work, *args)  # type: ignore[no-any-return]
-        except BrokenExecutor:  # it was killed while it had nothing to do
+        except BrokenExecutor:  # the idle process was killed
             self.end()
             return self._pool.submit(work, *args)  # type: ignore[no-any-return]
 
@@ -78,7 +78,7 @@ def _pool() -> ProcessPoolExecutor:
 
 
 def _start(parent: int) -> None:
-    """Prepare a worker: Ctrl-C is for the parent, stdout for results, and no orphan stays."""
+    """Prepare a worker: ignore Ctrl-C, keep stdout free, and end when the parent process ends."""
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_IGN)
     os.dup2(2, 1)
@@ -92,31 +92,31 @@ def _end_with(parent: int) -> None:
 
 
 class Runner:
-    """Runs studies and keeps their rows; several studies share its workers. A context manager.
+    """Context manager that runs studies and stores their rows; studies share its workers.
 
     Parameters
     ----------
     folder : Path, optional
-        Where rows are kept and found again; without one they are in memory.
+        Folder for the rows, where later runs find them; without a folder, rows stay in memory.
     jobs : int
-        Worker processes.
+        Number of worker processes.
     executor : concurrent.futures.Executor, optional
-        Where to work instead, such as that of a Dask client.
+        Executor that replaces the worker processes, such as the executor of a Dask client.
     cache : RecordCache, optional
-        Without one every record is simulated.
+        Cache of records; without a cache, every record is simulated.
     time_limit : float
-        Of one run of a user's estimator [s].
+        Time limit for one run of a user's estimator [s].
     overwrite : bool
         Whether to remove the rows of the folder first.
     shard : (int, int)
-        Number of the part that is run, from 1, and of all parts.
+        Number of the shard to run, starting at 1, and the number of shards.
 
     Raises
     ------
     StudyError
-        If the folder was made by other code.
+        If other code made the rows in the folder.
     FlexaxisError
-        If jobs or the time limit are no such numbers.
+        If the number of jobs or the time limit is invalid.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class Runner:
     ) -> None:  # fmt: skip
         limit = TIME_LIMIT if time_limit is None else time_limit
         if not (jobs >= 1 and 0 < limit < float("inf")):
-            raise FlexaxisError(f"jobs {jobs}, time limit {limit} s: give finite numbers above 0")
+            raise FlexaxisError(f"jobs {jobs}, time limit {limit} s: both must be positive")
         self._logs = mkdtemp(prefix="flexaxis-")
         weakref.finalize(self, rmtree, self._logs, ignore_errors=True)
         self._options = Options(cache, time_limit=limit)
@@ -137,7 +137,7 @@ class Runner:
 
     @cached_property
     def store(self) -> Store:
-        """The rows; a folder is made, or emptied, when they are first asked for."""
+        """The store of rows; the folder is created or emptied on first access."""
         store = Store(self._folder, overwrite=self._overwrite)
         store.check()
         return store
@@ -160,23 +160,24 @@ class Runner:
         ----------
         study : Study
         traces : bool
-            Whether to keep what figures of single runs need; cases without it are run again.
+            Whether to keep the curves for figures of single runs; cases without them run again.
         about : mapping, optional
-            More to keep of the study, which becomes the one that the folder was asked for last.
+            Further properties to store. With `about`, the study becomes the last study of the
+            folder.
 
         Raises
         ------
         StudyError, EstimatorError
-            If the study is wrong, or an estimator cannot be made.
+            If the study is wrong, or an estimator cannot be constructed.
         NotRun
-            If cases are missing because of the machine; those that were run are kept.
+            If the machine could not run some cases; the finished cases are kept.
         KeyboardInterrupt
-            After Ctrl-C: what is stored is kept, and the same call runs what is missing.
+            After Ctrl-C. Stored rows are kept, and the same call runs the missing cases.
         """
         plan = units(study)
         part = plan[self.shard[0] - 1 :: self.shard[1]]
         pairs = [pair for pair in _pairs(part) if pair[1].options or pair[1].is_users]
-        for error in self._problems(pairs).values():  # before anything is run
+        for error in self._problems(pairs).values():  # fail before the first run
             raise error
         todo = list(missing(part, self.store.done(traced=traces)))
         description = describe(study, plan) | dict(about or {})
@@ -192,8 +193,8 @@ class Runner:
                 advance(len(cases))
         if lost:
             raise NotRun(
-                f"{lost} cases were not run: {reason}. What is done is kept, and the same command "
-                "resumes"
+                f"{lost} cases were not run: {reason}. Finished cases are kept; run the same "
+                "command to resume"
             )
         results = Results(self.store, description)
         if about is not None and self.store.folder:
@@ -204,12 +205,12 @@ class Runner:
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], *,
         traces: bool = False,
     ) -> pd.DataFrame:  # fmt: skip
-        """Return the rows (`Results.frame`) of some cases; those that are missing are run."""
+        """Return the rows (`Results.frame`) of some cases, and run the missing cases first."""
         study = Study("cases", tuple(scenarios), tuple(estimators), tuple(seeds))
         return self.run(study, traces=traces).frame
 
     def _outcomes(self, todo: Iterable[Unit], options: Options) -> Iterator[Outcome]:
-        """Yield the outcomes of units as they come."""
+        """Yield the outcomes of units as they finish."""
         queue, free = deque(todo), list(self._workers)
         self._compile([*queue][:UNITS], options)
         running: dict[Future[Outcome], tuple[Any, Unit, str]] = {}
@@ -219,7 +220,8 @@ class Runner:
                 log = f"{self._logs}/{id(worker)}" if isinstance(worker, Worker) else os.devnull
                 future = worker.submit(run_unit, unit, replace(options, log=log))
                 running[future] = worker, unit, log
-            done, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)  # hears Ctrl-C
+            # The timeout lets Ctrl-C through.
+            done, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
             for future in done:
                 worker, unit, log = running.pop(future)
                 free.append(worker)
@@ -229,7 +231,7 @@ class Runner:
                     yield self._after_death(worker, unit, log, error, queue)
 
     def _compile(self, todo: Sequence[Unit], options: Options) -> None:
-        """Let one worker compile what never was on this machine, while the others simulate."""
+        """Let one worker compile all filters while the others simulate, if none is compiled yet."""
         first, *others = self._workers
         if not (others and options.cache and isinstance(first, Worker) and is_uncompiled()):
             return
@@ -237,13 +239,13 @@ class Runner:
         compiling = first.submit(_problems, pairs, options)
         for i, worker in enumerate(others):
             worker.submit(simulate_units, todo[i :: len(others)], options)
-        while not wait([compiling], timeout=0.5).done:  # hears Ctrl-C
+        while not wait([compiling], timeout=0.5).done:  # the timeout lets Ctrl-C through
             pass
 
     def _after_death(
         self, worker: Any, unit: Unit, log: str, error: BaseException, queue: deque[Unit]
     ) -> Outcome:
-        """Run the cases of a unit alone after a worker died; one that dies alone has failed."""
+        """Queue the cases of a unit one by one after a worker died; mark a lone case as failed."""
         if not isinstance(error, BrokenExecutor) and type(error).__name__ != "KilledWorker":
             raise StudyError(
                 f"{unit.scenario.name}, seeds {unit.seeds}: {type(error).__name__}: {error}"
@@ -258,18 +260,18 @@ class Runner:
         elif setting.spec.is_users:
             text = f"EstimatorCrash: {setting.text} crashed on {unit.scenario.name}, seed {seed}: "
             queue.appendleft(replace(unit, error=text + reason))
-        else:  # memory ran out, or it was killed
+        else:  # memory ran out, or the process was killed
             return [f"{unit.scenario.name}, seed {seed}: {reason}"]
         return []
 
     def misfits(self, scenarios: Sequence[Scenario], texts: Sequence[str]) -> dict[str, str]:
-        """Return the scenarios that some estimators cannot read, with the reason, by name."""
+        """Return the names of scenarios that an estimator cannot run on, each with the reason."""
         problems = self._problems([(each, parse(text)) for each in scenarios for text in texts])
         return {name: str(e) for name, e in problems.items() if isinstance(e, Misfit)}
 
     def _problems(self, pairs: Sequence[Pair]) -> Mapping[str, EstimatorError]:
-        """Return the errors with which estimators cannot be made, by name of the scenario."""
-        with suppress(BrokenExecutor):  # the cases will show which one ends its process
+        """Return the error of each estimator that cannot be constructed, keyed by scenario."""
+        with suppress(BrokenExecutor):  # the runs will show which estimator ends its process
             if pairs:
                 work = self._workers[0].submit(_problems, pairs, self._options)
                 return work.result()  # type: ignore[no-any-return]
@@ -277,7 +279,7 @@ class Runner:
 
 
 def _pairs(todo: Iterable[Unit]) -> list[Pair]:
-    """Return each setting once, with a scenario."""
+    """Return each setting once, with one of its scenarios."""
     pairs = {each.text: (unit.scenario, each.spec) for unit in todo for each in unit.settings}
     return list(pairs.values())
 
@@ -294,27 +296,27 @@ def _problems(pairs: Sequence[Pair], options: Options) -> dict[str, EstimatorErr
 
 
 def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
-    """Run cases of a folder again and compare their scores, in whatever version this is.
+    """Run cases of a folder again with the installed version, and compare their scores.
 
     Parameters
     ----------
     results : Results
-        Of the folder, which stays as it is.
+        Results of the folder, which stays unchanged.
     runner : Runner
-        Without that folder.
+        Runner that does not use this folder.
     sample : int
-        Number of cases, spread over all; 0 for all.
+        Number of cases to run, spread evenly; 0 for all cases.
 
     Returns
     -------
     DataFrame
-        ``scenario, estimator, seed, parameter``, the ``score`` that differs most, and the
-        ``difference`` over its value; infinite if one of the two is not defined.
+        ``scenario, estimator, seed, parameter``, the ``score`` that differs most, and its relative
+        ``difference``, which is infinite if only one of the two values is defined.
     """
     scores, key = [name for name in NUMBERS if "cost." not in name], ["seed", "parameter"]
     cases, lines = results.frame["case"].unique(), []
     if not len(cases):
-        raise StudyError(f"{results.folder} has no finished cases: run its command first")
+        raise StudyError(f"{results.folder} has no finished cases. Run its command first")
     chosen = cases[:: max(1, len(cases) // (sample or len(cases)))]
     stored = results.frame[results.frame["case"].isin(chosen)]
     for (_, setting), own in stored.groupby(["hash", "setting"], sort=False):
@@ -330,6 +332,6 @@ def rerun(results: Results, runner: Runner, sample: int = 0) -> pd.DataFrame:
 
 
 def check_failures(frame: pd.DataFrame) -> None:
-    """Raise the error of the first case that failed as an `EstimatorCrash`."""
+    """Raise an `EstimatorCrash` with the error of the first failed case, if there is one."""
     for error in frame["error"].dropna():
         raise EstimatorCrash(error.partition(": ")[2])

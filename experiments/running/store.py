@@ -1,9 +1,10 @@
-"""The rows of a folder in one SQLite file: one transaction per unit, and each case once.
+"""Store the rows of a folder in one SQLite file, with one transaction per unit.
 
-Table `cases` has one row per case. Its scores are the bytes of a float64 matrix (parameters,
-columns), because a million rows of text would take minutes to read; scores.csv is for other
-programs. `variants` holds the properties that all cases of one estimator on one scenario share,
-`traces` the data for figures of single runs, and `meta` the columns, versions and last study.
+Table `cases` has one row per case. The scores of a case are the bytes of a float64 matrix
+(parameters, columns), because a million rows of text would take minutes to read; scores.csv is for
+other programs. Table `variants` has the properties that all cases of one estimator on one scenario
+share, `traces` has the data for figures of single runs, and `meta` has the columns, the versions
+and the last study.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from flexaxis.experiments.scoring.summary import Case
 from flexaxis.sim.simulate import versions
 
 ROWS, CSV = "scores.sqlite", "scores.csv"
-WAIT = 600.0  # s for another process that writes
+WAIT = 600.0  # s to wait while another process writes
 SHARED = ("scenario", "estimator", "setting", "hash", "seconds", "axes", "parameters")
 SCHEMA = """
 PRAGMA synchronous = NORMAL;
@@ -56,25 +57,25 @@ DETACH other;
 
 
 def made_with() -> dict[str, str]:
-    """Return what decides about rows: versions, and a digest of simulation, estimators, scores."""
+    """Return what rows depend on: versions, and a digest of simulation, estimators and scores."""
     code = digest_of("models_mjcf", "sim", "estimators", "experiments.scoring")
     return versions() | {"code": code}
 
 
 class Store:
-    """Rows in a folder, or in memory without one.
+    """Rows in a folder, or in memory without a folder.
 
     Parameters
     ----------
     folder : Path or None
-        Made if it is missing.
+        Folder, which is created if it is missing.
     overwrite : bool
-        Whether to remove the rows that are there.
+        Whether to remove existing rows.
 
     Raises
     ------
     StudyError
-        If rows are there that were made by other code.
+        If the file of rows is damaged.
     OutputError, NotRun
         If the file cannot be written.
     """
@@ -94,12 +95,12 @@ class Store:
 
     @classmethod
     def read(cls, folder: Path) -> Store:
-        """Return the rows of a folder to be read.
+        """Return the store of an existing folder.
 
         Raises
         ------
         StudyError
-            If it has none.
+            If the folder has no file of rows.
         """
         if not (folder / ROWS).is_file():
             raise StudyError(
@@ -109,11 +110,12 @@ class Store:
         return cls(folder)
 
     def check(self) -> None:
-        """Refuse to add rows to those of other code.
+        """Check that the existing rows were made by the present code.
 
         Raises
         ------
         StudyError
+            If other code made the rows.
         """
         old, now = self.told("made_with"), made_with()
         differ = [
@@ -121,31 +123,31 @@ class Store:
         ]
         if differ:
             raise StudyError(
-                f"{self.folder} was made by other code ({'; '.join(differ)}), and its rows must "
-                "not be mixed with new ones: choose another folder with -o, or remove them with "
-                "--overwrite"
+                f"the rows in {self.folder} were made by other code ({'; '.join(differ)}) and must "
+                "not be mixed with new ones. Choose another folder with -o, or remove the rows "
+                "with --overwrite"
             )
 
     def told(self, key: str) -> Any:
-        """Return what was told about the rows, such as the ``study`` asked for last, or None."""
+        """Return an entry of `meta`, such as ``study`` (the last study), or None."""
         with self._reported():
             query = "SELECT value FROM meta WHERE key = ?"
             return json.loads((self._db.execute(query, (key,)).fetchone() or ["null"])[0])
 
     def tell(self, **content: Any) -> None:
-        """Store an entry of `meta`, and replace the old one of that name."""
+        """Store entries in `meta`, and replace old entries of the same name."""
         with self._reported(), self._db:
             lines = [(key, json.dumps(value, allow_nan=False)) for key, value in content.items()]
             self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", lines)
 
     def done(self, *, traced: bool = False) -> set[str]:
-        """Return the ids of all cases, or of those that failed or have a trace."""
+        """Return the ids of all cases; if `traced`, only of cases that failed or have a trace."""
         some = " WHERE error NOT NULL OR id IN (SELECT id FROM traces)" if traced else ""
         with self._reported():
             return {case for (case,) in self._db.execute(f"SELECT id FROM cases{some}")}
 
     def add(self, cases: Iterable[Done]) -> None:
-        """Add cases, all or none; one that is there stays as it is."""
+        """Add cases in one transaction; existing cases stay unchanged."""
         with self._reported(), self._db:
             for case in cases:
                 self._db.execute("INSERT OR IGNORE INTO variants (about) VALUES (?)", (case.about,))
@@ -164,7 +166,7 @@ class Store:
         Raises
         ------
         StudyError
-            If it has none, or other code made them.
+            If the folder has no rows, or other code made them.
         """
         other = Store.read(folder)
         other.check()
@@ -175,18 +177,18 @@ class Store:
             self.tell(study=other.told("study"))
 
     def variants(self) -> dict[int, dict[str, Any]]:
-        """Return the shared properties of the cases of an estimator on a scenario, by number."""
+        """Return the properties that the cases of an estimator on a scenario share, keyed by id."""
         with self._reported():
             lines = self._db.execute("SELECT id, about FROM variants")
             return {key: json.loads(text) for key, text in lines}
 
     def frame(self, chosen: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
-        """Return the rows of some variants, a line a case and parameter, seed by seed.
+        """Return the rows of some variants, one per case and parameter, in the order of seeds.
 
         Parameters
         ----------
         chosen : mapping
-            Some of `variants`, in the order of the rows.
+            Selected entries of `variants`, in the order of the rows.
         """
         names, cases, numbers = self.told("columns"), [], bytearray()
         query = ("SELECT id, seed, isolation, error, numbers FROM cases "
@@ -205,7 +207,7 @@ class Store:
         return table.assign(**truths).rename(columns={"parameters": "parameter"})
 
     def traces(self, scenario_hash: str, setting: str) -> dict[int, Case]:
-        """Return the data for figures of single runs, by seed."""
+        """Return the data for figures of single runs, keyed by seed."""
         query = (
             "SELECT seed, content FROM cases JOIN traces USING (id) JOIN variants v "
             "ON v.id = variant WHERE json_extract(about, '$.hash') = ? "
@@ -217,17 +219,18 @@ class Store:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Say in one line what goes wrong with the file."""
+        """Turn SQLite errors into errors of flexaxis with a message of one line."""
         try:
             yield
         except sqlite3.OperationalError as error:
             full = "full" in str(error) or "disk I/O" in str(error)
-            kind, advice = (NotRun, ": free some space") if full else (OutputError, "")
+            kind, advice = (NotRun, "Free some space") if full else (OutputError, "Check the path")
             raise kind(
-                f"{self._path}: cannot be written: {error}{advice}, or choose another place with -o"
+                f"{self._path}: cannot be written: {error}. {advice}, or choose another folder "
+                "with -o"
             ) from error
         except sqlite3.DatabaseError as error:
             raise StudyError(
-                f"{self._path} is damaged, or no file of rows: {error}. Restore it from a copy, or "
-                "remove it; the same command then runs its cases again"
+                f"{self._path} is damaged or not a file of rows: {error}. Restore it from a copy, "
+                "or remove it and run the same command again"
             ) from error

@@ -17,36 +17,36 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
 Point = dict[str, Any]
-"""Values by dotted key."""
+"""Swept values, keyed by dotted key."""
 ALL = "estimator"
-"""Before the name of an option: that of every estimator."""
+"""Prefix of an option that applies to every estimator."""
 SEEDS_PER_UNIT = 16  # enough to share the cost of a batch, few enough to see progress
-UNITS = 16  # at least, if there are enough records, so that many processes have work
+UNITS = 16  # smallest number of units, if there are enough records, to keep many processes busy
 
 
 @dataclass(frozen=True)
 class Study:
-    """Every estimator at every point on every seed of every scenario.
+    """A study: every estimator on every scenario, at every point of a sweep and for every seed.
 
     Attributes
     ----------
     name : str
     scenarios : tuple of Scenario
-        Each with its own name.
+        Scenarios with different names.
     estimators : tuple of str
         Texts as for `--estimator`.
     seeds : tuple of int
     axes : tuple of str
-        Swept keys; none for a run.
+        Swept keys; empty for a run.
     points : tuple of dict
-        Values on the axes.
+        Points of the sweep, each with a value for every axis.
     streams : {"common", "own"}
-        Whether the points of a scenario share its random numbers.
+        Whether all points of a scenario share random numbers ("common").
 
     Raises
     ------
     StudyError
-        If two scenarios have one name or one content.
+        If two scenarios have the same name or the same content.
     """
 
     name: str
@@ -63,17 +63,17 @@ class Study:
             if twice := [s.name for s in self.scenarios if every.count(getattr(s, key)) > 1]:
                 raise StudyError(
                     f"{self.name}: the scenarios {' and '.join(twice)} have the same {key}, so "
-                    "their results could not be told apart: rename one, or leave it out"
+                    "their results could not be distinguished. Rename one, or leave it out"
                 )
 
     @property
     def cases(self) -> int:
-        """Number of cases, at most."""
+        """Largest possible number of cases."""
         return math.prod(map(len, (self.scenarios, self.estimators, self.seeds, self.points)))
 
     @property
     def block(self) -> int:
-        """Number of seeds in a unit. It depends on the study alone, as shards need it."""
+        """Number of seeds in a unit; all shards compute the same number from the study."""
         records = len(self.scenarios) * len(self.points) * len(self.seeds)
         return min(SEEDS_PER_UNIT, max(1, records // UNITS))
 
@@ -85,11 +85,11 @@ class Setting:
     Attributes
     ----------
     estimator : str
-        As it stands in the study.
+        Text of the estimator in the study.
     text : str
-        With the swept options.
+        Text with the swept options.
     axes : mapping
-        The swept options by key.
+        Values of the swept options, keyed by option.
     spec : Spec
     """
 
@@ -100,27 +100,27 @@ class Setting:
 
 
 PlannedCase = tuple[str, Setting, int]
-"""Id, estimator and seed."""
+"""Id, setting and seed of a case."""
 
 
 @dataclass(frozen=True)
 class Unit:
-    """Work of one process: one scenario variant, a block of seeds, all estimators.
+    """The work that one process does at a time: one scenario, a block of seeds, all estimators.
 
     Attributes
     ----------
     scenario : Scenario
-        At its point of the sweep.
+        Scenario with the swept values of one point.
     base : str
         Name of the scenario before the sweep.
     axes : mapping
-        Swept keys of the scenario.
+        Swept values of the scenario.
     settings : tuple of Setting
     seeds : tuple of int
     done : frozenset of str
-        Cases that are not to be run.
+        Ids of cases to skip.
     error : str
-        If there is one, the case is known to fail and is not run.
+        Error of a case that is known to fail; the case is not run again.
     """
 
     scenario: Scenario
@@ -132,7 +132,7 @@ class Unit:
     error: str = ""
 
     def cases(self) -> list[PlannedCase]:
-        """Return the cases that are to be run: id, estimator and seed."""
+        """Return the cases to run."""
         every = (
             (case_id(self.scenario.hash, setting, seed), setting, seed)
             for setting, seed in product(self.settings, self.seeds)
@@ -141,13 +141,13 @@ class Unit:
 
 
 def case_id(scenario_hash: str, setting: Setting, seed: int) -> str:
-    """Return the identity of a case: 64 bits of a hash, in hexadecimal."""
+    """Return the id of a case: 64 bits of a hash, in hexadecimal."""
     text = f"{scenario_hash} {setting.text} {setting.spec.digest or ''} {seed} "
     return sha256(text.encode()).hexdigest()[:16]
 
 
 def applies(key: str, estimator: str) -> bool:
-    """Return whether a key is an option of an estimator: "estimator.X" of all, "NAME.X" of one.
+    """Return whether a key like "estimator.X" or "NAME.X" sets an option of this estimator.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def applies(key: str, estimator: str) -> bool:
 
 
 def is_option(key: str, names: Sequence[str]) -> bool:
-    """Return whether a key is an option of estimators, and not a key of the scenario."""
+    """Return whether a key is an option of estimators rather than a key of the scenario."""
     return any(applies(key, name) for name in (ALL, *names))
 
 
@@ -168,7 +168,7 @@ def units(study: Study) -> list[Unit]:
     Raises
     ------
     StudyError
-        If a point of the sweep is wrong, which it names.
+        If a point of the sweep is invalid; the message names the point.
     """
     result = []
     for base, (key, settings) in product(study.scenarios, _settings(study).items()):
@@ -183,7 +183,7 @@ def units(study: Study) -> list[Unit]:
 
 
 def _settings(study: Study) -> dict[str, tuple[Setting, ...]]:
-    """Return the estimators at each point of the scenario's own axes (as JSON)."""
+    """Return the settings for each point of the swept scenario keys, keyed by the point's JSON."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
     result: dict[str, dict[str, Setting]] = {}
     for point in study.points:
@@ -210,7 +210,7 @@ def _named(study: Study, axes: Point) -> Iterator[None]:
 
 
 def missing(every: Sequence[Unit], done: set[str]) -> Iterator[Unit]:
-    """Yield the units with cases that are not done; a case in two units is left to the first."""
+    """Yield the units with missing cases; a case in two units is run in the first one only."""
     planned = set(done)
     for unit in every:
         ids = {case for case, _, _ in unit.cases()}
@@ -233,13 +233,13 @@ def labels(unit: Unit, setting: Setting) -> dict[str, Any]:
 
 
 def describe(study: Study, every: Sequence[Unit]) -> dict[str, Any]:
-    """Return the description of a study that a folder stores as JSON: its request and its labels.
+    """Return the description of a study that a folder stores as JSON.
 
     Parameters
     ----------
     study : Study
     every : sequence of Unit
-        As from `units`.
+        Units from `units`.
     """
     variants = {
         (unit.scenario.hash, setting.text): labels(unit, setting)

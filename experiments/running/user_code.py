@@ -1,6 +1,6 @@
-"""Code of users: load it, say what failed in it and where, end it in time; programs behind a pipe.
+"""User code: load it, report its errors, limit its time, and run programs through a pipe.
 
-User code runs in the process that runs the case. It is trusted: run only code you trust.
+User code runs in the process that runs the case, without a sandbox. Run only code you trust.
 """
 
 import errno
@@ -34,11 +34,11 @@ TIME_LIMIT = 600.0
 
 
 class EstimatorCrash(EstimatorError):
-    """The code of an estimator raised an exception; the message says which, what and where."""
+    """An estimator raised an exception; the message names the estimator, exception and place."""
 
 
 def names_code(text: str) -> bool:
-    """Return whether a text names code of a user: files, modules and programs have a colon.
+    """Return whether a text names user code: a file, module or program has a colon.
 
     Examples
     --------
@@ -49,7 +49,7 @@ def names_code(text: str) -> bool:
 
 
 def code_file(text: str) -> str:
-    """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
+    """Return the file of an estimator written as path/file.py:Class, or an empty text."""
     file = text.partition("[")[0].rpartition(":")[0]
     return file if file.endswith(".py") else ""
 
@@ -63,7 +63,7 @@ def load_class(text: str) -> Callable[..., Any]:
         If the module cannot be imported, or has no such class.
     """
     module, _, name = text.rpartition(":")
-    with reported(text, "when it was imported"):
+    with reported(text, "during import"):
         file = code_file(text)
         home = _module_of(Path(file).resolve()) if file else importlib.import_module(module)
     if not hasattr(home, name):
@@ -73,7 +73,7 @@ def load_class(text: str) -> Callable[..., Any]:
 
 @cache
 def _module_of(path: Path) -> Any:
-    """Import a file; its folder goes to the end of the path, so it hides no library."""
+    """Import a file; its folder comes last in the search path and cannot hide a library."""
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     name = f"_flexaxis_user_{path.stem}_{abs(hash(path))}"
@@ -88,27 +88,27 @@ def _module_of(path: Path) -> Any:
 def reported(
     text: str, where: str, *, first: int = 0, period: float = 0.0, refusing: bool = False
 ) -> Iterator[None]:
-    """Turn exceptions of an estimator into an error that names it, the place and the sample.
+    """Turn an exception of an estimator into an error that names estimator, place and sample.
 
     Parameters
     ----------
     text : str
         The estimator, as for `--estimator`.
     where : str
-        "when it was made", "on fm_step-v1, seed 1000".
+        Place for the message, such as "in its constructor" or "on fm_step-v1, seed 1000".
     first : int
-        Number of the first sample.
+        Index of the first sample.
     period : float
         Sampling period [s].
     refusing : bool
-        Whether an `EstimatorError` passes as it is.
+        Whether to raise an `EstimatorError` unchanged.
 
     Raises
     ------
     EstimatorError
-        If `step` returns another number of values than there are names.
+        If `step` does not return one value per name.
     EstimatorCrash
-        For every other exception, `sys.exit` included; not for Ctrl-C.
+        If any other exception occurs, including `sys.exit` but not Ctrl-C.
     """
     try:
         with redirect_stdout(sys.stderr):  # stdout is for results
@@ -126,14 +126,14 @@ def reported(
 
 
 def describe(error: BaseException) -> str:
-    """Return kind, message and place of an exception in one line."""
+    """Return the type, message and place of an exception in one line."""
     words, place = " ".join(str(error).split()), user_line(error)
     kind = type(error).__name__ + (f": {words}" if words else "")
     return f"{kind} ({place})" if place else kind
 
 
 def user_line(error: BaseException) -> str:
-    """Return the last line, as ``file.py:12``, that is neither ours nor of a library."""
+    """Return the last traceback line in user code as ``file.py:12``, or an empty text."""
     frames = traceback.extract_tb(error.__traceback__)
     return next((f"{f.filename}:{f.lineno}" for f in frames[::-1] if _is_users(f.filename)), "")
 
@@ -148,7 +148,7 @@ FULL = {errno.ENOSPC, errno.EDQUOT, errno.ENOMEM}
 
 
 def is_of_the_machine(error: BaseException | None) -> bool:
-    """Return whether memory, a disk, or a package that is missing caused an error."""
+    """Return whether a lack of memory or disk space, or a missing package, caused an error."""
     while error is not None:
         if isinstance(error, MemoryError | ModuleNotFoundError):
             return True
@@ -160,9 +160,9 @@ def is_of_the_machine(error: BaseException | None) -> bool:
 
 @contextmanager
 def ended_after(seconds: float | None, log: str) -> Iterator[None]:
-    """End this process if the block takes longer; `log` gets the traceback of all threads.
+    """End this process if the block takes longer; `log` receives the traceback of all threads.
 
-    Python does it in C, so code that never returns to Python ends, too.
+    The timer runs in C, so it also ends code that never returns to Python.
     """
     with open(log, "w") as file:
         if seconds is not None:
@@ -178,35 +178,36 @@ def why_it_ended(log: str, seconds: float) -> str:
     if not (Path(log).exists() and Path(log).read_text(errors="replace")):
         return "its process died: the code ended it, memory ran out, or it was killed"
     return (
-        f"TimeoutError: no end within {seconds:g} s; if it needs longer, give --time-limit (in "
-        "Python time_limit=)"
+        f"TimeoutError: not finished within {seconds:g} s. If it needs longer, set --time-limit "
+        "(in Python time_limit=)"
     )
 
 
-HEAD = b"FLEXAXIS\1\0\0\0\4\3\2\1"  # version 1, and a number whose bytes are in this order
+HEAD = b"FLEXAXIS\1\0\0\0\4\3\2\1"  # version 1, and a number that shows the byte order
 
 
 class PipeEstimator:
-    """A program in any language: samples to its stdin, estimates from its stdout (docs/pipes.md).
+    """A program that reads samples from stdin and writes estimates to stdout (docs/pipes.md).
 
     Parameters
     ----------
     command : str
-        As typed, but no shell reads it.
+        Command line, which is run without a shell.
     nominal : mapping of str to float
+        Nominal values that the estimator may know.
     period : float
-        [s].
+        Sampling period [s].
     identify : sequence of str
-        What the scenario asks for; the program says what it estimates.
+        Parameters of the scenario's `identify`; the program may choose others.
     output : str
-        What y is.
+        Signal that y contains.
 
     Raises
     ------
     OSError
         If the program cannot be started.
     EstimatorError
-        If it ends, or does not answer as the protocol says.
+        If the program ends early or violates the protocol.
     """
 
     def __init__(
@@ -221,25 +222,25 @@ class PipeEstimator:
         head += np.array(identify, "S32").tobytes()
         start, p, place = struct.unpack("<16sII", self._ask(HEAD + head, 24))
         if start != HEAD:
-            raise EstimatorError(f"the program answered {start!r}: docs/pipes.md has the header")
+            raise EstimatorError(f"the program answered {start!r}; see the header in docs/pipes.md")
         self.names = tuple(np.frombuffer(self._ask(b"", 32 * p), "S32").astype(str).tolist())
         self.output = signals[place]
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
-        """Return θ[k] (p,) of u[k] and y[k]; None is a gap, and is sent as NaN."""
+        """Return θ[k] (p,) for u[k] and y[k]; None marks a gap and is sent as NaN."""
         return self.run([u], np.array([y], float))[0]
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: Any = True) -> NDArray[np.float64]:
-        """Return θ (N, p) of u and y (N,)."""
+        """Return θ (N, p) for u and y (N,)."""
         samples, answer = np.column_stack([u, np.where(valid, y, np.nan)]), b""
-        # Samples in flight have fewer bytes than a pipe holds, so neither side waits.
+        # The samples of a part fit into the buffer of a pipe, so neither side blocks.
         for part in np.split(samples, range(2048, len(samples), 2048)):
             size = len(part) * len(self.names) * 8
             answer += self._ask(struct.pack("<Q", len(part)) + part.tobytes(), size)
         return np.frombuffer(answer, "<f8").reshape(len(samples), -1)
 
     def _ask(self, content: bytes, size: int) -> bytes:
-        """Send bytes and return the answer."""
+        """Send bytes to the program and return its answer."""
         answer = b""
         with suppress(OSError):  # the program has ended
             self._process.stdin.write(content)  # type: ignore[union-attr]
@@ -253,6 +254,6 @@ class PipeEstimator:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program, and close its pipes."""
+    """End a program and close its pipes."""
     with suppress(OSError), process:
         process.kill()

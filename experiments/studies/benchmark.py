@@ -1,4 +1,4 @@
-"""Carry out a study or a run, and write the summary, figures and report to a folder."""
+"""Run a study or a benchmark, and write the summary and report to a folder."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -38,7 +38,7 @@ from flexaxis.sim.scenario import Scenario, scenario_from
 def working(
     folder: str | Path | None = None, *, dask: str | None = None, **options: Any
 ) -> Iterator[Runner]:
-    """Give a runner with its options, on this machine or a Dask cluster."""
+    """Yield a runner with these options, on this machine or on a Dask cluster."""
     with ExitStack() as stack:
         kept = default_cache()
         stack.enter_context(keep_nominal_runs(kept))
@@ -54,14 +54,15 @@ def working(
 def benchmark(
     suite: Suite, estimators: Sequence[str], seeds: Sequence[int], runner: Runner
 ) -> Results:
-    """Run a suite; the estimators of a user run where the references of the suite do.
+    """Run a suite with its own or with other estimators.
 
     Parameters
     ----------
     suite : Suite
-        As from `select`.
+        Suite from `select`.
     estimators : sequence of str
-        Those of the suite if empty; scenarios that one of them cannot read are left out.
+        Estimators that replace those of the suite, unless empty. Scenarios that one of them cannot
+        run on are left out.
     seeds : sequence of int
     runner : Runner
     """
@@ -70,7 +71,8 @@ def benchmark(
         left_out = runner.misfits([*own, *swept], estimators)
         for name, reason in left_out.items():
             remark(f"{name} is left out: {reason}")
-        own = [s for s in own if s.name not in left_out] or own  # running them says why
+        # If no scenario is left, running all of them raises the error.
+        own = [s for s in own if s.name not in left_out] or own
         swept = [s for s in swept if s.name not in left_out]
         turned = estimators
     texts = tuple(estimators or suite.estimators)
@@ -89,15 +91,15 @@ def run(
     Parameters
     ----------
     study : Study
-        One without axes is a run of a benchmark.
+        A study without axes is a run of a benchmark.
     runner : Runner
     swept : (sequence of Scenario, sequence of str)
-        Where to compare which estimators at equal noise, for the report of a run.
+        Scenarios and estimators to compare at equal noise, for the report of a run.
 
     Raises
     ------
     OutputError, StudyError, EstimatorCrash, NotRun
-        As from `Runner.run`.
+        For the same reasons as in `Runner.run`.
     """
     tradeoff = {"scenarios": [s.resolved() for s in swept[0]], "estimators": list(swept[1])}
     about = {"title": study.name, "command": LINE.get(), "tradeoff": tradeoff}
@@ -108,14 +110,16 @@ def run(
 
 
 def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
-    """Put shards together in a folder, and report.
+    """Merge the results of shards in a folder, and write the report.
 
     Parameters
     ----------
     shards : sequence of Path
+        Folders of the shards.
     folder : Path
+        Folder for all results.
     **options
-        Of the `Runner`, which compares estimators at equal noise.
+        Options of the `Runner` that compares estimators at equal noise.
     """
     with Runner(folder, **options) as runner:
         for shard in shards:
@@ -126,7 +130,7 @@ def merge(shards: Sequence[Path], folder: Path, **options: Any) -> None:
 
 
 def finish(results: Results, runner: Runner) -> None:
-    """Write the report of finished cases; for a run, compare at equal noise and pool first."""
+    """Write the report of finished cases; for a run, also pool the scores and match the noise."""
     assert results.folder is not None
     if not results.axes:
         study = results.study
@@ -162,13 +166,14 @@ def _describe(text: str) -> str:
 def swept(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], runner: Runner
 ) -> dict[str, Any]:
-    """Return the points of the figure of speed over noise, and the lags at equal noise.
+    """Return the data for the figure of lag against noise, and the lags at equal noise.
 
     Parameters
     ----------
     scenarios : sequence of Scenario
     estimators : sequence of str
-        The reference is added; those that fail at one of their first settings are left out.
+        Estimators to compare; the reference is added. An estimator that fails at one of its first
+        settings is left out.
     seeds : sequence of int
     runner : Runner
     """
@@ -176,7 +181,7 @@ def swept(
     able = sweep.able(scenarios, names, seeds, runner.rows)
     result = sweep.sweep(scenarios, able, seeds, runner.rows)
     matched = faults_of(result.matched)
-    if not matched.empty:  # once more, with what the report draws of the nearest settings
+    if not matched.empty:  # run again to keep the curves that the report shows
         own = matched[matched["fault"] == widest(matched)]
         drawn = [s for s in scenarios if s.name == own["scenario"].iloc[0]]
         runner.rows(drawn, own["nearest"].tolist(), seeds, traces=True)
@@ -188,13 +193,13 @@ def swept(
 
 
 def plan(path: Path) -> dict[str, Any]:
-    """Return the size of a study and an estimate of its time, from one seed of its first variant.
+    """Return the size of a study, and estimate its time from one seed of its first variant.
 
     Returns
     -------
     dict
-        ``variants`` (a dict of swept values each), ``cases``, ``seconds`` of one core, of
-        estimators of users none, and ``megabytes`` of their rows.
+        ``variants`` (a list of dicts with the swept values), ``cases``, ``seconds`` on one core
+        (without user estimators), and ``megabytes`` of the rows.
     """
     study = load_study(path)
     first = units(study)[0]
@@ -213,4 +218,4 @@ def plan(path: Path) -> dict[str, Any]:
     }
 
 
-BYTES = 4000  # of a case: in SQLite and as text in scores.csv
+BYTES = 4000  # size of a case in SQLite and scores.csv

@@ -1,4 +1,4 @@
-"""A study as a TOML file: scenarios, estimators, seeds, and the grid of values that is swept."""
+"""Read a study from a TOML file: scenarios, estimators, seeds, and the grid of swept values."""
 
 import re
 from collections.abc import Mapping
@@ -21,8 +21,8 @@ from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.config import Config, Word
 
 FIRST = 1000
-"""The first seed that is reported on; 0 to 99 are for tuning."""
-MOST = 100_000  # seeds
+"""The first seed for reported results; seeds 0 to 99 are for tuning."""
+MOST = 100_000  # largest number of seeds
 
 
 def seed_of(seed: Any) -> int:
@@ -33,12 +33,12 @@ def seed_of(seed: Any) -> int:
 
 
 def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
-    """Return seeds: a number N of them (1000 … 1000+N−1), a range "A:B" (A … B−1), or those listed.
+    """Return seeds from their number N (1000 … 1000+N−1), a range "A:B" (A … B−1), or a list.
 
     Raises
     ------
     FlexaxisError
-        If it is nothing of these, or has too many seeds.
+        If the seeds have none of these forms, or if there are too many.
 
     Examples
     --------
@@ -55,14 +55,14 @@ def seeds_of(seeds: Any, default: int = 8) -> tuple[int, ...]:
         result = range(0)
     if not result or result[0] < 0 or len(result) > MOST:
         raise FlexaxisError(
-            f"seeds {text!r}: give a number of seeds, such as 8, or a range from:to, such as "
-            f"1000:1030 (the last is not included), at most {MOST}"
+            f"seeds {text!r}: give a number of seeds, such as 8, or a range such as 1000:1030 "
+            f"(which excludes 1030), with at most {MOST} seeds"
         )
     return tuple(result)
 
 
 def texts_of(estimators: Any) -> tuple[str, ...]:
-    """Return one estimator, or several, as text; classes have the text of their names."""
+    """Return the texts of one or several estimators; a class is represented by its name."""
     one = isinstance(estimators, str) or callable(estimators)
     return tuple(dict.fromkeys(map(specs.text_of, [estimators] if one else estimators)))
 
@@ -72,7 +72,7 @@ def _one_or_more(value: Any) -> Any:
 
 
 def _flat(value: Any) -> Any:
-    """Return nested tables as dotted keys: a key may be written with or without quotes."""
+    """Flatten nested tables to dotted keys, because TOML keys may be written without quotes."""
     if not isinstance(value, Mapping):
         return value
     result: dict[str, Any] = {}
@@ -85,7 +85,7 @@ def _flat(value: Any) -> Any:
 
 
 def _estimator(text: str) -> str:
-    """Check a text; code of users is not imported before it is run."""
+    """Check the text of an estimator; user code is not imported before it runs."""
     specs.written_options(text) if names_code(text) else specs.parse(text)
     return text
 
@@ -100,7 +100,7 @@ Axes = Annotated[dict[str, Annotated[list[Any], Field(min_length=1)]], BeforeVal
 
 
 class StudyFile(Config):
-    """The keys of a study file; docs/studies.md explains each."""
+    """The keys of a study file; docs/studies.md explains each key."""
 
     name: Word = "study"
     scenario: Annotated[
@@ -118,7 +118,7 @@ class StudyFile(Config):
 
 
 BLANK = {"scenario": (), "estimators": (), "seeds": 1}
-"""What stands for a missing or wrong key while the others are checked."""
+"""Values that replace missing or wrong keys while the other keys are checked."""
 
 
 def load_study(path: str | Path) -> Study:
@@ -127,7 +127,7 @@ def load_study(path: str | Path) -> Study:
     Raises
     ------
     StudyError
-        With one line for each problem, naming file and key.
+        If the file has problems; the message has one line per problem, with file and key.
     """
     path = Path(path)
     content = {"name": path.stem} | read_toml(path, StudyError)
@@ -137,26 +137,27 @@ def load_study(path: str | Path) -> Study:
 def study_from(
     content: Mapping[str, Any], *, source: str = "study", folder: Path = Path()
 ) -> Study:
-    """Return a study from keys and values, as from a TOML file.
+    """Return a study from keys and values like those of a TOML file.
 
     Parameters
     ----------
     content : mapping
+        Keys and values of the study.
     source : str
-        What to call it in messages.
+        Name of the study in messages.
     folder : Path
-        Where scenario files are looked for before the current folder.
+        Folder in which scenario files are searched before the current folder.
 
     Raises
     ------
     StudyError
-        With one line for each problem.
+        If the study has problems; the message has one line per problem.
     """
     problems: list[tuple[object, str]] = []
     try:
         file = StudyFile.model_validate(dict(content), context=folder)
     except ValidationError as error:
-        # An unknown key comes first: it is mostly a missing one, misspelt.
+        # Unknown keys come first, because an unknown key is often a misspelt missing one.
         problems += sorted(explain(error, StudyFile), key=lambda each: each[1] == "is missing")
         wrong = {item["loc"][0] for item in error.errors()}
         right = {key: value for key, value in content.items() if key not in wrong}
@@ -168,7 +169,7 @@ def study_from(
             axes[key] = values
         elif file.estimators:
             hint = did_you_mean(first, [*file.estimators, ALL, *Scenario.model_fields])
-            problems.append((f"sweep.{key}", f"neither of a scenario nor of an estimator.{hint}"))
+            problems.append((f"sweep.{key}", f"not a key of a scenario or an estimator.{hint}"))
     points = tuple(dict(zip(axes, values, strict=True)) for values in product(*axes.values()))
     try:
         scenarios = tuple(each.override(file.override) for each in file.scenario)

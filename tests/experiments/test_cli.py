@@ -279,7 +279,7 @@ def test_a_sweep_is_a_table_a_sentence_and_a_figure(capsys, short_toml, monkeypa
     status, out, _ = flexaxis(capsys, "tune", "ekf", "--sweep", short_toml, *ONE)
     *table, sentence, path = out.splitlines()
     assert status == 0 and path == "figure: results/tune/sweep.svg"
-    assert "too few to rank" in sentence and sum("ekf[" in line for line in table) >= 5
+    assert "too few for a ranking" in sentence and sum("ekf[" in line for line in table) >= 5
     told = json.loads(flexaxis(capsys, "tune", "ekf", "--sweep", short_toml, *ONE, "--json")[1])
     for name in ("ekf", "rpem-forgetting"):
         own = [row for row in told["tradeoff"]["points"] if row["estimator"] == name]

@@ -125,10 +125,10 @@ def test_faults_in_several_parameters_are_compared_at_equal_excess_error(short):
 @pytest.mark.parametrize(
     ("candidate", "said"),
     [
-        ("frozen", "frozen has no knob to turn, so its noise cannot be matched"),
-        (NoKnob, "NoKnob has no knob to turn, so its noise cannot be matched"),
-        (Still, "it has no noise to match"),
-        ("pipe:cat", "pipe:cat has no knob to turn, so its noise cannot be matched"),
+        ("frozen", "frozen has no tuning parameter, so its noise cannot be matched"),
+        (NoKnob, "NoKnob has no tuning parameter, so its noise cannot be matched"),
+        (Still, "has no noise to match"),
+        ("pipe:cat", "pipe:cat has no tuning parameter, so its noise cannot be matched"),
     ],
 )
 def test_who_cannot_be_matched_is_refused_with_the_reason(short, candidate, said):

@@ -146,7 +146,7 @@ def test_results_are_a_table_and_a_figure(short, tmp_path):
 @pytest.mark.slow
 def test_a_run_that_takes_too_long_is_ended(short):
     failures = fx.benchmark(Endless, scenarios=short, seeds=1, time_limit=0.2).failures
-    assert "no end within 0.2 s" in failures["error"][0]
+    assert "not finished within 0.2 s" in failures["error"][0]
 
 
 def test_an_axis_stepped_by_hand_is_the_plant_of_the_record(short):

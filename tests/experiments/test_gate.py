@@ -222,7 +222,7 @@ def test_a_changed_parameter_that_the_candidate_does_not_estimate():
     more = [r | {"parameter": "k_T"} for r in side()]
     found = compared(side() + more, more)
     assert found.verdict == "undecided" and found.paired.gaps[0].text.endswith("f_m at s")
-    assert "the base estimates f_m too" in as_dict(found)["advice"][0]
+    assert "the base also estimates f_m" in as_dict(found)["advice"][0]
     with pytest.raises(ValueError, match="fewer than 2 runs in common"):
         compared(side(), more)
 

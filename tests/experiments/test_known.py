@@ -83,7 +83,8 @@ def test_known_values_are_wrong_by_draws_of_their_own_and_the_plant_stays_where_
     other = wrong.override({"identify": ["k_g"]}, inherit=True).drawn(7)
     assert started_nominal(other)["d_g"] == draws[7]["d_g"]
     assert simulate(exact, [5])[0].speed.tobytes() == simulate(wrong, [5])[0].speed.tobytes()
-    assert not wrong.linear and in_a_line(wrong).endswith("known values 5 % off; known poles = 24")
+    words = "known values wrong by 5 %; known poles = 24"
+    assert not wrong.linear and in_a_line(wrong).endswith(words)
 
 
 def test_who_is_not_told_has_no_entry_and_nobody_is_told_a_law():

@@ -86,7 +86,7 @@ def test_a_full_disk_is_said_and_keeps_what_is_there(tmp_path, outcomes):
     pages = store._db.execute("PRAGMA page_count").fetchone()[0]
     store._db.execute(f"PRAGMA max_page_count = {pages}")
     large = Done("big", "{}", 0, np.zeros((2000, 50)), None, None)
-    with pytest.raises(NotRun, match=r"full.*free some space"):
+    with pytest.raises(NotRun, match=r"full.*Free some space"):
         store.add([large])
     assert Store(tmp_path).done() == kept
 

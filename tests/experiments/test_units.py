@@ -69,5 +69,5 @@ def test_a_wrong_option_is_answered_with_the_nearest():
 
 def test_scenarios_of_one_name_are_refused():
     other = short().override({"fault[0].factor": 2.0, "name": short().name})
-    with pytest.raises(StudyError, match="could not be told apart"):
+    with pytest.raises(StudyError, match="could not be distinguished"):
         Study("twins", (short(), other), ("frozen",), (0,))

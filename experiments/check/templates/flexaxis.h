@@ -1,6 +1,7 @@
-/* What a flexaxis estimator in C needs: flexaxis_open, flexaxis_value, and flexaxis_serve.
+/* Functions for a flexaxis estimator in C: flexaxis_open, flexaxis_value and flexaxis_serve.
  *
- * Protocol 1 of `pipe:`, all numbers little-endian. C99, nothing but the C library.
+ * They implement version 1 of the `pipe:` protocol, in which all numbers are little-endian.
+ * They need only C99 and the C library.
  */
 #ifndef FLEXAXIS_H
 #define FLEXAXIS_H
@@ -16,22 +17,22 @@
 #endif
 
 #define FLEXAXIS_VERSION 1u
-#define FLEXAXIS_MARK 0x01020304u /* reads otherwise where the bytes are in another order */
-#define FLEXAXIS_NAME 32          /* bytes of a name, NUL behind it */
-#define FLEXAXIS_MOST 64          /* names at most, and nominal values */
+#define FLEXAXIS_MARK 0x01020304u /* has another value if the byte order differs */
+#define FLEXAXIS_NAME 32          /* bytes of a name, padded with NUL */
+#define FLEXAXIS_MOST 64          /* largest number of names, and of nominal values */
 
 enum { FLEXAXIS_SPEED = 0, FLEXAXIS_INCREMENT = 1 };
 
 typedef struct {
     double period;   /* [s] */
-    uint32_t output; /* what y is: FLEXAXIS_SPEED [rad/s] or FLEXAXIS_INCREMENT [rad/s] */
+    uint32_t output; /* the signal y: FLEXAXIS_SPEED [rad/s] or FLEXAXIS_INCREMENT [rad/s] */
     uint32_t values, names;
     char value_name[FLEXAXIS_MOST][FLEXAXIS_NAME]; /* nominal parameters, SI */
     double value[FLEXAXIS_MOST];
-    char name[FLEXAXIS_MOST][FLEXAXIS_NAME]; /* what the scenario asks for */
+    char name[FLEXAXIS_MOST][FLEXAXIS_NAME]; /* parameters that the scenario identifies */
 } flexaxis_axis;
 
-/* Takes u[k] and y[k] (NaN in a gap), writes theta[k]; u[k] first acts on y[k+1]. */
+/* Reads u[k] and y[k] (NaN in a gap), and writes theta[k]. u[k] first acts on y[k+1]. */
 typedef void (*flexaxis_step)(void *state, double u, double y, double *theta);
 
 static void flexaxis_fail(const char *why) {
@@ -43,7 +44,7 @@ static void flexaxis_read(void *to, size_t size) {
     if (fread(to, 1, size, stdin) != size) flexaxis_fail("stdin ended too early");
 }
 
-/* Reads what there is to know of the axis. */
+/* Reads the description of the axis. */
 static flexaxis_axis flexaxis_open(void) {
     static flexaxis_axis axis;
     char magic[8];
@@ -54,9 +55,9 @@ static flexaxis_axis flexaxis_open(void) {
 #endif
     flexaxis_read(magic, sizeof magic);
     flexaxis_read(known, sizeof known);
-    if (memcmp(magic, "FLEXAXIS", 8) != 0) flexaxis_fail("this is no flexaxis on stdin");
+    if (memcmp(magic, "FLEXAXIS", 8) != 0) flexaxis_fail("stdin is not from flexaxis");
     if (known[0] != FLEXAXIS_VERSION || known[1] != FLEXAXIS_MARK)
-        flexaxis_fail("another version, or a machine with another order of bytes");
+        flexaxis_fail("another protocol version, or another byte order");
     flexaxis_read(&axis.period, sizeof axis.period);
     flexaxis_read(count, sizeof count);
     axis.output = count[0], axis.values = count[1], axis.names = count[2];
@@ -69,15 +70,15 @@ static flexaxis_axis flexaxis_open(void) {
     return axis;
 }
 
-/* Returns a nominal parameter (SI), such as "J_a"; ends the program if it is not told. */
+/* Returns a nominal parameter (SI) such as "J_a"; ends the program if it is unknown. */
 static double flexaxis_value(const flexaxis_axis *axis, const char *name) {
     for (uint32_t i = 0; i < axis->values; i++)
         if (strcmp(axis->value_name[i], name) == 0) return axis->value[i];
-    fprintf(stderr, "flexaxis.h: the nominal value of %s is not told\n", name);
+    fprintf(stderr, "flexaxis.h: the nominal value of %s is unknown\n", name);
     exit(1);
 }
 
-/* Says what is estimated, answers every sample, and returns at the end of the run. */
+/* Sends the names of the estimates, answers every sample, and returns at the end of the run. */
 static void flexaxis_serve(const char *const *names, uint32_t p, uint32_t output,
                            flexaxis_step step, void *state) {
     uint32_t head[4] = {FLEXAXIS_VERSION, FLEXAXIS_MARK, p, output};
@@ -99,7 +100,7 @@ static void flexaxis_serve(const char *const *names, uint32_t p, uint32_t output
         for (uint64_t k = 0; k < samples; k++)
             step(state, sample[2 * k], sample[2 * k + 1], theta + p * k);
         fwrite(theta, sizeof *theta, p * samples, stdout);
-        fflush(stdout); /* without it the answer would wait in a buffer for ever */
+        fflush(stdout); /* without it, the answer would stay in the buffer */
     }
     free(sample);
     free(theta);

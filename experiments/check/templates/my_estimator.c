@@ -1,17 +1,17 @@
-/* A flexaxis estimator in C: the motor friction f_m by recursive prediction errors.
+/* A flexaxis estimator in C, which estimates the motor friction f_m.
  *
  *     cc -O2 -o my_estimator my_estimator.c -lm
  *     flexaxis check 'pipe:./my_estimator'
  *
- * A predictor of the axis with the sensitivity of its states to f_m. Change it to your method.
+ * It predicts the states of the axis and their sensitivities to f_m. Replace it by your method.
  */
 #include "flexaxis.h"
 
-enum { ORDER = 16 }; /* of the Taylor series of the matrix exponential: round-off at 5 ms */
+enum { ORDER = 16 }; /* of the Taylor series of the matrix exponential; exact to rounding at 5 ms */
 
 typedef struct {
-    double T, A[5][5], B, dA; /* x' = (A + (theta - f_m) dA) x + B u, in speed of the motor only */
-    double x[5], dx[5], u;    /* states, their derivatives by theta, the input that is held */
+    double T, A[5][5], B, dA; /* x' = (A + (theta - f_m) dA) x + B u; dA, B: motor speed only */
+    double x[5], dx[5], u;    /* states, their derivatives with respect to theta, the held input */
     double nominal, theta, P, forgetting;
 } estimator;
 
@@ -40,7 +40,7 @@ static void start(estimator *e, const flexaxis_axis *axis) {
     e->P = 1e-3 * (1 - e->forgetting);
 }
 
-/* Moves states and sensitivities by one period: the terms of the Taylor series, one by one. */
+/* Predicts states and sensitivities over one period by adding the terms of the Taylor series. */
 static void predict(estimator *e) {
     double v[5], dv[5];
     memcpy(v, e->x, sizeof v);
@@ -65,7 +65,7 @@ static void step(void *state, double u, double y, double *theta) {
     estimator *e = state;
     predict(e);
     e->u = u; /* acts from now on */
-    if (!isnan(y)) { /* it is NaN in a gap */
+    if (!isnan(y)) { /* y is NaN in a gap */
         double psi = e->dx[2], gain = e->P * psi / (1 + psi * e->P * psi);
         double moved = e->theta + gain * (y - e->x[2]);
         e->theta = fmin(fmax(moved, 0.1 * e->nominal), 10 * e->nominal);

@@ -1,9 +1,9 @@
-% A flexaxis estimator in GNU Octave 7 or newer: the motor friction f_m by prediction errors.
+% A flexaxis estimator in GNU Octave (7 or newer), which estimates the motor friction f_m.
 %
 %     flexaxis check 'pipe:octave-cli -q my_estimator.m'
 %
-% A predictor of the axis with the sensitivity of its states to f_m. Change it to your method.
-1;   % a script, although functions come first
+% It predicts the states of the axis and their sensitivities to f_m. Replace it by your method.
+1;   % makes this file a script although it starts with functions
 
 function values = take (count, type)
   values = fread (stdin, count, type, 0, "ieee-le");
@@ -21,11 +21,11 @@ function name = take_name ()
   name = field(1 : find ([field, 0] == 0, 1) - 1);
 end
 
-% What there is to know of the axis.
+% Read the description of the axis.
 magic = char (take (8, "uint8")');
 known = take (2, "uint32");
 if ! strcmp (magic, "FLEXAXIS") || any (known' != [1, 16909060])   % 0x01020304
-  error ("another version, or no flexaxis on stdin");
+  error ("another protocol version, or stdin is not from flexaxis");
 end
 T = take (1, "double");
 counts = take (3, "uint32");   % output, nominal values, names
@@ -35,10 +35,10 @@ for i = 1 : counts(2)
   n.(name) = take (1, "double");
 end
 for i = 1 : counts(3)
-  take_name ();   % what the scenario asks for
+  take_name ();   % parameters that the scenario identifies
 end
 
-% What is estimated, from which output: 0 is the speed.
+% Send the name of the estimate and the signal that it reads (0 is the speed).
 give ("FLEXAXIS", "uint8");
 give ([1, 16909060, 1, 0], "uint32");
 give ([double("f_m"), zeros(1, 29)], "uint8");
@@ -60,7 +60,7 @@ low = 0.1 * theta;
 high = 10 * theta;
 lambda = 0.995;
 P = 1e-3 * (1 - lambda);
-X = zeros (11, 1);   % sensitivity of x, x, and the input that is held
+X = zeros (11, 1);   % sensitivities of x, the states x, and the held input
 M = zeros (11);
 
 while true
@@ -75,7 +75,7 @@ while true
     M(6:10, 11) = B;
     X = expm (M * T) * X;
     X(11) = samples(1, k);           % acts from now on
-    if ! isnan (samples(2, k))       % it is NaN in a gap
+    if ! isnan (samples(2, k))       % y is NaN in a gap
       psi = X(3);
       gain = P * psi / (1 + psi * P * psi);
       theta = min (max (theta + gain * (samples(2, k) - X(8)), low), high);
@@ -84,5 +84,5 @@ while true
     found(k) = theta;
   end
   give (found, "double");
-  fflush (stdout);   % without it the answer would wait in a buffer for ever
+  fflush (stdout);   % without it, the answer would stay in the buffer
 end

@@ -1,7 +1,7 @@
 """My estimator of the motor friction f_m, with NumPy and SciPy only.
 
-It works as it is: a predictor of the axis with the present estimate, corrected by recursive least
-squares on its error. Change what you like; the places to begin with are marked (1) to (3).
+This template works without changes. It predicts the output with the current estimate, and corrects
+the estimate by recursive least squares. Good places to start your changes are marked (1) to (3).
 
     flexaxis check my_estimator.py:Mine
     cp my_estimator.py old.py
@@ -15,21 +15,21 @@ from scipy.linalg import expm
 class Mine:
     """Recursive prediction-error method for one parameter, with a forgetting factor."""
 
-    names = ("f_m",)  # (1) what theta means; "k_T", "1/J_a", ... are others
-    output = "speed"  # what y is; "increment" and "angle" are of an encoder
-    knob = "1-forgetting"  # what buys speed with noise: `tune`, `--match-std` turn λ in 1 − λ
+    names = ("f_m",)  # (1) the parameters in theta; others are "k_T", "1/J_a", ...
+    output = "speed"  # the signal y; "increment" and "angle" come from an encoder
+    knob = "1-forgetting"  # the option that `tune` and `--match-std` adjust (λ, in steps of 1 − λ)
 
     def __init__(self, nominal, period, *, forgetting=0.995):
-        # nominal: the 12 physical parameters by name (SI); period in s.
-        # Other keywords are options: my_estimator.py:Mine[forgetting=0.99]
+        # nominal maps the names of the 12 physical parameters to values (SI); period is in s.
+        # Other keywords are options, as in my_estimator.py:Mine[forgetting=0.99].
         self.nominal, self.period, self.forgetting = nominal, period, forgetting
         self.theta = nominal["f_m"]
-        self.P = 1e-3 * (1 - forgetting)  # variance of theta over that of the noise
-        self.X = np.zeros(11)  # sensitivity dx/dtheta, the state x, and the input that is held
+        self.P = 1e-3 * (1 - forgetting)  # variance of theta over the variance of the noise
+        self.X = np.zeros(11)  # sensitivity dx/dtheta, the state x, and the held input
 
     def step(self, u, y):
-        """Take torque u[k] and output y[k] (None in a gap); return theta[k]."""
-        # y[k] was measured before u[k] acts: the input since the last sample is the old one.
+        """Return theta[k] for the torque u[k] and the output y[k] (None in a gap)."""
+        # y[k] was measured before u[k] acts, so the old input predicts y[k].
         self.X = expm(self._model() * self.period) @ self.X
         self.X[10] = u
         if y is not None:
@@ -37,14 +37,14 @@ class Mine:
         return np.array([self.theta])
 
     def _update(self, psi, error):
-        """(2) How an error of the prediction changes the estimate."""
+        """(2) Correct the estimate by the prediction error."""
         gain = self.P * psi / (1 + psi * self.P * psi)
         self.P = (1 - gain * psi) * self.P / self.forgetting
         ratio = (self.theta + gain * error) / self.nominal["f_m"]
         self.theta = self.nominal["f_m"] * np.clip(ratio, 0.1, 10)
 
     def _model(self):
-        """(3) Return dX/dt = M X; x = two twists, speeds of motor, gear and arm."""
+        """(3) Return M in dX/dt = M X; x is two twists and the speeds of motor, gear and arm."""
         names = "r k_T J_m J_g J_a k_g k_a d_g d_a f_g f_a"
         r, k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_g, f_a = map(
             self.nominal.__getitem__, names.split()
