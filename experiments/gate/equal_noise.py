@@ -23,14 +23,14 @@ SEEDS = tuple(range(16))
 """Seeds for tuning."""
 
 TURNS = (1 / 1.2, 1.0, 1.2)  # settings of the candidate relative to the tuned one
-FURTHER = (1.6, 4.0, 16.0)  # used (or their inverses) if these do not reach the noise of the base
+FURTHER = (1.6, 4.0, 16.0)  # tried (or their inverses) if TURNS do not suffice
 
 
 def at_equal_noise(
     paired: Paired, base: Tuned, candidate: Tuned, *,
     scenarios: Sequence[Scenario], run: Run, seeds: Sequence[int],
 ) -> Paired:  # fmt: skip
-    """Replace the lags by lags at equal noise; a fault without a match becomes a gap.
+    """Replace the lags by lags at equal noise; a fault without a match is reported as a `Gap`.
 
     Parameters
     ----------

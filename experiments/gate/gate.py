@@ -76,8 +76,8 @@ class Comparison:
     def status(self) -> int:
         """Return the exit status: 1 for worse, 3 for undecided with problems, otherwise 0.
 
-        Undecided gives 3 only if runs of the candidate are missing, or if more of them fail,
-        diverge or never settle than for the base.
+        The status of "undecided" is 3 if runs of the candidate are missing, or if more of them
+        fail, diverge or never settle than for the base.
         """
         if self.verdict != UNDECIDED:
             return int(self.verdict == WORSE)
@@ -122,7 +122,7 @@ def compare(
     """
     looks, run = look_seeds(seeds, max_seeds), runner.rows
     left = [runner.misfits(scenarios, [text]) for text in (base, candidate)]
-    gaps = [Gap(side, f"the {side} cannot read {name}")
+    gaps = [Gap(side, f"the {side} cannot run on {name}")
             for side, own, other in zip(SIDES, left, left[::-1], strict=True)
             for name in own if name not in other]  # fmt: skip
     readable = [s for s in scenarios if s.name not in {*left[0], *left[1]}]

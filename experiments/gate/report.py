@@ -44,8 +44,8 @@ TEXTS = {
 """Texts that depend on a verdict."""
 
 LEGEND = (
-    "{seeds} paired seeds. Change: candidate relative to base (geometric mean), in percent or, "
-    "above 100 %, as a factor. Changes with other units are differences.",
+    "{seeds} paired seeds. Change: candidate relative to base (geometric mean) in percent, as a "
+    "factor (beyond 2 or ½), or as a difference. A std is about the mean of all runs.",
     "Interval: Student's t of paired log-ratios at the level of Holm's procedure. The probability "
     'of any false "worse" or "better" is at most {percent:.2g} %.',
     "worse, better: the interval lies outside the margin ({margins}), and enough runs confirm the "
@@ -65,8 +65,9 @@ def as_dict(c: Comparison) -> dict[str, Any]:
     -------
     dict
         ``verdict`` is one word, ``headline`` one line, and ``advice`` a list of lines on what to do
-        next. ``columns`` are the headings of ``rows``, the most important row first; a row has the
-        keys of `flexaxis.experiments.gate.verdict.judge` and its cells as ``text``. ``legend`` has
+        next. ``columns`` has the headings of the table, and ``rows`` its rows with the most
+        important first. Each row has the keys of `flexaxis.experiments.gate.verdict.judge`, and its
+        cells under ``text``. ``legend`` has
         at most five lines, ``lost`` the verdicts on lost runs, and ``equal_noise`` both tuned
         settings. ``base, candidate, seeds, look, looks, alpha, failed, gaps`` describe the
         comparison.

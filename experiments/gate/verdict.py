@@ -29,7 +29,7 @@ LOST_WORSE = 0.75
 none regained (p = 2⁻¹⁰) are enough for that verdict."""
 
 UNSEEN = 0.5
-"""Log-ratio (a factor of 1.65) that is assumed for rare contrary runs that did not occur."""
+"""Assumed size (log-ratio, a factor of 1.65) of rare opposite changes that did not occur."""
 
 FAILED, SCATTER = 0.2, 4 * 1.4826
 """A pair is a failure if its log-ratio exceeds FAILED and deviates from the median by more than
@@ -37,7 +37,7 @@ SCATTER median absolute deviations (four standard deviations)."""
 
 
 class Lost(NamedTuple):
-    """Numbers of lost runs of one kind.
+    """Numbers of runs that base and candidate lost in one way, with the verdict.
 
     ``newly`` counts the runs that only the candidate lost, ``regained`` those that only the base
     lost.
@@ -140,10 +140,10 @@ def decide(
 
 
 def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]:
-    """Return the number of runs (S,) that confirm each change, and the ways to choose scenarios.
+    """Return the number of runs (S,) that confirm each change, and of choices of their scenarios.
 
-    All runs of a metric whose scores change in the same direction count, each run once. The
-    probability that failures with probability q per run do not occur in n runs is (1 − q)ⁿ, so n
+    A run counts once if any score of the metric changes in the same direction on its scenario. If
+    a failure has probability q per run, it does not occur in n runs with probability (1 − q)ⁿ. So n
     runs cannot exclude failures with q below 1 − alpha^(1/n).
     """
     table = pd.DataFrame({"metric": metrics, "way": way, "scenario": scenarios, "n": n})
