@@ -49,7 +49,7 @@ def in_a_line(scenario: Scenario) -> str:
 
 
 def _parts(scenario: Scenario) -> dict[str, list[str]]:
-    """Return the parts of a scenario by heading; sensor errors are listed as unmodelled."""
+    """Return the parts of a scenario by heading; "unmodelled" parts are not in the linear model."""
     s, tables = scenario, scenario.tables.values()
     sensors = [words for table in tables if table.exact and (words := table.in_words())]
     sensors += ["controller uses the measured angle"] * (s.feedback == "measured")
