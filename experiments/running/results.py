@@ -107,7 +107,7 @@ class Results:
         return failed[names].reset_index(drop=True)
 
     def scores(self, *by: str, scores: Sequence[str] | None = None) -> pd.DataFrame:
-        """Return `pooled` as a DataFrame."""
+        """Return the result of `pooled` as a DataFrame."""
         return pd.DataFrame(self.pooled(*by, scores=scores))
 
     def pooled(self, *by: str, scores: Sequence[str] | None = None) -> list[dict[str, Any]]:
