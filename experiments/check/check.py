@@ -132,7 +132,7 @@ def no_look_ahead(subject: Subject) -> Seen:
     """Change future samples, and look for changes of past estimates."""
     random = np.random.default_rng(0)
 
-    def other(x: Array) -> Array:  # in mean, spread, order, distribution and correlation
+    def other(x: Array) -> Array:  # another mean, spread, order, distribution and correlation
         return x.mean() + x.std() * (2 + 3 * random.standard_t(3, len(x)))
 
     for cut in CUTS:
@@ -311,9 +311,9 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
 
 
 def _subject(spec: Spec, store: RecordCache | None) -> Subject:
-    for name in ("fm_step-v1", "encoder_fm_step-v1"):  # speed or increment
+    for name in ("fm_step-v1", "encoder_fm_step-v1"):  # one has the speed, one the increment
         scenario = find_scenario(name).override({"name": "check", "duration": DURATION})
         with suppress(EstimatorError):
             build(spec, scenario)
             break
-    return Subject(spec, scenario, records(scenario, [0], store)[0])  # raises if neither fits
+    return Subject(spec, scenario, records(scenario, [0], store)[0])  # raises if no scenario fits
