@@ -96,7 +96,8 @@ def jump_bound(
     Parameters
     ----------
     scenario : Scenario
-        Scenario with noise for which `flexaxis.experiments.scoring.true_model.describes` is true.
+        Scenario that has noise and that a model describes
+        (`flexaxis.experiments.scoring.true_model.describes`).
     names : sequence of str
         Parameters that are unknown after the event.
     index, stop : int
@@ -142,7 +143,7 @@ def bound_from(
     state = np.zeros(model.states)
     state[: len(x)] = x
     psi = jump_gradient(model, theta, u, state, period=scenario.period)
-    # A friction parameter that drops to zero gives the prior no scale; use its nominal value then.
+    # The prior is scaled by the parameters, or by the nominal value if friction has become zero.
     scale = sizes(scenario, names, theta)
     bound = cramer_rao(psi, variance, scale)
     alone = [cramer_rao(psi[:, [i]], variance, scale[[i]])[:, 0, 0] for i in range(len(names))]
@@ -153,7 +154,7 @@ def bound_from(
 
 
 def noise_variance(scenario: Scenario) -> float:
-    """Return the noise variance σ² of the signal that estimators read, with encoder rounding."""
+    """Return the noise variance σ² of the measured signal, including the rounding of an encoder."""
     counts = scenario.encoder.counts
     step = 2 * np.pi / counts if counts else 0.0
     angle = scenario.noise.angle**2 + step**2 / 12
@@ -165,7 +166,7 @@ RMSE_AT = (20, 50, 100, 200, 400, 1000)  # samples after onset
 
 @dataclass(frozen=True)
 class Limits:
-    """Theoretical limits for one parameter in one case; None means that a limit is undefined.
+    """Theoretical limits for one parameter in one case; an undefined limit is None.
 
     Attributes
     ----------
@@ -187,7 +188,7 @@ class Limits:
 
 
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limits]:
-    """Return the limits of each estimated parameter; undefined if `bounded` leaves it out."""
+    """Return the limits of each estimated parameter; `bounded` decides which are defined."""
     spans = bounded(scenario, names)
     unknown = tracked(scenario, names)
     per_parameter = []
@@ -229,8 +230,8 @@ def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
     """Return the parameters for which a bound is defined, each with its scoring window.
 
     A parameter has a bound if it changes once, in a step, while the excitation is on. All other
-    changes must be steps, too. A model must describe the axis, even if estimators do not use it,
-    and there must be noise, because without noise nothing is uncertain.
+    faults must also be steps. A model must describe the axis, even if estimators do not use this
+    model, and there must be noise, because without noise nothing is uncertain.
     """
     if scenario.nuisance or not describes(scenario) or not noise_variance(scenario) > 0:
         return {}
@@ -253,7 +254,7 @@ def _lag_null(scenario: Scenario, names: Sequence[str], i: int, window: Window) 
 
 
 def score(lag: float | None, limit: Limits) -> float | None:
-    """Return 100 ln(lag_null/lag)/ln(lag_null/lag_bound): 0 if θ̂ never moves, 100 at the bound."""
+    """Return 100 ln(lag_null/lag)/ln(lag_null/lag_bound), which is 0 if θ̂ never moves."""
     null, bound = limit.lag_null, limit.lag_bound
     if not lag or not null or not bound or bound >= null:
         return None

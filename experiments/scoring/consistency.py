@@ -38,9 +38,10 @@ def nis(innovations: Array) -> float | None:
 
 
 def whiteness(innovations: Array, lags: int) -> float | None:
-    """Return the Ljung-Box statistic of ε/√S over its degrees of freedom: 1 on average if white.
+    """Return the Ljung-Box statistic of ε/√S over its degrees of freedom.
 
-    The statistic of n values with n_l pairs at lag l is
+    For white innovations, the mean of the result is 1. The statistic of n values with n_l pairs at
+    lag l is
 
     Q = (n + 2)/n Σ_l n_l r_l²,  r_l = (mean of the n_l products)/(mean square).
 

@@ -1,7 +1,7 @@
 """Trajectories for figures: one run in detail, and the runs of an estimator as a table.
 
-Every tenth sample of a run is kept. Estimates change faster than that after a fault, so every
-sample around the first fault is kept as well.
+Every tenth sample of a run is kept. After a fault, estimates change too fast for this step, so
+every sample around the first fault is kept.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ BEFORE, AFTER = 0.1, 1.0  # s before and after a fault in which every sample is 
 
 
 def near_fault(scenario: Scenario) -> slice:
-    """Return the samples around the first scored fault, all of which are kept; may be empty."""
+    """Return the range of samples around the first scored fault, or an empty range."""
     first = next(iter(windows(scenario, scenario.identify)), None)
     if first is None:
         return slice(0, 0)
@@ -36,7 +36,7 @@ def after(scenario: Scenario) -> int:
 
 
 def later(drawn: Scenario, written: Scenario) -> int:
-    """Return how many samples later the first fault occurs in the run than in the scenario file."""
+    """Return the delay [samples] of the first fault in a run, relative to the scenario file."""
     if not (drawn.events() and written.events()):
         return 0
     return drawn.events()[0].index - written.events()[0].index

@@ -37,9 +37,9 @@ def detection(
         windows of all faults; ``calm`` is the time outside these windows [s], and
         ``false_alarms_per_1000_s`` is the false alarm rate in that time. ``delay`` is the mean time
         from a detected fault to the first finding in its window [s]. ``faults`` is the number of
-        faults, and ``missed`` counts those without a finding in their window. ``isolated`` is the
-        share of detected faults for which the first finding names exactly the parameters that
-        changed.
+        faults, and ``missed`` is the number of faults without a finding in their window.
+        ``isolated`` is the share of detected faults for which the first finding names exactly the
+        parameters that changed.
     """
     if findings is None:
         return None
@@ -84,7 +84,7 @@ def isolation(
     Returns
     -------
     list of dict
-        One dict per fault: ``fault`` is the parameter that changed, and ``named`` lists the
+        One dict per fault. ``fault`` is the parameter that changed, and ``named`` lists the
         physical parameters of the first finding in the window. ``named`` is [] for an unmodelled
         change and None for a missed fault.
     """

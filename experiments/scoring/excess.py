@@ -43,7 +43,7 @@ def information(scenario: Scenario) -> Array | None:
 
 
 def _among(M: Array, names: Sequence[str], everyone: Sequence[str]) -> Array:
-    """Expand a matrix for some names to one for all names, with zeros for the others."""
+    """Embed a matrix for some names in a matrix for all names, in which other entries are zero."""
     places = [everyone.index(name) for name in names]
     whole = np.zeros((len(everyone), len(everyone)))
     whole[np.ix_(places, places)] = M

@@ -36,11 +36,11 @@ def t_interval(values: ArrayLike) -> Interval | None:
 
 
 def mean_interval(values: ArrayLike) -> Interval | None:
-    """Return the interval of the mean of the distribution of values (n,).
+    """Return an interval of the mean of values (n,) that allows for a skewed distribution.
 
-    It is Student's t interval with Hall's transformation, which corrects for skewness (P. Hall,
-    J. R. Statist. Soc. B 54, 1992, 221–228). Squared errors are skewed, and the t interval alone
-    would miss the mean mostly on one side.
+    Hall's transformation of Student's t corrects for skewness (P. Hall, J. R. Statist. Soc. B 54,
+    1992, 221–228). Squared errors are skewed, and a t interval alone would miss their mean mostly
+    on one side.
     """
     x = np.asarray(values, float)
     within = t_interval(x)
@@ -52,14 +52,14 @@ def mean_interval(values: ArrayLike) -> Interval | None:
 
 
 def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
-    """Return one value per seed (m,), from which the mean of all values and its error follow.
+    """Return one value per seed (m,), to compute the mean of all values with its standard error.
 
     The mean of the result is the mean of the values, and its scatter gives the standard error. For
-    a seed with the deviations d_i from the means of their points, the result is x̄ + m/n Σ d_i (the
-    variance of clusters, W. G. Cochran, *Sampling Techniques*, 3rd ed., chapters 5 and 9).
+    a seed whose runs deviate by d_i from the means of their points, the result is x̄ + m/n Σ d_i
+    (the variance of clusters, W. G. Cochran, *Sampling Techniques*, 3rd ed., chapters 5 and 9).
     Differences between points are not random, so they add no scatter. If all points have the same
     seeds, the result is the mean over the points for each seed. If a point has a single run, the
-    points count as random draws, too.
+    differences between points count as random.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def by_seed(values: ArrayLike, seeds: Labels, points: Labels) -> Array:
 
 
 def _labels(seeds: Labels, points: Labels, n: int) -> tuple[Index, Index, Index]:
-    """Return the indices (n,) of the seed and the point of each run, and the runs per point.
+    """Return the index of each run's seed (n,) and point (n,), and the number of runs per point.
 
     If any point has a single run, all runs are pooled into one point.
     """
@@ -123,9 +123,9 @@ def median_interval(
 def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Interval:
     """Return the interval of the rate of events per unit of exposure.
 
-    It is the exact interval of a Poisson process (F. Garwood, Biometrika 28, 1936, 437–442).
-    Without any event, it is the one-sided limit 3.0 over the exposure. If events come in clusters,
-    the interval is widened by the dispersion of the counts per seed.
+    The interval is exact for a Poisson process (F. Garwood, Biometrika 28, 1936, 437–442). If no
+    event occurred, its upper end is the one-sided limit, 3.0 over the exposure. If events come in
+    clusters, the interval is widened by the dispersion of the counts per seed.
 
     Parameters
     ----------
@@ -154,8 +154,8 @@ def spread_interval(
     The variance has three parts: within the runs, between the runs of a point, and between points.
     The first part has Cox's interval for the mean of lognormal values. The second has the χ²
     interval of a normal variance, with the degrees of freedom from `_freedom`. The third has a
-    normal interval. They are combined by recovery of variances (G. Y. Zou and A. Donner, Stat.
-    Methods Med. Res. 17, 2008, 1–10).
+    normal interval. The method of variance estimates recovery combines the three intervals (G. Y.
+    Zou and A. Donner, Stat. Methods Med. Res. 17, 2008, 1–10).
 
     Parameters
     ----------
@@ -188,8 +188,8 @@ def _freedom(apart: Array, seed: Index, point: Index) -> float:
     """Return the degrees of freedom of the mean squared deviation of runs from their points.
 
     Satterthwaite's formula is (m − 1)(tr C)²/tr C² for the covariance C of the points over m seeds.
-    It gives m − 1 if all points share their noise, and m − 1 times the number of points if their
-    noise is independent. The bias of tr C² due to the finite number of seeds is subtracted.
+    The formula gives m − 1 if all points share their noise, and m − 1 times the number of points if
+    their noise is independent. The bias of tr C² due to the finite number of seeds is subtracted.
     """
     table = np.zeros((seed.max() + 1, point.max() + 1))
     table[seed, point] = apart
@@ -257,10 +257,10 @@ def sign_p(more: int, less: int) -> float:
 
 
 def holm_levels(p: ArrayLike, alpha: float) -> Array:
-    """Return the level of each test by Holm's step-down procedure.
+    """Return the significance level of each test by Holm's step-down procedure.
 
-    A test is rejected if its p-value is at most its level, and exactly then an interval at this
-    level excludes zero. The probability of any wrong rejection is at most `alpha`, even if the
+    A hypothesis is rejected if its p-value is at most its level, and exactly then an interval at
+    this level excludes zero. The probability of any wrong rejection is at most `alpha`, even if the
     tests are dependent.
 
     Parameters
@@ -273,8 +273,8 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     Returns
     -------
     ndarray (m,)
-        Level alpha/m for the smallest p, alpha/(m − 1) for the next, and so on. All tests after the
-        first one that is not rejected have its level.
+        Level alpha/m for the smallest p, alpha/(m − 1) for the next, and so on. After the first
+        hypothesis that is not rejected, the level stays constant.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The torque that follows a scenario's reference on the nominal axis, without faults or noise."""
+"""The torque on the nominal axis for a scenario's reference motion, without faults or noise."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -38,7 +38,7 @@ def nominal_runs(torque: Torque) -> Iterator[None]:
 
 @remembered()
 def nominal_torque(scenario: Scenario) -> Array:
-    """Return the torque (8000,) [N m] over 40 s of the reference, at nominal parameters."""
+    """Return the torque (8000,) [N m] for 40 s of the reference motion, at nominal parameters."""
     nominal = scenario.override(
         {
             "name": "nominal",
@@ -59,7 +59,7 @@ def nominal_torque(scenario: Scenario) -> Array:
 @remembered()
 def design_torque(scenario: Scenario) -> Array:
     """
-    Return the torque (8000,) [N m] over 40 s of the reference, for the axis as designed.
+    Return the torque (8000,) [N m] for 40 s of the reference motion, on the axis as designed.
 
     The simulation has no nonlinear effects, because estimators do not know them. For an axis at
     standstill, the reference is the default multisine.

@@ -22,7 +22,7 @@ def true_theta(
     parameters: NDArray[np.float64],
     columns: Sequence[str] = PARAMETER_NAMES,
 ) -> NDArray[np.float64]:
-    """Return the true values (…, p) of estimated parameters from the physical ones (…, P).
+    """Return the true values (…, p) of estimated parameters from physical parameters (…, P).
 
     `columns` names the physical parameters (default: those of the paper's axis).
     """
@@ -92,6 +92,6 @@ def check_model(scenario: Scenario) -> None:
 
 
 def axis_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the estimators' linear model of a plant with these values, after `check_model`."""
+    """Return the estimators' linear model of a plant; raise an error like `check_model`."""
     check_model(scenario)
     return MODELS[scenario.model].factory(values)

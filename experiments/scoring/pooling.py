@@ -1,7 +1,7 @@
 """Pool the rows of many seeds into one number with an interval; one function per kind of score.
 
 Each function takes the columns of one parameter of one estimator on one scenario, and the name of
-a score. It returns entries of the pooled row. A column is an array with one number per run, in the
+a score, and returns entries of the pooled row. A column is an array with one number per run, in the
 order of the seeds; NaN means undefined, 1 and 0 mean true and false. ``seed`` and ``point`` are
 columns, too, because seeds are the independent draws (`flexaxis.experiments.scoring.intervals`).
 Diverged runs count in all scores except consistency, because they report no covariance.
@@ -76,7 +76,7 @@ root_mean_square = _through(np.square, lambda x: np.sqrt(max(0.0, x)), mean_inte
 
 
 def median(columns: Columns, name: str) -> Pooled:
-    """Pool by the median; a run that never settles counts as infinite."""
+    """Pool by the median; the time of a run that never settles counts as infinite."""
     could = (columns["changed"] > 0) & ~np.isnan(columns["never_settled"])
     if not could.any():
         return {name: None, f"{name}_interval": None}
@@ -134,7 +134,7 @@ def parts(names: Iterable[str], statistic: Callable[[Array], float]) -> Pool:
 def detections(names: Sequence[str]) -> Pool:
     """Return a function that pools the detection scores by the mean of each part.
 
-    ``missed`` is the share of all faults; a failed run counts as one that missed its faults.
+    ``missed`` is the share of faults without a finding; a failed run counts as missing its faults.
     ``calm`` is the total time outside the windows of faults, in which every alarm is false.
     ``false_alarms_interval`` is the interval of the number of false alarms per 1000 s.
     """
@@ -160,14 +160,14 @@ def detections(names: Sequence[str]) -> Pool:
 def spread(std: ArrayLike, bias: ArrayLike, lost: Any = False) -> float:
     """Return the standard deviation over time and seeds about the common mean.
 
-    It is √(mean std² − (mean bias)²). It includes variations slower than the window, because
+    The formula √(mean std² − (mean bias)²) includes variations slower than the window, because
     subtracting the mean of each run would favour slow estimators. Diverged runs stay at one limit
     and have no variance about their own mean, so their mean is not subtracted.
 
     Parameters
     ----------
     std, bias : (n,) array_like
-        Root mean square about zero, and mean, of each run.
+        Root mean square and mean of the error of each run.
     lost : (n,) array_like of bool, optional
         Whether a run had diverged by then.
     """

@@ -1,4 +1,4 @@
-"""The share of the tracking error due to a fault that a controller avoids by using estimates."""
+"""How much of the tracking error due to a fault a controller avoids by using estimates."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -23,17 +23,17 @@ PARTS: Mapping[str, str] = {
 
 
 def recovered_of(track: Track, i: int) -> float | None:
-    """Return the recovered share of the fault's tracking error [%]; equal for all parameters."""
+    """Return the share of the fault's tracking error that using the estimates avoids [%]."""
     return recovered(track.tracking, "estimated")
 
 
 def recovered_told_of(track: Track, i: int) -> float | None:
-    """Return the share that a controller with the true parameters recovers [%]."""
+    """Return the share of the fault's tracking error that using the true values avoids [%]."""
     return recovered(track.tracking, "told")
 
 
 def recovered(tracking: Mapping[str, float] | None, loop: str) -> float | None:
-    """Return 100 (frozen − loop)/(frozen − without_fault), or None if the fault costs too little.
+    """Return 100 (frozen − loop)/(frozen − without_fault), or None for a fault of little effect.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     Parameters
     ----------
     scenario : Scenario
-        Scenario before the onset of its fault is drawn.
+        Scenario whose onset is not drawn yet.
     seed : int
     estimator : Estimator
         Estimator in its initial state. The controller uses its estimates.
@@ -77,10 +77,10 @@ def tracking(scenario: Scenario, seed: int, estimator: Any) -> Mapping[str, floa
     Returns
     -------
     mapping of str to float, or None
-        Root mean square tracking errors [rad]: ``without_fault``; and with the fault, for a
-        controller with nominal (``frozen``), true (``told``) or ``estimated`` parameters.
-        ``limited`` is the number of samples in which limits acted on the estimates. None if there
-        is no feed-forward or no fault.
+        ``frozen``, ``told`` and ``estimated`` are the rms tracking errors [rad] with the fault, if
+        the controller uses nominal, true or estimated parameters. ``without_fault`` is the rms
+        tracking error without the fault [rad]. ``limited`` is the number of samples at which limits
+        acted on the estimates. The result is None if there is no feed-forward or no fault.
     """
     if scenario.controller.adapt is None or not scenario.fault:
         return None

@@ -26,7 +26,7 @@ Kind = Literal["text", "number", "integer", "truth"]
 
 @dataclass(frozen=True)
 class Score:
-    """One score.
+    """Definition of one score.
 
     Attributes
     ----------
@@ -41,13 +41,13 @@ class Score:
     better : {"less", "more"}, optional
         Direction of improvement; None if the score has none.
     pool : callable, optional
-        ``pool(columns, name)`` returns the entries of the pooled row. It is a function of
-        `flexaxis.experiments.scoring.pooling`, such as ``pooling.mean`` or ``pooling.by(np.max)``.
-        None for a score that is not pooled.
+        Function of `flexaxis.experiments.scoring.pooling`, such as ``pooling.mean`` or
+        ``pooling.by(np.max)``. ``pool(columns, name)`` returns the entries of the pooled row. None
+        for a score that is not pooled.
     heading : str
-        Heading of the column in the report. Without a heading, the report has no such column.
+        Heading of the column in the report, empty for a score that the report does not show.
     short : str
-        Heading of the column in the terminal. Without one, the terminal has no such column.
+        Heading of the column in the terminal, empty for a score that the terminal does not show.
     kind : {"number", "integer", "truth", "text"}
         Type of the values in the column.
     parts : mapping of str to str
@@ -56,11 +56,11 @@ class Score:
         Relative change below which `compare` reports no difference. By default, `compare` leaves
         out scores without a margin.
     zero : float
-        Values below this count as zero [unit]. If any run has such a value, `compare` uses
+        Values below this limit count as zero [unit]. If any run has such a value, `compare` uses
         differences instead of ratios.
     guard : bool
-        Whether the score can have either sign. For such a score, `compare` uses the absolute value
-        relative to the noise, and reports only that it is worse.
+        Whether the score can be negative. For such a score, `compare` uses the absolute value
+        relative to the noise, and reports only an increase.
     """
 
     name: str
@@ -92,8 +92,8 @@ SCORES: Mapping[str, Score] = {
             "lag",
             scores.lag_of,
             "T Σ |θ̃|/D over the 5 s after the fault, or until the next event; D is the size of the "
-            "fault. If the excitation is off at the fault, the window starts when it returns. "
-            "Geometric mean over the runs.",
+            "fault. If the excitation is off at the fault, the window starts when the excitation "
+            "returns. Geometric mean over the runs.",
             unit="s",
             better="less",
             pool=pooling.geometric,
@@ -141,8 +141,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "std_after",
             scores.std_after_of,
-            "Standard deviation of the error in the last 2 s of the window after the fault. It "
-            "shows estimators that have a low std before the fault only because they are frozen.",
+            "Standard deviation of the error in the last 2 s of the window after the fault. This "
+            "score exposes estimators whose std before the fault is low because they hardly move.",
             unit="%",
             better="less",
             pool=pooling.deviation("bias_after", "lost_after"),
@@ -180,9 +180,9 @@ SCORES: Mapping[str, Score] = {
         Score(
             "diverged",
             lambda track, _: track.lost is not None,
-            "Runs in which an estimate is not finite, or is at or beyond 0.1 or 10 × nominal for "
-            "more than 1 s. From then on, the run is scored as if its estimates stayed at the "
-            "farther limit.",
+            "Runs in which an estimate is not finite, or is outside 0.1 to 10 × nominal for more "
+            "than 1 s. From then on, the run is scored as if its estimates stayed at the farther "
+            "limit.",
             better="less",
             pool=pooling.count,
             heading="diverged",
@@ -232,8 +232,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "lag_bound",
             lambda track, i: bounds.limits_of(track, i).lag_bound,
-            "Lag at the Cramér–Rao bound, for an estimator that knows the time of the jump and the "
-            "state at it, but none of the estimated parameters (nor dry friction) after the jump.",
+            "Lag at the Cramér–Rao bound, for an estimator that knows the time and the state at "
+            "the jump, but not the estimated parameters (nor dry friction) after the jump.",
             unit="s",
             pool=pooling.mean,
         ),
@@ -248,16 +248,17 @@ SCORES: Mapping[str, Score] = {
         Score(
             "bound",
             lambda track, i: bounds.limits_of(track, i).bound,
-            "Standard deviation at the bound with all parameters unknown, divided by D, at some "
-            "samples after onset.",
+            "Standard deviation of θ̂ at the Cramér–Rao bound with all parameters unknown, divided "
+            "by D, at several samples after onset.",
             pool=pooling.parts(AFTER, scores.rms),
             parts=dict.fromkeys(AFTER, ""),
         ),
         Score(
             "score",
             bounds.score_of,
-            "Lag on a logarithmic scale: 0 for an estimator that never moves, 100 for the bound "
-            "with all parameters unknown. Defined for steps on an axis that a model describes.",
+            "Lag on a logarithmic scale, from 0 for an estimator that never moves to 100 for the "
+            "bound with all parameters unknown. The score is defined for steps on an axis that a "
+            "model describes.",
             unit="",
             better="more",
             pool=pooling.mean,
@@ -302,18 +303,16 @@ SCORES: Mapping[str, Score] = {
             parts=detection.ALARMS,
         ),
         Score(
-            "isolation",
-            detection.isolation_of,
-            "Parameters that the estimator names for each fault.",
-            kind="text",
+            "isolation", detection.isolation_of,
+            "Parameters that the estimator names for each fault.", kind="text"
         ),
         Score(
             "recovered",
             recovered.recovered_of,
-            "Share of the rms tracking error caused by the fault that a controller avoids by using "
-            "the estimates, in the window after the fault: 0 for feed-forward with nominal "
-            "parameters, 100 for the same loop without the fault. Defined if the fault raises the "
-            "error by 20 % or more.",
+            "Share of the rms tracking error due to the fault that a controller avoids by using "
+            "the estimates, in the window after the fault. The share is 0 for feed-forward with "
+            "nominal parameters and 100 for the same loop without the fault. It is undefined if "
+            "the fault raises the error by less than 20 %.",
             unit="%",
             better="more",
             pool=pooling.mean,
@@ -322,7 +321,8 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "recovered_told", recovered.recovered_told_of,
-            "Share that a controller with the true parameters avoids.", unit="%", pool=pooling.mean,
+            "Share of the tracking error due to the fault that a controller with the true "
+            "parameters avoids.", unit="%", pool=pooling.mean,
         ),
         Score(
             "tracking",

@@ -35,10 +35,10 @@ EDGE = 1e-6  # an estimate counts as at the limit within this distance, relative
 
 
 def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
-    """Return the plausibility limits, each (p,): 0.1 and 10 × nominal.
+    """Return the plausibility limits of estimates, 0.1 and 10 × nominal, each (p,).
 
-    They are the same for every estimator, whatever its own bounds. If the true values (N, p) exceed
-    them, they are widened by the same factor again.
+    The limits are the same for every estimator, whatever its own bounds. If the true values (N, p)
+    exceed the limits, the limits are widened by the same factor again.
     """
     lower, upper = np.sort(np.outer(BOX, nominal), axis=0)
     low, high, room = truth.min(axis=0), truth.max(axis=0), abs(nominal)
@@ -148,7 +148,7 @@ class Track:
     def error(self) -> Array:
         """θ̃ (N, p) as scored: once a run diverges, θ̂ is assumed to stay at the farther limit.
 
-        No error counts more than the error at that limit, so diverging never improves a score.
+        Errors are clipped at the same limit, so diverging never improves a score.
         """
         lower, upper = self.box
         below, above = self.truth - lower, upper - self.truth
@@ -262,7 +262,7 @@ def lag_of(track: Track, i: int) -> float | None:
 
 
 def t10_of(track: Track, i: int) -> float | None:
-    """Return the mean time [s] after which θ̃ stays within ±0.1 D; None if it ever fails to."""
+    """Return the mean time [s] after which θ̃ stays within ±0.1 D, or None if it does not."""
     times = [settling(part, 0.1, track.scenario.period) for part in track.relative(i)]
     if track.lost is not None or not times or None in times:
         return None

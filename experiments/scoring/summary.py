@@ -67,7 +67,7 @@ def scored(
     identity, cost : mapping
         Columns of each row before and after the scores.
     written : Scenario, optional
-        Scenario before the onset was drawn. Curves are shifted so that all runs have its onset.
+        Scenario whose onset is not drawn. Curves of all runs are shifted to this onset.
     """
     late = later(track.scenario, written or track.scenario)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverged run may have any values
@@ -171,8 +171,8 @@ def excess(by_name: Mapping[str, pooling.Columns], scenario: Scenario) -> dict[s
     by_name : mapping of str to columns
         Columns of each estimated parameter, for the same runs of one scenario.
     scenario : Scenario
-        The common bias covers the parameters of its `identify`. A parameter that the estimator
-        does not estimate counts as unbiased.
+        Scenario whose `identify` lists the parameters of the common bias. A parameter that the
+        estimator does not estimate counts as unbiased.
     """
     first = next(iter(by_name.values()))
     each, lost = first["excess"], first["lost_before"] > 0

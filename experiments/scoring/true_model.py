@@ -131,10 +131,10 @@ def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
-    """Return the sizes (p,) of parameters θ (p,) for a prior.
+    """Return the scales (p,) of the parameters θ (p,), from which a prior is computed.
 
-    The size of a parameter is its value. If a friction parameter has dropped to zero, its size is
-    the value before; the size of both cogging coefficients is the amplitude.
+    The scale of a parameter is its value. If a friction parameter has dropped to zero, its scale is
+    the value before; the scale of both cogging coefficients is the amplitude.
     """
     nominal = np.array(list(scenario.initial.values()))
     values = _values(scenario, nominal)
@@ -151,10 +151,10 @@ def _described(scenario: Scenario) -> dict[str, Described]:
 
 
 FINER = 2
-"""Integration steps relative to those of estimators with laws.
+"""Number of integration steps relative to the number that estimators with laws use.
 
-The tests show an error of 3 % of a bound. With Coulomb friction, which is almost discontinuous, the
-lag bound differs by up to 7 % from that with 16 times the steps.
+With this value, the tests show errors of the bounds up to 3 %. With Coulomb friction, which is
+almost discontinuous, the lag bound differs by up to 7 % from the value for 16 times the steps.
 """
 
 
@@ -193,7 +193,7 @@ def _travel(
     """Return the gradient (N, p) and the last state (n,) for a torque (N,) and an initial state."""
     steps = FINER * law_steps(model, period)
     simulated = simulation(model, theta, period, steps=steps)
-    X = simulated["X"]  # no state depends on θ yet
+    X = simulated["X"]  # the derivatives with respect to θ start at zero
     X[: model.states, 0] = x
     gradient = np.zeros((len(u), len(model.names)))  # type: ignore[arg-type]
     gradient[1:] = along(simulated, np.ascontiguousarray(u, float))[:-1, 1 : 1 + len(model.names)]
@@ -201,7 +201,7 @@ def _travel(
 
 
 def state_at(scenario: Scenario, truth: Array, u: Array, index: int) -> Array:
-    """Return the true state (n,) at a sample, after all changes before it.
+    """Return the true state (n,) at a sample, including the effects of all earlier changes.
 
     The model is simulated from rest with the true parameters (N, P) and the torque (N,) of a
     record.

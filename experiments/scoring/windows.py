@@ -1,4 +1,4 @@
-"""When errors are scored: the quiet time before a fault, and the window after it."""
+"""The samples that are scored: the quiet time before a fault, and the window after it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -65,10 +65,10 @@ class Window:
 def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
     """Return the scored window of each event, in order of time.
 
-    A window starts at the fault; in a pause of the excitation, it starts when the excitation
-    returns. It ends after 5 s, at the next event, or at the end of the record. Several changes of a
-    parameter in one pause have one window, with the size of the total change. An event of a
-    parameter that is not estimated has a window of size NaN, for the cross-talk of the others.
+    A window starts at the fault or, in a pause of the excitation, when the excitation returns. A
+    window ends after 5 s, at the next event, or at the end of the record. Several changes of a
+    parameter in one pause have one window, with the size of the total change. If the parameter is
+    not estimated, the size is NaN, and the window serves to measure the cross-talk of the others.
     """
     return list(_windows(scenario, tuple(names)))
 
@@ -104,8 +104,8 @@ def _size(before: float, after: float, changed: str, names: Sequence[str]) -> fl
 def claimed_at(scenario: Scenario) -> int:
     """Return the sample at which the covariance that an estimator reports is read.
 
-    It is the last sample before the whole second in which the first fault occurs. Without a fault,
-    or with a fault in the first second, it is the last sample of the run.
+    The result is the last sample before the whole second in which the first fault occurs. Without a
+    fault, or with a fault in the first second, it is the last sample of the run.
     """
     events, second = scenario.events(), sample_index(1.0, scenario.period)
     whole = events[0].index // second * second if events else 0
@@ -116,8 +116,8 @@ def claimed_at(scenario: Scenario) -> int:
 def quiet(scenario: Scenario) -> NDArray[np.intp]:
     """Return the samples over which std and bias are computed.
 
-    They are the last 5 s with excitation between burn-in and the first onset. Without a fault, they
-    are the last 10 s, or the last half of a run shorter than 20 s.
+    The samples are the last 5 s with excitation between burn-in and the first onset. Without a
+    fault, they are the last 10 s, or the last half of a run shorter than 20 s.
     """
     events = scenario.events()
     if not events:

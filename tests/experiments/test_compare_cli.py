@@ -113,5 +113,5 @@ def test_a_scenario_that_the_candidate_cannot_read_is_in_the_verdict(
     status, out, _ = flexaxis(capsys, "compare", *both, *sides, *words)
     told = json.loads(out)
     assert (status, told["verdict"]) == (0, "undecided")
-    assert told["gaps"] == [["candidate", "the candidate cannot read encoder", False]]
+    assert told["gaps"] == [["candidate", "the candidate cannot run on encoder", False]]
     assert flexaxis(capsys, "compare", *both, *sides, *words, "--strict")[0] == 3
