@@ -65,8 +65,7 @@ def test_imports_follow_the_arrows(path):
 COMMANDS_MAY = (
     "flexaxis.sim.errors", "flexaxis.experiments.commands.",
     "flexaxis.experiments.files",
-    "flexaxis.experiments.logs.importing.record_beside",
-    "flexaxis.experiments.logs.as_log.LogStyle",
+    "flexaxis.experiments.logs.units.LogStyle",
     "flexaxis.experiments.logs.options", "flexaxis.experiments.reporting.terminal",
 )  # fmt: skip
 """Files and errors; what `answer` cannot print; options of logs, as they are declared."""

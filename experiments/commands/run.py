@@ -160,7 +160,7 @@ def simulate(args: Args) -> int:
       flexaxis simulate coulomb_fm_step --as-log csv --units deg,A,ms --counts 65536 -o log.csv
       flexaxis simulate moves_fm_step --as-log csv --jitter 2e-4 --gaps 3 -o log.csv
     """
-    from flexaxis.experiments.logs.as_log import LogStyle
+    from flexaxis.experiments.logs.units import LogStyle
 
     fx.check_names([args.scenario])
     units = tuple(filter(None, args.units.split(",")))

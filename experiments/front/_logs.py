@@ -79,7 +79,8 @@ class LogResult:
 
     def __repr__(self) -> str:
         lines = [f"{MARKS[one.kind]} {one.sentence}" for one in self.page.remarks]
-        return "\n".join([self.page.finding.text, self.table.to_string(), *lines])
+        numbers = [] if self.page.table is None else [self.table.to_string()]
+        return "\n".join([self.page.finding.text, *numbers, *lines])
 
 
 def _read(log: Log, options: Mapping[str, Any] | None) -> Imported:
@@ -109,7 +110,7 @@ def import_log(path: str | Path, **columns: Any) -> LogResult:
     """
     result = _read(path, columns)
     checks = [vars(check) for check in result.checks]
-    table = pd.DataFrame(checks).set_index("name")[["kind", "value", "unit"]]
+    table = pd.DataFrame(checks).set_index("name")
     page = pages.import_page(result, Path(path).name)
     return LogResult(
         result, page, {"checks": checks}, table, result.record.save, record=result.record
@@ -175,7 +176,7 @@ def identify(
     page = pages.identification_page(result, record.period, other, title)
     content = pages.content(result, other)
     return LogResult(
-        result, page, content, pd.DataFrame(result.estimates, ["value", "sd"]).T, result.axis.save,
+        result, page, content, page.table, result.axis.save,
         int(bool(content["warnings"])), record, result.axis,
     )  # fmt: skip
 
@@ -208,19 +209,17 @@ def track(
     spec = parse(estimator or tracking.default_estimator(known))
     read = _read(log, columns)
     result = tracking.track(read.record, known, spec, identify=parameters, start=start)
-    table = pd.DataFrame({"last": result.last, "nominal": result.nominal}, result.names)
-    table["ratio"] = table["last"] / table["nominal"]
     page = pages.track_page(
         result, spec.text, problems=texts_of(read.checks, "problem"),
         log=read.record.versions.get("log", "a record"),
     )  # fmt: skip
-    content = table.to_dict() | {
+    content = page.table.to_dict() | {
         "fit": result.fit,
         "alarms": result.alarms.tolist(),
         "changes": [vars(change) for change in result.changes],
         "doubts": texts_of(result.findings, "problem"),
     }
     return LogResult(
-        result, page, content, table, partial(result.save, estimator=spec.text), result.status,
+        result, page, content, page.table, partial(result.save, estimator=spec.text), result.status,
         read.record, known,
     )  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
+from flexaxis.experiments.logs.units import LogStyle, write_log
 from flexaxis.experiments.reporting.figures import Series, around, curves
 from flexaxis.experiments.reporting.styles import SETTINGS
 from flexaxis.experiments.running.cache import default_cache
@@ -64,7 +64,7 @@ class Recording(Record):
 
     def save_log(self, path: Path, style: LogStyle) -> None:
         """Write a CSV log as a robot would: without true values, in its own units and clock."""
-        write_log(path, logged(self, style, stream(self.hash, self.seed or 0, "log")))
+        write_log(path, self, style, stream(self.hash, self.seed or 0, "log"))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the record as a DataFrame with one row per sample, indexed by time [s].

@@ -1,8 +1,9 @@
-"""What speaks against a log: how it was sampled, its units, and how torque and motion belong."""
+"""Checks of a log: its sampling, its units, and how torque and motion belong together."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,15 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from flexaxis.experiments.logs.axis_file import output_of
 from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.mapping import Raw
-from flexaxis.experiments.logs.prepare import (
-    LONGEST,
-    Prepared,
-    resolution,
-    rhythm,
-    unwrapped,
-)
+from flexaxis.experiments.logs.signals import LONGEST, gaps_of, resolution, rhythm, unwrapped
 from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.experiments.logs.units import SI, UNITS
 from flexaxis.sim.record import Record
@@ -27,28 +23,35 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 FASTEST = 1e4  # rad/s: spindles for milling stay below
-JITTER, MISSING, CLIPPED = 5.0, 20.0, 1.0  # % of a period; of the samples, where it matters
+MISSING, CLIPPED = 20.0, 1.0  # % of the samples, where it matters
 WRAPS = 0.35  # of a turn a sample: beyond half of one, the direction cannot be told
-RUN, LEVELS = 3, 3  # samples at a limit; values of a torque that switches, and is not clipped
+RUN, LEVELS = 3, 3  # samples at a limit; levels of a torque that switches, and is not clipped
 SECONDS = 0.02  # s: if smaller steps were of ms, the log would be one of more than 50 kHz
 WINDOW, USUAL = 7, 95.0  # samples, of which 3 may be outliers; percentile that they may not reach
 FAR, STEPS = 10.0, 5.0  # times the usual distance from the median, and move, of an outlier
-COARSE = 0.05  # of the rms move in a sample, that a step of an encoder is to be named
-LATE = 0.3  # samples, that a speed is later than the slope of its angle
+COARSE = 0.05  # of the rms move in a sample, from which on the step of an encoder is named
+LATE = 0.3  # samples by which a speed is later than the slope of its angle
 SAME = 0.15  # relative difference from the factor of a unit
-STANDS = 0.5  # of the samples of a held torque, that equal the one before
+STANDS = 0.5  # share of the samples of a held torque that equal the one before
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """A log as it was sampled, on its even grid, and as a record."""
+    """A log as it was sampled, and its record.
+
+    Attributes
+    ----------
+    raw : Raw
+    record : Record
+    remarks : tuple of str
+        What was done to the time stamps.
+    """
 
     raw: Raw
-    grid: Prepared
     record: Record
-    stamps: str = ""  # what was done to the time stamps
+    remarks: tuple[str, ...]
 
     @cached_property
     def valid(self) -> Flags:
@@ -59,71 +62,67 @@ class Evidence:
     @cached_property
     def speed(self) -> Array:
         """Motor speed (N,) [rad/s]."""
-        speed = self.record.speed if self.record.increment is None else self.record.increment
-        assert speed is not None
-        return speed
+        return np.asarray(getattr(self.record, output_of(self.record)))
+
+    @cached_property
+    def motion(self) -> tuple[Array, float]:
+        """Angle or speed where it is known, and the turn at which an angle was unwrapped or 0."""
+        known = self.raw.signals[self.raw.motion]
+        known = known[np.isfinite(known)]
+        return unwrapped(known) if self.raw.motion == "angle" else (known, 0.0)
 
 
 def examine(e: Evidence) -> tuple[Finding, ...]:
-    """Return all checks; outliers hide how torque and motion belong together."""
-    checks = [time_stamps(e), wrapping(e), clipping(e), clocks(e), units(e), coarse(e), torque(e)]
-    checks.append(outliers_of(e))
-    if checks[-1] is not None and checks[-1].kind == "ok":
-        checks += [sign(e), other_speed(e)]
-    return tuple(check for check in checks if check is not None)
+    """Return the findings of all checks; outliers hide how torque and motion belong together."""
+    checks = [time_stamps(e), *wrapping(e), clipping(e), clocks(e), units(e), *coarse(e), torque(e)]
+    far = outliers_of(e)
+    return (*checks, far) if far.kind != "ok" else (*checks, far, sign(e), *other_speed(e))
 
 
 def time_stamps(e: Evidence) -> Finding:
-    """Return the rate, jitter of the stamps, and what is missing."""
+    """Return the rate, what was done to the stamps, and what is missing."""
     missing, rate = 100 * float(np.mean(~e.valid)), 1 / e.record.period
-    text = f"{rate:.6g} Hz, {len(e.valid)} samples, {len(e.valid) / rate:.4g} s"
-    text += f"; {e.stamps}" if e.stamps else ""
-    edges = np.flatnonzero(np.diff(np.r_[1, e.valid, 1])).reshape(-1, 2)
-    if len(edges):
-        longest = float(np.diff(edges).max() / rate)
-        text += f"; gaps: {len(edges)}, the longest {longest:.3g} s; nothing is learnt in them"
-    if (jitter := 100 * e.grid.jitter) >= JITTER:
-        text += (
-            f"; stamps scatter by {jitter:.0f} % of a period, and signals were interpolated. If "
-            "only the stamps are late, give the rate in place of the time"
+    texts = [f"{rate:.6g} Hz, {len(e.valid)} samples, {len(e.valid) / rate:.4g} s", *e.remarks]
+    if len(gaps := np.diff(gaps_of(e.valid))):
+        texts.append(
+            f"{missing:.2g} % missing in {len(gaps)} gaps, the longest {gaps.max() / rate:.3g} s; "
+            "nothing is learnt in them"
         )
-        return Finding("note", text, "time stamps", missing, "% missing", f"--rate {rate:.6g}")
-    kind = "note" if missing or e.stamps else "ok"
-    kind = "problem" if missing >= MISSING else kind
-    return Finding(kind, text, "time stamps", missing, "% missing")  # type: ignore[arg-type]
+    kind = "problem" if missing >= MISSING else "note" if texts[1:] else "ok"
+    return Finding(kind, "; ".join(texts), "time stamps")  # type: ignore[arg-type]
 
 
-def wrapping(e: Evidence) -> Finding | None:
-    """Return where turns were added, and where it cannot be told how many."""
-    wrap, name = e.grid.wrap, "wrapping of the angle"
-    if not wrap.turn:
-        return None
-    text = f"unwrapped at {wrap.jumps} samples, by {wrap.turn:.6g} rad each"
-    if wrap.fastest < WRAPS:
-        return Finding("info", text, name, float(wrap.jumps), "jumps")
+def wrapping(e: Evidence) -> Iterator[Finding]:
+    """Yield whether turns were added, and whether it can be told how many."""
+    angle, turn = e.motion
+    if not turn:
+        return
+    fastest, name = float(np.abs(np.diff(angle)).max()) / turn, "wrapping of the angle"
+    text = f"unwrapped, a turn is {turn:.6g} rad"
+    if fastest < WRAPS:
+        yield Finding("info", text, name)
+        return
     text += (
-        f"; it moves by up to {wrap.fastest:.2g} of a turn in a sample, and beyond half a turn "
-        "the direction is a guess: log the angle without wrapping or faster, or use the speed"
+        f"; it moves by up to {fastest:.2g} of a turn in a sample, and beyond half a turn the "
+        "direction is a guess: log the angle without wrapping or faster, or use the speed"
     )
-    command = "--speed COLUMN in place of --angle"
-    return Finding("problem", text, name, float(wrap.jumps), "jumps", command)
+    yield Finding("problem", text, name, "--speed COLUMN in place of --angle")
 
 
 def clipping(e: Evidence) -> Finding:
     """Return whether the torque stands at its extreme value."""
-    u = e.raw.signals["torque"]
-    u, name = u[np.isfinite(u)], "clipping of the torque"
-    # RUN samples in a row at one limit
-    limit = ((u == u.max()) * 1 - (u == u.min())).astype(float)
-    runs = np.abs(np.convolve(limit, np.ones(RUN), "valid")) == RUN
-    share = 100 * float(np.mean(np.convolve(runs, np.ones(RUN)) > 0))
+    u, name = e.raw.signals["torque"], "clipping of the torque"
+    u = u[np.isfinite(u)]
+    limit = np.sign((u == u.max()) * 1.0 - (u == u.min()))
+    share = 100 * float(np.mean(np.abs(np.convolve(limit, np.ones(RUN), "valid")) == RUN))
     if share == 0 or len(np.unique(u[:10_000])) <= LEVELS:
         return Finding("ok", "none", name)
     text = (
-        f"the torque stands at its limit, {np.abs(u).max():.4g}: harmless if that is what acted; "
-        "if it is what was asked for, or the sensor's end, log what acted, or excite less"
+        f"the torque stands at its limit, {np.abs(u).max():.4g}, for {share:.2g} % of the time: "
+        "harmless if that is what acted; if it is what was asked for, or the sensor's end, log "
+        "what acted, or excite less"
     )
-    return Finding("note" if share < CLIPPED else "problem", text, name, share, "%")
+    return Finding("note" if share < CLIPPED else "problem", text, name)
 
 
 def clocks(e: Evidence) -> Finding:
@@ -138,44 +137,35 @@ def clocks(e: Evidence) -> Finding:
         f"{' and '.join(slow)} changes course at every {n}th sample only, as what is repeated or "
         "interpolated: log both by one clock, or bring the log to the slower rate"
     )
-    command = f"--resample {1 / e.record.period / n:.6g}"
-    return Finding("problem", text, "clocks", float(n), "samples", command)
+    return Finding("problem", text, "clocks", f"--resample {1 / e.record.period / n:.6g}")
 
 
-def coarse(e: Evidence) -> Finding | None:
-    """Return the step of a coarse encoder, which is noise of the motion and no wrong model."""
-    name = e.raw.motion
-    step, moves = resolution(e.grid.signals[name]), np.diff(e.grid.signals[name])
-    if step < COARSE * float(np.sqrt(np.mean(moves**2))):
-        return None
-    turn = f", {2 * np.pi / step:.4g} a turn" if name == "angle" and not e.raw.linear else ""
-    text = f"the {name} has steps of {step:.4g} {SI[name]}{turn}: they are most of its noise"
-    return Finding("info", text, "resolution", step, SI[name])
+def coarse(e: Evidence) -> Iterator[Finding]:
+    """Yield the step of a coarse encoder, which is noise of the motion and no wrong model."""
+    name, values = e.raw.motion, e.motion[0]
+    step = resolution(values)
+    if step >= COARSE * float(np.sqrt(np.mean(np.diff(values) ** 2))):
+        turn = f", {2 * np.pi / step:.4g} a turn" if name == "angle" and not e.raw.linear else ""
+        text = f"the {name} has steps of {step:.4g} {SI[name]}{turn}: they are most of its noise"
+        yield Finding("info", text, "resolution")
 
 
 def units(e: Evidence) -> Finding:
-    """Return which units were stated, and which were taken for granted."""
+    """Return which units were stated, and which were assumed."""
     open_to_doubt = e.raw.signals.keys() | {"time"} if e.record.period >= SECONDS else e.raw.signals
-    assumed = [n for n in SI if n != "torque" and n in open_to_doubt and n not in e.raw.stated]
+    assumed = [n for n in SI if n != "torque" and n in open_to_doubt and n not in e.raw.unit]
     if not assumed:
         return Finding("ok", "stated, or beyond doubt", "units")
-    text = "not stated; taken " + ", ".join(f"{name} for {SI[name]}" for name in assumed)
-    text += ". No log shows whether that is so; estimates are wrong by the factor if it is not"
-    options = " ".join(f"--unit {name}={SI[name]}" for name in assumed)
-    return Finding("note", text, "units", command=options)
+    taken = ", ".join(f"{name} in {SI[name]}" for name in assumed)
+    text = f"not stated; assumed: {taken}. No log shows a wrong unit, which scales the estimates"
+    return Finding("note", text, "units", " ".join(f"--unit {n}={SI[n]}" for n in assumed))
 
 
 def refuse_nonsense(raw: Raw) -> None:
-    """Raise a LogError for signals that cannot be used or must be in another unit.
+    """Raise a LogError for signals that must be in another unit.
 
     A stated unit, in the file or by an option, is believed where it can be.
     """
-    for name, values in raw.signals.items():
-        if np.nanmax(values) == np.nanmin(values):
-            raise LogError(
-                f"{name} is constant over all {len(values)} samples: the wrong column, or an axis "
-                "that stood still"
-            )
     if {"angle", "speed"} <= raw.signals.keys():
         ratio = abs(_beside(raw)[0])
         for name, unit in (
@@ -190,7 +180,7 @@ def refuse_nonsense(raw: Raw) -> None:
                     f"speed is {ratio:.3g} times the slope of the angle, as if the {name} were in "
                     f"{unit}: state it with --unit {name}={unit} (or is the other in another unit?)"
                 )
-    for name in raw.signals.keys() - raw.stated - {"torque"}:
+    for name in raw.signals.keys() - raw.unit.keys() - {"torque"}:
         values = raw.signals[name]
         jumps = np.abs(np.diff(values))
         if name == "angle" and ((jumps > 350) & (jumps < 360.5)).any():
@@ -221,45 +211,43 @@ def _beside(raw: Raw) -> tuple[float, float]:
     known = np.isfinite(slope) & np.isfinite(speed)
     s = spectra(slope[known], speed[known], float(np.median(np.diff(raw.time))))
     moving = (s.torque > 0.01 * s.torque.max()) & (s.frequency > 0)
-    turned = np.angle(s.cross[moving]) / (2 * np.pi * s.frequency[moving])
+    turned = np.angle(s.cross[moving]) / s.omega[moving]
     ratio = float(slope[known] @ speed[known] / np.sum(slope[known] ** 2))
     return ratio, -float(np.median(turned))
 
 
-def other_speed(e: Evidence) -> Finding | None:
-    """Return whether a logged speed is later than the slope of the angle beside it: a filter."""
-    if not {"angle", "speed"} <= e.raw.signals.keys():
-        return None
-    late, name = _beside(e.raw)[1], "speed beside angle"
-    if late < LATE * e.record.period:
-        return Finding("ok", "the speed is the slope of the angle", name)
-    text = (
-        f"the speed is {1e3 * late:.3g} ms later than the slope of the angle, as behind a "
-        "low-pass. The angle is used, which is not filtered"
-    )
-    return Finding("info", text, name, 1e3 * late, "ms")
+def other_speed(e: Evidence) -> Iterator[Finding]:
+    """Yield whether a logged speed is later than the slope of the angle beside it: a filter."""
+    if {"angle", "speed"} <= e.raw.signals.keys():
+        late, name = _beside(e.raw)[1], "speed beside angle"
+        text = (
+            f"the speed is {1e3 * late:.3g} ms later than the slope of the angle, as after a "
+            "low-pass. The angle is used, which is not filtered"
+        )
+        behind = late >= LATE * e.record.period
+        yield Finding("info", text, name) if behind else Finding("ok", "the same motion", name)
 
 
 def outliers_of(e: Evidence) -> Finding:
     """Return samples of the motion that are far from those before and after them."""
     name, label = e.raw.motion, "outliers of the motion"
-    known = np.isfinite(e.raw.signals[name])
-    time, signal = e.raw.time[known], e.raw.signals[name][known]
-    far = outliers(unwrapped(signal)[0] if name == "angle" else signal)
+    far = outliers(e.motion[0])
     if not far.any():
         return Finding("ok", "none", label)
-    jump = np.abs(np.diff(signal)).max()
-    at = ", ".join(f"{t:.6g}" for t in time[far][:4]) + " …" * int(far.sum() > 4)
+    known = np.isfinite(e.raw.signals[name])
+    jump = np.abs(np.diff(e.raw.signals[name][known])).max()
+    at = ", ".join(f"{t:.6g}" for t in e.raw.time[known][far][:4]) + " …" * int(far.sum() > 4)
     text = (
         f"the {name} jumps by up to {jump:.5g} {SI[name]} and back within some samples, as no axis "
-        f"moves, at {at} s; that spoils all estimates. Empty such cells of the log: what is "
-        "missing is not used. If a counter wraps there, give its counts: --counts N"
+        f"moves, at {at} s ({far.sum()} samples); that spoils all estimates. Empty such cells of "
+        "the log: what is missing is not used. If a counter wraps there, give its counts: "
+        "--counts N"
     )
-    return Finding("problem", text, label, float(far.sum()), "samples")
+    return Finding("problem", text, label)
 
 
 def outliers(x: Array) -> Flags:
-    """Return which samples (N,) of a motion are none: far out, and back within three samples.
+    """Return which samples (N,) of a motion are outliers: far off, and back within three samples.
 
     Hampel's filter: the distance from the median of seven samples, over what it usually is. It is
     0 where the motion has one direction; where it turns, it is less than the axis moves in a
@@ -284,20 +272,20 @@ def sign(e: Evidence) -> Finding:
     """Return whether torque and motion have opposite signs.
 
     At the lower end of the excitation an axis is inertia and friction: its acceleration leads the
-    torque by 0 to 90°, and friction takes power, and never gives it.
+    torque by 0 to 90°. Friction takes power and never gives it.
     """
-    name, u = "signs of torque and motion", e.record.torque
-    s = spectra(u[e.valid], e.speed[e.valid], e.record.period)
+    name, u, T = "signs of torque and motion", e.record.torque, e.record.period
+    s = spectra(u[e.valid], e.speed[e.valid], T)
     low, high = s.band
     bottom = (s.frequency > 0) & (s.frequency >= low) & (s.frequency < low + 0.1 * (high - low))
-    faster = s.cross * (np.exp(2j * np.pi * s.frequency * e.record.period) - 1)
+    faster = s.cross * (np.exp(1j * s.omega * T) - 1)
     along = float((faster[bottom] * np.exp(-0.25j * np.pi)).sum().real)
     # the torque k acts on the mean speed over [t_k, t_{k+1})
     after = np.append(e.speed[1:], e.speed[-1])
     moving = after if e.raw.motion == "angle" else (e.speed + after) / 2
     if along < 0 and float(np.mean((u * moving)[e.valid])) < 0:
         text = "torque and motion have opposite signs: turn one of them"
-        return Finding("problem", text, name, command="--scale torque=-1")
+        return Finding("problem", text, name, "--scale torque=-1")
     return Finding("ok", "the torque drives the motion", name)
 
 

@@ -8,7 +8,6 @@ from typing import Literal
 
 from flexaxis.sim.errors import FlexaxisError
 
-ROUNDING = 1e-6  # of whatever unit a value has: less is that of numbers in a computer
 Kind = Literal["problem", "note", "info", "ok"]
 MARKS: dict[Kind, str] = {"problem": "✗", "note": "!", "info": "·", "ok": "✓"}
 """Marks of kinds, in the order of their weight."""
@@ -20,40 +19,27 @@ class LogError(FlexaxisError):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was found.
+    """A sentence on a log or its estimates.
 
     Attributes
     ----------
     kind : {"problem", "note", "info", "ok"}
-        Whether it spoils estimates, should be known, is plain information, or a passed check.
+        Whether it spoils estimates, should be known, is plain information, or is a passed check.
     text : str
-        What it means, in words.
     name : str
-        What was looked at; empty where the text says it.
-    value : float or None
-        What was measured, in `unit`.
-    unit : str
+        The check; empty where the text says it.
     command : str
-        What to type against it; empty where nothing is to be done.
+        What to type against it, or empty.
     """
 
     kind: Kind
     text: str
     name: str = ""
-    value: float | None = None
-    unit: str = ""
     command: str = ""
 
     @property
-    def measured(self) -> str:
-        """What was measured, with its unit, in words."""
-        if self.value is None:
-            return ""
-        return f"{0.0 if abs(self.value) < ROUNDING else self.value:.4g} {self.unit}".strip()
-
-    @property
     def sentence(self) -> str:
-        """Its words, with what to type."""
+        """The text with its name and with what to type."""
         name = f"{self.name}: " if self.name else ""
         return f"{name}{self.text}" + (f". Type: {self.command}" if self.command else "")
 

@@ -224,7 +224,8 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     J = fitted.gradient[[*range(len(values)), -2, -1]][:, fitted.good]
     size = np.r_[list(values.values()), 1.0, log.period]
     time = log.period * np.flatnonzero(fitted.good)
-    changes = changes_in(time, fitted.white[fitted.good], (J * size[:, None]).T, tuple(values))  # type: ignore[arg-type]
+    white = fitted.white[fitted.good]
+    changes, _ = changes_in(time, white, (J * size[:, None]).T, tuple(values))  # type: ignore[arg-type]
     findings = judged(search, best, taken, fit, changes)
     if cut:
         text = f"identified from the {MOST} samples with the greatest torque, of {len(record.time)}"

@@ -1,4 +1,4 @@
-"""From a log in any of the formats to a record, with the findings of its checks."""
+"""From a log in any of the formats to a record on an even grid, with the findings of its checks."""
 
 from __future__ import annotations
 
@@ -9,16 +9,33 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
+from scipy.stats import linregress
 
 from flexaxis.experiments.logs.checks import Evidence, examine, refuse_nonsense, torque_kind
 from flexaxis.experiments.logs.findings import Finding, LogError
-from flexaxis.experiments.logs.mapping import mapping_from, pick
-from flexaxis.experiments.logs.prepare import Prepared, on_clock, prepare, without_interpolation
+from flexaxis.experiments.logs.mapping import Raw, mapping_from, pick
 from flexaxis.experiments.logs.read import open_log
+from flexaxis.experiments.logs.signals import resolution, rhythm, unwrapped
+from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 BURN_IN = 1.0  # s, where a log starts in the middle of a motion
 RESTING = 0.05  # of the deviation of the motion, below which a log starts at rest
+FEWEST = 200  # samples
+CLOCKS = (2**32 * 1e-6, 86400.0, 2**32 * 1e-3, 2**16 * 1e-3)  # s, after which clocks begin again
+MOST_GAPS = 10  # times the samples of a log that its grid may have
+NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
+SLOWEST = 1.01  # s, of a sample; spectra are averaged over four seconds
+WITHIN = 2.05  # ticks of an even grid, of stamps that are rounded
+JITTER = 5.0  # % of a period, from which on stamps are said to scatter
+FARTHEST = 1.2  # times the usual move, of a step in which no row is missing
+WHOLE = 0.02  # relative difference of a new rate from a whole fraction of the old one
 
 
 @dataclass(frozen=True)
@@ -45,24 +62,25 @@ def import_log(
     tables : mapping
         As for `mapping_from`.
     resample : float, optional
-        As for `prepare` [Hz].
+        New rate [Hz], a whole fraction of that of the log.
     burn_in : float, optional
-        Time from the start that is not to be fitted [s]; by default none for a log that starts
-        at rest, as the estimators do, else a second, or a tenth of a short log.
+        Time from the start that is not to be fitted [s]. By default 0 for a log that starts at
+        rest, as the estimators do, else a second, or a tenth of a short log.
 
     Raises
     ------
     LogError
         If the log cannot be used; the message begins with its name.
     """
-    mapping = mapping_from(tables, source=str(path))
     try:
+        mapping = mapping_from(tables, source="options")
         raw, stamps = on_clock(pick(open_log(path, mapping.header), mapping))
         refuse_nonsense(raw)
         raw, lines = without_interpolation(raw)
         kind, because = torque_kind(raw, mapping.torque_is, mapping.torque or "torque")
-        grid = prepare(raw, smooth=kind == "smooth", resample=resample)
-        unit = "Nm" if raw.scaled else raw.unit.get("torque", "")
+        record, jitter = _on_grid(raw, smooth=kind == "smooth", rate=resample)
+        scaled = abs(mapping.scale.get("torque", 1.0)) != 1
+        unit = "Nm" if scaled else raw.unit.get("torque", "")
         about = {
             "flexaxis": version("flexaxis"),
             "log": path.name,
@@ -71,39 +89,166 @@ def import_log(
             "torque_unit": {"mA": "A", "mV": "V", "%": "1"}.get(unit, unit),
             "motion": "linear" if raw.linear else "rotary",
         }
-        record = _record(grid, burn_in, {key: text for key, text in about.items() if text})
+        about = {key: text for key, text in about.items() if text}
+        record = _with_burn_in(replace(record, versions=about), burn_in)
     except LogError as error:
-        where = "" if str(error).startswith(str(path)) else f"{path}: "
-        raise LogError(f"{where}{error}") from error
-    remarks = "; ".join(filter(None, (stamps, lines)))
-    return Imported(record, examine(Evidence(raw, grid, record, remarks)))
+        raise LogError(f"{path}: {error}") from error
+    remarks = tuple(filter(None, (stamps, lines, jitter)))
+    return Imported(record, examine(Evidence(raw, record, remarks)))
 
 
-def _record(grid: Prepared, burn_in: float | None, about: dict[str, str]) -> Record:
-    signals, valid, increment = grid.signals, grid.valid, None
+def on_clock(raw: Raw) -> tuple[Raw, str]:
+    """Return a log whose time advances, and what was done to its stamps.
+
+    A clock that begins again is continued; stamps coarser than the sampling become even.
+
+    Raises
+    ------
+    LogError
+        If there are too few samples, or time does not advance.
+    """
+    known = np.isfinite(raw.time)  # a row without time is a gap
+    signals = {name: values[known] for name, values in raw.signals.items()}
+    for name, values in {"time": raw.time[known], **signals}.items():
+        if (count := int(np.isfinite(values).sum())) < FEWEST:
+            raise LogError(f"{name} has {count} samples; {FEWEST} or more are needed")
+    time, remark = raw.time[known] - raw.time[known][0], ""
+    for turn in CLOCKS:
+        if 0.99 * turn < -np.diff(time).min() < 1.01 * turn:
+            time, remark = np.unwrap(time, period=turn), f"the clock restarts after {turn:.9g} s"
+    if tick := _coarse_tick(time, signals):
+        time = np.linspace(time[0], time[-1], len(time))
+        remark = f"stamps are rounded to {1e3 * tick:.3g} ms; the sampling is taken as even"
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if len(back):
+        k = int(back[0]) + 1
+        text = f"time goes from {time[k - 1]:.9g} s to {time[k]:.9g} s after the start at row {k}"
+        if time[k] < 0.05 * time[k - 1]:
+            raise LogError(f"{text}: a new log begins there; take one with --rows 0:{k} or {k}:")
+        raise LogError(
+            f"{text}, and does not advance at {len(back)} rows: take out rows that are logged "
+            "twice or out of order, or, if the sampling was even, give --rate HZ in place of time"
+        )
+    return replace(raw, time=time + raw.time[known][0], signals=signals), remark
+
+
+def _coarse_tick(time: Array, signals: Mapping[str, Array]) -> float:
+    """Return the tick to which stamps of an even sampling are rounded [s]; 0 if they are not.
+
+    Stamps within a tick of an even grid may also be those of a log with missing rows. There, the
+    signals move farther over a longer step.
+    """
+    steps, tick = np.diff(time), resolution(time)
+    grid = np.linspace(time[0], time[-1], len(time))
+    rounded = np.ptp(steps) > tick / 2 > NEAR * grid[1] / 2 and np.ptp(time - grid) < WITHIN * tick
+    if not rounded or steps.min() < 0:
+        return 0.0
+    long = steps > steps.mean()
+    moves = [np.abs(np.diff(values)) for values in signals.values()]
+    missing = any(np.nanmedian(m[long]) > FARTHEST * np.nanmedian(m[~long]) for m in moves)
+    return 0.0 if missing else tick
+
+
+def without_interpolation(raw: Raw) -> tuple[Raw, str]:
+    """Return the samples that a log was interpolated from, if it was, and a remark on that."""
+    n, first, lines = rhythm(raw.signals["torque"])
+    if not lines or rhythm(raw.signals[raw.motion]) != (n, first, lines):
+        return raw, ""
+    part = slice(first, None, n)
+    signals = {name: values[part] for name, values in raw.signals.items()}
+    remark = f"torque and {raw.motion} are lines between every {n}th row: only these are samples"
+    return replace(raw, time=raw.time[part], signals=signals), remark
+
+
+def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str]:
+    """Return a log whose time advances on an even grid, and a remark on its stamps.
+
+    Torques are means over [t_k, t_{k+1}). At a lower rate all signals pass the same low-pass
+    without phase, and then the torque is averaged: a sample of it here and there would be aliased,
+    and ruin the estimates.
+    """
+    period, index = _grid(raw.time)
+    if period > SLOWEST or (period >= 1 and "time" not in raw.unit):
+        raise LogError(
+            f"a sample every {period:.3g} s: that is too slow for an axis; is time in ms, us or "
+            "ns? State it with --unit time=us, or, if it is right, --unit time=s"
+        )
+    time = raw.time[0] + period * np.arange(index[-1] + 1.0)
+    off = raw.time - time[index]
+    stamps = time[index] if np.max(abs(off)) <= NEAR * period else raw.time
+    signals, valid = {}, np.isin(np.arange(len(time)), index)
+    for name, logged in raw.signals.items():
+        known = np.isfinite(logged)
+        valid[index[~known]] = False
+        values, at = logged[known], stamps[known]
+        if name == "angle":
+            values = unwrapped(values)[0]
+        if name == "torque" and not smooth:  # it stays until the next sample, whenever that is
+            at = time[index[known]]
+        signals[name] = np.interp(time, at, values)
+    if smooth:
+        integral = CubicSpline(time, signals["torque"]).antiderivative()(time)
+        signals["torque"][:-1] = np.diff(integral) / period
+    every = 1 if rate is None else round(1 / (rate * period))
+    n = len(time) // max(every, 1)
+    if rate is not None:
+        if every < 2 or n < FEWEST or abs(every * rate * period - 1) > WHOLE:
+            raise LogError(
+                f"--resample {rate:g} Hz: give the rate of the log, {1 / period:.6g} Hz, over a "
+                f"whole number that leaves {FEWEST} samples or more"
+            )
+        lowpass = butter(8, 0.8 / every, output="sos")
+        signals = {name: sosfiltfilt(lowpass, values) for name, values in signals.items()}
+    rows = {name: x[: n * every].reshape(n, every) for name, x in signals.items()}
+    signals = {name: x[:, 0] for name, x in rows.items()} | {"torque": rows["torque"].mean(axis=1)}
+    valid = np.all(valid[: n * every].reshape(n, every), axis=1)
+    jitter = 100 * np.std(off) / period
+    remark = (
+        f"stamps scatter by {jitter:.0f} % of a period, and signals were interpolated; if only the "
+        f"stamps are late, use --rate {1 / period:.6g} in place of the time"
+    )
+    record = _record(time[: n * every : every], signals, valid)
+    return record, remark if jitter >= JITTER else ""
+
+
+def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
+    """Return the period, and the place of each sample on the grid."""
+    steps = np.diff(time)
+    places = np.r_[0, np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1))]
+    # the median of jittered or rounded stamps is off by a little, which adds up: fit the grid
+    period = float(linregress(places, time).slope)
+    index = np.rint((time - time[0]) / period).astype(int)
+    if (np.diff(index) <= 0).any() or index[-1] > MOST_GAPS * len(time):
+        raise LogError(
+            f"the time stamps are too irregular for an even grid: steps of {steps.min():.3g} s to "
+            f"{steps.max():.3g} s; resample the log first, or, if the sampling was even, give "
+            "--rate HZ in place of the time"
+        )
+    return period, index
+
+
+def _record(time: Array, signals: dict[str, Any], valid: Flags) -> Record:
+    period, increment = (time[-1] - time[0]) / (len(time) - 1), None
     if "angle" in signals:
-        increment = np.diff(signals["angle"], prepend=signals["angle"][0]) / grid.period
+        increment = np.diff(signals["angle"], prepend=signals["angle"][0]) / period
         valid = valid & np.r_[True, valid[:-1]]  # an increment needs both of its ends
     moving = signals["speed"] if increment is None else increment
     if not (valid.any() and np.ptp(signals["torque"][valid]) and np.ptp(moving[valid])):
-        raise LogError("torque or motion are constant where both are known: nothing can be learnt")
-    record = Record(
-        time=grid.time,
-        torque=signals["torque"],
-        angle=signals.get("angle"),
-        speed=signals.get("speed"),
-        increment=increment,
-        valid=None if valid.all() else valid,
-        versions=about,
-    )
-    if burn_in is None:
-        resting = np.max(abs(moving[:5])) < RESTING * np.std(moving)
-        burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * grid.period)
-    return _with_burn_in(record, burn_in)
+        raise LogError(
+            "torque or motion is constant where both are known: a wrong column, or an axis that "
+            "stood still"
+        )
+    resting = np.max(abs(moving[:5])) < RESTING * np.std(moving)
+    return Record(
+        time=time, **signals, increment=increment, valid=None if valid.all() else valid,
+        burn_in=0.0 if resting else min(BURN_IN, 0.1 * len(time) * period),
+    )  # fmt: skip
 
 
-def _with_burn_in(record: Record, burn_in: float) -> Record:
+def _with_burn_in(record: Record, burn_in: float | None) -> Record:
     seconds = len(record.time) * record.period
+    if burn_in is None:
+        return record
     if not 0 <= burn_in < 0.9 * seconds:
         raise LogError(
             f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
@@ -117,34 +262,24 @@ def import_any(
 ) -> Imported:
     """Return a record from a record file, or import a log with the options of `import_log`.
 
-    A record that flexaxis wrote takes a burn-in, and has no columns and units to choose. It has
-    no checks here: they are on the page of its import.
+    A record that flexaxis wrote takes a burn-in only. It has no checks here: they are on the page
+    of its import.
 
     Raises
     ------
     LogError
         If the log cannot be used, or an option is not for a record.
-    RecordError
-        If the record cannot be read.
     """
-    if not is_record(path):
+    try:
+        record = load_record(path)
+    except RecordError:
+        record = None
+    if record is None or not record.versions:  # a log in HDF5, which somebody else wrote
         return import_log(path, tables, resample=resample, burn_in=burn_in)
-    record = load_record(path)
     if wrong := [name.replace("_", "-") for name in (*tables, *["resample"] * bool(resample))]:
         log = record.versions.get("log", "its log")
         raise LogError(
             f"{path}: is a record that flexaxis wrote, with signals in SI on an even grid; "
             f"--{', --'.join(wrong)} are for logs: import {log} with them"
         )
-    return Imported(record if burn_in is None else _with_burn_in(record, burn_in), ())
-
-
-def is_record(path: Path) -> bool:
-    """Return whether a file is a record that flexaxis wrote."""
-    import h5py
-
-    try:
-        with h5py.File(path) as file:
-            return "versions" in file.attrs
-    except (OSError, RuntimeError, ValueError):
-        return False
+    return Imported(_with_burn_in(record, burn_in), ())

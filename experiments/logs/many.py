@@ -147,7 +147,7 @@ def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequen
         text = f"{name} changed by {size} from {last} on"
         if one.kind == "drift":
             text = f"{name} drifted by {size} from {first} to {last}"
-        text += f" (by chance once in {1 / one.chance:.0f})"
+        text += f" (probability by chance {one.chance:.1g})"
     for column, slope, sd in zip(covariates, one.slopes, one.slope_deviations, strict=True):
         if abs(slope) > max(SURE * sd, SMALLEST * level / float(np.ptp(table[column]))):
             size = f"{100 * slope / level:+.2g} ± {100 * sd / level:.1g} %"

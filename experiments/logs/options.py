@@ -1,14 +1,12 @@
-"""The options of the command line that several commands for logs have, and what they mean."""
+"""Options of the commands that read or write logs."""
 
 from __future__ import annotations
 
 import argparse
-import math
-import re
 from pathlib import Path
 from typing import Any
 
-SIGNALS = ("time", "torque", "angle", "speed")
+SIGNALS = {"time", "torque", "angle", "speed"}
 KEYS = (*SIGNALS, "rate", "torque_is", "counts", "rows", "header", "resample", "burn_in")
 
 
@@ -18,30 +16,6 @@ def pair(text: str) -> tuple[str, str]:
     if not equals:
         raise argparse.ArgumentTypeError(f"write SIGNAL=VALUE, such as angle=deg, not {text}")
     return name.strip(), value.strip()
-
-
-def factor(text: str) -> tuple[str, float]:
-    """Return name and number of ``SIGNAL=FACTOR``, a product or quotient of numbers and pi.
-
-    Examples
-    --------
-    >>> factor("angle=2*pi/8")
-    ('angle', 0.7853981633974483)
-    """
-    name, value = pair(text)
-    first, *rest = re.split(r"([*/])", value.replace(" ", ""))
-    try:
-        number = _number(first)
-        for operator, term in zip(rest[::2], rest[1::2], strict=True):
-            number *= _number(term) if operator == "*" else 1 / _number(term)
-    except (ValueError, ZeroDivisionError):
-        message = f"write SIGNAL=FACTOR, such as torque=-1 or angle=2*pi/8192, not {text}"
-        raise argparse.ArgumentTypeError(message) from None
-    return name, number
-
-
-def _number(text: str) -> float:
-    return math.pi if text == "pi" else float(text)
 
 
 def assignment(text: str) -> tuple[str, float | None]:
@@ -67,16 +41,15 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
                       {"type": int}),
     "--unit SIGNAL=UNIT": ("Unit of a signal, such as angle=deg (default: from the column's name, "
                            "else SI).", PAIRS),
-    "--scale SIGNAL=FACTOR": (
-        "Multiply a signal by a factor, such as torque=0.6 (N m/A), angle=2*pi/8192 (rad per "
-        "count) or torque=-1 (default: 1).", PAIRS | {"type": factor},
-    ),
+    "--scale SIGNAL=FACTOR": ("Multiply a signal by a factor, such as torque=0.6 (N m/A) or "
+                              "torque=-1 (default: 1).", PAIRS),
     "--torque-is KIND": (
         "held: a command, constant until the next sample (zero-order hold); smooth: a measured "
         "current, which changes between samples (default: seen from the log).",
         {"choices": ("held", "smooth")},
     ),
-    "--resample HZ": ("Resample the log to this rate [Hz] (default: as logged).", {"type": float}),
+    "--resample HZ": ("Lower the rate to this one [Hz], a whole fraction of that of the log "
+                      "(default: as logged).", {"type": float}),
     "--burn-in S": ("Time from the start that is not fitted [s] (default: 0 for a log that starts "
                     "at rest, else 1).", {"type": float}),
     "--as-log FORMAT": ("Write what a robot would log, as csv (default: a record).",
@@ -90,26 +63,28 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
     "--counts N": ("Counts of the encoder per turn of the motor: of an angle in counts, or to "
                    "round the written angle (default: none).", {"type": int}),
 }  # fmt: skip
-"""Options of the commands that read or write logs, as in `experiments.commands.options`."""
+"""As in `experiments.commands.options`."""
 
 READING = (
     "--map", "--time", "--torque", "--angle", "--speed", "--axis", "--rows", "--rate", "--header",
     "--unit", "--counts", "--scale", "--torque-is", "--resample", "--burn-in",
 )  # fmt: skip
-"""Those that say how a log is read."""
-WRITING = ("--as-log", "--units", "--jitter", "--gaps", "--counts")
-"""Those that say how one is written."""
+"""Options on how to read a log."""
 
 
 def tables_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return how a log is read, as for `fx.import_log`: options go before those of the file."""
-    from flexaxis.experiments.logs.mapping import load_mapping
+    """Return how to read a log, as for `fx.import_log`; options take precedence over the file."""
+    from flexaxis.experiments.logs.findings import LogError
+    from flexaxis.experiments.logs.mapping import mapping_from
+    from flexaxis.sim.files import read_toml
 
-    tables = load_mapping(args.map) if args.map else {}
+    tables = read_toml(args.map, LogError) if args.map else {}
+    mapping_from(tables, source=args.map)
     tables |= {name: value for name in KEYS if (value := getattr(args, name)) is not None}
-    for name in SIGNALS if args.axis is not None else ():
-        tables |= {name: tables[name].replace("{}", args.axis)} if name in tables else {}
     for key in ("unit", "scale"):
         if pairs := dict(getattr(args, key)):
             tables[key] = tables.get(key, {}) | pairs
+    if args.axis is not None:
+        columns = {name: tables[name].replace("{}", args.axis) for name in SIGNALS & tables.keys()}
+        tables |= columns
     return tables

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from markupsafe import Markup
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -19,13 +20,12 @@ from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
 from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.importing import Imported
 from flexaxis.experiments.logs.many import Many
+from flexaxis.experiments.logs.signals import gaps_of, liveliest
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.logs.verdict import Validation
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.figures import Series, curves
-from flexaxis.experiments.reporting.tables import Cell, Table
 from flexaxis.experiments.running.progress import LINE
-from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 
@@ -33,6 +33,8 @@ MOST = 4000  # points of a curve
 GAPS = 200  # that are shaded: more are a pattern, and seen as one
 PIECE = 500  # samples that are shown of a simulation
 SUREST = 3  # estimates in the sentence that the page begins with
+WRITTEN: dict[str, Any] = {"border": 0, "float_format": "{:.5g}".format}
+"""How pandas writes a table."""
 
 
 @dataclass(frozen=True)
@@ -61,73 +63,50 @@ class LogPage:
         The answer, in one sentence.
     remarks : sequence of Finding
     charts : sequence of Chart
-    tables : mapping of str to DataFrame
-        By their titles.
+    table : DataFrame or None
     """
 
     title: str
     finding: Finding
     remarks: Sequence[Finding]
     charts: Sequence[Chart]
-    tables: Mapping[str, pd.DataFrame]
+    table: Any = None
 
     def write(self, path: Path) -> None:
         """Write the page as one HTML file that needs no network."""
+        table = "" if self.table is None else Markup(self.table.to_html(**WRITTEN))
         content = vars(self) | {
             "figures": [(page.drawn(one.draw, one.title), one.words) for one in self.charts],
-            "tables": [_table(name, frame) for name, frame in self.tables.items()],
-            "marks": MARKS, "version": version("flexaxis"), "command": LINE.get(),
+            "marks": MARKS, "version": version("flexaxis"), "command": LINE.get(), "table": table,
         }  # fmt: skip
         write_text(path, page.render("logs/templates/log.html", looks={}, **content))
 
 
-def _table(name: str, frame: pd.DataFrame) -> Table:
-    rows = [
-        ("", [Cell(x if isinstance(x, str) else f"{x:.5g}", x) for x in row])
-        for row in frame.reset_index().to_numpy()
-    ]
-    return Table(name, [frame.index.name or "", *frame.columns], rows)
-
-
 def _line(x: Array, y: Array, label: str, role: Any = "data") -> Series:
-    """Return a curve of at most `MOST` points, the extremes of each bin."""
-    if len(x) > 2 * MOST:
-        bins = np.array_split(np.arange(len(x)), MOST // 2)
-        k = np.sort(np.ravel([(b[np.argmin(y[b])], b[np.argmax(y[b])]) for b in bins]))
-        x, y = x[k], y[k]
-    return Series(x=x, y=y, label=label, role=role)
+    """Return a curve of about `MOST` points at most, the extremes of each bin."""
+    bins = pd.Series(y).groupby(np.arange(len(y)) * (MOST // 2) // max(len(y), MOST // 2))
+    k = np.unique(np.r_[bins.idxmin(), bins.idxmax()])
+    return Series(x=x[k], y=y[k], label=label, role=role)
 
 
 def _gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
     """Return what is to be shaded: where samples do not count."""
-    edges = np.flatnonzero(np.diff(np.r_[1, ok, 1])).reshape(-1, 2)[:GAPS]
-    return [(float(time[begin]), float(time[end - 1]), "not used") for begin, end in edges]
+    return [(float(time[a]), float(time[b - 1]), "not used") for a, b in gaps_of(ok)[:GAPS]]
 
 
 def import_page(result: Imported, log: str) -> LogPage:
     """Return the page of an import."""
-    checks = ordered(result.checks)
+    checks, record = ordered(result.checks), result.record
     finding = Finding("ok", "Nothing speaks against this log.")
     if bad := ", ".join(one.name for one in checks if one.kind == "problem"):
         finding = Finding("problem", f"As it is, this log spoils estimates: {bad}.")
-    rows = {one.name: (one.measured, MARKS[one.kind], one.text, one.command) for one in checks}
-    heads = ["measured", "", "in words", "what to type"]
-    frame = pd.DataFrame.from_dict(rows, "index", columns=heads).rename_axis("checked")
-    remarks = [one for one in checks if one.kind in ("problem", "note")]
-    return LogPage(
-        f"Import of {log}", finding, remarks, [log_chart(result.record)], {"Checks": frame}
-    )
-
-
-def log_chart(record: Record) -> Chart:
-    """Return torque and motion over time."""
-    motion = np.asarray(getattr(record, output_of(record)))
     panels = {
         "torque [as logged]": [_line(record.time, record.torque, "log")],
-        "speed [rad/s]": [_line(record.time, motion, "log")],
+        "speed [rad/s]": [_line(record.time, getattr(record, output_of(record)), "log")],
     }
     words = "The log. Shaded: missing, or before the end of the burn-in."
-    return Chart("The log", words, panels, {"spans": _gaps(record.time, usable(record))})
+    chart = Chart("The log", words, panels, {"spans": _gaps(record.time, usable(record))})
+    return LogPage(f"Import of {log}", finding, checks, [chart])
 
 
 def identification_page(
@@ -143,39 +122,30 @@ def identification_page(
         f"alone; surest: {', '.join(text for _, text in sure[:SUREST])}."
     )
     text += f" These numbers cannot be used: {problems[0]}." if problems else ""
-    log = result.answer.setup.log
-    time = period * np.arange(float(len(log.y)))
-    charts = [_compared("Simulation from the torque", time, log.y, log.y - result.residual)]
+    y, residual = result.answer.setup.log.y, result.residual
+    time = period * np.arange(float(len(y)))
+    charts = [_compared("Simulation from the torque", time, y, y - residual)]
     if other is not None:
         title_of = "Simulation of the other log"
         charts.append(_compared(title_of, other.time, other.measured, other.simulated))
-    estimates = pd.DataFrame(result.estimates, ["estimate", "± sd"]).T.rename_axis("parameter")
-    tables = {
-        "Estimates": estimates,
-        "Trust": pd.DataFrame({"value": facts(result, other)}).rename_axis("what"),
-    }
-    return LogPage(title, Finding("problem" if problems else "ok", text), findings, charts, tables)
+    table = pd.DataFrame(result.estimates, ["value", "sd"]).T
+    return LogPage(title, Finding("problem" if problems else "ok", text), findings, charts, table)
 
 
 def findings_of(result: Identification, other: Validation | None) -> list[Finding]:
-    """Return the findings on both logs, the gravest first."""
-    unlike = "" if other is None else other.unlike
-    more = [Finding("problem", f"on the other log, {unlike}")] if unlike else []
-    return ordered([*more, *result.findings])
-
-
-def facts(result: Identification, other: Validation | None) -> dict[str, str]:
-    """Return how far to trust an identification: names and values."""
-    told = {
-        "units": result.units,
-        "law of friction": result.friction,
-        "simulation of held-out pieces from the torque alone": f"{result.fit:.1f} %",
-        "simulation of the whole log": f"{result.whole.percent:.1f} %",
-        "correlation of white residuals": f"{result.correlation:.3f}",
-    }
+    """Return the findings on both logs, the gravest first, and how far to trust the estimates."""
+    texts = [
+        f"units: {result.units}",
+        f"law of friction: {result.friction}",
+        f"a simulation explains {result.whole.percent:.1f} % of the whole log",
+        f"white residuals correlate with their past by {result.correlation:.3f}",
+    ]
+    problems = []
     if other is not None:
-        told["simulation of the other log"] = f"{other.fit.percent:.1f} %"
-    return told
+        texts.append(f"a simulation explains {other.fit.percent:.1f} % of the other log")
+        if other.unlike:
+            problems.append(Finding("problem", f"on the other log, {other.unlike}"))
+    return ordered([*problems, *result.findings, *(Finding("info", text) for text in texts)])
 
 
 def content(result: Identification, other: Validation | None) -> dict[str, Any]:
@@ -196,10 +166,7 @@ def content(result: Identification, other: Validation | None) -> dict[str, Any]:
 
 def _compared(title: str, time: Array, y: Array, simulated: Array) -> Chart:
     """Return the liveliest piece of a log with its simulation, and the error."""
-    power = np.cumsum(np.r_[0.0, np.nan_to_num(y) ** 2])
-    length = min(PIECE, len(y))
-    begin = int(np.argmax(power[length:] - power[:-length]))
-    piece = slice(begin, begin + length)
+    piece = liveliest(y, PIECE)
     t, y, simulated = time[piece], y[piece], simulated[piece]
     panels = {
         "speed [rad/s]": [_line(t, y, "log"), _line(t, simulated, "simulation", "truth")],
@@ -209,7 +176,7 @@ def _compared(title: str, time: Array, y: Array, simulated: Array) -> Chart:
 
 
 def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log: str) -> LogPage:
-    """Return the page of an estimator on a record.
+    """Return the page of an estimator on a record, with its estimates over time.
 
     Parameters
     ----------
@@ -224,29 +191,23 @@ def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log:
     first, *more = result.findings
     remarks = [*(Finding("problem", f"the log: {text}") for text in problems), *more]
     finding = Finding("problem" if problems else first.kind, first.text)
-    last = {"last estimate": result.last, "nominal": result.nominal}
-    frame = pd.DataFrame(last, result.names).rename_axis("parameter")
-    frame["over nominal"] = result.last / result.nominal
-    chart = estimates_chart(result, estimator)
-    return LogPage(f"{estimator} on {log}", finding, remarks, [chart], {"Last estimates": frame})
-
-
-def estimates_chart(result: Tracked, estimator: str) -> Chart:
-    """Return the estimates over time with a ±2σ band, over nominal."""
+    table = pd.DataFrame({"last": result.last, "nominal": result.nominal}, result.names)
+    table["ratio"] = table["last"] / table["nominal"]
     panels, step = {}, max(len(result.time) // MOST, 1)
     t = result.time[::step]
     for i, (name, nominal) in enumerate(zip(result.names, result.nominal, strict=True)):
-        y, sides = result.theta[::step, i] / nominal, dict[str, Array]()
+        y, sides = result.theta[::step, i] / nominal, dict[str, Any]()
         if result.deviations is not None:
             band = 2 * result.deviations[::step, i] / abs(nominal)
             sides = {"low": y - band, "high": y + band}
         one = Series(x=t[[0, -1]], y=np.ones(2), role="bound", label="as identified")
-        panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), one]  # type: ignore[arg-type]
+        panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), one]
     marks = [(change.time, change.text) for change in result.changes]
     marks += [(float(at), "alarm") for at in result.alarms]
     words = "Estimates over nominal, ±2σ as the estimator claims. Vertical: changes and alarms."
-    spans = _gaps(result.time, result.usable)
-    return Chart("Estimates", words, panels, {"marks": marks, "spans": spans})
+    options = {"marks": marks, "spans": _gaps(result.time, result.usable)}
+    chart = Chart("Estimates", words, panels, options)
+    return LogPage(f"{estimator} on {log}", finding, remarks, [chart], table)
 
 
 def many_page(result: Many, title: str) -> LogPage:
@@ -259,7 +220,4 @@ def many_page(result: Many, title: str) -> LogPage:
         panels[name] = [points, Series(x=k, y=one.fitted, role="truth", label="explained")]
     words = "Each log with ±2σ; the line is what covariates and a change explain."
     chart = Chart("Estimates over the logs", words, panels, x="log")
-    return LogPage(
-        title, result.findings[0], result.findings[1:], [chart],
-        {"Estimates": table.rename_axis("log")},
-    )  # fmt: skip
+    return LogPage(title, result.findings[0], result.findings[1:], [chart], table)

@@ -162,33 +162,34 @@ def fit_response(
     # deviation of the logarithm, where the least coherence that is used has one
     share = np.minimum(response.coherence[lines], SUREST)
     weight = np.sqrt(share / (1 - share) * (1 - COHERENT) / COHERENT)
-    p, free = len(chosen.names), float(delay is None)
+    p, turn = len(chosen.names), -1j * omega * period
 
     def compared(x: Array) -> tuple[Array, Array]:
         """Return the misfit (2M,) at logarithms of θ and a delay in samples, and its gradient."""
-        theta, late = chosen.theta * np.exp(x[:p]), x[p] if delay is None else delay / period
+        theta = chosen.theta * np.exp(x[:p])
         fitted, slopes = frequency_response(chosen, theta, omega, period=period)
-        turn = -1j * omega * period
-        error = weight * np.log(fitted / gain * np.exp(turn * late) + 1e-300)
-        rows = weight[:, None] * np.column_stack([slopes * theta / fitted[:, None], turn * free])
+        error = weight * np.log(fitted / gain * np.exp(turn * x[p]) + 1e-300)
+        rows = weight[:, None] * np.column_stack([slopes * theta / fitted[:, None], turn])
         return np.r_[error.real, error.imag], np.r_[rows.real, rows.imag]
 
-    with np.errstate(all="ignore"):
-        if not np.isfinite(compared(np.zeros(p + 1))[0]).all():
-            raise LogError(
-                f"from these values the model has no finite response: {dict(chosen.nominal)}; "  # type: ignore[attr-defined]
-                "give others with --start NAME=VALUE"
-            )
-    box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), LATEST]
+    late, room = (0.1, LATEST) if delay is None else (delay / period, 1e-9)
+    low = earliest / period - 1e-6 if delay is None else late - room
+    box = np.r_[np.full(p, -7.0), low], np.r_[np.full(p, 7.0), late + room]
     random = np.random.default_rng(0)
     starts = (np.clip(spread * random.standard_normal(p), -2, 2) for spread in SPREAD)
-    fits = [
-        least_squares(
-            lambda x: compared(x)[0], np.r_[start, 0.1], jac=lambda x: compared(x)[1],
-            bounds=box, loss="soft_l1", f_scale=0.3, max_nfev=60,
-        )
-        for start in starts
-    ]  # fmt: skip
+    try:
+        fits = [
+            least_squares(
+                lambda x: compared(x)[0], np.r_[start, late], jac=lambda x: compared(x)[1],
+                bounds=box, loss="soft_l1", f_scale=0.3, max_nfev=60,
+            )
+            for start in starts
+        ]  # fmt: skip
+    except ValueError as error:
+        raise LogError(
+            f"from these values the model has no finite response: {dict(chosen.nominal)}; "  # type: ignore[attr-defined]
+            "give others with --start NAME=VALUE"
+        ) from error
     best = min(fits, key=lambda fit: float(fit.cost)).x
     late = max(float(best[p] * period), earliest) if delay is None else delay
     return chosen.theta * np.exp(best[:p]), late

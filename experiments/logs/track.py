@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.errors import EstimatorError
@@ -120,17 +121,17 @@ def track(
     axis.check_known()
     axis.check_rate(record.period)
     log, lawful = log_of(record, axis), bool(axis.model.laws)
-    axis.model.parametrize(identify)  # refuses unknown names
     torque = delayed(log.u, axis.delay / log.period, smooth=log.smooth) + axis.offset
     colour = replace(colourless(axis.highpass, log.period), inverse=np.array(axis.whitening))
     u, y = (torque, log.y) if lawful else (colour.white(torque), colour.white(log.y))
     estimator = _build(spec, axis, identify, start, period=log.period, output=log.output, torque=u)
     names = tuple(estimator.names)
     model = SIGNALS[log.output].predicted(axis.model, log.period).parametrize(names)
-    stopped = _stopped(log.y, predict(model, model.theta, torque, period=log.period)[0], log.period)
+    simulated = predict(model, model.theta, torque, period=log.period)[0]
+    stopped, quiet = _idle(log.y, simulated, torque, log.period)
     valid = (True if record.valid is None else record.valid) & ~stopped
     theta, claimed, alarms = run_on(estimator, u, y, valid if lawful else colour.settled(valid))
-    good = colour.settled(log.ok & ~stopped & ~_quiet(torque, log.period))
+    good = colour.settled(log.ok & ~stopped & ~quiet)
     last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
 
     def look(theta: Array) -> tuple[Array, Array]:
@@ -146,14 +147,25 @@ def track(
             "choose another estimator"
         )
     changes, unseen = changes_along(look, record.time[good], last, names)
-    pairs = zip(map(physical, names), last, strict=True)
-    valued = axis.having({name: float(value**power) for (name, power), value in pairs})
+    powers = zip(map(physical, names), last, strict=True)
+    valued = axis.having({name: float(value**power) for (name, power), value in powers})
     checked, past = validate(replace(record, valid=valid), valued), correlation(residual)
     # one value does not fit what was before a change and after it
     fits = not checked.unlike or changes or (abs(past) < WHITE and axis.usual is None)
-    problems = [] if fits else [checked.unlike]
-    off = dict(zip(names, last / model.theta - 1, strict=True))
-    findings = _findings(problems, changes, unseen, off)
+    findings = [
+        *([] if fits else [Finding("problem", checked.unlike)]),
+        *(Finding("note", change.text) for change in changes),
+    ]
+    if unseen:
+        text = f"this log does not show whether {', '.join(unseen)} changed"
+        findings.append(Finding("note", text))
+    if not findings:
+        off = zip(names, last / model.theta - 1, strict=True)
+        text = "the estimate of {} ends {:+.1f} % off what was identified"
+        findings = [
+            Finding("ok", "no parameter changed within this log"),
+            *(Finding("note", text.format(n, 100 * by)) for n, by in off if abs(by) > OFF),
+        ]
     if stopped.any():
         begin, end = record.time[np.flatnonzero(stopped)[[0, -1]]]
         text = (
@@ -162,12 +174,12 @@ def track(
         )
         findings.append(Finding("note", text))
     white = "white" if abs(past) < WHITE else "so the estimates do not explain everything"
-    findings += [
-        Finding("info", f"fit of a simulation from the torque alone: {checked.fit.percent:.1f} %"),
-        Finding("info", f"the residual correlates with its past by {past:.3f}, {white}"),
+    texts = [
+        f"fit of a simulation from the torque alone: {checked.fit.percent:.1f} %",
+        f"the residual correlates with its past by {past:.3f}, {white}",
+        *[f"alarms of the estimator: {int(alarms.sum())}"] * bool(alarms.any()),
     ]
-    if alarms.any():
-        findings.append(Finding("info", f"alarms of the estimator: {int(alarms.sum())}"))
+    findings += [Finding("info", text) for text in texts]
     spread = None if claimed is None else np.sqrt(np.abs(np.diagonal(claimed, axis1=1, axis2=2)))
     return Tracked(
         names, record.time, theta, spread, last, model.theta, good, checked.fit.percent,
@@ -175,47 +187,16 @@ def track(
     )  # fmt: skip
 
 
-def _findings(
-    problems: Sequence[str],
-    changes: Sequence[Change],
-    unseen: Sequence[str],
-    off: Mapping[str, float],
-) -> list[Finding]:
-    """Return what is wrong, what changed, or that nothing did; `off` are relative differences."""
-    findings = [Finding("problem", text) for text in problems]
-    findings += [Finding("note", change.text) for change in changes]
-    if unseen:
-        text = f"this log does not show whether {', '.join(unseen)} changed"
-        findings.append(Finding("note", text))
-    return findings or [
-        Finding("ok", "no parameter changed within this log"),
-        *(
-            Finding(
-                "note", f"the estimate of {name} ends {100 * by:+.1f} % off what was identified"
-            )
-            for name, by in off.items()
-            if abs(by) > OFF
-        ),
-    ]
+def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Flags, Flags]:
+    """Return where an axis stands still although the model moves, and where little torque acts.
 
-
-def _stopped(y: Array, simulated: Array, period: float) -> Flags:
-    """Return where (N,) an axis stands still although the model moves."""
-    model, window = _power(simulated, period), np.ones(max(round(WINDOW / period), 1))
-    still = (model > STOPPED**2 * np.mean(y**2)) & (_power(y, period) < STOPPED**2 * model)
-    return np.convolve(still, window, "same") > 0.5
-
-
-def _quiet(torque: Array, period: float) -> Flags:
-    """Return where (N,) too little torque acts to tell a change of a parameter from a brake."""
-    window = np.ones(max(round(WINDOW / period), 1))
-    quiet = _power(torque, period) < STOPPED**2 * np.mean(torque**2)
-    return np.convolve(quiet, window, "same") > 0.5
-
-
-def _power(x: Array, period: float) -> Array:
-    window = np.ones(max(round(WINDOW / period), 1))
-    return np.convolve(x**2, window / len(window), "same")
+    With little torque, a change of a parameter cannot be told from a brake.
+    """
+    length = max(round(WINDOW / period), 1)
+    moved, model, acted = (uniform_filter1d(x**2, length) for x in (y, simulated, torque))
+    stopped = (model > STOPPED**2 * np.mean(moved)) & (moved < STOPPED**2 * model)
+    quiet = acted < STOPPED**2 * np.mean(acted)
+    return maximum_filter1d(stopped, length), maximum_filter1d(quiet, length)
 
 
 def default_estimator(axis: Axis) -> str:
@@ -233,23 +214,24 @@ def _build(
     output: str,
     torque: Array,
 ) -> Estimator:
-    """Build an estimator for this axis; shipped ones take the model, a user's the values."""
-    values = dict(axis.model.nominal)
-    for name in identify:
-        values[name.removeprefix("1/")] *= start ** (-1.0 if name.startswith("1/") else 1.0)
-    offered: dict[str, Any] = {"identify": tuple(identify), "output": output, "torque": torque}
-    entry = next((one for one in REGISTRY.values() if one.factory is spec.make), None)
-    if axis.model.laws and entry is not None and not entry.laws:
+    """Build an estimator for this axis; a registered one takes the model, a user's the values."""
+    model = axis.model
+    model.parametrize(identify)  # refuses unknown names
+    values = dict(model.nominal)
+    for name, power in map(physical, identify):
+        values[name] *= start**power
+    if model.laws and not spec.is_users and not REGISTRY[spec.name].laws:
         raise LogError(
             f"the axis has laws, such as dry friction, and {spec.text} knows linear models only: "
             f"use --estimator {RECOMMENDED}"
         )
-    if axis.model.laws and axis.deviation:
-        offered["deviations"] = dict(axis.deviation)
-    if not axis.model.laws and axis.noise is not None:
-        offered["noise"] = axis.noise
-    first = values if entry is None else replace(axis.model, nominal=values)
-    estimator = make_estimator(spec, first, period, **offered)
+    known: dict[str, Any] = {"identify": tuple(identify), "output": output, "torque": torque}
+    if model.laws and axis.deviation:
+        known["deviations"] = dict(axis.deviation)
+    if not model.laws and axis.noise is not None:
+        known["noise"] = axis.noise
+    first = values if spec.is_users else replace(model, nominal=values)
+    estimator = make_estimator(spec, first, period, **known)
     own = tuple(estimator.names)
     # an estimator that knows laws may track their parameters besides
     if estimator.output != output or own[: len(identify)] != tuple(identify):

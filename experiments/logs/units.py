@@ -1,10 +1,20 @@
-"""Names and units of the signals of a log, as people write them, in English, German or French."""
+"""Names and units of the signals of a log in English, German or French; a record as such a log."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
+
+from flexaxis.experiments.files import new_file
+from flexaxis.experiments.logs.findings import LogError
+from flexaxis.sim.errors import unknown
+from flexaxis.sim.record import Record
+
+LONGEST_GAP = 20  # samples
 
 _TURN, _INCH, _POUND = 2 * np.pi, 0.0254, 4.4482216152605
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3}
@@ -77,3 +87,69 @@ def spelt(text: str, kind: str = "") -> str:
 def is_unit(text: str) -> bool:
     """Return whether a text in brackets is a unit, and no index."""
     return text != "1" and any(spelt(text) in t for t in (*UNITS.values(), (COUNTS,)))
+
+
+@dataclass(frozen=True)
+class LogStyle:
+    """How a robot writes its log.
+
+    Attributes
+    ----------
+    units : tuple of str
+        Such as ``("deg", "A")``; SI for a signal without one.
+    jitter : float
+        Standard deviation of the time stamps [s]; the sampling itself is even.
+    gaps : int
+        Number of gaps, each of up to `LONGEST_GAP` samples.
+    counts : int
+        Counts of the encoder per turn of the motor; 0 for the angle as it was measured.
+
+    Raises
+    ------
+    LogError
+        If a unit is unknown, or a number is negative.
+    """
+
+    units: tuple[str, ...] = ()
+    jitter: float = 0.0
+    gaps: int = 0
+    counts: int = 0
+
+    def __post_init__(self) -> None:
+        known = {unit: 1 for table in UNITS.values() for unit in table}
+        for unit in self.units:
+            if unit not in known:
+                raise LogError(f"--units: {unknown('unit', unit, known)}")
+        if min(self.jitter, self.gaps, self.counts) < 0:
+            raise LogError("--jitter, --gaps, --counts: give 0 or more")
+
+
+def write_log(path: Path, record: Record, style: LogStyle, rng: np.random.Generator) -> None:
+    """Write a record as the CSV of a robot: columns such as ``angle [deg]``, time first.
+
+    Rows in gaps are left out, and signals that the record does not have.
+
+    Parameters
+    ----------
+    path : Path
+    record : Record
+    style : LogStyle
+    rng : Generator
+        For jitter and gaps.
+    """
+    time, angle = record.time, record.angle
+    if style.counts and angle is not None:
+        step = 2 * np.pi / style.counts
+        angle = step * np.rint(angle / step)
+    time = time + style.jitter * rng.standard_normal(len(time))
+    kept = np.ones(len(time), bool) if record.valid is None else record.valid.copy()
+    for begin in rng.integers(1, max(len(time) - LONGEST_GAP - 1, 2), style.gaps):
+        # the first and the last sample stay
+        kept[begin : min(begin + rng.integers(1, LONGEST_GAP + 1), len(time) - 1)] = False
+    columns, signals = {}, (time, record.torque, angle, record.speed)
+    for name, values in zip(SI, signals, strict=True):
+        unit = next((unit for unit in style.units if unit in UNITS[name]), SI[name])
+        if values is not None:
+            columns[f"{name} [{unit}]"] = values[kept] / UNITS[name][unit]
+    with new_file(path) as part:
+        pd.DataFrame(columns).to_csv(part, index=False, float_format="%.10g")

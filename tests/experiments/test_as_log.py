@@ -8,9 +8,9 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.as_log import LONGEST_GAP, LogStyle, logged, write_log
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.importing import import_log
+from flexaxis.experiments.logs.units import LONGEST_GAP, LogStyle, write_log
 from flexaxis.sim.record import load_record
 from flexaxis.sim.scenario import load_scenario
 from flexaxis.sim.simulate import simulate
@@ -23,7 +23,7 @@ def record():
 
 
 def round_trip(record, style, path, tables):
-    write_log(path, logged(record, style, np.random.default_rng(0)))
+    write_log(path, record, style, np.random.default_rng(0))
     return import_log(path, {"torque_is": "held"} | tables, burn_in=0.0).record
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.fit import held_out
 from flexaxis.experiments.logs.identify import identify
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import UNKNOWN, log_of
+from flexaxis.experiments.logs.units import LogStyle, write_log
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("J_m", "J_l", "k", "d", "f_m")
@@ -32,8 +32,7 @@ def truth(scenario):
 def of_gaps(scenario, number, path, seed=0):
     """A log in which up to 20 rows are missing, several times."""
     style = LogStyle(gaps=number)
-    record = simulate(scenario, [seed])[0]
-    write_log(path, logged(record, style, np.random.default_rng(seed)))
+    write_log(path, simulate(scenario, [seed])[0], style, np.random.default_rng(seed))
     return import_log(path, {"torque_is": "held"}, burn_in=0.0).record
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.importing import Imported
-from flexaxis.experiments.logs.pages import MOST, import_page, log_chart
+from flexaxis.experiments.logs.pages import MOST, import_page
 from flexaxis.sim.record import Record
 
 N = 200_000
@@ -18,7 +18,7 @@ def test_a_page_of_a_long_log_is_small_says_what_is_wrong_and_has_its_spike(tmp_
                     valid=valid)  # fmt: skip
     checks = (
         Finding("ok", "none", "units"),
-        Finding("problem", "turned <", "signs", 3.0, "%", "-x"),
+        Finding("problem", "turned <", "signs", "-x"),
     )
     page = import_page(Imported(record, checks), "a.csv")
     assert page.finding.kind == "problem" and "signs" in page.finding.text
@@ -26,5 +26,5 @@ def test_a_page_of_a_long_log_is_small_says_what_is_wrong_and_has_its_spike(tmp_
     html = (tmp_path / "log.html").read_text(encoding="utf-8")
     assert len(html) < 400_000 and html.count("<svg") == 1
     assert "✗" in html and "turned &lt;" in html and "Import of a.csv" in html
-    (line,) = log_chart(record).panels["speed [rad/s]"]
+    (line,) = page.charts[0].panels["speed [rad/s]"]
     assert line.y.max() == 50.0 and len(line.x) <= MOST

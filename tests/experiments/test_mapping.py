@@ -60,7 +60,7 @@ def test_one_of_each_unit(signal, unit):
     raw = pick(given, mapping_from({"unit": {signal: unit}}, source=""))
     values = raw.time if signal == "time" else raw.signals[signal]
     np.testing.assert_allclose(values, ramp * ONE[signal][unit], rtol=1e-12)
-    assert raw.stated == {signal}
+    assert raw.unit.keys() == {signal}
 
 
 def test_a_factor_comes_after_the_unit():

@@ -1,7 +1,5 @@
 """Logs in the formats that exist, and in the ways in which people write tables."""
 
-import re
-
 import h5py
 import numpy as np
 import pytest
@@ -10,8 +8,8 @@ import scipy.io
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.importing import import_log
-from flexaxis.experiments.logs.mapping import load_mapping, mapping_from, pick
-from flexaxis.experiments.logs.read import LARGEST, open_log
+from flexaxis.experiments.logs.mapping import mapping_from, pick
+from flexaxis.experiments.logs.read import open_log
 from flexaxis.sim.record import load_record
 
 N = 400
@@ -59,8 +57,6 @@ WAYS = {
     "separator at the end of rows": "\n".join(
         f"{row}," if row and k else row for k, row in enumerate(table().split("\n"))
     ),
-    "exponents of Fortran": table(form="{:.15e}").replace("e", "D").replace("timD", "time").replace(
-        "torquD", "torque").replace("anglD", "angle"),
     "last line cut": table() + "0.8,1.",
     "empty lines": after(after(table(), 1, ""), 50, ""),
 }  # fmt: skip
@@ -160,7 +156,7 @@ def test_the_line_of_names_can_be_stated(tmp_path):
     (tmp_path / "log.csv").write_text(text, encoding="utf-8")
     assert open_log(tmp_path / "log.csv").names == ("more", "of", "it")
     assert open_log(tmp_path / "log.csv", header=1).names == NAMES
-    with pytest.raises(LogError, match=r"line 1, has 5: say which line .* --header LINE"):
+    with pytest.raises(LogError, match=r"above them has 5: say which line .* --header LINE"):
         written(tmp_path, "a,b,c,d,e\n" + table(""))
 
 
@@ -232,11 +228,12 @@ def test_what_was_stated_is_kept_with_the_record(tmp_path):
     assert guessed["torque"] == "held" and not guessed["torque_because"].startswith("as stated")
 
 
-def test_a_key_that_a_map_cannot_have_is_told_of_the_map(tmp_path):
+def test_a_key_that_a_map_cannot_have_is_told_of_the_map(tmp_path, capsys):
     path = tmp_path / "bench.toml"
     path.write_text('torque = "J{}_I"\naxis = 1\n', encoding="utf-8")
-    with pytest.raises(LogError, match=r"bench\.toml: axis: unknown key"):
-        load_mapping(path)
+    written(tmp_path, table())
+    assert main(["import", str(tmp_path / "log.csv"), "--map", str(path)]) == 2
+    assert "bench.toml: axis: unknown key" in capsys.readouterr().err
 
 
 def _write_hdf5(path, *, userblock=0, shape=(N,)):
@@ -268,7 +265,7 @@ def test_columns_of_groups_and_structures(name, tmp_path):
     assert set(log.names) == {f"motor.{signal}" for signal in NAMES}
     np.testing.assert_array_equal(log.read(["motor.torque"], slice(None))["motor.torque"], TORQUE)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(LogError, match=re.escape(str(path))):
+    with pytest.raises(LogError, match="cannot be read"):
         open_log(path)
 
 
@@ -282,11 +279,3 @@ def test_arrays_of_structures_have_the_names_of_their_elements(tmp_path):
     names = ("rec.X.Data", "rec.Y.Motor/Torque.Data", "rec.Y.Motor/phi.Data")
     assert log.names == names
     np.testing.assert_array_equal(log.read([*names[1:2]], slice(None))[names[1]], TORQUE)
-
-
-def test_a_file_larger_than_memory_is_refused_before_it_is_read(tmp_path):
-    path = tmp_path / "log.csv"
-    with path.open("wb") as file:
-        file.truncate(LARGEST + 1)
-    with pytest.raises(LogError, match="larger than 8 GB"):
-        open_log(path)
