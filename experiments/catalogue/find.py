@@ -204,7 +204,7 @@ def _members(table: dict[str, Any]) -> list[str]:
 
 
 def select(names: Any, *, default: str = "smoke") -> Suite:
-    """Return the scenarios for names of suites and scenarios, with the first suite's estimators.
+    """Return a suite with all scenarios that are given by names, paths, suites or objects.
 
     Parameters
     ----------

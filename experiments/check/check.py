@@ -144,7 +144,7 @@ def no_look_ahead(subject: Subject) -> Seen:
                 f"a change of the samples after {cut} changed the estimate at sample {wrong[0]}, "
                 f"{cut + 1 - wrong[0]} samples earlier, by {apart[wrong].max():.2g} of nominal"
             )
-    return True, f"changes after samples {', '.join(map(str, CUTS))} leave earlier estimates alone"
+    return True, f"no estimate changed when later samples ({', '.join(map(str, CUTS))} …) changed"
 
 
 def keeps_no_reference(subject: Subject) -> Seen:

@@ -59,7 +59,7 @@ class Tuned:
     ratio: float
 
     def turned(self, factor: float) -> str | None:
-        """Return the estimator at another setting relative to this one; None if out of range."""
+        """Return the estimator with its knob at `factor` times this setting, if within range."""
         name, options, knob = parts(self.setting)
         at = knob.at(knob.position(self.value) * factor)
         return None if at is None else with_options(name, options | at)

@@ -74,10 +74,10 @@ class Comparison:
         return UNDECIDED if short and word != WORSE else word
 
     def status(self) -> int:
-        """Return the exit status: 1 for worse, 3 for undecided with problems, otherwise 0.
+        """Return the exit status, which is 1 if the candidate is worse, and otherwise 0 or 3.
 
-        The status of "undecided" is 3 if runs of the candidate are missing, or if more of them
-        fail, diverge or never settle than for the base.
+        The status is 3 if the verdict is "undecided" and if runs of the candidate are missing, or
+        if more of them fail, diverge or never settle than for the base.
         """
         if self.verdict != UNDECIDED:
             return int(self.verdict == WORSE)

@@ -156,7 +156,7 @@ def _score(
             errors = np.nan_to_num(sides(SPREADS[metric][0]))
             mean = errors[:, pairs].mean(axis=1, keepdims=True)
             values = np.sqrt(np.maximum(values**2 + mean * (mean - 2 * errors), 0.0))
-        if score.guard:  # the absolute value of the mean; each run has the sign of its side
+        if score.guard:  # change signs so that the mean of each side is positive
             scale = max(np.sqrt(np.mean(sides("std")[0, pairs] ** 2)), 1e-3 / margin)
             values *= np.sign(np.nanmean(values, axis=1, keepdims=True))
     # values below `zero` count as equal

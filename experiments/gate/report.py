@@ -33,7 +33,7 @@ TEXTS = {
     "few": " (too few runs to exclude rare failures)", "": "",
     # lost runs
     "diverged": "{4} of {1} runs newly diverge, {5} no longer do",
-    "never_settled": "{4} of {1} runs newly never settle, {5} settle again",
+    "never_settled": "{4} of {1} runs no longer settle, {5} settle again",
     # advice
     "unfair": "Not a fair comparison: the {0} also estimates {1}, which increases lag and noise "
     "with any method; the {2} keeps their nominal values.",
@@ -101,7 +101,7 @@ def headline(c: Comparison, shown: Sequence[Row]) -> str:
     lost = [way for way in c.lost if way.newly or way.regained]
     clauses += [TEXTS[way.way].format(*way) for way in lost] + [gap.text for gap in c.paired.gaps]  # type: ignore[attr-defined]
     clauses += [f"the {side} failed in {n} runs" for side, n in c.paired.failed.items() if n]
-    return f"{c.verdict.upper()}: {'; '.join(clauses) or 'no run has a score on both sides'}"
+    return f"{c.verdict.upper()}: {'; '.join(clauses) or 'both sides have no common score'}"
 
 
 def _scaled(row: Row) -> tuple[Any, str]:

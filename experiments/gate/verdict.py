@@ -25,8 +25,8 @@ SHARES = {False: 0.5, True: 0.1, "diverged": 0.2, "never_settled": 0.2}
 """Shares of alpha: for all scores together, all biases (guards), and each kind of lost run."""
 
 LOST_WORSE = 0.75
-"""Part of a lost-run test's alpha for the verdict "worse". With alpha = 0.01, ten runs lost and
-none regained (p = 2⁻¹⁰) are enough for that verdict."""
+"""Share of a lost-run test's alpha that is spent on the verdict "worse". With alpha = 0.01, ten
+runs lost and none regained (p = 2⁻¹⁰) are enough for that verdict."""
 
 UNSEEN = 0.5
 """Assumed size (log-ratio, a factor of 1.65) of rare opposite changes that did not occur."""
@@ -66,10 +66,10 @@ def judge(paired: Paired, *, alpha: float = ALPHA) -> pd.DataFrame:
     DataFrame
         One row per score, the most important first: ``scenario, metric, parameter, verdict, runs,
         pairs``. ``base`` and ``candidate`` are means over the pairs (geometric if ratios are
-        compared). ``change`` and ``interval`` are candidate/base − 1, or a difference for a bias
-        (which has a ``scale``); ``margin`` has the same unit as ``change``. ``p`` is uncorrected.
-        ``reason`` explains why a clear change is undecided: "few" if there are too few runs to
-        exclude rare failures, "far" if the mean is better but some run is much worse.
+        compared). ``change`` and ``interval`` are candidate/base − 1; for a bias, which has a
+        ``scale``, they are differences. ``margin`` has the unit of ``change``. ``p`` is
+        uncorrected. ``reason`` explains why a clear change is undecided: "few" if there are too few
+        runs to exclude rare failures, "far" if the mean is better but some run is much worse.
     """
     scores = paired.scores.reset_index(drop=True)
     if scores.empty:
@@ -144,7 +144,7 @@ def _agreeing(way: Any, n: Any, scenarios: Any, metrics: Any) -> tuple[Any, Any]
 
     A run counts once if any score of the metric changes in the same direction on its scenario. If
     a failure has probability q per run, it does not occur in n runs with probability (1 − q)ⁿ. So n
-    runs cannot exclude failures with q below 1 − alpha^(1/n).
+    runs cannot exclude a failure with a probability q below 1 − alpha^(1/n).
     """
     table = pd.DataFrame({"metric": metrics, "way": way, "scenario": scenarios, "n": n})
     most = table.groupby(["metric", "way", "scenario"])["n"].max()

@@ -122,7 +122,7 @@ def _source(make: Factory) -> bytes:
 
 
 def _words(name: str) -> list[str]:
-    """Return the words of a command, or the file of a class."""
+    """Return the words of a pipe command, or the file that defines a class."""
     if name.startswith(PIPE):
         return shlex.split(name.removeprefix(PIPE))
     return [code_file(name) or getattr(find_spec(name.rpartition(":")[0]), "origin", None) or ""]

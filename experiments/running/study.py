@@ -73,7 +73,7 @@ class Study:
 
     @property
     def block(self) -> int:
-        """Number of seeds in a unit; all shards compute the same number from the study."""
+        """Number of seeds in a unit; it depends only on the study, so all shards agree on it."""
         records = len(self.scenarios) * len(self.points) * len(self.seeds)
         return min(SEEDS_PER_UNIT, max(1, records // UNITS))
 

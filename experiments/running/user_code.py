@@ -30,7 +30,7 @@ from flexaxis.sim.errors import did_you_mean
 PIPE = "pipe:"
 OURS = ("sim", "estimators", "experiments", "models_mjcf")
 TIME_LIMIT = 600.0
-"""Default time for one run of a user's estimator [s]."""
+"""Default time limit for one run of a user's estimator [s]."""
 
 
 class EstimatorCrash(EstimatorError):

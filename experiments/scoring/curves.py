@@ -1,7 +1,7 @@
 """Trajectories for figures: one run in detail, and the runs of an estimator as a table.
 
-Every tenth sample of a run is kept. After a fault, estimates change too fast for this step, so
-every sample around the first fault is kept.
+Every tenth sample of a run is kept. Estimates change fast after a fault, so every sample around the
+first fault is kept.
 """
 
 from collections.abc import Mapping

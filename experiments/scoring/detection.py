@@ -109,6 +109,6 @@ def detection_of(track: Track, i: int) -> dict[str, Any] | None:
 
 
 def isolation_of(track: Track, i: int) -> list[dict[str, Any]] | None:
-    """Return the parameters named for each fault; the result is the same for all parameters."""
+    """Return the parameters that the estimator names for each fault (the same for all rows)."""
     del i
     return track.once("isolation", lambda: isolation(track.scenario, track.names, track.findings))

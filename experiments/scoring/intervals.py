@@ -242,11 +242,11 @@ def _t(n: int) -> float:
 
 
 def sign_p(more: int, less: int) -> float:
-    """Return the one-sided p of McNemar's exact test: the probability of at least `more` heads.
+    """Return the one-sided p-value of McNemar's exact test.
 
-    Runs that both sides win or both sides lose carry no information. If neither side is better,
-    each of the other runs is lost by either side with probability ½, so `more` out of more + less
-    is binomial(½).
+    The result is the probability of at least `more` heads in more + less tosses of a coin. Runs
+    that both sides win or both sides lose carry no information. If neither side is better, each of
+    the other runs is lost by either side with probability ½.
 
     Examples
     --------

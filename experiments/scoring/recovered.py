@@ -23,12 +23,12 @@ PARTS: Mapping[str, str] = {
 
 
 def recovered_of(track: Track, i: int) -> float | None:
-    """Return the share of the fault's tracking error that using the estimates avoids [%]."""
+    """Return the share [%] of the tracking error that a controller avoids by using estimates."""
     return recovered(track.tracking, "estimated")
 
 
 def recovered_told_of(track: Track, i: int) -> float | None:
-    """Return the share of the fault's tracking error that using the true values avoids [%]."""
+    """Return the share [%] that a controller with the true parameters avoids."""
     return recovered(track.tracking, "told")
 
 

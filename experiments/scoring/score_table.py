@@ -79,7 +79,7 @@ class Score:
 
     @property
     def compared(self) -> bool:
-        """Whether `compare` can use the score: a positive number to be minimised, or a guard."""
+        """Whether `compare` can use the score: a number for which less is better, or a guard."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
 
