@@ -28,7 +28,7 @@ FRICTION: Mapping[str, Mapping[str, Any]] = {
         }
     },
 }  # fmt: skip
-"""Models of dry friction by name, as tables of a scenario. The rms torque is 0.85 N m."""
+"""Choices of dry friction: tables of a scenario, keyed by name. The rms torque is 0.85 N m."""
 
 EXCITATION = ("on", "stop-and-go", "off")
 SPELL = 10.0

@@ -145,8 +145,8 @@ class Racer:
     def join(self, recent: Array, P: Array | None = None) -> None:
         """Bring a new estimator to the state of the axis, which is already moving.
 
-        The first samples of the speed are passed as missing. During this gap the predictor follows
-        the torque alone, and its error from starting at rest decays.
+        The first samples of the speed are passed as missing. During this gap, the predictor uses
+        only the torque, and the error of its initial state, rest, decays.
         """
         self._seen = 0
         torque, speed = recent

@@ -1,7 +1,7 @@
 """Pages: single HTML files with figures as SVG, which need no network and share one template.
 
-Text in a figure remains text. Colours are variables of the style sheet, so that a page has a dark
-mode. Each estimator has a CSS class, by which the script hides its curves.
+Text in a figure stays selectable. Colours are variables of the style sheet, which has a dark mode.
+Each estimator has a CSS class, by which the script hides its curves.
 """
 
 import html

@@ -53,7 +53,7 @@ def test_fault(flexaxis):
     table = '[[fault]]\nkind = "pulse"\nparameter = "f_m"\nat = 3.0\nlasts = 1.5\nfactor = 1.5'
     assert f"# happens: {words}\n" in scenario(flexaxis, "pulse", table)
     page, rows = ran(flexaxis, "pulse.toml")
-    assert words.removeprefix("f_m ") in page  # there f_m is typeset
+    assert words.removeprefix("f_m ") in page  # the page typesets f_m
     # An estimator that never moves has the full error during the fault, and none afterwards.
     assert float(rows["f_m"]["lag"]) == pytest.approx((1.5 + 0.0) / 2)
 
@@ -65,7 +65,7 @@ def test_excitation(flexaxis):
     page, rows = ran(flexaxis, "chirp.toml")
     assert words in page and float(rows["f_m"]["lag_bound"]) > 0
     spectrum = abs(np.fft.rfft(simulated(flexaxis, "chirp")["angle"][:800])) ** 2
-    inside = spectrum[2:21].sum()  # .5 to 5 Hz of 4 s
+    inside = spectrum[2:21].sum()  # lines from 0.5 to 5 Hz of a 4 s period
     assert inside > 0.9 * spectrum[1:].sum()
 
 
@@ -111,7 +111,7 @@ def test_scenario(flexaxis):
     listed = flexaxis("list", "--group", "steps").splitlines()
     assert any("fm_triple-v1" in text and "three times as large" in text for text in listed)
     assert f"# happens: {line}\n" in flexaxis("show", "fm_triple-v1")
-    assert "'fm_triple-v1'" in flexaxis("show", "faults")  # a suite of its group
+    assert "'fm_triple-v1'" in flexaxis("show", "faults")  # the suite includes the group
     page, rows = ran(flexaxis, "fm_triple-v1")
     assert "Motor friction becomes three times as large" in page
     assert float(rows["f_m"]["lag"]) == pytest.approx(5.0)
@@ -193,7 +193,7 @@ def test_score(flexaxis):
     assert float(row["largest"]) >= float(row["std"]) > 0
     pooled = json.loads((run / "summary.json").read_text(encoding="utf-8"))["rows"]
     pooled = max(pooled, key=lambda row: row["largest"])
-    assert pooled["largest"] > 0 and pooled["largest_interval"] is None  # of two seeds
+    assert pooled["largest"] > 0 and pooled["largest_interval"] is None  # two seeds are too few
     page = (run / "report.html").read_text(encoding="utf-8")
     assert 'data-name="largest error [%]"' in page and "Largest error before the fault." in page
 
