@@ -44,7 +44,7 @@ CONDITIONS: Mapping[str, Callable[[pd.Series], Any]] = {
     "friction-is-noisier": lambda std: std["modification"] > 3 * std["forgetting"],
     "variance-with-forgetting": nearest_half_of_P,
     "variance-with-modification": nearest_half_of_P,
-    "regularisation-bounds-modification": lambda p: p["μ = 10"] >= 0.98,  # with a smaller μ, P needs longer
+    "regularisation-bounds-modification": lambda p: p["μ = 10"] >= 0.98,  # others are slower
     "regularisation-stops-the-burst": lambda burst: burst["μ = 0"] > 100 and burst["μ = 1"] < 20,
     "reset-can-be-too-large": lambda loss: loss.max() > 3,
 }
