@@ -39,7 +39,7 @@ ACTIONS = ("inject", "repair", "set_friction", "set_excitation", "set_noise", "t
 
 
 class DemoSession:
-    """A live axis with two estimators, faults and tuning. The caller draws it and sets the pace.
+    """A live axis with two estimators, faults and tuning; the caller draws it and sets its pace.
 
     Parameters
     ----------

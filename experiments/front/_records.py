@@ -63,7 +63,7 @@ class Recording(Record):
         return draw(panels, ax, self.definition)
 
     def save_log(self, path: Path, style: LogStyle) -> None:
-        """Write a CSV log as a robot would: without true values, in its own units and clock."""
+        """Write a CSV log in the units and with the clock of `style`, without true values."""
         write_log(path, self, style, stream(self.hash, self.seed or 0, "log"))
 
     def to_dataframe(self) -> pd.DataFrame:

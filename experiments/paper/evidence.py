@@ -211,7 +211,7 @@ class Evidence:
 
     @cached_property
     def offline(self) -> list[Identified]:
-        """The three parameters, identified on each 60 s record from 1.2 times nominal."""
+        """The three parameters, identified on each 60 s record, starting at 1.2 × nominal."""
         return [self.identified(self.names, 1.2, i) for i in range(len(self.records("long")))]
 
     @cached_property
