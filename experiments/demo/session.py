@@ -67,7 +67,7 @@ class DemoSession:
 
     def __init__(self, estimators: Sequence[str] = DEFAULT_RACERS, *, seed: int = 0) -> None:
         if len(estimators) != 2:
-            raise FlexaxisError(f"the demo needs two estimators, not {len(estimators)}")
+            raise FlexaxisError(f"the demo needs two estimators, not {len(estimators)}: give two")
         self.axis = LiveAxis(seed=seed)
         self.racers = [Racer(text, self.axis.nominal) for text in estimators]
         self.factors: dict[str, float] = {}
