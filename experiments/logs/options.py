@@ -11,7 +11,7 @@ KEYS = (*SIGNALS, "rate", "torque_is", "counts", "rows", "header", "resample", "
 
 
 def pair(text: str) -> tuple[str, str]:
-    """Return name and value of ``SIGNAL=VALUE``."""
+    """Return the name and the value of ``SIGNAL=VALUE``."""
     name, equals, value = text.partition("=")
     if not equals:
         raise argparse.ArgumentTypeError(f"write SIGNAL=VALUE, such as angle=deg, not {text}")
@@ -19,7 +19,7 @@ def pair(text: str) -> tuple[str, str]:
 
 
 def assignment(text: str) -> tuple[str, float | None]:
-    """Return a name with its number from ``NAME=VALUE``, or None from ``NAME`` alone."""
+    """Return the name and the number of ``NAME=VALUE``; the number of ``NAME`` alone is None."""
     name, equals, value = text.partition("=")
     return name.strip(), float(value) if equals else None
 
@@ -27,53 +27,53 @@ def assignment(text: str) -> tuple[str, float | None]:
 PAIRS: dict[str, Any] = {"action": "append", "default": [], "type": pair}
 LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
     "--map MAP.toml": ("Read these options from a TOML file (default: none).", {"type": Path}),
-    "--time COLUMN": "Column of the time (default: found by its name).",
-    "--torque COLUMN": "Column of the torque command or motor current (default: found by its "
-    "name).",
-    "--angle COLUMN": "Column of the motor angle (default: found by its name).",
-    "--speed COLUMN": "Column of the motor speed (default: found by its name).",
-    "--axis N": "Axis number that replaces {} in column names, for files of several axes "
+    "--time COLUMN": "Column with the time (default: recognised by its name).",
+    "--torque COLUMN": "Column with the torque command or the motor current (default: recognised "
+    "by its name).",
+    "--angle COLUMN": "Column with the motor angle (default: recognised by its name).",
+    "--speed COLUMN": "Column with the motor speed (default: recognised by its name).",
+    "--axis N": "Axis number that replaces {} in column names, for files with several axes "
     "(default: none).",
-    "--rows A:B": "Samples to read, from A to B-1 (default: all).",
-    "--rate HZ": ("Sampling rate [Hz], if the log has no time column (default: from the time).",
-                  {"type": float}),
-    "--header LINE": ("Line of the names of a CSV, from 1 (default: found by content).",
-                      {"type": int}),
+    "--rows A:B": "Read only samples A to B-1 (default: all).",
+    "--rate HZ": ("Sampling rate [Hz] of a log without a time column (default: computed from the "
+                  "time).", {"type": float}),
+    "--header LINE": ("Line of a CSV file that has the column names, counted from 1 (default: "
+                      "detected from the content).", {"type": int}),
     "--unit SIGNAL=UNIT": ("Unit of a signal, such as angle=deg (default: from the column's name, "
                            "else SI).", PAIRS),
     "--scale SIGNAL=FACTOR": ("Multiply a signal by a factor, such as torque=0.6 (N m/A) or "
                               "torque=-1 (default: 1).", PAIRS),
     "--torque-is KIND": (
-        "held: a command, constant until the next sample (zero-order hold); smooth: a measured "
-        "current, which changes between samples (default: seen from the log).",
+        "held: a torque command, constant until the next sample (zero-order hold); smooth: a "
+        "measured current, which varies between samples (default: detected from the log).",
         {"choices": ("held", "smooth")},
     ),
-    "--resample HZ": ("Lower the rate to this one [Hz], a whole fraction of that of the log "
-                      "(default: as logged).", {"type": float}),
-    "--burn-in S": ("Time from the start that is not fitted [s] (default: 0 for a log that starts "
+    "--resample HZ": ("Reduce the sampling rate to this rate [Hz], an integer fraction of the rate "
+                      "of the log (default: as logged).", {"type": float}),
+    "--burn-in S": ("Time at the start that the fit leaves out [s] (default: 0 if the log starts "
                     "at rest, else 1).", {"type": float}),
-    "--as-log FORMAT": ("Write what a robot would log, as csv (default: a record).",
-                        {"choices": ("csv",)}),
+    "--as-log FORMAT": ("Write a log as a robot would, in the format csv (default: write a "
+                        "record).", {"choices": ("csv",)}),
     "--units U,…": ("Units of the written log, such as deg,A,rpm,ms (default: SI).",
                     {"default": ""}),
-    "--jitter S": ("Standard deviation of the written time stamps [s] (default: 0).",
+    "--jitter S": ("Standard deviation of the jitter of the written time stamps [s] (default: 0).",
                    {"type": float, "default": 0.0}),
-    "--gaps N": ("Number of times at which samples are missing (default: 0).",
+    "--gaps N": ("Number of gaps with missing samples (default: 0).",
                  {"type": int, "default": 0}),
-    "--counts N": ("Counts of the encoder per turn of the motor: of an angle in counts, or to "
-                   "round the written angle (default: none).", {"type": int}),
+    "--counts N": ("Encoder counts per turn of the motor, for an angle that is logged in counts or "
+                   "rounded to counts (default: none).", {"type": int}),
 }  # fmt: skip
-"""As in `experiments.commands.options`."""
+"""Options of the commands that read or write logs, in the format of `commands.options`."""
 
 READING = (
     "--map", "--time", "--torque", "--angle", "--speed", "--axis", "--rows", "--rate", "--header",
     "--unit", "--counts", "--scale", "--torque-is", "--resample", "--burn-in",
 )  # fmt: skip
-"""Options on how to read a log."""
+"""Options that say how to read a log."""
 
 
 def tables_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return how to read a log, as for `fx.import_log`; options take precedence over the file."""
+    """Return the options of `fx.import_log`; the command line overrides the file of ``--map``."""
     from flexaxis.experiments.logs.findings import LogError
     from flexaxis.experiments.logs.mapping import mapping_from
     from flexaxis.sim.files import read_toml
