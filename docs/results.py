@@ -1,8 +1,8 @@
 """Write the tables of docs/results.md: `python docs/results.py [--seeds 3000:3020] [--jobs 2]`.
 
-Each table is one run, kept in results/docs; all pooled rows go to docs/data/results.csv. With 20
-seeds it takes about half an hour on two cores. A run that was stopped resumes when the command is
-repeated. `--picture` draws docs/images/fm_step.png of the README instead.
+Each table is one run, stored in results/docs. All pooled rows are written to docs/data/results.csv.
+With 20 seeds this takes about half an hour on two cores. To resume an interrupted run, repeat the
+command. `--picture` draws docs/images/fm_step.png of the README instead.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from flexaxis.experiments.running.study import Study
 
 HERE = Path(__file__).parent
 PAGE, ROWS = HERE / "results.md", HERE / "data" / "results.csv"
-UKF = "ukf"  # docs/examples/ukf.py, an estimator of a user
+UKF = "ukf"  # docs/examples/ukf.py, a user-written estimator
 AXIS = ("fm_step", "fm_double", "ja_step", "kt_step", "two_faults", "encoder_fm_step",
         "coulomb_fm_step", "coulomb_fc_step", "lugre_fm_step", "cogging_fm_step",
         "backlash_fm_step", "told_kg_fm_step", "load_friction_fm_step")  # fmt: skip
@@ -47,7 +47,7 @@ def pooled(name: str, seeds: str, jobs: int) -> pd.DataFrame:
 
 
 def table(rows: pd.DataFrame) -> str:
-    """Return a table in Markdown: a row a fault, a column an estimator."""
+    """Return a Markdown table with one row per fault and one column per estimator."""
     changed = rows[rows["changed"] & rows["lag"].notna()]
     cells = {}
     for row in changed.to_dict("records"):
@@ -60,7 +60,7 @@ def table(rows: pd.DataFrame) -> str:
 
 
 def cell(row: dict) -> str:
-    """Return lag and × bound, bias ± std, what was found, false alarms, and lost runs."""
+    """Return the text of a cell: lag, its ratio to the bound, bias, std, detections, lost runs."""
     times = f" ({row['lag'] / row['lag_bound']:.2g} ×)" if row["lag_bound"] > 0 else ""
     parts = [f"{row['lag']:.2g} s{times}", f"{row['bias']:+.2g} ± {row['std']:.2g} %"]
     if isinstance(heard := row["detection"], dict):
@@ -72,7 +72,7 @@ def cell(row: dict) -> str:
 
 
 def write(rows: pd.DataFrame, seeds: str) -> None:
-    """Put the tables into the page, between `<!-- table: NAME -->` and `<!-- end -->`."""
+    """Insert the tables into the page, between `<!-- table: NAME -->` and `<!-- end -->`."""
     text = PAGE.read_text(encoding="utf-8")
     below = f"\n*`python docs/results.py --seeds {seeds}`, flexaxis {version('flexaxis')}.*\n"
     for name, part in rows.groupby("table"):
@@ -89,7 +89,7 @@ def write(rows: pd.DataFrame, seeds: str) -> None:
 
 
 def draw_picture() -> None:
-    """Draw what two estimators make of a fault: median and 10–90 % of thirty runs."""
+    """Draw the estimates of two estimators around a fault: median and 10–90 % of thirty runs."""
     scenario, window = find_scenario("fm_step-v1"), (5.0, 20.0)
     seeds = tuple(range(1000, 1030))
     study = Study("fm_step", (scenario,), ("rpem-forgetting", RECOMMENDED), seeds)

@@ -1,7 +1,7 @@
 """Measure the tables of docs/speed.md: `python docs/speed.py [--steps 200000]`.
 
-All estimators are timed in turn, several rounds in one process, in processor time of the thread.
-Machines differ and are shared: quote the ratios. It takes some minutes.
+All estimators are timed in turn, in several rounds within one process, by processor time of the
+thread. Machines differ and are shared, so quote the ratios. The script takes a few minutes.
 """
 
 import argparse
@@ -27,7 +27,7 @@ UNIT = "rpem-forgetting"
 
 
 def micro(work, samples):
-    """Return the time of one sample [µs]: the least of two, as others share the machine."""
+    """Return the time per sample [µs]: the shorter of two, because other processes may disturb."""
     times = []
     for _ in range(2):
         start = time.thread_time()
@@ -37,14 +37,14 @@ def micro(work, samples):
 
 
 def exponential():
-    """Return one matrix exponential of the extended system (22), (23)."""
+    """Return the time of one matrix exponential of the extended system (22), (23) [µs]."""
     model = three_mass(dict(SCENARIO.nominal)).parametrize(SCENARIO.identify)
     F = extended_system(model, model.theta)[0] * SCENARIO.period
     return micro(lambda: [expm(F) for _ in range(500)], 500)
 
 
 def estimators():
-    """Return µs a sample of `run` and `step`, by estimator, as medians over the rounds."""
+    """Return the times per sample of `run` and `step` [µs] by estimator, as medians over rounds."""
     record = fx.simulate(SCENARIO, seed=0)
     u, y = record.torque, record.speed
     made = {name: build(parse(name), SCENARIO) for name in REGISTRY}
@@ -72,7 +72,10 @@ def speed():
 
 
 def longest(steps):
-    """Return percentiles of single steps of `glr`, a fault every 20 s; each step is taken twice."""
+    """Return percentiles of the times of single `glr` steps, with a fault every 20 s.
+
+    Each step is timed twice, and the shorter time counts.
+    """
     record = fx.simulate(SCENARIO, seed=0)
     passes = []
     for _ in range(2):
@@ -91,7 +94,7 @@ def longest(steps):
 
 
 def write(name, rows, command):
-    """Put a table into the page, between its marks."""
+    """Insert a table into the page, between its markers."""
     text = PAGE.read_text(encoding="utf-8")
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
     below = f"\n*`{command}`, flexaxis {version('flexaxis')}.*\n"

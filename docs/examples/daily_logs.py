@@ -1,8 +1,8 @@
-"""Write the daily logs of a robot axis that wears and warms: `python daily_logs.py FOLDER`.
+"""Simulate daily logs of a robot axis with wear and warm-up: `python daily_logs.py FOLDER`.
 
-The axis is a published one (`wg_fc_step-v1`) and makes the same motion of 20 s every morning. Its
-friction falls by 1 % a kelvin, and from day 30 of 60 on its dry friction grows by 12 %. Each log
-has a column `temp`. FOLDER/axis.toml holds the data sheet: each value is up to 5 % off.
+The axis is a published one (`wg_fc_step-v1`) and performs the same motion of 20 s every morning.
+Its friction falls by 1 % per kelvin. From day 30 to day 60 its dry friction grows by 12 %. Each log
+has a column `temp`. FOLDER/axis.toml contains data-sheet values with errors of up to 5 %.
 """
 
 import sys
@@ -40,7 +40,7 @@ for day in range(DAYS):
     name = f"{date(2026, 1, 1) + timedelta(days=day)}.csv"
     log.to_csv(folder / name, index=False, float_format="%.10g")
 
-# A data sheet: only the torque constant and the gear ratio, which no log tells, are exact.
+# A data sheet: only torque constant and gear ratio, which a log cannot determine, are exact.
 law = replace(three_mass(nominal), laws=(STATIC,))
 sheet = {name: v * (1 + rng.uniform(-0.05, 0.05)) for name, v in law.nominal.items()}
 axis = Axis(law, {"model": "three_mass"}, known=True)

@@ -1,4 +1,4 @@
-"""What friction can be known from a work cycle, with k_T among the estimates and with k_T told."""
+"""Estimate friction from a work cycle, with k_T either estimated or known."""
 
 import numpy as np
 
@@ -7,13 +7,13 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
-scenario = find_scenario("coulomb_moves_fm_step-v1")  # f_m +50 % at 10.35 s, beside f_c = 0.1 N m
+scenario = find_scenario("coulomb_moves_fm_step-v1")  # f_c = 0.1 N m; f_m +50 % at 10.35 s
 records = simulate(scenario, range(1000, 1006))
-told = {"glr": {"identify": ("f_m",), "track": ("f_c",)}}
+k_T_known = {"glr": {"identify": ("f_m",), "track": ("f_c",)}}
 
 print("estimator          k_T        f_m before [%]  f_c before [%]  f_m after [%]   alarms, right")
-for name, what in told.items():
-    for label, options in (("estimated", {}), ("told", what)):
+for name, known in k_T_known.items():
+    for label, options in (("estimated", {}), ("known", known)):
         errors, found = [], []
         for record in records:
             make = REGISTRY[name].factory

@@ -1,7 +1,8 @@
-"""A flexaxis estimator as a program of its own: `pipe:python docs/examples/pipe_friction.py`.
+"""A flexaxis estimator as a separate program: `pipe:python docs/examples/pipe_friction.py`.
 
-It estimates the motor friction f_m with a predictor of the axis and its sensitivity to f_m. It
-knows nothing of flexaxis but the blocks of numbers; `flexaxis new` writes the same in C and Octave.
+It estimates the motor friction f_m with a predictor of the axis and its sensitivity to f_m. The
+program depends on flexaxis only through the protocol of binary blocks. `flexaxis new` writes
+similar programs in C and Octave.
 """
 
 import struct
@@ -14,17 +15,17 @@ take, give = sys.stdin.buffer.read, sys.stdout.buffer.write
 
 
 def name():
-    """Read a name: 32 bytes, with zeros behind it."""
+    """Read a name: 32 bytes, padded with zeros."""
     return take(32).rstrip(b"\0").decode()
 
 
-# The header says what there is to know; the answer says what is estimated, from which output.
-take(16)  # FLEXAXIS, version, order of the bytes
+# The header contains period and nominal values; the answer names output and estimated parameters.
+take(16)  # FLEXAXIS, version, byte order
 T, output, values, names = struct.unpack("<dIII", take(20))
 n = {name(): struct.unpack("<d", take(8))[0] for _ in range(values)}
-take(32 * names)  # what is asked for
+take(32 * names)  # parameters to identify
 give(struct.pack("<8sIIII32s", b"FLEXAXIS", 1, 0x01020304, 1, 0, b"f_m"))
-sys.stdout.flush()  # else it would wait in a buffer for ever
+sys.stdout.flush()  # otherwise the answer would stay in a buffer
 
 # x = [twist motor-gear, twist gear-arm, speeds of motor, gear and arm]
 r = n["r"]
@@ -43,7 +44,7 @@ dA[2, 2] = -1 / n["J_m"]
 theta, forgetting = n["f_m"], 0.995
 low, high = 0.1 * theta, 10 * theta
 P = 1e-3 * (1 - forgetting)
-X = np.zeros(11)  # sensitivity of x, x, and the input that is held
+X = np.zeros(11)  # sensitivity of x, x, and the held input
 
 while count := take(8):
     samples = np.frombuffer(take(16 * struct.unpack("<Q", count)[0]), "<f8").reshape(-1, 2)
@@ -53,7 +54,7 @@ while count := take(8):
         M[:5, 5:10], M[5:10, 10] = dA, B
         X = expm(M * T) @ X
         X[10] = u  # acts from now on
-        if not np.isnan(y):  # as in a gap
+        if not np.isnan(y):  # y is NaN in a gap
             psi = X[2]
             gain = P * psi / (1 + psi * P * psi)
             theta = min(max(theta + gain * (y - X[7]), low), high)

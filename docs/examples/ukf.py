@@ -1,27 +1,27 @@
-"""An unscented Kalman filter as an estimator of your own: it imports nothing of flexaxis.
+"""An unscented Kalman filter as a user-written estimator, without imports from flexaxis.
 
     flexaxis check docs/examples/ukf.py:Ukf
     flexaxis run headline --estimator ekf --estimator docs/examples/ukf.py:Ukf
 
 R. van der Merwe and E. A. Wan, *The square-root unscented Kalman filter for state and
-parameter-estimation*, ICASSP 2001; here with the covariance itself and alpha = 1.
+parameter-estimation*, ICASSP 2001. This version uses the covariance itself and alpha = 1.
 """
 
 import numpy as np
 
-TERMS = 16  # of the exponential series; with two substeps of 2.5 ms it is exact to rounding
+TERMS = 16  # terms of the exponential series: exact to rounding with two substeps of 2.5 ms
 SUBSTEPS = 2
 
 
 class Ukf:
-    """Joint filter for the relative parameters, which walk at random, and the state of the axis."""
+    """Joint filter for relative parameters (modelled as random walks) and the state of the axis."""
 
-    names = ("k_T", "1/J_a", "f_m")  # what theta means
-    output = "speed"  # what y is
-    knob = "walk"  # what buys speed with noise
+    names = ("k_T", "1/J_a", "f_m")  # entries of theta
+    output = "speed"  # meaning of y
+    knob = "walk"  # tuning parameter that trades noise for speed
 
     def __init__(self, nominal, period, *, walk=0.001162, spread=0.2):
-        # walk: standard deviation of a relative parameter after a second; spread: at the start.
+        # walk: std of the change of a relative parameter in 1 s; spread: its initial std
         self.nominal, self.period = dict(nominal), period
         self.start = np.array([nominal["k_T"], 1 / nominal["J_a"], nominal["f_m"]])
         self.bounds = (0.1 * self.start, 10 * self.start)
@@ -38,7 +38,7 @@ class Ukf:
 
     @property
     def covariance(self):
-        """What the filter claims of theta, (3, 3)."""
+        """Covariance of theta, (3, 3)."""
         return self.P[:3, :3] * np.outer(self.start, self.start)
 
     def step(self, u, y):
@@ -50,10 +50,10 @@ class Ukf:
         return theta
 
     def _measure(self, y):
-        """Update with y; the speed is a state, so its sigma points have the moments in xi and P."""
+        """Update with y; the speed is a state, so its moments are entries of xi and P."""
         residual = y - self.xi[5]
         self._learn_noise(residual)
-        if self.samples < 20:  # the noise is not known yet
+        if self.samples < 20:  # too few samples to estimate the noise
             return
         variance = self.P[5, 5] + self.noise
         gain = self.P[:, 5] / variance
@@ -62,10 +62,10 @@ class Ukf:
         self.P = self.P - variance * np.outer(gain, gain)
 
     def _learn_noise(self, residual):
-        """Learn R over 2 s; what a wrong parameter leaves is smooth, so differences remove it."""
+        """Estimate R over 2 s; differences remove the smooth residual due to wrong parameters."""
         self.last = np.append(self.last[1:], residual)
         self.samples += 1
-        limit = 9 * (self.P[5, 5] + self.noise) if self.samples > 20 else np.inf  # of a fault
+        limit = 9 * (self.P[5, 5] + self.noise) if self.samples > 20 else np.inf  # limits faults
         new = np.array([residual, (self.last @ [-1, 3, -3, 1]) / np.sqrt(20)]) ** 2
         self.squares += (np.minimum(new, limit) - self.squares) / min(
             self.samples, 2.0 / self.period
@@ -73,9 +73,9 @@ class Ukf:
         self.noise = max(min(self.squares), 1e-300)
 
     def _move(self, u):
-        """Take the sigma points through the exact sampled model, and their mean and covariance."""
+        """Propagate sigma points through the sampled model and take their mean and covariance."""
         sizes = np.sqrt(np.diag(self.P))
-        units = np.where(sizes > 0, sizes, 1.0)  # P judged free of units
+        units = np.where(sizes > 0, sizes, 1.0)  # scale P to a correlation matrix
         values, vectors = np.linalg.eigh(self.P / np.outer(units, units))
         root = (units[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))).T
         reach = np.sqrt(len(root)) * np.vstack([0 * root[:1], root, -root])
@@ -90,7 +90,7 @@ class Ukf:
         self.P *= np.outer(shrink, shrink)
 
     def _sampled(self, eta, x, u):
-        """Return the states (points, 5) of axes with the parameters eta (points, 3) a sample on.
+        """Return the states (points, 5) after one sample for the parameters eta (points, 3).
 
         The state is x = [twist motor-gear, twist gear-arm, speeds of motor, gear and arm].
         """

@@ -1,5 +1,5 @@
 """
-What glr believes around a fault: the probability of a jump in each parameter
+Hypotheses of glr around a fault: the probability of a jump in each parameter
 =============================================================================
 """
 

@@ -1,9 +1,9 @@
 """
-A fault and two estimators: motor friction jumps by half at 10 s
-================================================================
+Two estimators after a fault: motor friction rises by 50 % at 10 s
+==================================================================
 
-The method with a forgetting factor needs its memory of a second; `glr` weighs which parameter
-jumped, and when, and moves that one. The band is ±2σ as claimed.
+The method with a forgetting factor adapts with its memory of one second. `glr` determines which
+parameter jumped, and when, and changes only this one. The band is the reported ±2σ.
 """
 
 import flexaxis as fx

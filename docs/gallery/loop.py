@@ -1,6 +1,6 @@
 """
-An axis to step by hand: a loop closed in Python, with a fault under way
-========================================================================
+A control loop in Python, with a fault during the run
+=====================================================
 """
 
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
 """
-An estimator of one's own: the shipped method, its answers smoothed over half a second
-======================================================================================
+Your own estimator: the shipped method, with estimates smoothed over half a second
+==================================================================================
 
-Any class with `names`, `output` and `step` will do; it goes by its own name.
+Any class with `names`, `output` and `step` can be used. Figures and tables show the class name.
 """
 
 import flexaxis as fx
@@ -11,7 +11,7 @@ from flexaxis.estimators.offline.priors import known_P
 
 
 class Gentle:
-    """The recursive method behind a low-pass filter."""
+    """The recursive method, followed by a low-pass filter."""
 
     names, output = ("k_T", "1/J_a", "f_m"), "speed"
 

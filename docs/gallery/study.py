@@ -1,6 +1,6 @@
 """
-How small a fault can be: lag over the size of the fault, as a study of nine runs
-=================================================================================
+Lag as a function of the size of the fault, in a study of nine runs
+===================================================================
 """
 
 import flexaxis as fx

@@ -1,8 +1,8 @@
 """
-One knob, two prices: lag against noise while the forgetting factor is turned
-=============================================================================
+The trade-off between lag and noise for several forgetting factors
+==================================================================
 
-A single point ranks nothing: an estimator can always be made faster by making it noisier.
+A single setting does not rank estimators, because each can be made faster at the cost of noise.
 """
 
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
 """
-Standstill: forgetting winds P up, regularisation holds it
-==========================================================
+Standstill: P winds up with forgetting, and regularisation limits it
+====================================================================
 
-From 10 to 30 s nothing excites the axis, and forgetting divides $P$ by λ in every sample: the next
-measurement would then move the estimate by anything. The regularisation μ holds $P$ at (1 − λ)/μ;
-without it, only the ceiling of the shipped filter does.
+From 10 to 30 s nothing excites the axis, and forgetting divides $P$ by λ in every sample. The next
+measurement could then change the estimate arbitrarily. The regularisation μ limits $P$ to
+(1 − λ)/μ; without it, only the ceiling of the shipped filter limits $P$.
 """
 
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
-"""Lab 1, the model and its poles: is the simulated axis that of the equations."""
+"""Lab 1: the model, its poles, and a comparison of the simulated axis with the equations."""
 
 # %% The equations
-# Three masses, two springs. States: both twists and three speeds. Write A and B down yourself
-# before you go on (paper, equations 3 and 4); `r` is the gear ratio.
+# The axis has three masses and two springs. Its states are two twists and three speeds. Write down
+# A and B before you continue (paper, equations 3 and 4); `r` is the gear ratio.
 import matplotlib.pyplot as plt
 import mujoco
 import numpy as np
@@ -30,20 +30,21 @@ A = np.array(
 B = np.array([0, 0, k_T / J_m, 0, 0])
 
 # %% The poles
-# Question 1: two pairs swing, one pole is real. Which time does each of them need to die out?
+# Two pairs of poles oscillate, and one pole is real.
+# Question 1: how long does each of them take to decay?
 poles = np.linalg.eigvals(A)
 for pole in sorted(poles, key=abs):
     print(f"{pole:24.2f}   |pole| {abs(pole):6.1f} rad/s   time constant {-1 / pole.real:.3f} s")
 
-# %% The same matrix out of MuJoCo
-# The engine knows bodies, joints and tendons, and nothing of A. Push it in each state and look at
-# the accelerations.
+# %% The same matrix from MuJoCo
+# The engine has bodies, joints and tendons, and does not use A. Set each state to one in turn and
+# evaluate the accelerations.
 model = mujoco.MjModel.from_xml_string(model_files("three_mass")[0])
 data = mujoco.MjData(model)
 
 
 def accelerations(twist_g, twist_a, speeds, torque):
-    """Return the three accelerations at a state given by twists and speeds."""
+    """Return the three accelerations for given twists, speeds and torque."""
     phi_a = 0.0
     phi_g = phi_a + twist_a
     phi_m = (phi_g + twist_g) / r
@@ -60,8 +61,9 @@ difference = np.abs(engine - equations).max() / np.abs(equations).max()
 print(f"largest difference between MuJoCo and the equations: {difference:.1e} of the largest entry")
 
 # %% The same motion
-# A torque step every 5 ms. The exact solution needs one matrix exponential; MuJoCo takes five
-# Runge–Kutta steps. Question 2: why is `expm` exact here, and when would it not be?
+# The torque changes every 5 ms or less often. The exact solution needs one matrix exponential,
+# while MuJoCo takes five Runge–Kutta steps per sample.
+# Question 2: why is `expm` exact here, and when would it not be?
 rng = np.random.default_rng(1)
 torque = np.repeat(rng.standard_normal(100), 20)
 held = np.zeros((6, 6))
@@ -85,6 +87,6 @@ plt.show()
 # %% Check
 lower_mode = sorted(abs(p) for p in poles if abs(p.imag) > 1)[0]
 print(f"check: lower mode {lower_mode:.1f} rad/s, MuJoCo off by {deviation:.1e}")
-assert difference < 1e-12, "one of your entries of A or B is not the engine's"
+assert difference < 1e-12, "an entry of your A or B differs from the engine's"
 assert abs(lower_mode - 100.2) < 0.1
 assert deviation < 3e-4

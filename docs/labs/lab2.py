@@ -1,7 +1,7 @@
-"""Lab 2: the gradient, and where it gets its information from, equation (28)."""
+"""Lab 2: the gradient, and the frequencies that provide its information, equation (28)."""
 
 # %% Data
-# 40 s of the axis in its closed loop, without faults.
+# The record contains 40 s of the axis in closed loop, without faults.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -17,15 +17,15 @@ names = ("k_T", "1/J_a", "f_m")
 model = three_mass(scenario.nominal.as_dict()).parametrize(names)
 
 # %% The gradient over time
-# psi says how much the predicted speed moves when a parameter does. A parameter with a small psi
-# can only be estimated slowly, or noisily.
+# psi is the change of the predicted speed per change of a parameter. A parameter with a small psi
+# can be estimated only slowly, or only with much noise.
 y_hat, psi = predict(model, model.theta, record.torque, period=0.005)
 time_average = np.mean(psi[-4000:] ** 2, axis=0)  # two whole periods, 20 s, in steady state
 for name, power in zip(names, time_average, strict=True):
     print(f"mean square of psi for {name:6s} {power:8.1f}")
 
 # %% Is it the derivative?
-# Never trust a gradient that you have not differenced.
+# Always compare a gradient with finite differences before you trust it.
 step = 1e-5 * model.theta[2]
 only_f_m = np.array([0, 0, step])
 up = predict(model, model.theta + only_f_m, record.torque, period=0.005)[0]
@@ -34,15 +34,16 @@ error = np.abs((up - down) / (2 * step) - psi[:, 2]).max() / np.abs(psi[:, 2]).m
 print(f"psi of f_m against a central difference: {error:.1e}")
 
 # %% The same number from the spectrum
-# Equation (28): each line of the torque, times how strongly it moves the output at that frequency.
+# Equation (28): the power of each spectral line of the torque, multiplied by the squared magnitude
+# of the sensitivity at its frequency, and summed over all lines.
 omega, power = line_spectrum(record.torque[-4000:], period=0.005)
 from_spectrum = np.diag(information(model, model.theta, omega, power, period=0.005))
 ratio = time_average / from_spectrum
 print("time average over sum of (28):", ratio.round(4))
 
-# %% Where it comes from
-# Question 1: which frequencies tell us about J_a, and which about friction?
-# Question 2: the excitation costs wear. Which band would you drop if only f_m mattered?
+# %% Contribution of each frequency
+# Question 1: which frequencies contain the information about J_a, and which about friction?
+# Question 2: excitation causes wear. Which band would you omit if you only needed f_m?
 _, slopes = frequency_response(model, model.theta, omega, period=0.005)
 share = np.cumsum(np.abs(slopes) ** 2 * power[:, None], axis=0)
 share /= share[-1]
@@ -62,4 +63,4 @@ print(
 print(f"check: ratios within {100 * np.abs(ratio - 1).max():.2f} % of one")
 assert error < 1e-5
 assert np.abs(ratio - 1).max() < 0.01
-assert list(np.argsort(time_average)) == [0, 1, 2], "k_T has the least, f_m the most"
+assert list(np.argsort(time_average)) == [0, 1, 2], "psi must be smallest for k_T, largest for f_m"

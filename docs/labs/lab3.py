@@ -1,8 +1,8 @@
-"""Lab 3, forgetting: what speed costs in variance, in theory and in experiment."""
+"""Lab 3, forgetting: the trade-off between speed and variance, in theory and in experiment."""
 
 # %% Theory in two lines
-# With forgetting, P settles at (1 - lambda) Q^-1 (equation 29), the estimate has the variance
-# sigma^2 P / 2, and an error dies out as lambda^k. All of that is known before any experiment.
+# With forgetting, P converges to (1 - lambda) Q^-1 (equation 29), the estimate has the variance
+# sigma^2 P / 2, and an error decays as lambda^k. All of this is known before any experiment.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -29,7 +29,8 @@ Q = information(
 )
 
 # %% Experiment
-# Friction grows by half at 30 s. Before it we measure how noisy the estimate is, after it how late.
+# The motor friction rises by 50 % at 30 s. We measure the noise of the estimate before the fault,
+# and its lag after the fault.
 rows = []
 for forgetting in LAMBDAS:
     P = steady_P(Q, forgetting=forgetting)
@@ -44,10 +45,10 @@ for forgetting in LAMBDAS:
         (forgetting, theory / nominal[2], np.sqrt(np.mean(noise)) / nominal[2], np.mean(lag))
     )
 
-# %% Side by side
-# Question 1: by which factor does the deviation change when the memory is halved?
-# Question 2: the lag is longer than the memory T/(1 - lambda) says. Which assumption fails?
-# (Not at 0.999: the lag is taken over 5 s after the fault, and doing nothing has a lag of 5 s.)
+# %% Comparison of theory and experiment
+# Question 1: by which factor does the standard deviation change when the memory is halved?
+# Question 2: the lag is longer than the memory T/(1 - lambda). Which assumption fails?
+# (0.999 is an exception: the lag is measured over 5 s after the fault, so it cannot exceed 5 s.)
 print("lambda   std theory   std measured   lag [s]   T/(1-lambda) [s]")
 for forgetting, theory, measured, lag in rows:
     print(
@@ -57,12 +58,12 @@ for forgetting, theory, measured, lag in rows:
 _, theory, measured, lag = np.array(rows).T
 plt.loglog(100 * measured, lag, "o-")
 plt.xlabel("standard deviation of f_m before the fault [%]")
-plt.ylabel("lag after it [s]")
+plt.ylabel("lag after the fault [s]")
 plt.show()
 
 # %% Check
 at = LAMBDAS.index(0.995)
 ratio = measured[at] / theory[at]
-print(f"check: at lambda 0.995 the measured deviation is {ratio:.2f} of theory")
+print(f"check: at lambda 0.995 the measured deviation is {ratio:.2f} times the theoretical one")
 assert 0.85 < ratio < 1.2
-assert np.all(np.diff(lag) > 0) and np.all(np.diff(measured) < 0), "speed has its price"
+assert np.all(np.diff(lag) > 0) and np.all(np.diff(measured) < 0), "a faster filter must be noisier"

@@ -1,9 +1,9 @@
-"""Lab 4: a Delta for each parameter. Choose how fast each estimate follows, and get it."""
+"""Lab 4: a Delta for each parameter, designed for a desired tracking speed."""
 
 # %% The design rule
 # Covariance modification adds Delta to P in every sample (equation 10). In steady state
-# P Q P = Delta (30), and an error dies out as exp(-P Q k). So a wanted time constant tau gives
-# Delta_ii = 1/(tau_i^2 Q_ii), tau in samples.
+# P Q P = Delta (30), and an error decays as exp(-P Q k). So a desired time constant tau (in
+# samples) requires Delta_ii = 1/(tau_i^2 Q_ii).
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -28,9 +28,9 @@ correlation = Q[0, 2] / np.sqrt(Q[0, 0] * Q[2, 2])
 print(f"correlation of k_T and f_m: {correlation:.2f}")
 
 
-# %% Three wishes
-# f_m faster and faster; the other two stay at 2 s. Question 1: what happens to the noise of f_m,
-# and what to that of k_T?
+# %% Three designs
+# The time constant of f_m is 0.5, 1 and 2 s; that of the other two parameters is always 2 s.
+# Question 1: how does the noise of f_m change, and how does the noise of k_T?
 def experiment(tau):
     """Return time, predicted and measured error of f_m (1000,) after the fault, and its noise."""
     Delta = drift_for([2.0, 2.0, tau], Q, period=0.005)
@@ -49,8 +49,8 @@ def experiment(tau):
 results = {tau: experiment(tau) for tau in (0.5, 1.0, 2.0)}
 
 # %% Predicted and measured
-# Question 2: off-diagonal elements of Q slow f_m down. What would a full Delta change
-# (`drift_for(..., coupled=True)`)?
+# Question 2: the off-diagonal elements of Q slow the tracking of f_m. What would a full matrix
+# Delta change (`drift_for(..., coupled=True)`)?
 lags = {}
 for tau, (after, predicted, measured, noise) in results.items():
     (line,) = plt.plot(after, measured, label=f"tau {tau} s")
@@ -68,7 +68,7 @@ plt.show()
 # %% Check
 ratio = lags[1.0][1] / lags[1.0][0]
 noises = [noise for *_, noise in results.values()]
-print(f"check: for tau = 1 s the lag is {lags[1.0][1]:.2f} s, {ratio:.2f} of the prediction")
+print(f"check: for tau = 1 s the lag is {lags[1.0][1]:.2f} s, {ratio:.2f} times the prediction")
 assert 0.9 < ratio < 1.4
-assert 0.8 < lags[1.0][1] < 1.6, "the wish came true"
-assert noises[0] > noises[1] > noises[2], "the faster, the noisier"
+assert 0.8 < lags[1.0][1] < 1.6, "the lag must be close to the desired time constant"
+assert noises[0] > noises[1] > noises[2], "a faster design must be noisier"

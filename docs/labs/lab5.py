@@ -1,7 +1,8 @@
-"""Lab 5, windup and mu: what happens to an estimator when nothing moves."""
+"""Lab 5, windup and mu: the behaviour of an estimator when nothing moves."""
 
 # %% A pause
-# The axis moves for 10 s, stands for 20 s, and moves again. Friction grows by half while it stands.
+# The axis moves for 10 s, rests for 20 s, and moves again. While it rests, the motor friction rises
+# by 50 %.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -19,17 +20,17 @@ truth = axis.parametrize(names).theta * [1, 1, 1.5]
 
 
 # %% Three values of mu
-# While psi is zero, forgetting divides P by lambda in every sample: after 20 s by 0.995^4000.
-# Question 1: how large is that number? Question 2: equation (12) stops the growth. Where?
+# While psi is zero, forgetting divides P by lambda in every sample, so after 20 s by 0.995^4000.
+# Question 1: how large is the growth of P? Question 2: equation (12) stops the growth at which P?
 def run(mu):
-    """Return the largest eigenvalue of P (N,), and the estimates over truth (N, 3)."""
+    """Return the largest eigenvalue of P (N,), and the estimates over the true values (N, 3)."""
     rpem = Rpem(
         axis,
         P0=known_P(names, forgetting=FORGETTING),
         forgetting=FORGETTING,
         regularization=mu,
         period=0.005,
-        ceiling=np.inf,  # the paper's method as it is: no limit on P but that of mu
+        ceiling=np.inf,  # as in the paper: P is limited only by mu
     )
     trace = rpem.trace(record.torque, record.speed)
     return np.linalg.eigvalsh(trace.P)[:, -1], trace.theta / truth
@@ -37,19 +38,19 @@ def run(mu):
 
 results = {mu: run(mu) for mu in (0.0, 0.03, 0.3)}
 
-# %% Look
+# %% Figure
 figure, (above, below) = plt.subplots(2, 1, sharex=True)
 for mu, (largest, theta) in results.items():
     above.semilogy(record.time, largest, label=f"mu {mu:g}")
     below.plot(record.time, theta[:, 1].clip(0.5, 1.5))
 above.set_ylabel("largest eigenvalue of P")
 above.legend()
-below.set_ylabel("1/J_a over truth")
+below.set_ylabel("1/J_a over true value")
 below.set_xlabel("time [s]")
 plt.show()
 
-# %% The price at the restart
-# Question 3: what does a mu that is far too large do to the estimates while the axis moves?
+# %% The error after the restart
+# Question 3: how does a mu that is far too large affect the estimates while the axis moves?
 print("  mu     peak of P   (1-lambda)/mu   largest error of k_T, 1/J_a after the restart")
 for mu, (largest, theta) in results.items():
     bound = (1 - FORGETTING) / mu if mu else np.inf
@@ -60,7 +61,7 @@ for mu, (largest, theta) in results.items():
 largest, theta = results[0.3]
 bound = (1 - FORGETTING) / 0.3
 bursts = [np.abs(t[restart : restart + 400, :2] - 1).max() for _, t in results.values()]
-print(f"check: P peaks at {largest.max() / bound:.3f} of its bound, the burst is {bursts[-1]:.3f}")
+print(f"check: peak of P over its bound {largest.max() / bound:.3f}, burst {bursts[-1]:.3f}")
 assert 0.9 < largest.max() / bound <= 1 + 1e-9
 assert results[0.0][0].max() > 1e3 * bound, "without mu, P winds up"
 assert bursts[-1] < 0.1 < bursts[0]

@@ -1,6 +1,6 @@
-"""Lab 6: find the fault. Detect, reset, and compare with what any estimator could do at best."""
+"""Lab 6, find the fault: detect it, reset P, and compare the lag with the Cramér–Rao bound."""
 
-# %% Data, and the method as it is
+# %% Data and initial settings
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -25,15 +25,15 @@ records = simulate(scenario, range(1000, 1008))
 
 
 # %% A detector
-# While all is well, epsilon^2 over its expected value is one on average. A cumulative sum lets that
-# much go, and half as much again; what remains adds up only when something has changed.
-# Question 1: what do DRIFT and THRESHOLD cost, and what do they buy?
-# DEAF samples pass before the next alarm, or the swing of the reset itself would ring again.
+# Without a fault, epsilon^2 over its expected value has the mean 1. The cumulative sum subtracts
+# DRIFT = 1.5 from this ratio in every sample, so it grows only after a change.
+# Question 1: what are the advantages and disadvantages of a small DRIFT and THRESHOLD?
+# For DEAF samples after an alarm there is no further alarm, because the reset causes a transient.
 DRIFT, THRESHOLD, CLIP, DEAF = 1.5, 20.0, 9.0, 400
 
 
 def follow(record, *, reset):
-    """Return the estimates (N, 3) and the alarms, at which P is multiplied by `reset`."""
+    """Return the estimates (N, 3) and the alarms; at each alarm P is multiplied by `reset`."""
     rpem = Rpem(axis, P0=P0, forgetting=0.995, period=0.005)
     theta, alarms, total = np.empty((len(record.torque), 3)), [], 0.0
     for k, (u, y) in enumerate(zip(record.torque, record.speed, strict=True)):
@@ -48,7 +48,7 @@ def follow(record, *, reset):
 
 
 def lag(theta):
-    """Return the integral of the error of f_m over the size of the fault, for 5 s [s]."""
+    """Return the lag of f_m [s]: |error| over the size of the fault, integrated over 5 s."""
     return T * np.sum(np.abs(theta[onset : onset + after, 2] - truth[2])) / size
 
 
@@ -59,15 +59,15 @@ false = sum(k < onset for _, alarms in quick for k in alarms)
 print(f"detected after {1000 * np.median(delays):.0f} ms, {false} false alarms in 80 s")
 
 # %% The bound
-# Whoever knows when it happened, and the state, still needs data: psi starts at zero at the jump.
-# Oracle Cramér–Rao: C(n) = sigma^2 (P_b^-1 + sum psi psi')^-1. No estimator without luck beats it.
+# Even an estimator that knows the time of the jump and the state needs data, because psi starts at
+# zero at the jump. The Cramér–Rao bound for it is C(n) = sigma^2 (P_b^-1 + sum psi psi')^-1.
 record = records[0]
 transition, gain, output = sampled_system(model, truth, T)
 before = sampled_system(model, nominal, T)
 X = np.zeros(len(gain))
 for u in record.torque[:onset]:
     X = before[0] @ X + before[1] * u
-X[:-5] = 0.0  # the state stays, the sensitivities start anew
+X[:-5] = 0.0  # keep the state, reset the sensitivities
 info, bound = np.diag(1 / (nominal / 2) ** 2) * sigma**2, np.empty(after)
 for n, u in enumerate(record.torque[onset : onset + after]):
     psi = (output @ X)[:-1]
@@ -76,8 +76,8 @@ for n, u in enumerate(record.torque[onset : onset + after]):
     X = transition @ X + gain * u
 lag_bound = T * np.minimum(1, np.sqrt(2 / np.pi) * bound / size).sum()
 
-# %% All three
-# Question 2: what would make the reset better: a faster alarm, or a wiser one?
+# %% Comparison of forgetting, reset and bound
+# Question 2: how could you improve the method: by a faster alarm, or by a better reaction to it?
 lag_plain = np.mean([lag(theta) for theta, _ in plain])
 lag_quick = np.mean([lag(theta) for theta, _ in quick])
 print(f"lag: forgetting {lag_plain:.2f} s, with reset {lag_quick:.2f} s, bound {lag_bound:.3f} s")
@@ -91,12 +91,13 @@ plt.legend()
 plt.show()
 
 # %% Nominal values that are 5 % off
-# So far the estimators knew springs, dampers and inertias exactly. Nobody does. In the twin of the
-# scenario each of them is known with an error of its own, of 5 %, drawn for each seed; the axis and
-# the records are the same. `glr` is the recommended estimator, which detects, names and corrects.
-# Question 3: where does the error before the fault come from? Would more data help?
-# Question 4: what do glr's errors in k_T, J_a and f_m have in common, and why can its lag then not
-# reach the bound?
+# So far the estimators used the exact springs, dampers and inertias, which are never known in
+# practice. In a second scenario each of these values has a random error of 5 %, drawn for each
+# seed; the axis and the records are the same. `glr` is the recommended estimator: it detects the
+# fault, identifies the changed parameter and corrects its estimate.
+# Question 3: what causes the error before the fault? Would more data help?
+# Question 4: what do the errors of glr in k_T, J_a and f_m have in common, and why does this keep
+# its lag above the bound?
 twin = find_scenario("known5_fm_step-v1")
 estimators = {
     "forgetting": lambda values: Rpem(three_mass(values), P0=P0, forgetting=0.995, period=T),
@@ -118,7 +119,7 @@ for name, make in estimators.items():
 named = results["glr", "5 % off"][2]
 off = 100 * (theta[onset - 1, :3] / nominal) ** [1, -1, 1] - 100
 print("the last run of glr: k_T {:+.1f} %, J_a {:+.1f} %, f_m {:+.1f} % off".format(*off))
-print(f"with values 5 % off, glr names f_m, and nothing else, in {named} of {len(records)} runs")
+print(f"with values 5 % off, glr names f_m and nothing else in {named} of {len(records)} runs")
 
 # %% Check
 score = 100 * np.log(5 / lag_quick) / np.log(5 / lag_bound)

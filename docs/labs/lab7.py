@@ -1,8 +1,8 @@
-"""Lab 7, viscous or dry? Two kinds of friction that a linear model takes for one."""
+"""Lab 7, viscous or dry? Two kinds of friction that a linear model cannot distinguish."""
 
 # %% Data
-# Beside viscous friction, f_m v, the motor has dry friction, f_c sign(v), with f_c = 0.1 N m. At
-# 10 s one of the two grows by half: f_m in the first records, f_c in the others.
+# In addition to viscous friction, f_m v, the motor has dry friction, f_c sign(v), with
+# f_c = 0.1 N m. At 10 s one of them rises by 50 %: f_m in the first records, f_c in the others.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -21,12 +21,12 @@ f_m, f_c = nominal["f_m"], 0.1
 
 # %% A linear estimator
 # A line through the origin, fitted to f_c sign(v) by least squares, has the slope f_c E|v| / E v².
-# Question 1: by how much is f_m too high, then? What would a motion twice as fast change?
+# Question 1: by how much is the estimate of f_m too high? How does this change at twice the speed?
 P0 = known_P(("k_T", "1/J_a", "f_m"), forgetting=0.995)
 
 
 def linear(record):
-    """Return f_m (N,) as a linear estimator sees it."""
+    """Return f_m (N,) as estimated with a linear model."""
     rpem = Rpem(three_mass(nominal), P0=P0, forgetting=0.995, period=T)
     return rpem.run(record.torque, record.speed)[:, 2]
 
@@ -37,8 +37,8 @@ before = slice(1000, onset)
 seen = np.mean([linear(record)[before] for record in records["f_m"]]) / f_m - 1
 print(f"f_m of a linear estimator: {100 * seen:+.0f} %, expected {100 * expected:+.0f} %")
 
-# %% An estimator that knows the law, but neither f_m nor f_c
-# Question 2: the linear estimator sees both faults as a rise of f_m. What does this one see?
+# %% An estimator that knows the law, but not the values of f_m and f_c
+# Question 2: the linear estimator attributes both faults to f_m. What does this estimator report?
 both = {p: [] for p in records}
 hits = 0
 for p, record in [(p, record) for p, several in records.items() for record in several]:
@@ -48,13 +48,13 @@ for p, record in [(p, record) for p, several in records.items() for record in se
     hits += [f.parameters for f in knowing.findings] == [(p,)]
     print(f"{p} +50 % at 10 s; found: {', '.join(found)}")
 off = np.mean([theta[before] for theta in both["f_m"]], axis=(0, 1)) / [f_m, f_c] - 1
-print("before it, f_m is {:+.1f} % off, f_c {:+.1f} %".format(*100 * off))
+print("before the fault, f_m is {:+.1f} % off, f_c {:+.1f} %".format(*100 * off))
 
-# %% Look
+# %% Figure
 figure, axes = plt.subplots(2, 2, sharex=True, sharey="row", layout="constrained")
 time = T * np.arange(2 * onset)
 for column, p in zip(axes.T, records, strict=True):
-    column[0].set_title(f"{p} grows by half")
+    column[0].set_title(f"{p} rises by 50 %")
     column[0].plot(time, linear(records[p][0]), "C1", label="linear")
     for i, axis, value in ((0, column[0], f_m), (1, column[1], f_c)):
         axis.plot(time, both[p][0][:, i], "C0", label="with the law")
@@ -69,12 +69,13 @@ axes[0, 0].legend()
 plt.show()
 
 
-# %% What a motion can tell at best
-# ψ is now the gradient of the model with its law. The inverse of Σψψᵀ/σ² is the least covariance.
-# Question 3: moves from point to point tell f_m from f_c better than the multisine does. And yet
-# they leave both open, as soon as something else is unknown: what, and why?
+# %% The best possible accuracy of a motion
+# ψ is now the gradient of the model with friction. The smallest covariance is the inverse of
+# Σψψᵀ/σ².
+# Question 3: point-to-point moves separate f_m from f_c better than the multisine does. But they do
+# not determine either if certain other parameters are unknown. Which ones, and why?
 def least(scenario, record, unknown):
-    """Return the least deviations of f_m and f_c [%] after 10 s, and their correlation."""
+    """Return the smallest std of f_m and of f_c [%] after 10 s, and their correlation."""
     theta = scenario.true_parameters()[0]
     model = true_model(scenario, theta).parametrize(unknown)
     at = model_theta(scenario, unknown, theta)
@@ -102,7 +103,7 @@ for label, run in motions.items():
         )
 
 # %% Check
-print(f"check: linear {seen / expected:.2f} of what is expected, {hits} of 6 faults named rightly")
+print(f"check: linear {seen / expected:.2f} times the expected error, {hits} of 6 faults named")
 assert 0.9 < seen / expected < 1.25
 assert np.abs(off).max() < 0.03
 assert hits >= 5

@@ -1,9 +1,9 @@
-"""Lab 8, what is it worth? A lag in seconds, and what it costs the controller that waits."""
+"""Lab 8, what is tracking worth? The effect of an estimator's lag on the controller."""
 
 # %% Data
-# The controller of these scenarios feeds forward what is known of the axis: friction f_m v and the
-# torque J a that the wanted motion takes, and it divides by k_T. Then f_m grows by half, or the
-# inertia of the arm doubles.
+# The controller of these scenarios has a feed-forward with the friction f_m v and the torque J a
+# that the desired motion needs, divided by k_T. Then f_m rises by 50 %, or the inertia of the arm
+# doubles.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -19,7 +19,7 @@ memory = (0.98, 0.99, 0.995, 0.998)
 names = [f"rpem-forgetting[forgetting={x}]" for x in memory]
 
 # %% Without an estimator
-# Question 1: the controller has an integral part. Why does it not make good for the friction that
+# Question 1: the controller has integral action. Why does it not compensate for the friction that
 # is missing in the feed-forward?
 rows = {}
 for p, scenario in scenarios.items():
@@ -29,10 +29,10 @@ for p, scenario in scenarios.items():
     for name in ("without_fault", "frozen", "told"):
         print(f"{p} {name}: {errors[f'tracking.{name}']:.2f} mrad")
 
-# %% With one
-# Question 2: is the estimator with the least lag worth most? What else counts?
-# Question 3: with a lag of 4 s, of 5 s that are counted, most of what J_a costs is recovered. How
-# can that be? What else than J_a has the estimator changed?
+# %% With an estimator
+# Question 2: does the estimator with the smallest lag recover most? What else matters?
+# Question 3: even with a lag of 4 s (of at most 5 s), most of the loss due to J_a is recovered. Why
+# is this possible? Which parameters other than J_a has the estimator changed?
 lags, worths = {}, {}
 for p, parameter in (("f_m", "f_m"), ("J_a", "1/J_a")):
     lags[p] = np.array([rows[p]["lag"][name, parameter] for name in names])
@@ -40,7 +40,7 @@ for p, parameter in (("f_m", "f_m"), ("J_a", "1/J_a")):
     for x, lag, worth in zip(memory, lags[p], worths[p], strict=True):
         print(f"{p}, λ = {x}: lag {lag:.2f} s, {worth:.0f} % recovered")
 
-# %% Look
+# %% Figure
 figure, axis = plt.subplots(layout="constrained")
 for p in scenarios:
     axis.plot(lags[p], worths[p], "o-", label=p)
@@ -49,10 +49,11 @@ axis.set(xlabel="lag [s]", ylabel="recovered [%]")
 axis.legend()
 
 # %% Check
-# Who is told the truth recovers nearly all, and the slowest estimator less than the others.
+# A controller with the true values recovers nearly all of the loss, and the slowest estimator
+# recovers less than the others.
 told = rows["f_m"]["recovered_told"].iloc[0]
 least = min(worths[p][:-1].min() - worths[p][-1] for p in scenarios)
-print(f"check: told recovers {told:.0f} %, the slowest {least:.0f} % less than others")
+print(f"check: true values recover {told:.0f} %, the slowest {least:.0f} % less than others")
 assert told > 90
 assert least > 0
 plt.show()

@@ -1,7 +1,7 @@
-"""Make the notebooks of this folder from their sources: NAME.py, cells after `# %%`, to NAME.ipynb.
+"""Build each notebook NAME.ipynb of this folder from its source NAME.py with cells after `# %%`.
 
-Each is run from top to bottom in an empty folder, and keeps what it printed and drew; progress and
-paths are left out, so that a notebook that says the same has the same bytes but for its pictures.
+Each notebook is run from top to bottom in an empty folder and stores its printed output and
+figures. Progress and paths are left out, so unchanged output gives the same bytes except in figures.
 
     python docs/notebooks/build.py [NAME …]
 """
@@ -31,12 +31,12 @@ PLAIN = {
     "NO_COLOR": "1",
     "COLUMNS": "110",
 }
-LIMIT = 300  # s for a cell; a whole notebook takes less than a minute on a free core
-COLOURS = 96  # of a picture: enough for lines and bands
+LIMIT = 300  # time limit of a cell [s]; a whole notebook takes less than a minute on a free core
+COLOURS = 96  # colours in a figure: enough for lines and bands
 
 
 def source(path: Path) -> NotebookNode:
-    """Return a notebook as its source says it, without any output."""
+    """Return the notebook of a source file without output."""
     book = jupytext.read(path)
     for place, cell in enumerate(book.cells):
         cell["id"], cell["metadata"] = f"cell-{place}", {}
@@ -45,10 +45,10 @@ def source(path: Path) -> NotebookNode:
 
 
 def run(path: Path, folder: Path) -> NotebookNode:
-    """Return a notebook after it was run in a folder."""
+    """Run a notebook in a folder and return it with its output."""
     book, inside = source(path), dict(os.environ)
     os.environ.update(PLAIN)
-    # `!flexaxis` is the one beside this Python.
+    # `!flexaxis` must run the program of this Python environment.
     os.environ.update(PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     try:
         where = {"metadata": {"path": folder}}
@@ -69,11 +69,11 @@ def run(path: Path, folder: Path) -> NotebookNode:
 def _is_progress(output: NotebookNode) -> bool:
     if output.output_type == "stream":
         return bool(output.name == "stderr")
-    return output.get("data", {}).get("text/plain", "-") == ""  # a line that was wiped off
+    return output.get("data", {}).get("text/plain", "-") == ""  # an erased progress line
 
 
 def _small(output: NotebookNode) -> NotebookNode:
-    """Return an output with plain ends of lines, and a picture in few colours: fewer bytes."""
+    """Return an output with normalised line endings and smaller figures with fewer colours."""
     if output.output_type == "stream":
         output["text"] = output.text.replace("\r\n", "\n")
     data = output.get("data", {})
@@ -87,7 +87,7 @@ def _small(output: NotebookNode) -> NotebookNode:
 
 
 def main(names: list[str]) -> None:
-    """Run some notebooks, all by default, and write them."""
+    """Run the named notebooks, by default all, and write them."""
     for path in [p for p in SOURCES if not names or p.stem in names]:
         begun = time.monotonic()
         with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Configuration of Sphinx: `make site`. The folder of sources is the root of the repository."""
+"""Sphinx configuration for `make site`. The source folder is the root of the repository."""
 
 import re
 import sys
@@ -21,7 +21,7 @@ exclude_patterns = ["docs/*.py", "docs/site/**", "docs/examples/**", "docs/galle
                     "docs/made/gallery/*.json"]  # fmt: skip
 suppress_warnings = ["config.cache", "misc.highlighting_failure"]
 
-# Markdown as GitHub shows it, with formulas; notebooks with the output that they hold.
+# Markdown in the style of GitHub, with formulas; notebooks with their stored output.
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 5
 nb_execution_mode = "off"
@@ -33,7 +33,7 @@ sphinx_gallery_conf = {
     "download_all_examples": False, "remove_config_comments": True,
 }  # fmt: skip
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # numpydoc gives types in words
+autodoc_typehints = "none"  # numpydoc docstrings already give the types
 numpydoc_show_class_members = False
 default_role = "code"
 add_module_names = False
@@ -46,7 +46,7 @@ pygments_style, pygments_dark_style = "friendly", "github-dark"
 
 
 def setup(app):
-    """Write the pages of reference first, and formulas as MathML: no script, no network."""
+    """Write the reference pages first, and render formulas as MathML without scripts or network."""
     import reference
 
     app.connect("builder-inited", lambda app: reference.write(Path(app.srcdir, "docs", "made")))

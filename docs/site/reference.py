@@ -1,4 +1,4 @@
-"""Pages of reference that the package generates: commands, catalogue, estimators, scores."""
+"""Generate the reference pages from the package: commands, catalogue, estimators, scores."""
 
 import argparse
 from pathlib import Path
@@ -11,7 +11,7 @@ from flexaxis.experiments.scoring.score_table import SCORES
 
 
 def write(folder: Path) -> None:
-    """Write all pages of reference into a folder."""
+    """Write all reference pages into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     pages = {
         "commands": commands,
@@ -23,7 +23,7 @@ def write(folder: Path) -> None:
         text = "\n\n".join(page()) + "\n"
         target = folder / f"{name}.md"
         if not target.exists() or target.read_text(encoding="utf-8") != text:
-            target.write_text(text, encoding="utf-8")  # Sphinx reads it again only if it changed
+            target.write_text(text, encoding="utf-8")  # so that Sphinx reads only changed pages
 
 
 def table(heads, rows):
@@ -43,7 +43,7 @@ def commands():
 
 
 def catalogue():
-    """Return every scenario in a line, by group, and the suites."""
+    """Return one line for each scenario, by group, and the suites."""
     yield "# Catalogue\n\n`flexaxis show NAME` prints a scenario with all its values."
     scenarios = [find_scenario(name) for name in scenario_names()]
     for group, words in GROUPS.items():
@@ -54,7 +54,7 @@ def catalogue():
             ["scenario", "expected", "content"], rows
         )
     rows = [[f"`{line['name']}`", line["card"]] for line in suites()]
-    yield "## Suites\n\n" + table(["suite", "what it is for"], rows)
+    yield "## Suites\n\n" + table(["suite", "purpose"], rows)
 
 
 def estimators():
