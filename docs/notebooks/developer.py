@@ -1,9 +1,9 @@
 # %% [markdown]
-# # An estimator of your own, and a fair verdict on it
+# # Your own estimator, and a fair verdict on it
 #
-# You have an idea for a recursive estimator. Is it better than what there is? A single run answers nothing: every estimator
-# can be made faster and noisier by turning one option, its *knob*. This notebook takes an idea from a class to a verdict
-# that can be defended: the rules, the knob, the bound, the whole trade-off, and a comparison at equal noise.
+# You have an idea for a recursive estimator. Is it better than the existing ones? A single run does not answer this, because every
+# estimator can be made faster and noisier by its tuning parameter. This notebook leads from an idea to a sound verdict:
+# a class, the rules, the trade-off between noise and lag, the bound, and a comparison at equal noise.
 
 # %%
 import matplotlib.pyplot as plt
@@ -24,18 +24,18 @@ plt.rcParams["figure.dpi"] = 90
 # $$ K = \frac{P\psi}{1 + \psi^\mathsf{T}P\psi},\qquad \hat\theta \leftarrow \hat\theta + K\varepsilon,\qquad
 #    P \leftarrow \frac{(I - K\psi^\mathsf{T})P}{\lambda}. $$
 #
-# Long memory is quiet, short memory is quick. *So run two of them*, and take the quick one while it is further from the
-# slow one than its own covariance explains:
+# A long memory gives little noise, and a short memory is fast. *The idea is to run two of them*, and to use the fast one whenever it
+# differs from the slow one by more than its own covariance explains:
 #
 # $$ (\hat\theta_\text{quick}-\hat\theta_\text{slow})^\mathsf{T}\,\Sigma^{-1}\,(\hat\theta_\text{quick}-\hat\theta_\text{slow}) > h^2. $$
 #
-# An estimator is a class with `names`, `output` and `step`; it imports nothing of flexaxis unless it wants to.
-# Its attribute `knob` names the option that buys speed with noise.
+# An estimator is a class with `names`, `output` and `step`. It does not need to import flexaxis.
+# Its attribute `knob` names the tuning parameter, which trades noise for speed.
 
 
 # %%
 class TwoSpeeds:
-    """Two memories; the short one speaks while the two disagree."""
+    """Two filters with different memories; the faster one is used while they disagree."""
 
     names = ("k_T", "1/J_a", "f_m")
     knob = "forgetting"
@@ -63,7 +63,7 @@ class TwoSpeeds:
 
 
 # %% [markdown]
-# On one record it looks splendid. The fault: the friction $f_m$ grows by half at 10 s.
+# On a single record the result looks very good. The fault is a rise of the motor friction $f_m$ by 50 % at 10 s.
 
 # %%
 record = fx.simulate("fm_step-v1", seed=0)
@@ -77,9 +77,9 @@ plt.show()
 fx.score(found)
 
 # %% [markdown]
-# ## Does it keep the rules?
+# ## Does it pass the rules?
 #
-# What would make its scores worthless: looking ahead, keeping references, a `run` that is not its `step`.
+# Scores are worthless if an estimator looks ahead, keeps references to its inputs, or has a `run` that differs from its `step`.
 
 # %%
 fx.check(TwoSpeeds)
@@ -87,20 +87,22 @@ fx.check(TwoSpeeds)
 # %% [markdown]
 # ## An unfair comparison
 #
-# Both at the defaults, eight seeds each, on the same records:
+# Both estimators run with default settings on the same records, with eight seeds:
 
 # %%
 unfair = fx.compare("rpem-forgetting", TwoSpeeds, scenarios="fm_step-v1", seeds=8)
 unfair
 
 # %% [markdown]
-# Quicker, and perhaps noisier before the fault: *undecided*, for eight seeds do not tell a std to 2 %. And more seeds would
-# answer the wrong question. Speed can be bought with noise by turning λ; what matters is where the *curves* of the two lie.
+# The new estimator is faster, and perhaps noisier before the fault. The verdict is *undecided*, because eight seeds do not determine a
+# standard deviation to within 2 %. More seeds would answer the wrong question: λ trades noise for speed, so you must compare the
+# *curves* of both estimators.
 #
-# ## The whole trade-off, with the bound
+# ## The trade-off between noise and lag, with the bound
 #
-# Each estimator over its knob, $\nu = 1-\lambda$ or the walk, from a quarter to twice the default. The grey line is the least lag
-# that noise allows to whoever is told time and state of the fault (Cramér–Rao, [scores.md](../scores.md#the-bound)).
+# Each estimator is run with a quarter to twice the default of its tuning parameter, $\nu = 1-\lambda$ or `walk`. The grey line is the
+# smallest lag that the noise permits for an estimator that knows the time of the fault and the state at that time
+# (Cramér–Rao bound, [scores.md](../scores.md#the-bound)).
 
 # %%
 turns = [0.25, 0.5, 1, 2]
@@ -135,20 +137,20 @@ ax.axvline(rows[knobs["rpem-forgetting"][2]]["std"], color="k", lw=0.7, ls=":")
 ax.set(
     xlabel="std of $f_m$ before the fault [%]",
     ylabel="lag after the fault [s]",
-    title="rings: λ = 0.995, and the default of glr",
+    title="circles: λ = 0.995, and the default of glr",
 )
 ax.legend(frameon=False)
 ax.grid(alpha=0.25, which="both")
 plt.show()
 # %% [markdown]
-# Read it downwards along the dotted line: at equal noise. `glr` does not buy its speed by forgetting: its knob is how far a
-# parameter may walk, and it is quick because it asks which parameter jumped, and when.
+# Compare the lags along the dotted line, which marks equal noise. `glr` does not need forgetting for its speed: its tuning parameter is the
+# process noise of the parameters, and it is fast because it determines which parameter jumped, and when.
 #
 # ## A fair comparison
 #
-# `match_std=True` turns both knobs until $f_m$ is as noisy as that of `rpem-forgetting` at its default, on seeds kept for
-# tuning; what is left of a difference on the seeds of the comparison is taken off by neighbouring turns of the knob. Then noise
-# is equal, and the lag alone is judged.
+# `match_std=True` tunes both estimators until their $f_m$ is as noisy as that of `rpem-forgetting` with default settings, on separate tuning
+# seeds. On the seeds of the comparison, a remaining difference is removed by interpolation between neighbouring settings. The
+# noise is then equal, and only the lag is compared.
 
 # %%
 fair = fx.compare("rpem-forgetting", TwoSpeeds, scenarios="fm_step-v1", seeds=12, match_std=True)
@@ -160,18 +162,17 @@ against_the_best.plot()
 plt.show()
 
 # %% [markdown]
-# So the idea is worth something against forgetting, and a long way from `glr`, which finds *when* something changed and
-# *which* parameter it was ([scores.md](../estimators.md)). In a file of its
-# own, the class gets the same verdict from the command line, with an exit status for CI; `flexaxis new mine.py` writes a file to
-# begin with.
+# So the idea is better than forgetting, but far from `glr`, which determines *when* a change occurred and
+# *which* parameter changed ([estimators.md](../estimators.md)). If you put the class into a file, you get the same verdict on the command line, with an
+# exit status for CI. `flexaxis new mine.py` writes a template.
 #
 # ```sh
 # flexaxis check mine.py:TwoSpeeds
 # flexaxis compare --base glr --candidate mine.py:TwoSpeeds --match-std fm_step-v1
 # ```
 #
-# **To try.** What do `ratio` and `h` do to the curve? Is the verdict the same for `ja_step-v1`, and for the four scenarios
-# of the suite `gate` together (then the *excess prediction error* is made equal, one number for all parameters)?
+# **Exercises.** How do `ratio` and `h` change the curve? Is the verdict the same for `ja_step-v1`, and for the four scenarios
+# of the suite `gate` together? (For several scenarios the *excess prediction error* is made equal, a single number for all parameters.)
 #
 # - L. Ljung and T. Söderström, *Theory and Practice of Recursive Identification*, MIT Press, 1983.
 # - P. Tichavský, C. H. Muravchik and A. Nehorai, *Posterior Cramér–Rao bounds for discrete-time nonlinear filtering*, IEEE

@@ -1,14 +1,14 @@
 # %% [markdown]
-# # An axis of your own: from a log to many
+# # Your own axis: from one log to many
 #
-# You have a geared axis, a controller that logs torque (or current) and motor angle, and a question: *is it the
-# same axis as in spring?* This notebook goes the whole way in a minute: a log, the parameters of the axis with
-# their uncertainty, and a change over weeks that is no effect of the temperature.
+# You have a geared axis, a controller that logs torque (or current) and motor angle, and a question: *has the
+# axis changed since spring?* This notebook shows all steps in a minute: a log, the parameters of the axis with
+# their uncertainty, and a change over weeks that is not an effect of the temperature.
 #
-# There is no robot beside this page, so the first cell simulates the logs. A published robot axis (Wernholt and Gunnarsson,
-# 2006) makes the same motion for 20 s every morning, in a hall that is colder on some days than on others. From day 10
-# on its dry friction grows. Nothing below uses what the simulation knows, except the last cell. With logs of your own, leave
-# the first cell out.
+# The first cell simulates the logs, because this page has no robot. A published robot axis (Wernholt and Gunnarsson,
+# 2006) performs the same motion for 20 s every morning, in a hall that is colder on some days than on others. From day 10
+# on, its dry friction grows. Only the last cell uses the true values of the simulation. With your own logs, skip
+# the first cell.
 
 # %%
 from dataclasses import replace
@@ -28,7 +28,7 @@ motion = find_scenario("wg_fc_step-v1").override({"fault": [], "duration": 20.0}
 rng, nominal, true = np.random.default_rng(0), dict(motion.initial), []
 for day in range(24):
     kelvin = rng.normal(0, 6)
-    warm = 0.99**kelvin * np.exp(rng.normal(0, 0.01, 2))  # −1 % a kelvin, and 1 % from day to day
+    warm = 0.99**kelvin * np.exp(rng.normal(0, 0.01, 2))  # −1 % per kelvin, 1 % daily scatter
     true.append(warm[1] * (1 + 0.12 * max(day - 9, 0) / 14))
     friction = {
         "parameters.f_m": nominal["f_m"] * warm[0],
@@ -47,8 +47,8 @@ axis.having(off | {"k_T": 1.0, "r": 1.0}).save(Path("days/axis.toml"))
 # %% [markdown]
 # ## One log
 #
-# A log is a table. Names and units of its columns are read from the first line; `--torque`, `--angle` and `--unit` say what
-# that line does not ([logs.md](../logs.md)).
+# A log is a table. Names and units of its columns are read from the first line. Use `--torque`, `--angle` and `--unit` if
+# this line lacks them ([logs.md](../logs.md)).
 
 # %%
 import matplotlib.pyplot as plt
@@ -59,8 +59,8 @@ log = pd.read_csv(first, comment="#")
 log.head(3)
 
 # %% [markdown]
-# `import` looks for what would spoil every estimate without a word: a shift by one sample, clocks that drift apart, clipping,
-# a motion in which nothing reverses. It says in words what it doubts, and what to type against it.
+# `import` searches for problems that would spoil every estimate without an error message: a shift by one sample, clocks that drift
+# apart, clipping, or a motion without reversals. It explains each problem and names the option that solves it.
 
 # %%
 # !flexaxis import days/2026-01-01.csv -o rec.nc -q
@@ -83,12 +83,13 @@ plt.show()
 #
 # $$ F(v) = \Bigl(f_c + \frac{f_s}{\cosh \alpha v}\Bigr)\tanh \beta v. $$
 #
-# `days/axis.toml` holds what the owner knew before: data sheets, up to 5 % off. `identify` starts there, simulates the log from
-# its torque, and fits by prediction errors with a model of the noise (L. Ljung, *System Identification*, 2nd ed., chapters 7
-# and 10).
+# `days/axis.toml` contains the prior knowledge of the owner: data-sheet values with errors of up to 5 %. `identify` starts from these values,
+# simulates the log from its torque, and minimises the prediction errors with a noise model (L. Ljung, *System Identification*, 2nd ed.,
+# chapters 7 and 10).
 #
-# What a motion does not excite cannot be found in its log. The friction behind the springs, $f_g$ and $f_a$, is such a
-# parameter here: left free, it would be answered with *the excitation cannot see f_g*. So both stay as the data sheet has them.
+# A log contains no information about parameters that its motion does not excite. Here this applies to the friction behind the springs,
+# $f_g$ and $f_a$: if you leave them free, `identify` reports that the log does not determine them. So both are fixed to their
+# data-sheet values.
 
 # %%
 import flexaxis as fx
@@ -109,12 +110,12 @@ table.style.set_uuid("axis").format(
 )
 
 # %% [markdown]
-# The standard deviation is the larger of two: that for the noise as it was modelled, and that from the scatter over pieces of
-# the log. Inertias and stiffnesses are known to some hundredths of a per cent; the breakaway level $f_s$ to a per cent only, for it
-# acts in the instants of reversal alone.
+# The standard deviation is the larger of two values: one from the noise model, and one from the scatter over parts of
+# the log. Inertias and stiffnesses are known to a few hundredths of a per cent. The breakaway torque $f_s$ is known only to one per cent,
+# because it acts only at the instants of reversal.
 #
-# Does the model describe the axis, or only the log that it was fitted to? Another morning tells: its motion is simulated from the
-# torque of that log alone.
+# Does the model describe the axis, or only the log that it was fitted to? The log of another morning answers this: its motion is simulated
+# from its torque alone.
 
 # %%
 _ = result.plot(len(result.page.charts) - 1)
@@ -122,24 +123,24 @@ _ = result.plot(len(result.page.charts) - 1)
 # %% [markdown]
 # ## Many logs
 #
-# Every morning's log gives estimates with intervals, from `axis.toml` on. `identify` of the whole folder looks for a change in
-# them, beside what a covariate explains; here the temperature, a column of the logs.
+# The log of each morning gives estimates with intervals, starting from `axis.toml`. Applied to the whole folder, `identify` tests whether they
+# change more than a covariate explains. Here the covariate is the temperature, a column of the logs.
 
 # %%
 many = fx.identify("days", "axis.toml", covariates=["temp"], free=["f_m", "f_c"])
 many
 
 # %% [markdown]
-# That is the answer: *the dry friction grows, and it is not the cold*. The figure is what the sentences rest on: estimates with
-# ± 2 standard deviations, and the line that temperature and change explain.
+# This is the answer: *the dry friction grows, and the temperature is not the cause*. The figure shows the data behind these sentences: estimates
+# with ± 2 standard deviations, and the fitted effect of temperature and change.
 
 # %%
 _ = many.plot()
 
 # %% [markdown]
-# ## Was it right?
+# ## Is the result correct?
 #
-# Only here is the simulation asked.
+# Only this cell uses the true values of the simulation.
 
 # %%
 f_c = many.table["f_c"].to_numpy()
@@ -147,7 +148,7 @@ error = f_c / f_c.mean() - np.array(true) / np.mean(true)
 print(f"estimates against the truth: {100 * error.std():.2f} % from day to day")
 
 # %% [markdown]
-# What comes next for an axis of yours: [logs.md](../logs.md) from `import` to `track`, and [friction.md](../friction.md#how-to-log-an-axis) on the motion to log.
+# To continue with your own axis, read [logs.md](../logs.md) from `import` to `track`, and [friction.md](../friction.md#how-to-log-an-axis) about the motion to log.
 #
 # - E. Wernholt and S. Gunnarsson, *Nonlinear identification of a physically parameterized robot model*, SYSID 2006.
 # - L. Ljung, *System Identification: Theory for the User*, 2nd ed., Prentice Hall, 1999.

@@ -1,10 +1,10 @@
 # %% [markdown]
 # # A study of faults: how large, and with how much friction?
 #
-# A fault-injection study answers a question over a *space*: which faults are found, how fast, and when does an estimator
-# that was so good in the paper stop working? This notebook asks it of two things at once: the **size** of a fault in the viscous
-# friction $f_m$, and the **dry friction** that no linear model knows. All of it is a table of results with one row for each
-# case, from which every number can be computed again.
+# A fault-injection study varies several conditions and answers questions such as: which faults are detected, how fast, and under which conditions
+# does a good estimator stop working? This notebook varies two conditions: the **size** of a fault in the viscous
+# friction $f_m$, and the **dry friction**, which a linear model does not include. The result is a table with one row for each
+# case, from which every number below is computed.
 
 # %%
 import matplotlib.pyplot as plt
@@ -18,8 +18,8 @@ plt.rcParams["figure.dpi"] = 90
 # %% [markdown]
 # ## The axis and its fault
 #
-# The scenario `coulomb_fm_step-v1` has dry friction $f_c\,\mathrm{sign}(v)$ on the motor beside the viscous $f_m v$. A linear
-# estimator, which looks for $f_m$ alone, reads the one as the other, by (for Gaussian speed, [friction.md](../friction.md))
+# In the scenario `coulomb_fm_step-v1` the motor has dry friction $f_c\,\mathrm{sign}(v)$ in addition to the viscous friction $f_m v$. A linear
+# estimator has only $f_m$ and attributes the dry friction to it. For a Gaussian speed the error is ([friction.md](../friction.md))
 #
 # $$ \hat f_m - f_m \approx f_c\,\frac{\mathrm E|v|}{\mathrm E v^2} = \sqrt{\tfrac{2}{\pi}}\,\frac{f_c}{v_\text{rms}}. $$
 
@@ -32,8 +32,8 @@ plt.show()
 # %% [markdown]
 # ## The plan
 #
-# Keys of a study are dotted keys of the scenario; the values of several are crossed. Seeds are independent runs: other noise,
-# another excitation. `flexaxis study FILE.toml` runs the same from a file, on all cores or a cluster ([studies.md](../studies.md)).
+# A study sweeps dotted keys of the scenario; all combinations of their values are run. Seeds are independent runs with different noise and
+# excitation. `flexaxis study FILE.toml` runs a study from a file, on all cores or a cluster ([studies.md](../studies.md)).
 
 # %%
 factors, levels = [1.1, 1.5, 3.0], [0.001, 0.03, 0.1]
@@ -51,8 +51,8 @@ results
 # %% [markdown]
 # ## The table
 #
-# One row a scenario, estimator, seed and parameter, with the swept values in columns of their own. What an estimator tracks besides
-# ($k_T$, $1/J_a$, and $f_c$ for those that know friction) has rows too; the fault is in $f_m$.
+# The table has one row per scenario, estimator, seed and parameter, and a column for each swept key. The other tracked parameters
+# ($k_T$, $1/J_a$, and $f_c$ for estimators with a friction law) have rows too. The fault is in $f_m$.
 
 # %%
 frame = results.to_dataframe().query("parameter == 'f_m'")
@@ -73,8 +73,8 @@ frame[
 # %% [markdown]
 # ## The bias before the fault
 #
-# First the formula above, against what was measured: with 0.1 N m the linear estimators are off by a third before anything is
-# wrong, some per cent more than a Gaussian speed would have it.
+# First, compare the formula above with the measured bias. With 0.1 N m, the linear estimators are wrong by a third even before the
+# fault, a few per cent more than the formula for a Gaussian speed predicts.
 
 # %%
 bias = frame.groupby(["estimator", "friction.coulomb"])["bias"].mean().unstack(0)
@@ -86,9 +86,9 @@ bias.round(1)
 # %% [markdown]
 # ## Lag against the size of the fault, with the bound
 #
-# The lag is the time that the estimate is behind: $T\sum|\tilde\theta|/D$ over 5 s after the fault, $D$ being the size of the fault.
-# The grey line is the bound: the least lag that noise allows to whoever is told when it happened, and takes $k_T$,
-# $1/J_a$, $f_m$ and the level of dry friction for unknown after it. Averages of lags are geometric means.
+# The lag is $T\sum|\tilde\theta|/D$ over 5 s after the fault, where $D$ is the size of the fault.
+# The grey line is the bound, the smallest lag that the noise permits for an estimator that knows the time of the fault, with $k_T$,
+# $1/J_a$, $f_m$ and $f_c$ unknown after it. Averages of lags are geometric means.
 
 # %%
 names = ["rpem-forgetting", "cusum-reset", "glr"]
@@ -117,30 +117,30 @@ for ax, level in zip(panels, levels, strict=True):
     bound = frame[frame["friction.coulomb"] == level].groupby("fault[0].factor")["lag_bound"].mean()
     ax.loglog(100 * (bound.index - 1), bound, color="0.5", lw=1.5, label="bound")
     ax.axhline(5.0, color="k", lw=0.7, ls=":")
-    ax.set(title=f"$f_c$ = {level:g} N m", xlabel="growth of $f_m$ [%]")
+    ax.set(title=f"$f_c$ = {level:g} N m", xlabel="increase of $f_m$ [%]")
     ax.set_xticks(growth, [f"{g:.0f}" for g in growth], minor=False)
     ax.set_xticks([], minor=True)
     ax.grid(alpha=0.25, which="both")
-panels[0].set_ylabel("lag [s]  (dotted: doing nothing)")
+panels[0].set_ylabel("lag [s]  (dotted: no reaction)")
 panels[1].legend(frameon=False, fontsize=8)
 plt.show()
 # %% [markdown]
-# Three things to read from it.
+# The figure shows three things.
 #
-# 1. For a filter that forgets a larger fault is not an easier one: with next to no friction the lag of `rpem-forgetting` grows with the
-#    fault, from 1.2 s to 2.6 s. That of `cusum-reset` is least in the middle, and that of `glr` falls, as the bound does. With
-#    more friction the bias of the two linear ones makes small faults the slow ones.
-# 2. Some hundredths of a newton metre of dry friction are enough for a linear estimator to be lost with small faults. The lag exceeds 5 s, that
-#    of doing nothing, where the *bias* is larger than the fault.
-# 3. With a law of friction in the model, `glr` stays where it was for +10 % and +50 %. That it lies below the line there is no
-#    contradiction: the bound takes four parameters for unknown after the fault, and who finds out which one it was has only one to learn.
-#    For +200 % it names the wrong one in two of the four runs with 0.03 and 0.1 N m (once $k_a$, once $f_c$), and is slow then: 3.3 s and
-#    0.5 s, against less than 0.1 s in the other two. The line goes through geometric means of two, and hides it; the bar does not.
+# 1. With forgetting, larger faults are not easier to track: with almost no dry friction the lag of `rpem-forgetting` grows with the
+#    fault, from 1.2 s to 2.6 s. The lag of `cusum-reset` has a minimum at the middle size, and the lag of `glr` falls, as the bound does. With
+#    more dry friction, the bias of the two linear estimators increases the lag for small faults.
+# 2. A few hundredths of a newton metre of dry friction suffice to make a linear estimator useless for small faults. If the *bias* is larger
+#    than the fault, the lag exceeds 5 s, the lag of an estimator that never reacts.
+# 3. `glr` has a friction law in its model, and dry friction hardly changes its lag for +10 % and +50 %. Its lag may be below the bound,
+#    because the bound assumes four unknown parameters after the fault, while an estimator that identifies the changed parameter has only one to estimate.
+#    For +200 % it names the wrong parameter in two of the four runs with 0.03 and 0.1 N m (once $k_a$, once $f_c$). In these runs its lag is 3.3 s and
+#    0.5 s, compared with less than 0.1 s in the other two. The line shows geometric means of two runs and hides this; the bars show it.
 #
-# ## What the detector says
+# ## Detections
 #
-# For an estimator that says what it has found there is more than a lag: faults missed, false alarms, and what the fault was
-# taken for.
+# An estimator that reports detections has more scores than the lag: missed faults, false alarms, and whether it names the correct
+# parameter.
 
 # %%
 seen = frame[frame["estimator"] == "glr"].groupby("friction.coulomb")
@@ -149,8 +149,8 @@ seen[["detection.missed", "detection.false_alarms", "detection.isolated"]].mean(
 ).round(2)
 
 # %% [markdown]
-# Two seeds make a figure to look at, not one for a paper: take 60, keep the rows (`folder="results/friction"`), and
-# go on where a run was stopped (`folder=`). Before two estimators are ranked by such a figure, turn both to equal
+# Two seeds suffice for a first impression, but not for a paper. Use 60 seeds and store the rows (`folder="results/friction"`), so that
+# an interrupted run can resume. Before you rank estimators, tune them to equal
 # noise: [developer.ipynb](developer.ipynb).
 #
 # - B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, *A survey of models, analysis tools and compensation methods for the

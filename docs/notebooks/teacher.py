@@ -1,10 +1,10 @@
 # %% [markdown]
 # # A lesson: forgetting
 #
-# Forty-five minutes with a flexible axis: students close the loop themselves, identify the axis while it runs, break it, and find
-# out what a forgetting factor costs. Questions are set in *italics*; answers are at the end.
+# In this 45-minute lesson students close the control loop of a flexible axis, identify the axis while it runs, inject a fault, and learn
+# the cost of a forgetting factor. Questions are in *italics*; the answers are at the end.
 #
-# Before: what least squares are. Beside: `flexaxis demo`, the same axis to touch, and [labs](../labs/README.md) 3 to 5, which go deeper.
+# Students need to know least squares. `flexaxis demo` shows the same axis interactively, and [labs](../labs/README.md) 3 to 5 go deeper.
 
 # %%
 import matplotlib.pyplot as plt
@@ -18,18 +18,18 @@ plt.rcParams["figure.dpi"] = 90
 # %% [markdown]
 # ## 1. Close the loop
 #
-# `fx.make_axis` gives an axis in MuJoCo without its controller: `axis.step(torque)` holds a torque for 5 ms and returns what the
-# sensors say. Motor, gear and arm hang on two springs:
+# `fx.make_axis` returns an axis in MuJoCo without a controller. `axis.step(torque)` holds a torque for 5 ms and returns the sensor
+# readings. Motor, gear and arm are coupled by two springs:
 #
 # $$ J_m \dot v_m = k_T u - f_m v_m - r\tau_g, \qquad J_g \dot v_g = \tau_g - \tau_a - f_g v_g, \qquad J_a \dot v_a = \tau_a - f_a v_a. $$
 #
-# A PI controller of the motor speed, in three lines; the reference is a sum of sines, for a motion that excites nothing
-# teaches nothing.
+# The motor speed is controlled by a PI controller in three lines. The reference is a sum of sines, because identification needs
+# a motion that excites the axis.
 
 
 # %%
 def reference(t):
-    """Speed [rad/s]."""
+    """Return the desired motor speed [rad/s] at a time [s]."""
     return sum(
         2.2 * np.sin(2 * np.pi * f * t + f**2) for f in (0.3, 1.1, 2.3, 5.9, 11.3, 15.7, 16.3, 24.1)
     )
@@ -48,7 +48,7 @@ def close_the_loop(axis, *, Kp=0.1, Ki=0.4):
         axis.step(torque[-1])
 
 
-axis = fx.make_axis("fm_step-v1", seed=1)  # the motor's friction f_m grows by half at 10 s
+axis = fx.make_axis("fm_step-v1", seed=1)  # the motor friction f_m rises by 50 % at 10 s
 u, y = close_the_loop(axis)
 t = 0.005 * np.arange(len(u))
 
@@ -63,12 +63,12 @@ below.axvline(10, color="k", lw=0.8)
 above.legend(frameon=False, ncols=2, loc="lower left")
 plt.show()
 # %% [markdown]
-# *Question 1. Somewhere in this picture the friction of the motor grows by half. Where, and how would you see it without the line?*
+# *Question 1. At the vertical line the motor friction rises by 50 %. How could you see this in the signals without the line?*
 #
-# ## 2. Identify while it runs
+# ## 2. Identify the axis while it runs
 #
-# The recursive prediction-error method compares what the axis does with what a model of it says, sample by sample, and turns the
-# parameters the way that makes the error smaller. ψ is the gradient of the prediction, λ the forgetting factor:
+# In every sample, the recursive prediction-error method compares the measured speed with the prediction of a model, and changes the
+# parameters in the direction that reduces the error. With the gradient ψ of the prediction and the forgetting factor λ,
 #
 # $$ \varepsilon = y - \hat y,\qquad K = \frac{P\psi}{1+\psi^\mathsf{T}P\psi},\qquad
 #    \hat\theta \leftarrow \hat\theta + K\varepsilon,\qquad P\leftarrow \frac{(I-K\psi^\mathsf{T})P}{\lambda}. $$
@@ -79,7 +79,7 @@ model = three_mass(fx.make_axis("fm_step-v1").scenario.nominal.as_dict())
 
 
 def identified(u, y, forgetting):
-    """Return estimates (N, 3) over their nominal values."""
+    """Return the estimates (N, 3) relative to their nominal values."""
     P0 = np.diag([2.97e-4, 5.19e-5, 4.69e-6]) * (1 - forgetting) / 0.005
     rpem = Rpem(model, identify=names, P0=P0, forgetting=forgetting, period=0.005)
     return rpem.run(u, y) / model.parametrize(names).theta
@@ -101,14 +101,14 @@ panels[0].legend(frameon=False, ncols=3)
 panels[2].set_xlabel("time [s]")
 plt.show()
 # %% [markdown]
-# *Question 2. Which λ would you take for an axis that wears over months, which for one that a crate may fall on?*
+# *Question 2. Which λ would you choose for an axis that wears over months, and which for an axis with a load that may change suddenly?*
 #
-# *Question 3. Why does $k_T$ move when only $f_m$ has changed?*
+# *Question 3. Why does the estimate of $k_T$ change although only $f_m$ has changed?*
 #
-# ## 3. The trade-off, measured and foretold
+# ## 3. The trade-off in theory and experiment
 #
-# A memory of $1/(1-\lambda)$ samples: the longer it is, the more noise it averages out, and the later it hears of a change. For small
-# $\nu = 1-\lambda$ theory (Ljung and Gunnarsson, 1990) foretells
+# The memory is $1/(1-\lambda)$ samples. A longer memory averages out more noise, but reacts later to a change. For small
+# $\nu = 1-\lambda$ the theory (Ljung and Gunnarsson, 1990) predicts
 #
 # $$ \operatorname{var}\hat\theta = \tfrac12\,\nu\,\sigma^2 Q^{-1},\qquad Q = \mathrm E\,\psi\psi^\mathsf{T},
 #    \qquad\text{lag} \approx T/\nu. $$
@@ -138,15 +138,16 @@ plt.show()
 
 # %%
 slope = np.polyfit(np.log(nu), np.log(std), 1)[0]
-print(f"check: std grows as ν to the power of {slope:.2f}; theory says 0.5")
+print(f"check: std grows as ν to the power of {slope:.2f}; the theory predicts 0.5")
 assert 0.4 < slope < 0.65
 
 # %% [markdown]
-# *Question 4. Where does the lag leave the line, and why there?*
+# *Question 4. Where does the lag deviate from the line, and why?*
 #
-# ## 4. Can one have both?
+# ## 4. Low noise and a short lag
 #
-# A filter that forgets is equally sceptical of everything at every moment. Who *looks for* changes can be quiet before and quick after:
+# A filter with forgetting discounts old data in the same way at all times and for all parameters. An estimator that *detects* changes can have low noise before a change
+# and be fast after it:
 
 # %%
 record = fx.simulate("fm_step-v1", seed=1)
@@ -159,13 +160,13 @@ plt.show()
 # %% [markdown]
 # ## Answers
 #
-# 1. One does not see it: the loop does its work, the torque grows by some per cent of itself at some frequencies. What a controller hides an
-#    estimator has to find.
-# 2. Wear: λ near one, noise is the enemy. The crate: a small λ, or a detector (section 4).
-# 3. The estimates are correlated: of the torque that is missing in the motion, $k_T$ and $f_m$ can each explain a part, until enough samples
-#    have told them apart.
-# 4. At long memories the window of 5 s after the fault is shorter than the memory, and the run ends before the estimate has arrived. At very
-#    short ones the filter adapts as quickly as the axis forgets its own state, which is what the theory excludes.
+# 1. You cannot see it: the controller compensates for the fault, and the torque rises only by a few per cent at some frequencies. An
+#    estimator is needed to find a change that the controller hides.
+# 2. For slow wear choose λ near one, because noise matters most. For a sudden change of the load choose a small λ, or a detector (section 4).
+# 3. The estimates are correlated: both $k_T$ and $f_m$ can explain part of the missing torque, until enough samples
+#    separate them.
+# 4. With a long memory, the window of 5 s after the fault is shorter than the memory, and the run ends before the estimate has converged. With a very
+#    short memory, the filter adapts as fast as the transients of the axis decay, and the theory does not apply to this case.
 #
 # - L. Ljung and S. Gunnarsson, *Adaptation and tracking in system identification: a survey*, Automatica 26 (1990), 7–21.
 # - L. Ljung, *System Identification: Theory for the User*, 2nd ed., Prentice Hall, 1999, chapter 11.
