@@ -231,7 +231,7 @@ class _LawInEngine:
         self._places = {at: _place(batch, model, at) for at in law.kept(self.values)}
 
     def set(self, name: str, values: float | Array) -> None:
-        """Set a parameter to a value for all runs, or to values (R,)."""
+        """Set a parameter to the same value for all runs, or to one value per run (R,)."""
         self.values[name] = values
         for place, value in self._kept(self.values).items():
             self._places[place][...] = value

@@ -74,7 +74,7 @@ class ControllerConfig(Config):
             return "loop with feed-forward"
         if self.rate is None:
             return ""
-        return f"loop at {self.rate} Hz, torque logged as its {self.log or 'mean'}"
+        return f"loop at {self.rate} Hz, logged torque: {self.log or 'mean'}"
 
 
 class Controller:

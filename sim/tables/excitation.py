@@ -136,7 +136,7 @@ class Moves(Config):
 
     def in_words(self) -> str:
         """Return the reference in words."""
-        return f"moves of {self.move:g} s within {self.reach:g} rad, {self.dwell:g} s apart"
+        return f"moves of {self.move:g} s within {self.reach:g} rad, with rests of {self.dwell:g} s"
 
     def _clock(self, grid: Grid) -> tuple[NDArray[np.int64], Array]:
         """Return the index of the move (N,) at each sample, and the elapsed fraction of it (N,)."""

@@ -244,7 +244,7 @@ class Profile(Config):
     def in_words(self) -> str:
         """Return parameter, size and time, such as "f_m +50 % from 10 s in 3 points"."""
         number = len(self.points)
-        points = "a point" if number == 1 else f"{number} points"
+        points = "1 point" if number == 1 else f"{number} points"
         most = max(share for _, share in self.points)
         return f"{_change(self, most)} from {self.at:g} s in {points}"
 

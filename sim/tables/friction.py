@@ -277,7 +277,7 @@ class GearFrictionConfig(_CompiledLaw):
 
     def in_words(self) -> str:
         """Return the law and its size in words."""
-        dry = f"{self.f_c:.2g} N m ({self.f_c + self.f_s:.2g} when slow)"
+        dry = f"{self.f_c:.2g} N m ({self.f_c + self.f_s:.2g} at low speed)"
         shares = f"{100 * self.motor:.2g} % of the motor's torque, {100 * self.external:.2g} %"
         return f"gear friction of {dry}, {shares} of the load"
 

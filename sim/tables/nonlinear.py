@@ -92,7 +92,7 @@ class CoggingConfig(Nonlinearity):
 
     def in_words(self) -> str:
         """Return the effect and its size in words."""
-        return f"cogging of {self.amplitude:g} N m, {self.poles} periods a turn"
+        return f"cogging of {self.amplitude:g} N m, {self.poles} periods per revolution"
 
 
 class BacklashConfig(Nonlinearity):

@@ -104,7 +104,7 @@ class NoiseConfig(Config):
     def in_words(self) -> str:
         """Return the noise levels in words."""
         deviations = [(self.speed, "rad/s on the speed"), (self.angle, "rad on the angle"),
-                 (self.torque, "N m on the torque that acts")]  # fmt: skip
+                 (self.torque, "N m on the acting torque")]  # fmt: skip
         return "; ".join(f"noise of {value:g} {words}" for value, words in deviations if value)
 
 
@@ -175,8 +175,8 @@ class DelayConfig(Config):
 
     def in_words(self) -> str:
         """Return the delays in words."""
-        words = [f"measurement late by {self.measurement} samples"] if self.measurement else []
-        words += [f"torque late by {1000 * self.torque:g} ms"] if self.torque else []
+        words = [f"measurement delayed by {self.measurement} samples"] if self.measurement else []
+        words += [f"torque delayed by {1000 * self.torque:g} ms"] if self.torque else []
         return "; ".join(words)
 
     @property
@@ -203,7 +203,7 @@ class FilterConfig(Config):
 
     def in_words(self) -> str:
         """Return the time constant in words."""
-        return f"speed through a low-pass of {1000 * self.speed:g} ms"
+        return f"speed filtered by a low-pass of {1000 * self.speed:g} ms"
 
 
 def _late(samples: int) -> Stage:

@@ -76,7 +76,7 @@ def test_noise_on_the_torque_acts_and_is_not_logged(late, make):
     (record,) = simulate(scenario, [2])
     noise = 0.05 * stream(scenario.key, 2, "noise.torque").standard_normal(scenario.samples)
     assert not scenario.linear and scenario.sensors["noise"].in_words().endswith(
-        "noise of 0.05 N m on the torque that acts"
+        "noise of 0.05 N m on the acting torque"
     )
     ticks = round((late or 0.0) / TICK)
 
