@@ -146,8 +146,8 @@ class Thermal(Config):
         return [(first, first + grid.index(40 * self.time_constant))]  # e⁻⁴⁰ is round-off
 
     def in_words(self) -> str:
-        """Return parameter, size and time, such as "f_m -30 % from 5 s, 20 s to 63 %"."""
-        return f"{_change(self)} from {self.at:g} s, {self.time_constant:g} s to 63 %"
+        """Return parameter, size and time, such as "f_m -30 % from 5 s, time constant 20 s"."""
+        return f"{_change(self)} from {self.at:g} s, time constant {self.time_constant:g} s"
 
 
 class Intermittent(Config):
@@ -185,8 +185,8 @@ class Intermittent(Config):
         return [(int(index), int(index)) for index in grid.k[switched]]
 
     def in_words(self) -> str:
-        """Return parameter, size and time, such as "f_m +50 % from 10 s, 2 s of 4"."""
-        return f"{_change(self)} from {self.at:g} s, {self.on:g} s of {self.on + self.off:g}"
+        """Return parameter, size and time, such as "f_m +50 % from 10 s, 2 s out of 4 s"."""
+        return f"{_change(self)} from {self.at:g} s, {self.on:g} s out of {self.on + self.off:g} s"
 
     def _faulty(self, grid: Grid, k: NDArray[np.int64]) -> NDArray[np.bool_]:
         since = k - grid.index(self.at)
