@@ -124,7 +124,7 @@ print(f"with values 5 % off, glr names f_m and nothing else in {named} of {len(r
 # %% Check
 score = 100 * np.log(5 / lag_quick) / np.log(5 / lag_bound)
 print(
-    f"check: lag {100 * lag_quick / lag_plain:.0f} % of that of forgetting; score {score:.0f} of 100"
+    f"check: lag {100 * lag_quick / lag_plain:.0f} % of that of forgetting, score {score:.0f}/100"
 )
 assert lag_bound < lag_quick < 0.5 * lag_plain
 assert np.median(delays) < 0.2
