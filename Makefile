@@ -1,5 +1,5 @@
 # flexaxis: `make bench` and `make test` need only python3 (3.11 or newer) and make.
-# Everything is installed into .venv here; `make clean` removes it.
+# Everything is installed into .venv in this folder; `make clean` removes it.
 
 PYTHON ?= python3
 VENV := .venv
@@ -14,8 +14,8 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 export MKL_NUM_THREADS = 1
 
-# A process a core. Each begins with its part of the tests in the order of the folders, so that the
-# data of a module are mostly made once, and takes over tests of another when it has none left.
+# One process per core. Each starts with its part of the tests in the order of the folders, so that the
+# data of a module are usually made once. A process without tests left takes over tests of another.
 PARALLEL := -n auto --maxprocesses=8 --dist=worksteal
 
 .PHONY: help bench test test-slow test-browser check format docs-tables docs-speed notebooks site dist clean
@@ -72,7 +72,7 @@ dist: $(VENV)/.test
 	cd build/source && for what in wheel sdist; do \
 	  $(abspath $(BIN))/python -c "from setuptools import build_meta as b; b.build_$$what('$(abspath dist)')" >/dev/null || exit 1; done
 
-# The installed set is a stamp file each, remade when pyproject.toml changes.
+# A stamp file records each installed set of packages; it is remade when pyproject.toml changes.
 $(VENV)/.core: EXTRA :=
 $(VENV)/.test: EXTRA := [test]
 $(VENV)/.check: EXTRA := [check]
