@@ -14,7 +14,7 @@ from flexaxis.models_mjcf import DEFAULT, SHIPPED, model_digest
 from flexaxis.sim.timing import PERIOD
 
 PLANT, CONTENT = "plant", "content"
-"""Values of `streams`: the key covers what plant and sensors see, or the whole content."""
+"""Values of `streams`: a key from the keys that affect plant and sensors, or from all content."""
 
 _WORDS = frozenset({"name", "card", "group", "difficulty", "preset"})
 # Keys that only concern estimation and scoring; they do not affect the simulated axis.

@@ -287,7 +287,7 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
 
 
 def _check_grid(time: Array) -> None:
-    """Raise a RecordError if time does not advance evenly."""
+    """Raise a RecordError if the sample times are not evenly spaced."""
     steps = np.diff(time)
     if (steps <= 0).any():
         raise RecordError(f"time does not advance at sample {np.argmax(steps <= 0) + 1}.")
