@@ -202,9 +202,9 @@ def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log:
             sides = {"low": y - band, "high": y + band}
         one = Series(x=t[[0, -1]], y=np.ones(2), role="bound", label="as identified")
         panels[f"{name} / nominal"] = [Series(x=t, y=y, estimator=estimator, **sides), one]
-    marks = [(change.time, change.text) for change in result.changes]
+    marks = [(one.time, one.text) for one in result.changes if one.kind == "step"]
     marks += [(float(at), "alarm") for at in result.alarms]
-    words = "Estimates over nominal, ±2σ as the estimator claims. Vertical: changes and alarms."
+    words = "Estimates over nominal, ±2σ as the estimator claims. Vertical lines: steps and alarms."
     options = {"marks": marks, "spans": _gaps(result.time, result.usable)}
     chart = Chart("Estimates", words, panels, options)
     return LogPage(f"{estimator} on {log}", finding, remarks, [chart], table)
