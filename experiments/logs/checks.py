@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from flexaxis.experiments.logs.axis_file import output_of
-from flexaxis.experiments.logs.findings import Finding, LogError
+from flexaxis.experiments.logs.findings import Finding, Kind, LogError
 from flexaxis.experiments.logs.mapping import Raw
 from flexaxis.experiments.logs.signals import LONGEST, gaps_of, resolution, rhythm, unwrapped
 from flexaxis.experiments.logs.spectra import spectra
@@ -21,6 +21,8 @@ from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Told = Iterator[tuple[Kind, str, str]]
+"""Kind, words, and what to type."""
 
 FASTEST = 1e4  # rad/s: spindles for milling stay below
 MISSING, CLIPPED = 20.0, 1.0  # % of the samples, where it matters
@@ -74,13 +76,17 @@ class Evidence:
 
 def examine(e: Evidence) -> tuple[Finding, ...]:
     """Return the findings of all checks; outliers hide how torque and motion belong together."""
-    checks = [time_stamps(e), *wrapping(e), clipping(e), clocks(e), units(e), *coarse(e), torque(e)]
-    far = outliers_of(e)
-    return (*checks, far) if far.kind != "ok" else (*checks, far, sign(e), *other_speed(e))
+    findings = list[Finding]()
+    for (name, passed), check in CHECKS.items():
+        own = [Finding(kind, text, name, command) for kind, text, command in check(e)]
+        findings += own or [Finding("ok", passed, name)] * bool(passed)
+        if check is outliers_of and own:
+            break
+    return tuple(findings)
 
 
-def time_stamps(e: Evidence) -> Finding:
-    """Return the rate, what was done to the stamps, and what is missing."""
+def time_stamps(e: Evidence) -> Told:
+    """Yield the rate, what was done to the stamps, and what is missing."""
     missing, rate = 100 * float(np.mean(~e.valid)), 1 / e.record.period
     texts = [f"{rate:.6g} Hz, {len(e.valid)} samples, {len(e.valid) / rate:.4g} s", *e.remarks]
     if len(gaps := np.diff(gaps_of(e.valid))):
@@ -88,77 +94,73 @@ def time_stamps(e: Evidence) -> Finding:
             f"{missing:.2g} % missing in {len(gaps)} gaps, the longest {gaps.max() / rate:.3g} s; "
             "nothing is learnt in them"
         )
-    kind = "problem" if missing >= MISSING else "note" if texts[1:] else "ok"
-    return Finding(kind, "; ".join(texts), "time stamps")  # type: ignore[arg-type]
+    kind: Kind = "note" if texts[1:] else "ok"
+    yield "problem" if missing >= MISSING else kind, "; ".join(texts), ""
 
 
-def wrapping(e: Evidence) -> Iterator[Finding]:
+def wrapping(e: Evidence) -> Told:
     """Yield whether turns were added, and whether it can be told how many."""
     angle, turn = e.motion
-    if not turn:
-        return
-    fastest, name = float(np.abs(np.diff(angle)).max()) / turn, "wrapping of the angle"
-    text = f"unwrapped, a turn is {turn:.6g} rad"
-    if fastest < WRAPS:
-        yield Finding("info", text, name)
-        return
-    text += (
-        f"; it moves by up to {fastest:.2g} of a turn in a sample, and beyond half a turn the "
-        "direction is a guess: log the angle without wrapping or faster, or use the speed"
-    )
-    yield Finding("problem", text, name, "--speed COLUMN in place of --angle")
+    fastest = float(np.abs(np.diff(angle)).max()) / (turn or np.inf)
+    if fastest >= WRAPS:
+        text = (
+            f"it moves by up to {fastest:.2g} of a turn in a sample, and beyond half a turn the "
+            "direction is a guess: log the angle without wrapping or faster, or use the speed"
+        )
+        yield "problem", text, "--speed COLUMN in place of --angle"
+    elif turn:
+        yield "info", f"unwrapped, a turn is {turn:.6g} rad", ""
 
 
-def clipping(e: Evidence) -> Finding:
-    """Return whether the torque stands at its extreme value."""
-    u, name = e.raw.signals["torque"], "clipping of the torque"
+def clipping(e: Evidence) -> Told:
+    """Yield whether the torque stands at its extreme value."""
+    u = e.raw.signals["torque"]
     u = u[np.isfinite(u)]
     limit = np.sign((u == u.max()) * 1.0 - (u == u.min()))
     share = 100 * float(np.mean(np.abs(np.convolve(limit, np.ones(RUN), "valid")) == RUN))
-    if share == 0 or len(np.unique(u[:10_000])) <= LEVELS:
-        return Finding("ok", "none", name)
-    text = (
-        f"the torque stands at its limit, {np.abs(u).max():.4g}, for {share:.2g} % of the time: "
-        "harmless if that is what acted; if it is what was asked for, or the sensor's end, log "
-        "what acted, or excite less"
-    )
-    return Finding("note" if share < CLIPPED else "problem", text, name)
+    if share and len(np.unique(u[:10_000])) > LEVELS:
+        text = (
+            f"the torque stands at its limit, {np.abs(u).max():.4g}, for {share:.2g} % of the "
+            "time: harmless if that is what acted; if it is what was asked for, or the sensor's "
+            "end, log what acted, or excite less"
+        )
+        yield "note" if share < CLIPPED else "problem", text, ""
 
 
-def clocks(e: Evidence) -> Finding:
-    """Return which signals are updated less often than the log has samples, or interpolated."""
+def clocks(e: Evidence) -> Told:
+    """Yield which signals are updated less often than the log has samples, or interpolated."""
     every = {name: rhythm(e.raw.signals[name]) for name in ("torque", e.raw.motion)}
     # a torque that is held for longer than a sample is no harm
     slow = {n: k for n, (k, _, lines) in every.items() if k > 1 and (lines or n != "torque")}
-    if not slow:
-        return Finding("ok", f"torque and {e.raw.motion} are updated at every sample", "clocks")
-    n = max(slow.values())
-    text = (
-        f"{' and '.join(slow)} changes course at every {n}th sample only, as what is repeated or "
-        "interpolated: log both by one clock, or bring the log to the slower rate"
-    )
-    return Finding("problem", text, "clocks", f"--resample {1 / e.record.period / n:.6g}")
+    if slow:
+        n = max(slow.values())
+        text = (
+            f"{' and '.join(slow)} changes course at every {n}th sample only, as what is repeated "
+            "or interpolated: log both by one clock, or bring the log to the slower rate"
+        )
+        yield "problem", text, f"--resample {1 / e.record.period / n:.6g}"
 
 
-def coarse(e: Evidence) -> Iterator[Finding]:
+def coarse(e: Evidence) -> Told:
     """Yield the step of a coarse encoder, which is noise of the motion and no wrong model."""
     name, values = e.raw.motion, e.motion[0]
     step = resolution(values)
     if step >= COARSE * float(np.sqrt(np.mean(np.diff(values) ** 2))):
         turn = f", {2 * np.pi / step:.4g} a turn" if name == "angle" and not e.raw.linear else ""
         text = f"the {name} has steps of {step:.4g} {SI[name]}{turn}: they are most of its noise"
-        yield Finding("info", text, "resolution")
+        yield "info", text, ""
 
 
-def units(e: Evidence) -> Finding:
-    """Return which units were stated, and which were assumed."""
+def units(e: Evidence) -> Told:
+    """Yield which units were assumed."""
     open_to_doubt = e.raw.signals.keys() | {"time"} if e.record.period >= SECONDS else e.raw.signals
     assumed = [n for n in SI if n != "torque" and n in open_to_doubt and n not in e.raw.unit]
-    if not assumed:
-        return Finding("ok", "stated, or beyond doubt", "units")
-    taken = ", ".join(f"{name} in {SI[name]}" for name in assumed)
-    text = f"not stated; assumed: {taken}. No log shows a wrong unit, which scales the estimates"
-    return Finding("note", text, "units", " ".join(f"--unit {n}={SI[n]}" for n in assumed))
+    if assumed:
+        taken = ", ".join(f"{name} in {SI[name]}" for name in assumed)
+        text = (
+            f"not stated; assumed: {taken}. No log shows a wrong unit, which scales the estimates"
+        )
+        yield "note", text, " ".join(f"--unit {n}={SI[n]}" for n in assumed)
 
 
 def refuse_nonsense(raw: Raw) -> None:
@@ -216,34 +218,31 @@ def _beside(raw: Raw) -> tuple[float, float]:
     return ratio, -float(np.median(turned))
 
 
-def other_speed(e: Evidence) -> Iterator[Finding]:
+def other_speed(e: Evidence) -> Told:
     """Yield whether a logged speed is later than the slope of the angle beside it: a filter."""
-    if {"angle", "speed"} <= e.raw.signals.keys():
-        late, name = _beside(e.raw)[1], "speed beside angle"
+    late = _beside(e.raw)[1] if {"angle", "speed"} <= e.raw.signals.keys() else 0.0
+    if late >= LATE * e.record.period:
         text = (
             f"the speed is {1e3 * late:.3g} ms later than the slope of the angle, as after a "
             "low-pass. The angle is used, which is not filtered"
         )
-        behind = late >= LATE * e.record.period
-        yield Finding("info", text, name) if behind else Finding("ok", "the same motion", name)
+        yield "info", text, ""
 
 
-def outliers_of(e: Evidence) -> Finding:
-    """Return samples of the motion that are far from those before and after them."""
-    name, label = e.raw.motion, "outliers of the motion"
-    far = outliers(e.motion[0])
-    if not far.any():
-        return Finding("ok", "none", label)
-    known = np.isfinite(e.raw.signals[name])
-    jump = np.abs(np.diff(e.raw.signals[name][known])).max()
-    at = ", ".join(f"{t:.6g}" for t in e.raw.time[known][far][:4]) + " …" * int(far.sum() > 4)
-    text = (
-        f"the {name} jumps by up to {jump:.5g} {SI[name]} and back within some samples, as no axis "
-        f"moves, at {at} s ({far.sum()} samples); that spoils all estimates. Empty such cells of "
-        "the log: what is missing is not used. If a counter wraps there, give its counts: "
-        "--counts N"
-    )
-    return Finding("problem", text, label)
+def outliers_of(e: Evidence) -> Told:
+    """Yield samples of the motion that are far from those before and after them."""
+    name, far = e.raw.motion, outliers(e.motion[0])
+    if far.any():
+        known = np.isfinite(e.raw.signals[name])
+        jump = np.abs(np.diff(e.raw.signals[name][known])).max()
+        at = ", ".join(f"{t:.6g}" for t in e.raw.time[known][far][:4]) + " …" * int(far.sum() > 4)
+        text = (
+            f"the {name} jumps by up to {jump:.5g} {SI[name]} and back within some samples, as no "
+            f"axis moves, at {at} s ({far.sum()} samples); that spoils all estimates. Empty such "
+            "cells of the log: what is missing is not used. If a counter wraps there, give its "
+            "counts: --counts N"
+        )
+        yield "problem", text, ""
 
 
 def outliers(x: Array) -> Flags:
@@ -268,13 +267,13 @@ def outliers(x: Array) -> Flags:
     return distance > max(FAR * float(np.percentile(distance, USUAL)), STEPS * step)
 
 
-def sign(e: Evidence) -> Finding:
-    """Return whether torque and motion have opposite signs.
+def sign(e: Evidence) -> Told:
+    """Yield whether torque and motion have opposite signs.
 
     At the lower end of the excitation an axis is inertia and friction: its acceleration leads the
     torque by 0 to 90°. Friction takes power and never gives it.
     """
-    name, u, T = "signs of torque and motion", e.record.torque, e.record.period
+    u, T = e.record.torque, e.record.period
     s = spectra(u[e.valid], e.speed[e.valid], T)
     low, high = s.band
     bottom = (s.frequency > 0) & (s.frequency >= low) & (s.frequency < low + 0.1 * (high - low))
@@ -285,8 +284,7 @@ def sign(e: Evidence) -> Finding:
     moving = after if e.raw.motion == "angle" else (e.speed + after) / 2
     if along < 0 and float(np.mean((u * moving)[e.valid])) < 0:
         text = "torque and motion have opposite signs: turn one of them"
-        return Finding("problem", text, name, "--scale torque=-1")
-    return Finding("ok", "the torque drives the motion", name)
+        yield "problem", text, "--scale torque=-1"
 
 
 def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
@@ -306,10 +304,25 @@ def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
     return "held", "taken for a command; a measured current is stated by --torque-is smooth"
 
 
-def torque(e: Evidence) -> Finding:
-    """Return how the torque was taken between its samples, and why."""
+def torque(e: Evidence) -> Told:
+    """Yield how the torque was taken between its samples, and why."""
     kind, because = e.record.versions["torque"], e.record.versions["torque_because"]
     text = f"{kind}: {because}; half a sample of delay depends on it"
     if e.raw.unit.get("torque") in ("V", "mV"):
         text += ". It is a voltage: f_m then holds the friction by back-EMF as well"
-    return Finding("info", text, "torque between samples")
+    yield "info", text, ""
+
+
+CHECKS: dict[tuple[str, str], Callable[[Evidence], Told]] = {
+    ("time stamps", ""): time_stamps,
+    ("wrapping of the angle", ""): wrapping,
+    ("clipping of the torque", "none"): clipping,
+    ("clocks", "torque and motion are updated at every sample"): clocks,
+    ("units", "stated, or beyond doubt"): units,
+    ("resolution", ""): coarse,
+    ("torque between samples", ""): torque,
+    ("outliers of the motion", "none"): outliers_of,
+    ("signs of torque and motion", "the torque drives the motion"): sign,
+    ("speed beside angle", ""): other_speed,
+}
+"""Each check by its name and what it means if it finds nothing."""

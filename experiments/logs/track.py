@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -152,20 +152,8 @@ def track(
     checked, past = validate(replace(record, valid=valid), valued), correlation(residual)
     # one value does not fit what was before a change and after it
     fits = not checked.unlike or changes or (abs(past) < WHITE and axis.usual is None)
-    findings = [
-        *([] if fits else [Finding("problem", checked.unlike)]),
-        *(Finding("note", change.text) for change in changes),
-    ]
-    if unseen:
-        text = f"this log does not show whether {', '.join(unseen)} changed"
-        findings.append(Finding("note", text))
-    if not findings:
-        off = zip(names, last / model.theta - 1, strict=True)
-        text = "the estimate of {} ends {:+.1f} % off what was identified"
-        findings = [
-            Finding("ok", "no parameter changed within this log"),
-            *(Finding("note", text.format(n, 100 * by)) for n, by in off if abs(by) > OFF),
-        ]
+    off = dict(zip(names, last / model.theta - 1, strict=True))
+    findings = _findings("" if fits else checked.unlike, changes, unseen, off)
     if stopped.any():
         begin, end = record.time[np.flatnonzero(stopped)[[0, -1]]]
         text = (
@@ -185,6 +173,25 @@ def track(
         names, record.time, theta, spread, last, model.theta, good, checked.fit.percent,
         record.time[alarms], changes, findings,
     )  # fmt: skip
+
+
+def _findings(
+    problem: str, changes: Sequence[Change], unseen: Sequence[str], off: Mapping[str, float]
+) -> list[Finding]:
+    """Return what is wrong, what changed, or that nothing did; `off` are relative differences."""
+    texts = [change.text for change in changes]
+    texts += [f"this log does not show whether {', '.join(unseen)} changed"] * bool(unseen)
+    findings = [Finding("problem", problem)] * bool(problem)
+    findings += [Finding("note", text) for text in texts]
+    if findings:
+        return findings
+    texts = [
+        f"the estimate of {name} ends {100 * by:+.1f} % off what was identified"
+        for name, by in off.items()
+        if abs(by) > OFF
+    ]
+    first = Finding("ok", "no parameter changed within this log")
+    return [first, *(Finding("note", text) for text in texts)]
 
 
 def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Flags, Flags]:

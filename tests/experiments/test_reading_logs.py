@@ -202,10 +202,6 @@ def test_a_column_of_texts_is_no_signal_but_does_no_harm(tmp_path):
         pick(log, mapping_from({"angle": "angel"}, source=""))
 
 
-def test_names_that_occur_twice(tmp_path):
-    assert written(tmp_path, table("time,i,i")).names == ("time", "i", "i#2")
-
-
 def test_several_axes_of_one_file_and_some_of_its_rows(tmp_path):
     k, rng = np.arange(1000), np.random.default_rng(0)
     columns = {"t": k * 1e-3} | {f"{n}_{i}": rng.standard_normal(1000) for n in "uv" for i in "12"}
