@@ -93,7 +93,7 @@ def test_what_cannot_be_is_refused(option):
         ("fm_double-v1", "f_m", 2.0),
         ("ja_step-v1", "1/J_a", 1 / 1.1),
         ("kg_step-v1", "k_g", 0.8),
-        ("coulomb_fm_step-v1", "f_m", 1.5),
+        pytest.param("coulomb_fm_step-v1", "f_m", 1.5, marks=pytest.mark.slow),
     ],
 )
 def test_a_fault_is_found_once_and_named(scenario, parameter, ratio):
@@ -171,6 +171,7 @@ def test_what_the_first_seconds_tell_of_the_structure_is_no_more_than_is_known(s
 # ------------------------------------------------------------------ cogging that nobody told
 
 
+@pytest.mark.slow
 def test_cogging_that_nobody_told_is_found_and_learnt():
     """24 poles, .1 N m; without it f_m is off by 22 %."""
     made, theta, _ = tracked("cogging_fm_step-v1")
@@ -196,6 +197,7 @@ def test_no_cogging_is_found_where_there_is_none(scenario):
 # ------------------------------------------------------------------ friction of a gear
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mx64_fc_step-v1", "xl330_fm_step-v1"])
 def test_a_drive_has_the_friction_of_its_gear(name):
     """Without it the torque constant is off by 30 and 5 %, the inertia of the arm by 11 and 9 %."""

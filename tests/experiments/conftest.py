@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.cache import RecordCache, records
 
 # what several tests share: logs and tables here, exact axes in `acceptance`
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "estimators")]
@@ -25,10 +26,24 @@ SHORT = {
 }
 
 
+@pytest.fixture(scope="session")
+def record_cache(tmp_path_factory):
+    """Return the folder with the records of the short scenario, seeds 1000 to 1007."""
+    folder = tmp_path_factory.mktemp("records")
+    records(find_scenario("fm_step-v1").override(SHORT), range(1000, 1008), RecordCache(folder))
+    return folder
+
+
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path, monkeypatch):
     """Tests neither fill nor read the user's cache of records."""
     monkeypatch.setenv("FLEXAXIS_CACHE", str(tmp_path / "cache"))
+
+
+@pytest.fixture
+def recorded(record_cache, monkeypatch):
+    """Take the records of the short scenario from a cache that tests share."""
+    monkeypatch.setenv("FLEXAXIS_CACHE", str(record_cache))
 
 
 class InProcess:

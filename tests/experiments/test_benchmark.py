@@ -3,6 +3,7 @@
 import json
 from contextlib import contextmanager
 
+import pytest
 from engine_cases import runner_here, user_file
 
 from flexaxis.experiments.files import summary_of
@@ -15,6 +16,7 @@ def benchmark(scenario, runner, *, estimators=("rpem-forgetting", "frozen"), **s
     return run(Study("t", (scenario,), tuple(estimators), (1000, 1001, 1002)), runner, **swept)
 
 
+@pytest.mark.slow
 def test_a_swept_knob_is_matched_at_equal_noise(short, tmp_path, monkeypatch):
     names = ["rpem-forgetting", "rpem-drift"]
     done, swept = [], ([short], names)
@@ -33,6 +35,7 @@ def test_a_swept_knob_is_matched_at_equal_noise(short, tmp_path, monkeypatch):
     assert not done
 
 
+@pytest.mark.usefixtures("recorded")
 def test_an_estimator_that_fails_is_lost_and_the_others_are_reported(short, tmp_path):
     text = f"{user_file(tmp_path)}:Raises"
     results = benchmark(short, runner_here(tmp_path / "out"), estimators=["frozen", text])

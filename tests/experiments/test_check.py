@@ -24,7 +24,10 @@ def broken(text, store):
     return {finding.rule for finding in check(parse(text), store=store) if finding.holds is False}
 
 
-@pytest.mark.parametrize("name", REGISTRY)
+SLOW = pytest.param("glr", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("name", [*(n for n in REGISTRY if n != "glr"), SLOW])
 def test_registered_estimators_keep_the_rules(name, store):
     findings = {finding.rule: finding for finding in check(parse(name), store=store)}
     assert {rule for rule, finding in findings.items() if finding.holds is False} == set()

@@ -242,19 +242,32 @@ def test_simulate_then_estimate(capsys, short_toml, tmp_path):
     assert status == 2 and str(record) in err and len(err.splitlines()) == 1
 
 
+BOTH = ("--estimator", "frozen", "--estimator", "ekf", *ONE)
+
+
+@pytest.mark.whole
+@pytest.mark.usefixtures("recorded")
 def test_a_benchmark_from_the_command_line_to_its_artefacts(capsys, short_toml, tmp_path):
-    """Two estimators, in parts and whole: the same scores, a table, a summary and a page."""
-    both = ("--estimator", "frozen", "--estimator", "ekf", *ONE)
+    """Two estimators: a table, scores, a summary and a page."""
+    status, out, err = flexaxis(capsys, "run", short_toml, *BOTH, "-o", tmp_path / "r", "-q")
+    assert status == 0 and not err and "frozen" in out and "ekf" in out
+    for name in ("scores.csv", "report.html", "summary.json"):
+        assert (tmp_path / "r" / name).stat().st_size > 500
+    rows = json.loads((tmp_path / "r" / "summary.json").read_text())["rows"]
+    lag = {row["estimator"]: row["lag"]["mean"] for row in rows if row["parameter"] == "f_m"}
+    assert lag["frozen"] > lag["ekf"]
+
+
+@pytest.mark.slow
+def test_parts_together_are_the_whole_and_rerun_checks_them(capsys, short_toml, tmp_path):
+    """A part that is missing and a number that was changed are reported."""
     parts, whole = [tmp_path / "1", tmp_path / "2"], tmp_path / "whole"
     for i, part in enumerate(parts, 1):
-        words = ("run", short_toml, *both, "--shard", f"{i}/2", "-o", part)
+        words = ("run", short_toml, *BOTH, "--shard", f"{i}/2", "-o", part)
         assert flexaxis(capsys, *words)[0] == 0
     status, out, _ = flexaxis(capsys, "run", "--from", *parts, "-o", whole)
     assert status == 0 and out.splitlines()[-1] == f"report: {whole}/report.html"
-    status, out, err = flexaxis(capsys, "run", short_toml, *both, "-o", tmp_path / "r", "-q")
-    assert status == 0 and not err and "frozen" in out
-    for name in ("scores.csv", "report.html", "summary.json"):
-        assert (whole / name).stat().st_size > 500
+    flexaxis(capsys, "run", short_toml, *BOTH, "-o", tmp_path / "r", "-q")
     rows = [json.loads((folder / "summary.json").read_text())["rows"]
             for folder in (whole, tmp_path / "r")]  # fmt: skip
     for one, other in zip(*rows, strict=True):
@@ -273,6 +286,7 @@ def test_a_benchmark_from_the_command_line_to_its_artefacts(capsys, short_toml, 
     assert status == 1 and "difference is 0 " not in out
 
 
+@pytest.mark.slow
 def test_a_sweep_is_a_table_a_sentence_and_a_figure(capsys, short_toml, monkeypatch, tmp_path):
     """Faster settings are noisier; the reference is beside any estimator."""
     monkeypatch.chdir(tmp_path)
@@ -301,24 +315,36 @@ friction.coulomb = [0, 0.05]
 """
 
 
-def test_a_fault_study_from_the_command_line_to_its_artefacts(capsys, short_toml, monkeypatch):
-    """The plan first, then the table of results, a page, and nothing to do the second time."""
+@pytest.fixture
+def sizes(short_toml, monkeypatch):
+    """Define a study of four variants in the current folder."""
     monkeypatch.chdir(short_toml.parent)
     Path("sizes.toml").write_text(STUDY, encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_plan_of_a_study_and_a_second_run_that_changes_nothing(capsys, sizes):
     status, out, _ = flexaxis(capsys, "study", "sizes.toml", "--dry-run")
     assert status == 0 and "4 variants, 16 cases: about" in out
     assert "fault[0].factor = 1.2, friction.coulomb = 0.05" in out and "MB in" in out
     assert not Path("results").exists()
-    status, out, _ = flexaxis(capsys, "study", "sizes.toml", "--jobs", 1)
-    *table, path = out.splitlines()
-    assert status == 0 and path == "report: results/sizes/report.html"
-    assert sum("frozen" in line for line in table) == sum("ekf" in line for line in table) == 4
-    assert Path(path.removeprefix("report: ")).stat().st_size > 5000
+    out = flexaxis(capsys, "study", "sizes.toml", "--jobs", 1)[1]
     before = Path("results/sizes/scores.csv").read_bytes()  # with the time of each case
     assert flexaxis(capsys, "study", "sizes.toml", "--jobs", 1)[1] == out
     assert Path("results/sizes/scores.csv").read_bytes() == before
     told = json.loads(flexaxis(capsys, "study", "sizes.toml", "--dry-run", "--json")[1])
     assert told["cases"] == 16 and told["seconds"] > 0
+
+
+@pytest.mark.whole
+def test_a_fault_study_from_the_command_line_to_its_artefacts(capsys, sizes):
+    """A table of results and a page."""
+    Path("sizes.toml").write_text(STUDY.replace("[0, 0.05]", "[0.05]"), encoding="utf-8")
+    status, out, _ = flexaxis(capsys, "study", "sizes.toml", "--jobs", 1)
+    *table, path = out.splitlines()
+    assert status == 0 and path == "report: results/sizes/report.html"
+    assert sum("frozen" in line for line in table) == sum("ekf" in line for line in table) == 2
+    assert Path(path.removeprefix("report: ")).stat().st_size > 5000
 
 
 # ---------------------------------------------------------------- json and files

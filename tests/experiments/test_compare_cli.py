@@ -6,6 +6,7 @@ import pytest
 
 from tests.experiments.command import flexaxis
 
+pytestmark = pytest.mark.usefixtures("recorded")
 SLOW = "rpem-forgetting[forgetting=0.999]"  # 2 s after the fault its lag is twice as long
 
 
@@ -14,6 +15,7 @@ def compare(capsys, short_toml, tmp_path, candidate, *more):
     return flexaxis(capsys, "compare", short_toml, *words, "-o", tmp_path / "out", *more)
 
 
+@pytest.mark.whole
 def test_a_regression(capsys, short_toml, tmp_path):
     status, out, _ = compare(capsys, short_toml, tmp_path, SLOW)
     assert status == 1
@@ -49,6 +51,7 @@ def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
     assert status == 3 and out.startswith("UNDECIDED: 2 of 2 runs newly diverge")
 
 
+@pytest.mark.slow
 def test_stored_runs(capsys, short_toml, tmp_path):
     for name, estimator in (("old", "rpem-forgetting"), ("new", SLOW)):
         words = ("--estimator", estimator, "--seeds", "8", "--jobs", "1", "-o", tmp_path / name)

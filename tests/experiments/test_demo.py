@@ -140,6 +140,7 @@ def test_a_foreign_host_or_origin_is_refused():
         server.stop()
 
 
+@pytest.mark.whole
 def test_a_lesson_is_served_from_the_command_line(tmp_path):
     """On this computer only, until SIGTERM, with status 0."""
     lesson = tmp_path / "lesson.toml"

@@ -23,15 +23,7 @@ SHORT = {"duration": 8.0, "fault[0].at": 6.0}
 HELD_BACK = 120  # samples, .6 s
 
 
-@pytest.fixture(scope="module")
-def common(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture(autouse=True)
-def simulated_once(common, monkeypatch):
-    """All tests here are on the same records: one folder for them."""
-    monkeypatch.setenv("FLEXAXIS_CACHE", str(common))
+pytestmark = pytest.mark.usefixtures("recorded")
 
 
 class Same:
