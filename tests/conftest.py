@@ -65,7 +65,7 @@ def pytest_runtest_call(item):
     result = yield
     seconds = used() - item.config.stash[SHARED][0] - item.stash[START]
     if seconds > LIMIT and not EXEMPT & item.keywords.keys():
-        seconds *= REFERENCE / max(additions() for _ in range(2))
+        seconds *= REFERENCE / max(additions() for _ in range(5))
         if seconds > LIMIT:
             pytest.fail(f"{seconds:.1f} s of CPU: mark it slow, or give it smaller data")
     return result

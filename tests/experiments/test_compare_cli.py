@@ -15,7 +15,6 @@ def compare(capsys, short_toml, tmp_path, candidate, *more):
     return flexaxis(capsys, "compare", short_toml, *words, "-o", tmp_path / "out", *more)
 
 
-@pytest.mark.whole
 def test_a_regression(capsys, short_toml, tmp_path):
     status, out, _ = compare(capsys, short_toml, tmp_path, SLOW)
     assert status == 1
