@@ -101,7 +101,7 @@ class Results(engine.Results):
         return axes[0]
 
     def report(self) -> Path:
-        """Write report.html to the results folder, or else to the current one; return its path."""
+        """Write report.html to the results folder (else the current folder); return its path."""
         path = (self.folder or Path()) / REPORT
         studies.write_report(self, path)
         return path
