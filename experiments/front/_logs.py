@@ -13,12 +13,11 @@ from typing import Any
 import pandas as pd
 
 from flexaxis._records import draw
-from flexaxis.experiments.logs import pages
+from flexaxis.experiments.logs import importing, pages
 from flexaxis.experiments.logs import track as tracking
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.findings import MARKS, texts_of
 from flexaxis.experiments.logs.identify import identify as fitted
-from flexaxis.experiments.logs.importing import Imported, import_any
 from flexaxis.experiments.logs.many import find_logs, identify_many
 from flexaxis.experiments.logs.verdict import validate as validated
 from flexaxis.experiments.running.estimators import parse
@@ -83,11 +82,11 @@ class LogResult:
         return "\n".join([self.page.finding.text, *numbers, *lines])
 
 
-def _read(log: Log, options: Mapping[str, Any] | None) -> Imported:
+def _read(log: Log, options: Mapping[str, Any] | None) -> importing.Imported:
     """Return the record of a log and its checks; print the problems that would spoil estimates."""
     if not isinstance(log, str | Path):
-        return Imported(getattr(log, "record", log), ())  # type: ignore[arg-type]
-    result = import_any(Path(log), **(options or {}))
+        return importing.Imported(getattr(log, "record", log), ())  # type: ignore[arg-type]
+    result = importing.import_log(Path(log), **(options or {}))
     for text in texts_of(result.checks, "problem"):
         print(f"✗ {log}: {text}", file=sys.stderr)
     return result

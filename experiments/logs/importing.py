@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -47,52 +48,75 @@ class Imported:
 
 
 def import_log(
-    path: Path,
-    tables: Mapping[str, Any],
-    *,
-    resample: float | None = None,
-    burn_in: float | None = None,
+    path: Path, *, resample: float | None = None, burn_in: float | None = None, **tables: Any
 ) -> Imported:
-    """Read a log, check it and make a record of it.
+    """Read a log, check it and make a record of it; or load a record that flexaxis wrote.
+
+    Such a record takes a burn-in only. It has no checks: they are on the page of its import.
 
     Parameters
     ----------
     path : Path
-        CSV, MAT or HDF5, see `read.open_log`.
-    tables : mapping
-        As for `mapping_from`.
+        CSV, MAT, HDF5 or NetCDF, see `read.open_log`; or a record.
     resample : float, optional
         New rate [Hz], a whole fraction of that of the log.
     burn_in : float, optional
         Time from the start that is not to be fitted [s]. By default 0 for a log that starts at
         rest, as the estimators do, else a second, or a tenth of a short log.
+    **tables
+        As for `mapping_from`.
 
     Raises
     ------
     LogError
-        If the log cannot be used; the message begins with its name.
+        If the log cannot be used, or an option is not for a record; the message begins with the
+        path.
     """
+    record = None
+    with suppress(RecordError):
+        record = load_record(path)
     try:
-        mapping = mapping_from(tables, source="options")
-        raw, stamps = on_clock(pick(open_log(path, mapping.header), mapping))
-        refuse_nonsense(raw)
-        raw, lines = without_interpolation(raw)
-        kind, because = torque_kind(raw, mapping.torque_is, mapping.torque or "torque")
-        record, jitter = _on_grid(raw, smooth=kind == "smooth", rate=resample)
-        scaled = abs(mapping.scale.get("torque", 1.0)) != 1
-        unit = "Nm" if scaled else raw.unit.get("torque", "")
-        about = {
-            "flexaxis": version("flexaxis"),
-            "log": path.name,
-            "torque": kind,
-            "torque_because": because,
-            "torque_unit": {"mA": "A", "mV": "V", "%": "1"}.get(unit, unit),
-            "motion": "linear" if raw.linear else "rotary",
-        }
-        about = {key: text for key, text in about.items() if text}
-        record = _with_burn_in(replace(record, versions=about), burn_in)
+        if record is None or not record.versions:  # a log in HDF5, which somebody else wrote
+            result = _imported(path, tables, resample)
+        elif wrong := [n.replace("_", "-") for n in (*tables, *["resample"] * bool(resample))]:
+            raise LogError(
+                "is a record that flexaxis wrote, with signals in SI on an even grid; "
+                f"--{', --'.join(wrong)} are for logs: import "
+                f"{record.versions.get('log', 'its log')} with them"
+            )
+        else:
+            result = Imported(record, ())
+        seconds = len(result.record.time) * result.record.period
+        if burn_in is None:
+            return result
+        if not 0 <= burn_in < 0.9 * seconds:
+            raise LogError(
+                f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
+                f"{seconds:.4g} s"
+            )
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
+    return replace(result, record=replace(result.record, burn_in=burn_in))
+
+
+def _imported(path: Path, tables: Mapping[str, Any], resample: float | None) -> Imported:
+    mapping = mapping_from(tables, source="options")
+    raw, stamps = on_clock(pick(open_log(path, mapping.header), mapping))
+    refuse_nonsense(raw)
+    raw, lines = without_interpolation(raw)
+    kind, because = torque_kind(raw, mapping.torque_is, mapping.torque or "torque")
+    record, jitter = _on_grid(raw, smooth=kind == "smooth", rate=resample)
+    scaled = abs(mapping.scale.get("torque", 1.0)) != 1
+    unit = "Nm" if scaled else raw.unit.get("torque", "")
+    about = {
+        "flexaxis": version("flexaxis"),
+        "log": path.name,
+        "torque": kind,
+        "torque_because": because,
+        "torque_unit": {"mA": "A", "mV": "V", "%": "1"}.get(unit, unit),
+        "motion": "linear" if raw.linear else "rotary",
+    }
+    record = replace(record, versions=about)
     remarks = tuple(filter(None, (stamps, lines, jitter)))
     return Imported(record, examine(Evidence(raw, record, remarks)))
 
@@ -243,43 +267,3 @@ def _record(time: Array, signals: dict[str, Any], valid: Flags) -> Record:
         time=time, **signals, increment=increment, valid=None if valid.all() else valid,
         burn_in=0.0 if resting else min(BURN_IN, 0.1 * len(time) * period),
     )  # fmt: skip
-
-
-def _with_burn_in(record: Record, burn_in: float | None) -> Record:
-    seconds = len(record.time) * record.period
-    if burn_in is None:
-        return record
-    if not 0 <= burn_in < 0.9 * seconds:
-        raise LogError(
-            f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
-            f"{seconds:.4g} s"
-        )
-    return replace(record, burn_in=burn_in)
-
-
-def import_any(
-    path: Path, *, resample: float | None = None, burn_in: float | None = None, **tables: Any
-) -> Imported:
-    """Return a record from a record file, or import a log with the options of `import_log`.
-
-    A record that flexaxis wrote takes a burn-in only. It has no checks here: they are on the page
-    of its import.
-
-    Raises
-    ------
-    LogError
-        If the log cannot be used, or an option is not for a record.
-    """
-    try:
-        record = load_record(path)
-    except RecordError:
-        record = None
-    if record is None or not record.versions:  # a log in HDF5, which somebody else wrote
-        return import_log(path, tables, resample=resample, burn_in=burn_in)
-    if wrong := [name.replace("_", "-") for name in (*tables, *["resample"] * bool(resample))]:
-        log = record.versions.get("log", "its log")
-        raise LogError(
-            f"{path}: is a record that flexaxis wrote, with signals in SI on an even grid; "
-            f"--{', --'.join(wrong)} are for logs: import {log} with them"
-        )
-    return Imported(_with_burn_in(record, burn_in), ())

@@ -16,7 +16,7 @@ from flexaxis.experiments.logs.changes import Explained, explain
 from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.fit import deviations_of
 from flexaxis.experiments.logs.identify import free_names, identify
-from flexaxis.experiments.logs.importing import import_any
+from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.read import open_log
 from flexaxis.experiments.logs.setup import Setup
 from flexaxis.experiments.logs.signals import log_of
@@ -103,7 +103,7 @@ def identify_many(
     findings: list[Finding] = []
     for path in logs:
         try:
-            record = import_any(path, **tables).record
+            record = import_log(path, **tables).record
             if not axis.known:
                 axis = identify(record, axis).axis
             known = [n for n in axis.deviation if n in axis.model.parameters]

@@ -52,5 +52,5 @@ def test_text_of_a_log(tmp_path, text):
     path = tmp_path / "log.csv"
     path.write_text(text, encoding="utf-8", errors="replace")
     with suppress(FlexaxisError):
-        record = import_log(path, {"torque_is": "held"}).record
+        record = import_log(path, torque_is="held").record
         assert np.isfinite(record.time).all() and len(record.time) > 1

@@ -24,7 +24,7 @@ def record():
 
 def round_trip(record, style, path, tables):
     write_log(path, record, style, np.random.default_rng(0))
-    return import_log(path, {"torque_is": "held"} | tables, burn_in=0.0).record
+    return import_log(path, torque_is="held", burn_in=0.0, **tables).record
 
 
 def test_round_trip_within_the_resolution(record, tmp_path):

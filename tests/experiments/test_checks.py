@@ -9,7 +9,7 @@ from scipy.signal import butter, lfilter, sosfilt
 
 from flexaxis.experiments.logs.checks import outliers
 from flexaxis.experiments.logs.findings import Finding, LogError
-from flexaxis.experiments.logs.importing import import_any, import_log
+from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.signals import resolution, rhythm, unwrapped
 
 T, FINE = 1e-3, 20  # s, steps of the simulation a sample
@@ -41,7 +41,7 @@ def imported(folder, columns, tables=None, **treatment):
     with h5py.File(folder / "log.h5", "w") as file:
         for name, values in columns.items():
             file[name] = values
-    return import_log(folder / "log.h5", tables or {}, **treatment)
+    return import_log(folder / "log.h5", **(tables or {}), **treatment)
 
 
 def seen(result, name):
@@ -297,7 +297,7 @@ def test_a_record_takes_a_burn_in_and_no_columns(clean, tmp_path):
     record = imported(tmp_path, {n: x[kept] for n, x in clean.items()}).record
     assert (~record.valid).sum() == 11
     path = record.save(tmp_path / "rec.nc")
-    again = import_any(path, burn_in=1.5).record
+    again = import_log(path, burn_in=1.5).record
     assert again.burn_in == 1.5 and again.versions == record.versions
     np.testing.assert_array_equal(again.increment, record.increment)
     for tables, options, said in (
@@ -306,7 +306,7 @@ def test_a_record_takes_a_burn_in_and_no_columns(clean, tmp_path):
         ({}, {"burn_in": 19.0}, "--burn-in 19 s"),
     ):
         with pytest.raises(LogError, match=said):
-            import_any(path, **tables, **options)
+            import_log(path, **tables, **options)
 
 
 @pytest.mark.parametrize("counts", [8, 24, 500, 65536])

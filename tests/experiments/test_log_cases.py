@@ -45,7 +45,7 @@ def found(tmp_path, columns, tables=None, model="two_mass", **options):
         tmp_path / "log.csv", np.column_stack([*columns.values()]), "%.9g", ",",
         header=",".join(columns), comments="",
     )  # fmt: skip
-    record = import_log(tmp_path / "log.csv", {"torque_is": "held"} | (tables or {})).record
+    record = import_log(tmp_path / "log.csv", **{"torque_is": "held"} | (tables or {})).record
     return identify(record, find_axis(model), friction="none", gravity="none", **options)
 
 

@@ -33,7 +33,7 @@ def of_gaps(scenario, number, path, seed=0):
     """A log in which up to 20 rows are missing, several times."""
     style = LogStyle(gaps=number)
     write_log(path, simulate(scenario, [seed])[0], style, np.random.default_rng(seed))
-    return import_log(path, {"torque_is": "held"}, burn_in=0.0).record
+    return import_log(path, torque_is="held", burn_in=0.0).record
 
 
 def test_parameters_are_those_of_a_log_without(scenario, truth, tmp_path):

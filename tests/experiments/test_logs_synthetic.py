@@ -148,7 +148,7 @@ def test_resampling_keeps_the_mean_torque_and_the_motion(columns, tmp_path, caps
         "angle": np.sin(2 * np.pi * 5 * t),
     }
     log = write_csv(tmp_path / "log.csv", data)
-    record = import_log(log, {}, resample=500.0).record
+    record = import_log(log, resample=500.0).record
     inner = slice(200, -200)  # off the ends of the filter
     assert record.period == pytest.approx(0.002)
     expected = np.sin(2 * np.pi * 5 * record.time)

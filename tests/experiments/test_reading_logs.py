@@ -218,9 +218,9 @@ def test_several_axes_of_one_file_and_some_of_its_rows(tmp_path):
 
 def test_what_was_stated_is_kept_with_the_record(tmp_path):
     written(tmp_path, table())
-    told = import_log(tmp_path / "log.csv", {"torque_is": "smooth"}).record.versions
+    told = import_log(tmp_path / "log.csv", torque_is="smooth").record.versions
     assert told["torque"] == "smooth" and told["torque_because"].startswith("as stated")
-    guessed = import_log(tmp_path / "log.csv", {}).record.versions
+    guessed = import_log(tmp_path / "log.csv").record.versions
     assert guessed["torque"] == "held" and not guessed["torque_because"].startswith("as stated")
 
 
