@@ -91,7 +91,7 @@ def identify_many(
     axis : Axis
         As identified, or a shipped model, which is then identified from the first log.
     tables : mapping
-        How to read a log, as for `importing.import_any`.
+        How to read a log, as for `importing.import_log`.
     covariates : sequence of str
         Columns of the logs, of which the mean is taken.
     free : sequence of str

@@ -276,7 +276,7 @@ class Search:
             with suppress(LogError):
                 theta, lag = fit_response(
                     linear, self._response(level, floor), identify=own, period=setup.log.period,
-                    output=setup.log.output, delay=setup.delay, earliest=setup.earliest,
+                    output=setup.log.output, earliest=setup.earliest,
                 )  # fmt: skip
                 values = dict(zip(own, theta.tolist(), strict=True))
                 places.append((setup.having(values).start, lag))

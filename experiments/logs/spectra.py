@@ -126,10 +126,9 @@ def fit_response(
     identify: Sequence[str],
     period: float,
     output: str,
-    delay: float | None,
     earliest: float,
 ) -> tuple[Array, float]:
-    """Fit parameters, and the delay unless it is known, to a measured frequency response.
+    """Fit parameters and the delay of the torque to a measured frequency response.
 
     The error is that of the logarithm, so that resonance and antiresonance count alike. Several
     starts about the nominal values, as it has local minima.
@@ -143,8 +142,6 @@ def fit_response(
     period : float
         [s].
     output : {"speed", "increment"}
-    delay : float or None
-        Known delay of the torque [s].
     earliest : float
         Least delay to look for [s].
 
@@ -172,15 +169,13 @@ def fit_response(
         rows = weight[:, None] * np.column_stack([slopes * theta / fitted[:, None], turn])
         return np.r_[error.real, error.imag], np.r_[rows.real, rows.imag]
 
-    late, room = (0.1, LATEST) if delay is None else (delay / period, 1e-9)
-    low = earliest / period - 1e-6 if delay is None else late - room
-    box = np.r_[np.full(p, -7.0), low], np.r_[np.full(p, 7.0), late + room]
+    box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), LATEST]
     random = np.random.default_rng(0)
     starts = (np.clip(spread * random.standard_normal(p), -2, 2) for spread in SPREAD)
     try:
         fits = [
             least_squares(
-                lambda x: compared(x)[0], np.r_[start, late], jac=lambda x: compared(x)[1],
+                lambda x: compared(x)[0], np.r_[start, 0.1], jac=lambda x: compared(x)[1],
                 bounds=box, loss="soft_l1", f_scale=0.3, max_nfev=60,
             )
             for start in starts
@@ -191,8 +186,7 @@ def fit_response(
             "give others with --start NAME=VALUE"
         ) from error
     best = min(fits, key=lambda fit: float(fit.cost)).x
-    late = max(float(best[p] * period), earliest) if delay is None else delay
-    return chosen.theta * np.exp(best[:p]), late
+    return chosen.theta * np.exp(best[:p]), max(float(best[p] * period), earliest)
 
 
 def rough_guess(
