@@ -19,7 +19,7 @@ from flexaxis.estimators.models.axes import PAPER, three_mass
 from flexaxis.estimators.models.meaning import moving_poles
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.signals import find_signal
-from flexaxis.estimators.tuned import tuned
+from flexaxis.estimators.tuned import at_equal_noise
 
 SHORT = 0.1  # of the slowest time constant, below which a memory is too short: with 1 s and an axis
 # that coasts for 13.5 s estimates run away, with one of 4 s they do not
@@ -77,7 +77,9 @@ class Problem:
 
     def tuned(self, name: str) -> float | None:
         """Return the knob of an estimator as tuned for this axis; None where it was not."""
-        return tuned(name, self.model, self.period, self.identify)
+        tuning = at_equal_noise(name)
+        axis = self.model, self.period, self.identify
+        return tuning.value if tuning and tuning.holds_for(*axis) else None
 
     def factor(self, name: str, forgetting: float | None) -> float:
         """Return λ: as given, as tuned for this axis, or of 1 s; warn where that is short."""

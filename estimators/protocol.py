@@ -1,7 +1,7 @@
 """
-What an estimator is, and what it may tell of a change.
+What an estimator is, and how it reports a change.
 
-A structural protocol, so that a user's class imports nothing of ours.
+The protocol is structural, so that a user's class imports nothing of ours.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from flexaxis.estimators.signals import check_signals
 
 
 class StepError(EstimatorError):
-    """What `step` returned is not one number for each name."""
+    """An estimator returned something other than one number for each name."""
 
 
 @runtime_checkable
@@ -25,16 +25,16 @@ class Estimator(Protocol):
     Anything with names, an output and a step.
 
     Optional: ``run(u, y, valid=None) -> (N, p)``, the same numbers faster; ``covariance`` (p, p);
-    ``innovations`` (N, 2), of each sample of the last ``run`` y − ŷ before y was used, and the
-    variance claimed of it, NaN where there was no y; ``alarm`` (bool); ``findings``, a sequence of
-    objects with ``alarm`` (sample) and ``parameters`` (names of what has changed); ``reset()``.
+    ``innovations`` (N, 2), y − ŷ of each sample of the last ``run`` and its claimed variance, NaN
+    where there was no y; ``alarm`` (bool); ``findings``, a sequence of objects with ``alarm``
+    (sample) and ``parameters`` (names of what has changed); ``reset()``.
 
     Attributes
     ----------
     names : sequence of str
-        What θ means, in this order.
+        The meaning of θ, in this order.
     output : str
-        What it reads, of `flexaxis.estimators.signals.SIGNALS`: such as ``"speed"``.
+        The signal that it reads, a name in `flexaxis.estimators.signals.SIGNALS`.
     """
 
     @property
@@ -50,23 +50,22 @@ class Estimator(Protocol):
 @dataclass(frozen=True)
 class Finding:
     """
-    A change that was found.
+    A detected change.
 
     Attributes
     ----------
     alarm : int
-        Sample at which it was found.
+        Sample of the detection.
     onset : int
-        Sample after which the parameters were different.
+        Last sample with the old parameters.
     parameters : tuple of str
-        What changed; empty for an unmodelled change, which no hypothesis explains.
+        Parameters that changed; empty for a change that no hypothesis explains.
     ratio : tuple of float
-        New value over the value before, for each.
+        New value over old value, for each parameter.
     reason : str
-        Why there are no parameters, in words; empty where there are.
+        Why there are no parameters; empty where there are.
     interval : tuple of (float, float)
-        Between which the ratio lies with a probability of 95 %, for each; empty where none is
-        claimed.
+        95 % interval of the ratio, for each parameter; empty if none is claimed.
     """
 
     alarm: int
@@ -81,12 +80,12 @@ def run_estimator(
     estimator: Estimator, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
 ) -> NDArray[np.float64]:
     """
-    Run an estimator over N samples, by its own ``run`` if it has one, else step by step.
+    Run an estimator over N samples, by its own ``run`` if it has one, otherwise step by step.
 
     Parameters
     ----------
     estimator : Estimator
-        Left in the state after the last sample.
+        Afterwards in the state after the last sample.
     u, y : (N,) array_like
     valid : (N,) array_like of bool, optional
         False where y is missing.
@@ -99,12 +98,12 @@ def run_estimator(
     Raises
     ------
     EstimatorError
-        If the signals cannot be used, or what comes back is no numbers.
+        If the signals cannot be used, or the estimator returns no numbers.
     """
     u, y, present = check_signals(u, y, valid)
     run = getattr(estimator, "run", None)
     if run is not None:
-        missing = () if present.all() else (present,)  # a user's run may know no gaps
+        missing = () if present.all() else (present,)  # a user's run may not support gaps
         return numbers_of(run(u, y, *missing), run)
     names = tuple(estimator.names)
     estimates, k = np.empty((len(u), len(names))), 0
@@ -113,7 +112,7 @@ def run_estimator(
             theta = estimator.step(float(u[k]), float(y[k]) if present[k] else None)
             estimates[k] = theta_of(theta, names, estimator)
     except BaseException as error:
-        error.at_sample = k  # type: ignore[attr-defined]  # for whoever says where it was
+        error.at_sample = k  # type: ignore[attr-defined]  # for the message of the runner
         raise
     return estimates
 
@@ -122,15 +121,15 @@ def theta_of(
     returned: ArrayLike, names: Sequence[str], estimator: Estimator
 ) -> NDArray[np.float64]:
     """
-    Return what a step returned as numbers, one for each name.
+    Return the result of a step as floats, one for each name.
 
     Parameters
     ----------
     returned : (p,) array_like
-        A single number as well, where p is 1.
+        A single number as well if p is 1.
     names : sequence of str
     estimator : Estimator
-        Whose step it was, for the message.
+        The estimator that returned it, for the message.
 
     Returns
     -------
@@ -139,8 +138,7 @@ def theta_of(
     Raises
     ------
     StepError
-        If it has another number of values; one would otherwise stand for all of them. Or if they
-        are texts or truths, which only look like numbers.
+        If it is not numbers, or has another number of values.
     """
     theta = numbers_of(returned, estimator.step)
     if returned is not None and theta.size == len(names):
@@ -152,44 +150,24 @@ def theta_of(
 
 def numbers_of(returned: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
     """
-    Return what a call returned as floats, NaN where an array is masked.
+    Return the result of a call as floats, NaN where an array is masked.
 
     Parameters
     ----------
     returned : array_like
     call : callable
-        What returned it, for the message.
-
-    Returns
-    -------
-    ndarray of float
+        The function that returned it, for the message.
 
     Raises
     ------
     StepError
-        If it is something else, although NumPy may make floats of it.
+        If it is not numbers.
     """
-    array = np.asarray(returned)
-    kind = array.dtype.kind
-    if kind == "O":  # such as decimals, but not whatever a float can be read from
-        odd = next((x for x in array.flat if isinstance(x, str | bytes | bool)), 0.0)
-        kind = np.asarray(odd).dtype.kind
-    if kind in _NO_NUMBERS:
+    try:
+        return np.asarray(np.ma.filled(returned, np.nan), float)
+    except (TypeError, ValueError) as error:
         name = getattr(call, "__name__", "it")
-        raise StepError(
-            f"{name} returned {_NO_NUMBERS[kind]}, and numbers are needed{_place(call)}"
-        )
-    values = np.asarray(array, float)
-    if isinstance(returned, np.ma.MaskedArray):
-        return np.where(np.ma.getmaskarray(returned), np.nan, values)
-    return values
-
-
-_NO_NUMBERS = {
-    "b": "truths", "U": "texts", "S": "bytes", "c": "complex numbers", "V": "records", "M": "dates",
-    "m": "durations",
-}  # fmt: skip
-"""Kinds of arrays that NumPy would turn into floats, or whose imaginary parts it would drop."""
+        raise StepError(f"{name} returned no numbers: {error}{_place(call)}") from None
 
 
 def _place(call: Callable[..., object]) -> str:

@@ -1,4 +1,4 @@
-"""The estimators by name: modules of methods/ bring their own entries."""
+"""The estimators by name, from the `ENTRIES` of the modules of methods/."""
 
 import inspect
 import pkgutil
@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.estimators import methods
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.knob import Declared, Knob, make_knob, options_of
+from flexaxis.estimators.knob import Knob, make_knob
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.problem import Nominal, make_problem
-from flexaxis.estimators.tuned import Tuning, at_equal_noise
+from flexaxis.estimators.tuned import at_equal_noise
 
 if TYPE_CHECKING:
     from flexaxis.estimators.protocol import Estimator
 
-GIVEN = ("identify", "output", "P0", "torque", "bounds", "onsets")  # by who builds it: no options
+GIVEN = ("identify", "output", "P0", "torque", "bounds", "onsets")  # filled in: no options
 
 
 @dataclass(frozen=True)
@@ -33,24 +33,24 @@ class Entry:
         One line for lists and reports.
     make : callable
         ``make(problem, *, <its own options>)``, of a `flexaxis.estimators.problem.Problem`.
-    knob : str, path or None
-        What trades tracking speed against variance, as for `flexaxis.estimators.knob.make_knob`.
+    knob : str or None
+        The tuning parameter, as for `flexaxis.estimators.knob.make_knob`.
     default : float or None
-        Of the one option that is the knob, on an axis for which it was not tuned; a forgetting
-        factor for 5 ms, as which it stands for a time constant.
+        Default of the tuning parameter on an axis for which it was not tuned; a forgetting factor
+        for 5 ms, which stands for a time constant.
     rank : float
-        Place in lists, and when looks are given out for a page.
+        Place in lists, and in the order of colours.
     laws : bool
-        Whether it can be asked to identify parameters of friction and other laws; who cannot is
-        asked for the others.
+        Whether it can identify parameters of friction and other laws; others are asked only for
+        linear parameters.
     told_noise : bool
-        Whether it makes use of the noise of y where that is told.
+        Whether it uses a known noise of y.
     """
 
     name: str
     summary: str
     make: Callable[..., "Estimator"]
-    knob: Declared | None = None
+    knob: str | None = None
     default: float | None = None
     rank: float = 100.0
     laws: bool = False
@@ -59,13 +59,13 @@ class Entry:
     @cached_property
     def factory(self) -> Callable[..., "Estimator"]:
         """
-        The door for who builds it from plain values.
+        Function that builds it from plain values.
 
         ``factory(nominal, period, *, identify, output, P0, torque, noise, bounds, <options>)``.
-        θ(0) is read from ``nominal``, a mapping of physical parameters to values for the paper's
-        axis, or another model with its own. ``P0`` is P(0) of the methods that have one: as given,
-        else by the paper's recipe on ``torque``, the (N,) torque of a nominal run; the others take
-        and leave it.
+        ``nominal`` maps the physical parameters of the paper's axis to values, or is another model
+        with its own values; θ(0) comes from it. ``P0`` is P(0) of the methods that have one. By
+        default it follows from the paper's recipe on ``torque``, the (N,) torque of a nominal run.
+        Other methods ignore it.
         """
         own = [*inspect.signature(self.make).parameters.values()][1:]
         every = inspect.signature(make_problem).parameters
@@ -85,36 +85,23 @@ class Entry:
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Names of the options with their defaults on the nominal axis, as the factory has them."""
-        options, tuning = self._own, self.tuning
-        if isinstance(self.knob, str):
-            (name,) = options_of(self.knob)
-            if options.get(name) is None:
-                options[name] = tuning.value if tuning else self.default or 0.0
-        elif self.knob is not None and tuning:
-            options |= make_knob(self.knob, options, usual=tuning.value).turned(1.0) or {}
+        """Names of the options, with their defaults on the nominal axis."""
+        options = self._own
+        if self.knob:
+            name = self.knob.removeprefix("1-").removeprefix("1/")
+            if options[name] is None:
+                tuning = at_equal_noise(self.name)
+                options[name] = tuning.value if tuning else self.default
         return options
 
     @property
     def turning(self) -> Knob | None:
-        """Its knob, which stands where it was tuned to."""
-        if self.knob is None:
-            return None
-        usual = self.tuning.value if self.tuning else 1.0
-        return make_knob(self.knob, self.options, usual=usual)
-
-    @property
-    def tuning(self) -> Tuning | None:
-        """What its knob is on the axis that it was tuned for, if that is its default there."""
-        if self.knob is None:
-            return None
-        own = self._own
-        left_open = all(name in own and own[name] is None for name in options_of(self.knob))
-        return at_equal_noise(self.name) if left_open else None
+        """Its knob, at the tuned setting."""
+        return make_knob(self.knob, self.options) if self.knob else None
 
     @property
     def _own(self) -> dict[str, Any]:
-        """The options with their defaults, as the factory's signature has them."""
+        """The options with the defaults of the factory's signature."""
         signature = inspect.signature(self.factory).parameters.values()
         keywords = {p.name: p.default for p in signature if p.kind is p.KEYWORD_ONLY}
         return {name: value for name, value in keywords.items() if name not in GIVEN}
@@ -124,13 +111,13 @@ DEFAULT_IDENTIFY = PAPER
 
 
 class _Unknown(EstimatorError, KeyError):
-    """No estimator has this name: what a mapping raises, in words for a user."""
+    """No estimator has this name: a mapping raises KeyError, a user reads the message."""
 
-    __str__ = Exception.__str__  # not the repr, as of a KeyError
+    __str__ = Exception.__str__  # a KeyError shows the repr
 
 
 class _Registry(Mapping[str, Entry]):
-    """Entries by name, in the order of their rank; read when first asked for."""
+    """Entries by name, in the order of their rank; imported on first use."""
 
     def __getitem__(self, name: str) -> Entry:
         if name not in _entries():
@@ -146,9 +133,9 @@ class _Registry(Mapping[str, Entry]):
 
 REGISTRY: Mapping[str, Entry] = _Registry()
 """
-All registered estimators: every `ENTRIES` of a module of `flexaxis.estimators.methods`.
+All registered estimators: the `ENTRIES` of the modules of `flexaxis.estimators.methods`.
 
-A name that is not there raises an error that is an `EstimatorError` and a `KeyError`.
+An unknown name raises an error that is both an `EstimatorError` and a `KeyError`.
 """
 
 

@@ -1,4 +1,4 @@
-"""Settings found by `flexaxis tune`, and on which axis they hold."""
+"""Settings that `flexaxis tune` has found, and the axis that they hold for."""
 
 import tomllib
 from collections.abc import Sequence
@@ -74,14 +74,6 @@ class Tuning:
             and moves_as(model, self.model)
         )
 
-    @property
-    def axis(self) -> str:
-        """In words: which axis it holds for."""
-        return (
-            f"{self.model} at {1000 * self.period:g} ms, {', '.join(self.identify)}, "
-            f"noise {self.noise:g} rad/s"
-        )
-
 
 @lru_cache
 def tunings() -> tuple[Tuning, ...]:
@@ -93,22 +85,3 @@ def tunings() -> tuple[Tuning, ...]:
 def at_equal_noise(estimator: str) -> Tuning | None:
     """Return the setting of an estimator at matched noise, on the axis that is in it."""
     return next((t for t in tunings() if t.estimator == estimator), None)
-
-
-def tuned(name: str, model: Model, period: float, identify: Sequence[str]) -> float | None:
-    """
-    Return the value of an estimator's knob at matched noise, None where none holds for the axis.
-
-    Parameters
-    ----------
-    name : str
-        Of the estimator, in the registry.
-    model : Model
-        With the nominal values that it is told, and starts from.
-    period : float
-        Sampling period [s].
-    identify : sequence of str
-        What it is to estimate.
-    """
-    tuning = at_equal_noise(name)
-    return tuning.value if tuning and tuning.holds_for(model, period, identify) else None

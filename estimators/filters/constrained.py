@@ -17,13 +17,13 @@ difference of the two estimates, as of any mixture.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.compiler import inlined
-from flexaxis.estimators.models.memory import items, matrix
+from flexaxis.estimators.models.memory import Indices, Matrix, Vector
 
 LEVEL = 0.95  # of χ², at which what was told and what was learnt weigh the same
 SETTLED = 1e-9  # of a variance, below which nothing is left of it
@@ -49,17 +49,17 @@ class Told(NamedTuple):
         w.
     """
 
-    union: NDArray[np.int64]
-    members: NDArray[np.int64]
-    values: NDArray[np.float64]
-    limit: NDArray[np.float64]
-    drawn: NDArray[np.float64]
-    drawn_P: NDArray[np.float64]
-    drawn_between: NDArray[np.float64]
-    mean: NDArray[np.float64]
-    P: NDArray[np.float64]
-    column: NDArray[np.float64]
-    share: NDArray[np.float64]
+    union: Indices
+    members: Annotated[NDArray[np.int64], np.dtype(np.int64), 2]
+    values: Matrix
+    limit: Vector
+    drawn: Vector
+    drawn_P: Matrix
+    drawn_between: Matrix
+    mean: Vector
+    P: Matrix
+    column: Vector
+    share: Vector
 
 
 def told_arrays(
@@ -102,24 +102,6 @@ def told_arrays(
         "column": q,
         "told_share": np.zeros(len(limit)),
     }
-
-
-@inlined
-def told_in(block, at):
-    """Return what of a block `draw_estimates` needs, whose arrays come in the order of `Told`."""
-    return Told(
-        items(block, at[0])[0].view(np.int64),
-        matrix(block, at[1])[0].view(np.int64),
-        matrix(block, at[2])[0],
-        items(block, at[3])[0],
-        items(block, at[4])[0],
-        matrix(block, at[5])[0],
-        matrix(block, at[6])[0],
-        items(block, at[7])[0],
-        matrix(block, at[8])[0],
-        items(block, at[9])[0],
-        items(block, at[10])[0],
-    )
 
 
 @inlined

@@ -20,7 +20,7 @@ DEFAULT_BOX = (0.1, 10.0)  # times θ(0)
 @dataclass(frozen=True)
 class Design:
     """
-    What a filter is to do, in relative parameters η = θ/θ(0); made by `make_design`.
+    The checked options of a filter, in relative parameters η = θ/θ(0); made by `make_design`.
 
     In η a filter starts at one, whatever the units and signs of θ are.
 
@@ -31,7 +31,7 @@ class Design:
     scale : (p,) array
         θ(0), by which η is multiplied to give θ; ones for a design in θ itself.
     output : str
-        What y is, of `flexaxis.estimators.signals.SIGNALS`: such as ``"speed"``.
+        Name of the signal y in `flexaxis.estimators.signals.SIGNALS`.
     period : float
         Sampling period [s].
     theta0 : (p,) array
@@ -39,19 +39,18 @@ class Design:
     P0 : (p, p) array
         P(0) of η, for a noise variance of one.
     forgetting : float
-        λ of eq. (9); one where P is modified by Δ.
+        λ of eq. (9); one with covariance modification.
     drift : (p, p) array
-        Δ of eq. (10), for η; zero where P is forgotten.
+        Δ of eq. (10), for η; zero with forgetting.
     regularization : (p,) array
         Diagonal of μ I of eq. (11), (12), for η.
     lower, upper : (p,) arrays
         The box on which η is projected.
     noise : float
-        Standard deviation of y, in its unit; 0 where it has to be estimated.
-    x0 : (n,) array
-        State before the first sample.
+        Standard deviation of y, in its unit; 0 if it has to be estimated.
     x0_covariance : (n, n) array
-        Its covariance, of the states but for the torques of laws.
+        Covariance of the state at the first sample, without the torques of laws. The state itself
+        is zero.
     """
 
     model: Parametrization
@@ -66,7 +65,6 @@ class Design:
     lower: Array
     upper: Array
     noise: float
-    x0: Array
     x0_covariance: Array
 
     @property
@@ -94,8 +92,7 @@ def make_design(
     bounds: tuple[ArrayLike, ArrayLike] | None = None,
     output: str = "speed",
     noise: float | None = None,
-    x0: ArrayLike | None = None,
-    x0_covariance: ArrayLike | None = None,
+    x0_variance: ArrayLike = (),
     scale: ArrayLike | None = None,
 ) -> Design:
     """
@@ -103,11 +100,10 @@ def make_design(
 
     Parameters
     ----------
-    x0_covariance : (n,) or (n, n) array_like, optional
-        Covariance of the state at the first sample; zero, certain, by default. As in ``x0``, states
-        that laws have, or that are zero at the start of every sample, need not be given.
+    x0_variance : (n,) array_like, optional
+        Variances of the states of ``model`` at the first sample; zero by default.
     scale : (p,) array_like, optional
-        By what θ is divided in the place of θ(0): needed where parameters of laws start at zero.
+        Divides θ instead of θ(0), for parameters of laws that start at zero.
 
     Raises
     ------
@@ -124,6 +120,8 @@ def make_design(
     scale = _scale(start, scale)
     sides = lower / scale, upper / scale
     squares = np.outer(scale, scale)
+    initial = np.zeros(parametrization.states)
+    initial[: np.size(x0_variance)] = x0_variance
     return Design(
         model=parametrization.relative(scale),
         scale=scale,
@@ -137,8 +135,7 @@ def make_design(
         lower=np.minimum(*sides),
         upper=np.maximum(*sides),
         noise=0.0 if noise is None else above_zero("noise", noise, "the standard deviation of y"),
-        x0=_state("x0", x0, parametrization),
-        x0_covariance=_state_covariance(x0_covariance, parametrization),
+        x0_covariance=np.diag(initial),
     )
 
 
@@ -154,23 +151,14 @@ def _scale(start: Array, asked: ArrayLike | None) -> Array:
 
 def above_zero(name: str, value: object, what: str) -> float:
     """Return a finite number above zero; ``what`` says what it is, and its unit."""
-    if _is_number(value) and np.isfinite(value) and value > 0:  # type: ignore[call-overload, operator]
+    if _is_number(value) and 0 < value < np.inf:  # type: ignore[operator]
         return float(value)  # type: ignore[arg-type]
     raise EstimatorError(f"{name} is {value!r}; give {what}, finite and above 0")
 
 
 def at_least_zero(name: str, value: object, what: str) -> float:
     """Return a finite number that is not negative; ``what`` says what it is, and its unit."""
-    if _is_number(value) and np.isfinite(value) and value >= 0:  # type: ignore[call-overload, operator]
-        return float(value)  # type: ignore[arg-type]
-    raise EstimatorError(f"{name} is {value!r}; give {what}, finite and not negative")
-
-
-def flag(name: str, value: object) -> bool:
-    """Return a truth that is one."""
-    if isinstance(value, bool):
-        return value
-    raise EstimatorError(f"{name} is {value!r}; give true or false")
+    return 0.0 if _is_number(value) and value == 0 else above_zero(name, value, f"0 or {what}")
 
 
 def _is_number(value: object) -> bool:
@@ -178,7 +166,7 @@ def _is_number(value: object) -> bool:
 
 
 def forgetting_factor(forgetting: object, period: float) -> float:
-    """Return λ in (0, 1]; where none is given, that of a time constant of `TIME_CONSTANT`."""
+    """Return λ in (0, 1], by default that of `TIME_CONSTANT`."""
     if forgetting is None:
         return max(1 - period / TIME_CONSTANT, 0.5)
     if _is_number(forgetting) and 0 < forgetting <= 1:  # type: ignore[operator]
@@ -197,34 +185,14 @@ def _time_update(
 
 
 def _weights(regularization: ArrayLike, p: int) -> Array:
-    weights = _as_numbers("regularization", regularization)
-    if weights.shape not in {(), (p,)} or not np.all(np.isfinite(weights) & (weights >= 0)):
+    weights = _as_numbers("regularization", regularization) * np.ones(p)
+    if not np.all(np.isfinite(weights) & (weights >= 0)):
         raise EstimatorError(f"regularization is {regularization!r}; μ must be finite and ≥ 0")
-    return np.broadcast_to(weights, (p,)).copy()
-
-
-def _state(name: str, value: ArrayLike | None, model: Parametrization) -> Array:
-    state = np.zeros(model.n) if value is None else np.array(value, float)
-    if state.shape == (model.own_states,):
-        # states that are zero when a sample begins, or that laws have, come last, and need not be
-        # given
-        state = np.concatenate([state, np.zeros(model.n - model.own_states)])
-    if state.shape != (model.n,) or not np.all(np.isfinite(state)):
-        raise EstimatorError(
-            f"{name} is {value!r}; give {model.own_states} finite values, one a state"
-        )
-    return state
-
-
-def _state_covariance(value: ArrayLike | None, model: Parametrization) -> Array:
-    P, n = np.zeros((model.states, model.states)), model.own_states
-    if value is not None:
-        P[:n, :n] = covariance_matrix("x0_covariance", value, n, certain=True, what="states")
-    return P
+    return weights
 
 
 def _as_numbers(name: str, value: ArrayLike) -> Array:
-    """Return an array of floats, a copy of what is given."""
+    """Return a new array of floats."""
     try:
         return np.array(value, float)
     except (TypeError, ValueError):
@@ -232,7 +200,7 @@ def _as_numbers(name: str, value: ArrayLike) -> Array:
 
 
 def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
-    """Return a finite (p,) array, a copy of what is given."""
+    """Return a new finite (p,) array."""
     vector = _as_numbers(name, value)
     if vector.shape != (p,) or not np.all(np.isfinite(vector)):
         raise EstimatorError(
@@ -241,32 +209,26 @@ def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
     return vector
 
 
-def covariance_matrix(
-    name: str, value: ArrayLike, n: int, *, certain: bool = False, what: str = "parameters"
-) -> Array:
-    """
-    Return a symmetric positive definite (n, n) matrix from that or from its diagonal (n,).
-
-    Where something may be ``certain``, it only has no negative eigenvalues.
-    """
+def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
+    """Return a symmetric positive definite (p, p) matrix from that or from its diagonal (p,)."""
     matrix = _as_numbers(name, value)
-    if matrix.shape == (n,):
+    if matrix.shape == (p,):
         matrix = np.diag(matrix)
-    if matrix.shape != (n, n):
+    if matrix.shape != (p, p):
         raise EstimatorError(
-            f"{name} has the shape {matrix.shape}; for {n} {what} give ({n},) or ({n}, {n})"
+            f"{name} has the shape {matrix.shape}; for {p} parameters give ({p},) or ({p}, {p})"
         )
-    variances = np.diag(matrix)
-    scale = np.sqrt(np.abs(np.where(certain & (variances == 0), 1.0, variances)))
+    scale = np.sqrt(np.abs(np.diag(matrix)))
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = matrix / np.outer(scale, scale)  # judged free of units
     if (
         not np.all(np.isfinite(correlation))
         or not np.allclose(correlation, correlation.T, rtol=0, atol=1e-9)
-        or np.linalg.eigvalsh(correlation)[0] < (-1e-9 if certain else 1e-300)
+        or np.linalg.eigvalsh(correlation)[0] < 1e-300
     ):
-        words = "symmetric and not negative" if certain else "symmetric positive definite"
-        raise EstimatorError(f"{name} must be {words}; given: {matrix.tolist()}")
+        raise EstimatorError(
+            f"{name} must be symmetric positive definite; given: {matrix.tolist()}"
+        )
     return (matrix + matrix.T) / 2
 
 

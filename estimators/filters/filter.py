@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.models.memory import Memory
+from flexaxis.estimators.models.series import LAWS
 from flexaxis.estimators.signals import check_sample, check_signals
 
 Array = NDArray[np.float64]
@@ -152,10 +153,10 @@ class CompiledFilter(RecursiveEstimator):
     Parameters
     ----------
     loop : str
-        Module and name of the loop for linear models; that for models with laws has the same name
-        and ``_with_laws``. ``loop(block, at, u, y, valid, estimates, trace)`` takes samples, writes
-        η (N, p), and ŷ, innovation and its variance (N, 3), and returns how many it has taken, less
-        than zero where it should begin anew: `flexaxis.estimators.filters.fault_monitor`.
+        Module and name: ``loop(block, at, u, y, valid, estimates, trace, laws)`` takes samples and
+        writes η (N, p), and ŷ, innovation and its variance (N, 3). ``laws`` is None for a linear
+        model. It returns the number of samples, with a minus sign where the filter has to begin
+        anew: `flexaxis.estimators.filters.fault_monitor`.
     start : Memory
         As before the first sample.
     design : Design
@@ -180,8 +181,8 @@ class CompiledFilter(RecursiveEstimator):
     ) -> None:
         super().__init__(design.names, design.output, design.bounds)
         module, name = loop.split(":")
-        name += "_with_laws" if design.model.forces else ""
         self._loop = getattr(import_module(module), name)
+        self._laws = LAWS if design.model.forces else None
         self._design, self._begin, self._read = design, start, read
         self.reset()
         self.run([], [])  # what it compiles it compiles now, not in the first step
@@ -209,7 +210,7 @@ class CompiledFilter(RecursiveEstimator):
         while running:
             rest = slice(done, None)
             given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
-            taken = self._loop(state.block, state.at, *given)
+            taken = self._loop(state.block, state.at, *given, self._laws)
             done += abs(taken)
             if taken < 0:
                 begin_anew(state, self._begin)

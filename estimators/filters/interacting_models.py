@@ -5,16 +5,16 @@ A mode is a joint filter; what differs between modes has a row for each, the fir
 one.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.joint import Joint
-from flexaxis.estimators.filters.state import NUMBERS, WORDS
+from flexaxis.estimators.filters.state import NUMBERS
 from flexaxis.estimators.models.compiler import embedded, fused, inlined
-from flexaxis.estimators.models.memory import Memory, cube, items, matrix, records
-from flexaxis.estimators.models.series import FIELDS, Axis, axis_in
+from flexaxis.estimators.models.memory import Cube, Matrix, Memory, Vector
+from flexaxis.estimators.models.series import Axis
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ class Modes(NamedTuple):
 
     Attributes
     ----------
-    axis, now, theta, X, P, G, GP, gain, drift, ceiling, lower, upper
+    now, axis, theta, X, P, G, GP, gain, drift, ceiling, lower, upper
         As of `flexaxis.estimators.filters.joint.Joint`.
     xi : (modes, m) array
         ξ = [θ; x].
@@ -37,46 +37,22 @@ class Modes(NamedTuple):
         Covariance of the mixture.
     """
 
+    now: Annotated[NDArray[np.void], NUMBERS, 1]
     axis: Axis
-    now: NDArray[np.void]
-    theta: Array
-    X: Array
-    P: Array
-    G: Array
-    GP: Array
-    gain: Array
-    drift: Array
-    ceiling: Array
-    lower: Array
-    upper: Array
-    xi: Array
-    apart: Array
-    mean: Array
-    mean_P: Array
-
-
-@embedded
-def modes_in(block, at):
-    """Return the modes of a block, whose arrays come in the order of `modes_of`."""
-    i = 1 + FIELDS
-    return Modes(
-        axis_in(block, at[1:i]),
-        records(block, at[0], WORDS)[0].view(NUMBERS),
-        matrix(block, at[i])[0],
-        cube(block, at[i + 1])[0],
-        cube(block, at[i + 2])[0],
-        cube(block, at[i + 3])[0],
-        cube(block, at[i + 4])[0],
-        matrix(block, at[i + 5])[0],
-        cube(block, at[i + 6])[0],
-        items(block, at[i + 7])[0],
-        items(block, at[i + 8])[0],
-        items(block, at[i + 9])[0],
-        matrix(block, at[i + 10])[0],
-        items(block, at[i + 11])[0],
-        items(block, at[i + 12])[0],
-        matrix(block, at[i + 13])[0],
-    )
+    theta: Matrix
+    X: Cube
+    P: Cube
+    G: Cube
+    GP: Cube
+    gain: Matrix
+    drift: Cube
+    ceiling: Vector
+    lower: Vector
+    upper: Vector
+    xi: Matrix
+    apart: Vector
+    mean: Vector
+    mean_P: Matrix
 
 
 def modes_of(arrays: dict[str, NDArray], count: int) -> Memory:
@@ -93,8 +69,8 @@ def modes_of(arrays: dict[str, NDArray], count: int) -> Memory:
 def mode(modes, j):
     """Return a mode as a joint filter."""
     return Joint(
-        modes.axis,
         modes.now[j : j + 1],
+        modes.axis,
         modes.theta[j],
         modes.X[j],
         modes.P[j],

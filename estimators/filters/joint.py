@@ -6,23 +6,18 @@ W. G = ∂x⁺/∂ξ and h = ∂y⁺/∂ξ, both by ξ of the sample before, com
 over the sample with the measurement at its end, as G P and P h are one product.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.noise import level
-from flexaxis.estimators.filters.state import NUMBERS, WORDS, bound, on_lanes, project
-from flexaxis.estimators.models.compiler import embedded, fused, inlined, summed
-from flexaxis.estimators.models.memory import Memory, items, matrix, numbers, records
+from flexaxis.estimators.filters.state import NUMBERS, bound, on_lanes, project
+from flexaxis.estimators.models.compiler import fused, inlined, summed
+from flexaxis.estimators.models.memory import Matrix, Memory, Vector, numbers
 from flexaxis.estimators.models.rows import multiply, padded
-from flexaxis.estimators.models.series import (
-    FIELDS,
-    Axis,
-    axis_in,
-    over_sample,
-)
+from flexaxis.estimators.models.series import Axis, over_sample
 
 Array = NDArray[np.float64]
 
@@ -33,8 +28,8 @@ class Joint(NamedTuple):
 
     Attributes
     ----------
-    axis, now
-        Model and numbers.
+    now, axis
+        Numbers and model.
     theta : (p,) array
     X : (> n, lanes) array
         States and output, with derivatives by ξ at the start of the sample.
@@ -50,38 +45,18 @@ class Joint(NamedTuple):
         Largest variance of θ, and its box.
     """
 
+    now: Annotated[NDArray[np.void], NUMBERS, 1]
     axis: Axis
-    now: NDArray[np.void]
-    theta: Array
-    X: Array
-    P: Array
-    G: Array
-    GP: Array
-    gain: Array
-    drift: Array
-    ceiling: Array
-    lower: Array
-    upper: Array
-
-
-@embedded
-def joint_in(block, at):
-    """Return the state of a block, whose arrays come in this order: numbers, model, the rest."""
-    i = 1 + FIELDS
-    return Joint(
-        axis_in(block, at[1:i]),
-        records(block, at[0], WORDS)[0].view(NUMBERS),
-        items(block, at[i])[0],
-        matrix(block, at[i + 1])[0],
-        matrix(block, at[i + 2])[0],
-        matrix(block, at[i + 3])[0],
-        matrix(block, at[i + 4])[0],
-        items(block, at[i + 5])[0],
-        matrix(block, at[i + 6])[0],
-        items(block, at[i + 7])[0],
-        items(block, at[i + 8])[0],
-        items(block, at[i + 9])[0],
-    )
+    theta: Vector
+    X: Matrix
+    P: Matrix
+    G: Matrix
+    GP: Matrix
+    gain: Vector
+    drift: Matrix
+    ceiling: Vector
+    lower: Vector
+    upper: Vector
 
 
 def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[str, NDArray]:
@@ -99,11 +74,10 @@ def joint_arrays(design: Design, *, rests: bool = False, **more: float) -> dict[
     p, n = len(design.theta0), design.model.states
     m, w = p + n, padded(p + n)
     axis, X = on_lanes(design, 1 + m)
-    blocks, P = design.model.blocks(design.theta0), np.zeros((m, w))
+    P = np.zeros((m, w))
     P[:p, :p], P[p:, p:m] = design.P0, design.x0_covariance
-    C = blocks[:, -1, :-1]
     X[:n, 1 + p : 1 + m] = np.eye(n)
-    X[-1, 1 : 1 + p], X[-1, 1 + p : 1 + m] = C[1:] @ design.x0, C[0, :n]
+    X[-1, 1 + p : 1 + m] = design.model.blocks(design.theta0)[0, -1, :n]
     return (
         {"now": numbers(NUMBERS, level(design, rests=rests) | more)}
         | axis

@@ -6,7 +6,7 @@ estimate really has for a unit noise variance, Σ ← (I − Kψᵀ) Σ (I − K
 in slow, steady adaptation it is P/2; after a reset of P it is not.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,10 @@ from flexaxis.estimators.filters.fault_monitor import (
     monitor_numbers,
 )
 from flexaxis.estimators.filters.noise import FINEST, KNOWN, MEMORY, clipped_variance
-from flexaxis.estimators.filters.state import NUMBERS, WORDS, bound, on_lanes, project
+from flexaxis.estimators.filters.state import NUMBERS, bound, on_lanes, project
 from flexaxis.estimators.models.compiler import inlined
-from flexaxis.estimators.models.memory import Memory, items, matrix, numbers, records
-from flexaxis.estimators.models.series import FIELDS, Axis, axis_in
+from flexaxis.estimators.models.memory import Matrix, Memory, Vector, numbers
+from flexaxis.estimators.models.series import Axis
 
 Array = NDArray[np.float64]
 
@@ -49,8 +49,8 @@ class Recursion(NamedTuple):
 
     Attributes
     ----------
-    axis, now
-        Model and numbers.
+    now, axis
+        Numbers and model.
     theta : (p,) array
     X : (n+1, lanes) array
         States and output, with derivatives.
@@ -66,48 +66,23 @@ class Recursion(NamedTuple):
         μ, the box, what P may be in any case, and its ceiling while R̂ is not known.
     """
 
+    now: Annotated[NDArray[np.void], NUMBERS, 1]
     axis: Axis
-    now: NDArray[np.void]
-    theta: Array
-    X: Array
-    P: Array
-    claim: Array
-    psi: Array
-    gain: Array
-    moved: Array
-    reach: Array
-    granted: Array
-    drift: Array
-    regularization: Array
-    lower: Array
-    upper: Array
-    floor: Array
-    early: Array
-
-
-@inlined
-def recursion_in(block, at):
-    """Return the state of a block, whose arrays come in this order: numbers, model, the rest."""
-    i = 1 + FIELDS
-    return Recursion(
-        axis_in(block, at[1:i]),
-        records(block, at[0], WORDS)[0].view(NUMBERS),
-        items(block, at[i])[0],
-        matrix(block, at[i + 1])[0],
-        matrix(block, at[i + 2])[0],
-        matrix(block, at[i + 3])[0],
-        items(block, at[i + 4])[0],
-        items(block, at[i + 5])[0],
-        items(block, at[i + 6])[0],
-        items(block, at[i + 7])[0],
-        items(block, at[i + 8])[0],
-        matrix(block, at[i + 9])[0],
-        items(block, at[i + 10])[0],
-        items(block, at[i + 11])[0],
-        items(block, at[i + 12])[0],
-        items(block, at[i + 13])[0],
-        items(block, at[i + 14])[0],
-    )
+    theta: Vector
+    X: Matrix
+    P: Matrix
+    claim: Matrix
+    psi: Vector
+    gain: Vector
+    moved: Vector
+    reach: Vector
+    granted: Vector
+    drift: Matrix
+    regularization: Vector
+    lower: Vector
+    upper: Vector
+    floor: Vector
+    early: Vector
 
 
 def recursion(

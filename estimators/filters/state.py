@@ -1,11 +1,11 @@
-"""What all filters have: their numbers, a model with its states, bounds of P and θ."""
+"""What all filters have: their numbers, a model with its states, bounds on P and θ."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.models.compiler import inlined
-from flexaxis.estimators.models.discretisation import law_plan, plan
+from flexaxis.estimators.models.discretisation import plan
 from flexaxis.estimators.models.rows import padded
 from flexaxis.estimators.models.series import axis_arrays
 
@@ -75,7 +75,6 @@ NUMBERS = np.dtype(
     ]
 )
 """The numbers of a filter, in one record of a fixed type: tuning, and what changes with samples."""
-WORDS = NUMBERS.itemsize // 8
 
 
 def on_lanes(design: Design, width: int) -> tuple[dict[str, NDArray], NDArray[np.float64]]:
@@ -93,16 +92,11 @@ def on_lanes(design: Design, width: int) -> tuple[dict[str, NDArray], NDArray[np
     axis : dict of str to array
         As of `flexaxis.estimators.models.series.axis_arrays`.
     X : (n+1, lanes) array
-        Before the first sample, without derivatives.
+        Zero: at rest, without derivatives.
     """
     model, lanes = design.model, padded(width)
-    box = design.lower, design.upper
-    planned = law_plan if model.forces else plan
-    steps = planned(model, *box, design.period)
-    X = np.zeros((model.n + 1, lanes))
-    X[:-1, 0] = design.x0
-    X[-1, 0] = model.blocks(design.theta0)[0, -1, :-1] @ design.x0
-    return axis_arrays(model, steps, design.period, lanes), X
+    steps = plan(model, design.lower, design.upper, design.period)
+    return axis_arrays(model, steps, design.period, lanes), np.zeros((model.n + 1, lanes))
 
 
 @inlined

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.compiler import fused, inlined
-from flexaxis.estimators.models.memory import Memory, items, matrix
+from flexaxis.estimators.models.memory import Matrix, Memory, Vector
 from flexaxis.estimators.models.rows import multiply
 
 Array = NDArray[np.float64]
@@ -39,29 +39,17 @@ class Waves(NamedTuple):
         Sums of each, and its torque.
     """
 
-    D: Array
-    moved: Array
-    J: Array
-    d: Array
-    pull: Array
+    D: Matrix
+    moved: Matrix
+    J: Vector
+    d: Vector
+    pull: Vector
 
 
 def wave_arrays(m: int, n: int, waves: int) -> dict[str, Array]:
     """Return the arrays of `Waves` for m unknowns, of which n are states, by name."""
     columns = {"wave_D": np.zeros((m, 2 * waves)), "wave_moved": np.zeros((n + 1, 2 * waves))}
     return columns | {name: np.zeros(2 * waves) for name in ("wave_J", "wave_d", "pull")}
-
-
-@inlined
-def waves_in(block, at):
-    """Return the waves of a block, whose arrays come in this order."""
-    return Waves(
-        matrix(block, at[0])[0],
-        matrix(block, at[1])[0],
-        items(block, at[2])[0],
-        items(block, at[3])[0],
-        items(block, at[4])[0],
-    )
 
 
 @inlined

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexaxis.estimators.filters.constrained import draw_estimates
-from flexaxis.estimators.filters.joint import joint_in, look, predict, update
+from flexaxis.estimators.filters.joint import Joint, look, predict, update
 from flexaxis.estimators.filters.noise import judge, show
 from flexaxis.estimators.glr.bank import (
     NEVER,
@@ -14,8 +14,9 @@ from flexaxis.estimators.glr.bank import (
     write_evidence,
 )
 from flexaxis.estimators.glr.cogging import begin_sums, begin_waves, look_for_waves
-from flexaxis.estimators.glr.records import bank_in
+from flexaxis.estimators.glr.records import Bank
 from flexaxis.estimators.models.compiler import inlined, loop, summed
+from flexaxis.estimators.models.memory import views
 from flexaxis.estimators.models.series import LAWS
 
 
@@ -27,8 +28,8 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
     ``blocks`` are two joint filters: the filter, and one that goes through samples again, a stated
     number at a time; what a pass leaves of it, ``left``, the next one has.
     """
-    state, second = joint_in(blocks[0], at), joint_in(blocks[1], at)
-    bank = bank_in(bank_block, bank_at)
+    state, second = views(Joint, blocks[0], at), views(Joint, blocks[1], at)
+    bank = views(Bank, bank_block, bank_at)
     b = bank.now[0]
     if b["left"] > 0:
         _go_through(second, bank, state.now[0]["noise"])

@@ -2,18 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.filters.constrained import Told, told_arrays, told_in
+from flexaxis.estimators.filters.constrained import Told, told_arrays
 from flexaxis.estimators.filters.design import Design, at_least_zero
 from flexaxis.estimators.glr.bank import MORE, NEVER, PER_LEVEL
-from flexaxis.estimators.glr.cogging import Waves, wave_arrays, waves_in
-from flexaxis.estimators.models.compiler import inlined
+from flexaxis.estimators.glr.cogging import Waves, wave_arrays
 from flexaxis.estimators.models.meaning import moving_poles
-from flexaxis.estimators.models.memory import Memory, cube, items, matrix, numbers, records
+from flexaxis.estimators.models.memory import (
+    Cube,
+    Indices,
+    Matrix,
+    Memory,
+    Vector,
+    numbers,
+)
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.rows import padded
 from flexaxis.estimators.signals import find_signal
@@ -201,64 +207,30 @@ class Bank(NamedTuple):
         As of `flexaxis.estimators.glr.cogging`.
     """
 
-    now: NDArray[np.void]
-    which: NDArray[np.int64]
-    variance: Array
-    log_prior: Array
+    now: Annotated[NDArray[np.void], BANK, 1]
+    which: Indices
+    variance: Vector
+    log_prior: Vector
     told: Told
-    history: Array
-    delta: Array
-    moved_one: Array
-    D: Array
-    moved: Array
-    J: Array
-    d: Array
-    size: Array
-    weight: Array
-    evidence: Array
-    precision: Array
-    prior: Array
-    onset: NDArray[np.int64]
-    chi2_at: Array
-    used_at: Array
-    kept_P: Array
-    kept_xi: Array
-    mixed: Array
+    history: Matrix
+    delta: Vector
+    moved_one: Vector
+    D: Matrix
+    moved: Matrix
+    J: Vector
+    d: Vector
+    size: Vector
+    weight: Vector
+    evidence: Vector
+    precision: Vector
+    prior: Vector
+    onset: Indices
+    chi2_at: Vector
+    used_at: Vector
+    kept_P: Cube
+    kept_xi: Matrix
+    mixed: Vector
     waves: Waves
-
-
-BANK_WORDS = BANK.itemsize // 8
-
-
-@inlined
-def bank_in(block, at):
-    """Return the bank of a block, whose arrays come in the order of `Bank`."""
-    return Bank(
-        records(block, at[0], BANK_WORDS)[0].view(BANK),
-        items(block, at[1])[0].view(np.int64),
-        items(block, at[2])[0],
-        items(block, at[3])[0],
-        told_in(block, at[4:15]),
-        matrix(block, at[15])[0],
-        items(block, at[16])[0],
-        items(block, at[17])[0],
-        matrix(block, at[18])[0],
-        matrix(block, at[19])[0],
-        items(block, at[20])[0],
-        items(block, at[21])[0],
-        items(block, at[22])[0],
-        items(block, at[23])[0],
-        items(block, at[24])[0],
-        items(block, at[25])[0],
-        items(block, at[26])[0],
-        items(block, at[27])[0].view(np.int64),
-        items(block, at[28])[0],
-        items(block, at[29])[0],
-        cube(block, at[30])[0],
-        matrix(block, at[31])[0],
-        items(block, at[32])[0],
-        waves_in(block, at[33:]),
-    )
 
 
 def bank_of(

@@ -12,6 +12,8 @@ from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.registry import Entry
 
 WALK, RATE, JUMP = 0.0015, 1e-3, 0.1581  # 1/√s, 1/s and of θ/θ(0), where no tuning is known
+TUNED_RATE, TUNED_JUMP = 1e-6, 0.3  # where it is: with jumps once in 1000 s, no walk is slow enough
+# for the noise of the paper's method
 
 
 def joint_imm(
@@ -81,17 +83,14 @@ def _imm(
     ----------
     walk, spread
         As for `flexaxis.estimators.methods.ekf._extended`; walk is that of the quiet mode.
-    jump : float
-        Standard deviation of a jump of θ_i, relative to θ(0).
-    rate, hold : float
-        How often a jump comes [1/s], and how long it lasts on average [s].
+    jump, rate : float, optional
+        Standard deviation of a jump of θ_i, relative to θ(0), and how often one comes [1/s].
+    hold : float
+        How long a jump lasts, on average [s].
     """
-    position = problem.tuned("imm")
-    usual = {"walk": WALK, "rate": RATE, "jump": JUMP} if position is None else _along(position)
-    walk, rate, jump = (
-        usual[name] if given is None else given
-        for name, given in (("walk", walk), ("rate", rate), ("jump", jump))
-    )
+    tuned = problem.tuned("imm") is not None
+    rate = (TUNED_RATE if tuned else RATE) if rate is None else rate
+    jump = (TUNED_JUMP if tuned else JUMP) if jump is None else jump
     design = problem.walk_design("imm", WALK, walk=walk, spread=spread)
     above_zero("rate", rate, "how often a jump comes, in 1/s")
     above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
@@ -100,21 +99,13 @@ def _imm(
     return joint_imm(design, jump=variance, rate=rate, hold=hold)
 
 
-def _along(position: float) -> dict[str, float]:
-    """Return the options on the way from quiet to quick, 1 at the usual walk.
-
-    Jumps that are expected often are what makes it noisy: at one in 1000 s no walk is slow enough
-    for the noise of the paper's method.
-    """
-    return {"walk": WALK * position, "rate": 1e-6, "jump": 0.3}
-
-
 ENTRIES = (
     Entry(
         "imm",
         "interacting multiple models: joint Kalman filters, a quiet one and one for each jump",
         _imm,
-        knob=_along,
+        knob="walk",
+        default=WALK,
         rank=9,
     ),
 )

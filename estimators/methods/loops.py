@@ -1,48 +1,39 @@
 """
 The loops of the filters over their samples: the methods, in a few lines each.
 
-Each takes a block of memory and where its arrays are, `at`; see
-`flexaxis.estimators.filters.filter.CompiledFilter`. Linear models have loops of their own, which
-compile in a fraction of the time. θ[k] uses y[k], and u[k] is not yet in x then.
+Each takes a block of memory and the places of its arrays in it, `at`; see
+`flexaxis.estimators.filters.filter.CompiledFilter`. Where `laws` is None, the model is linear: what
+is compiled then contains no laws, and takes a fraction of the time. θ[k] uses y[k], and u[k] is not
+yet in x then.
 """
 
 from flexaxis.estimators.filters.forgetting import forget
 from flexaxis.estimators.filters.interacting_models import (
+    Modes,
     listen,
     mix,
     mixture,
     mode,
-    modes_in,
     weigh,
 )
-from flexaxis.estimators.filters.joint import joint_in, look, predict, update
+from flexaxis.estimators.filters.joint import Joint, look, predict, update
 from flexaxis.estimators.filters.noise import judge, show
 from flexaxis.estimators.filters.prediction_error import (
+    Recursion,
     bound_P,
     correct_state,
     measure,
     publish,
-    recursion_in,
 )
-from flexaxis.estimators.models.compiler import inlined, loop
-from flexaxis.estimators.models.series import LAWS, over_sample
+from flexaxis.estimators.models.compiler import loop
+from flexaxis.estimators.models.memory import views
+from flexaxis.estimators.models.series import over_sample
 
 
 @loop
-def rpem(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
+def rpem(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
     """Take samples of a recursive prediction-error method, eq. (5)–(23)."""
-    return _rpem(block, at, u, y, valid, estimates, trace, None)
-
-
-@loop
-def rpem_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
-    """Do as `rpem` for models with laws."""
-    return _rpem(block, at, u, y, valid, estimates, trace, LAWS)
-
-
-@inlined
-def _rpem(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
-    state = recursion_in(block, at)
+    state = views(Recursion, block, at)
     for k in range(len(u)):
         measure(state, y[k], valid[k])  # (5)–(7)
         correct_state(state)
@@ -56,20 +47,9 @@ def _rpem(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
 
 
 @loop
-def ekf(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
+def ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
     """Take samples of a joint extended Kalman filter."""
-    return _ekf(block, at, u, y, valid, estimates, trace, None)
-
-
-@loop
-def ekf_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
-    """Do as `ekf` for models with laws."""
-    return _ekf(block, at, u, y, valid, estimates, trace, LAWS)
-
-
-@inlined
-def _ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
-    state = joint_in(block, at)
+    state = views(Joint, block, at)
     now = state.now[0]
     for k in range(len(u)):
         look(state)
@@ -83,20 +63,9 @@ def _ekf(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
 
 
 @loop
-def imm(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
+def imm(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
     """Take samples of interacting multiple models."""
-    return _imm(block, at, u, y, valid, estimates, trace, None)
-
-
-@loop
-def imm_with_laws(block, at, u, y, valid, estimates, trace):  # noqa: PLR0917
-    """Do as `imm` for models with laws."""
-    return _imm(block, at, u, y, valid, estimates, trace, LAWS)
-
-
-@inlined
-def _imm(block, at, u, y, valid, estimates, trace, laws):  # noqa: PLR0917
-    modes = modes_in(block, at)
+    modes = views(Modes, block, at)
     now, quiet = modes.now, modes.now[0]
     for k in range(len(u)):
         for j in range(len(now)):

@@ -9,7 +9,6 @@ from flexaxis.estimators.filters.design import (
     above_zero,
     at_least_zero,
     covariance_matrix,
-    flag,
     make_design,
 )
 from flexaxis.estimators.filters.filter import CompiledFilter, Trace, trace
@@ -63,25 +62,21 @@ class Rpem(CompiledFilter):
         default.
     output : {"speed", "increment"}
         What y is: the motor speed at t_k, or the increment (φ[k]−φ[k−1])/T of the motor angle.
-    x0 : (n,) array_like, optional
-        State at the first sample; at rest, zero, by default. The method has no covariance of the
-        state: what is wrong in x(0) decays with the memory of the axis.
     state_correction : bool
         Whether the state follows every change of θ, x ← x + z Δθ with z = ∂x/∂θ, so that it is
         what the new θ would have made of the past. Not in the paper, whose state keeps what the
         old estimates did to it; without it a jump is followed more slowly and with overshoot.
     robust : float
-        Standard deviations, 3 say, beyond which a residual counts as one of that size, so that
-        an outlier cannot throw the estimate (Huber's influence function; P. J. Huber, *Robust
-        estimation of a location parameter*, Ann. Math. Stat. 35, 1964). In the first 50 samples,
-        when R̂ is the mean of k residuals, (50/k)² as many; 0 for never. Nor
-        is then anything taken from a sensor that is stuck, or at the end of its range; see
+        Number of standard deviations to which residuals are limited, such as 3, so that an
+        outlier cannot throw the estimate (Huber's influence function; P. J. Huber, *Robust
+        estimation of a location parameter*, Ann. Math. Stat. 35, 1964); 0 for no limit. In the
+        first 50 samples, when R̂ is the mean of k residuals, the limit is (50/k)² as large. With a
+        limit, the readings of a stuck or saturated sensor are ignored as well; see
         `flexaxis.estimators.filters.fault_monitor`.
     ceiling : float
-        Largest variance R̂ P_ii of a parameter relative to θ(0)²: no more is ever forgotten than
-        that, but for what P(0) or a reset allows. Until R̂ is known P_ii ≤ 100 P(0)_ii. It changes
-        nothing, to the last bit, until it acts, as in a long standstill; infinite for the paper's
-        method as it is.
+        Largest variance R̂ P_ii of a parameter relative to θ(0)², except where P(0) or a reset
+        allows more. Until R̂ is known, P_ii ≤ 100 P(0)_ii. It changes nothing, to the last bit,
+        until it acts, as in a long standstill; infinite for the paper's original method.
 
     Attributes
     ----------
@@ -130,7 +125,6 @@ class Rpem(CompiledFilter):
         regularization: ArrayLike = 0.0,
         bounds: tuple[ArrayLike, ArrayLike] | None = None,
         output: str = "speed",
-        x0: ArrayLike | None = None,
         state_correction: bool = False,
         robust: float = 0.0,
         ceiling: float = CEILING,
@@ -147,13 +141,12 @@ class Rpem(CompiledFilter):
             regularization=regularization,
             bounds=bounds,
             output=output,
-            x0=x0,
         )
         start = recursion(
             design,
             robust=robust,
             ceiling=ceiling,
-            correct=flag("state_correction", state_correction),
+            correct=state_correction,
             rule=PAPER,
         )
         super().__init__(LOOP, start, design, read_claim)

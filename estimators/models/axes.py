@@ -1,8 +1,10 @@
-"""The shipped models, by name: one to three masses."""
+"""The shipped models by name, of one to three masses; and models from tables."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
+from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.laws import INPUT, Law
 from flexaxis.estimators.models.model import Model
 
@@ -288,3 +290,65 @@ MODELS: Mapping[str, _Shipped] = {
     "three_mass": _Shipped(three_mass, rough=N1, known={"n1": N1}),
 }  # fmt: skip
 """The shipped models, by name."""
+
+_KEYS = ("name", "states", "A", "B", "C", "nominal")
+
+
+def model_from_tables(tables: Mapping[str, Any]) -> Model:
+    """
+    Return a model from nested tables, as `tomllib` reads them.
+
+    Parameters
+    ----------
+    tables : mapping
+        Either ``model``, the name of a shipped one, or its own ``name``, ``states``, ``A`` (rows
+        of formulas), ``B`` and ``C``; and ``nominal``, the value of each parameter [SI]. To either
+        ``law``, a list of tables with ``kind``, ``drive``, ``acts`` and ``parameters``, adds
+        nonlinear laws as `flexaxis.estimators.models.laws.Law` has them. Other keys are left to
+        the caller.
+
+    Raises
+    ------
+    EstimatorError
+        If a key is missing or of the wrong kind, a formula cannot be read, or a value is missing.
+
+    Examples
+    --------
+    >>> model_from_tables({"model": "one_mass", "nominal": {"k_T": 1, "J_m": 2, "f_m": 3}}).states
+    ('speed_motor',)
+    >>> model_from_tables({
+    ...     "model": "one_mass",
+    ...     "nominal": {"k_T": 1, "J_m": 2, "f_m": 3, "f_c": 0.1},
+    ...     "law": [{
+    ...         "kind": "static",
+    ...         "drive": {"speed_motor": 1},
+    ...         "acts": {"speed_motor": "-1/J_m"},
+    ...         "parameters": {"coulomb": "f_c", "beta": 20},
+    ...     }],
+    ... }).parameters
+    ('k_T', 'J_m', 'f_m', 'f_c')
+    """
+    laws = _checked("law", list[Law], tables.get("law", []))
+    if "model" in tables:
+        name = str(tables["model"])
+        if name not in MODELS:
+            raise EstimatorError(f"unknown model {name!r}: {did_you_mean(name, MODELS)}")
+        nominal = _checked("nominal", dict[str, float], tables.get("nominal", {}))
+        model = MODELS[name].factory(nominal)
+    else:
+        model = _checked("model", Model, {key: tables[key] for key in _KEYS if key in tables})
+    return replace(model, laws=(*model.laws, *laws)) if laws else model
+
+
+def _checked(key: str, kind: Any, value: Any) -> Any:
+    """Return a table as what it stands for; raise EstimatorError at what does not fit."""
+    from pydantic import TypeAdapter, ValidationError  # takes longer to import than all else here
+
+    try:
+        return TypeAdapter(kind).validate_python(value)
+    except ValidationError as error:
+        wrong = (
+            f"{'.'.join(map(str, (key, *e['loc'])))}: {e['msg'].removeprefix('Value error, ')}"
+            for e in error.errors()
+        )
+        raise EstimatorError("; ".join(wrong)) from None

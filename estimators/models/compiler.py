@@ -1,32 +1,31 @@
 """
-How functions are compiled: by numba, once for all models, when one is first called.
+How functions are compiled: by numba, once for all models, when they are first called.
 
-`compiled` marks what Python calls, which numba keeps, and the others what is compiled with it.
-Numba is not imported before: it takes longer than all else that a list of estimators needs.
+`compiled` and `loop` mark functions that Python calls and that numba caches; the other decorators
+mark functions that are compiled into those. Numba is imported only when something is compiled: the
+import takes longer than everything else that a list of estimators needs.
 
-Numba judges what it keeps of a function by the file of that function alone. Here a function calls
-those of other files, so the folder is named by a digest of all sources of the package, and of the
-version of numba: an edit of any of them makes another folder.
+Numba invalidates a cached function when the file of that function changes. Here functions call
+those of other files. So the name of the cache folder contains a digest of all sources of the
+package and of numba's version: any edit makes another folder.
 """
 
 import gc
 import os
+import sqlite3
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
-from functools import cached_property, lru_cache, update_wrapper
+from contextlib import closing, contextmanager, suppress
+from functools import cached_property, lru_cache, partial, update_wrapper
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-try:
-    import fcntl
-except ImportError:  # Windows: two processes may compile the same, and keep it twice
-    fcntl = None  # type: ignore[assignment]
+from flexaxis.estimators.models.memory import register
 
 SOURCES = Path(__file__).parent.parent
-"""The folder whose sources decide whether what is kept is still right."""
+"""The folder of sources on which compiled code depends."""
 
 
 class Compiled:
@@ -37,26 +36,26 @@ class Compiled:
     ----------
     function : callable
     kept : bool
-        Whether Python calls it and numba keeps it; else it is compiled with what calls it, and
-        Python, as in a test, calls it as it is written.
+        Whether Python calls it and numba caches it. Otherwise it is compiled into its callers, and
+        a call from Python, as in a test, runs it uncompiled.
     **options
-        Of `numba.njit`. Without its ``_nrt`` a function makes no arrays, but views of those that it
-        is handed, and nothing counts who holds them.
+        Of `numba.njit`. Unless ``_nrt`` is True, the function may create views but no arrays, and
+        no references are counted.
     """
 
     def __init__(self, function: Callable, *, kept: bool = False, **options: Any) -> None:
         update_wrapper(self, function)
         self.name = function.__name__
         self.function, self.kept, self._options = function, kept, options
-        self._called = False
+        self._called: set[type] = set()
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it; what is not yet compiled is compiled now, by one process at a time."""
-        call = self.dispatcher if self.kept else self.function
-        if self._called or call is self.function:
+        """Call it. The first call for a type of the last argument compiles, one process at once."""
+        call, last = self.dispatcher if self.kept else self.function, type(arguments[-1])
+        if last in self._called or call is self.function:
             return call(*arguments)
         with _alone(self.name):
-            self._called = True
+            self._called.add(last)
             return call(*arguments)
 
     def __reduce__(self) -> str:
@@ -64,7 +63,7 @@ class Compiled:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """What numba makes of the function; with NUMBA_DISABLE_JIT=1 the function itself."""
+        """The compiled function; with NUMBA_DISABLE_JIT=1 the function itself."""
         numba = _numba()
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         if self.kept:
@@ -73,51 +72,35 @@ class Compiled:
         return numba.njit(**options)(self.function)
 
 
-def compiled(function: Callable) -> Compiled:
-    """Compile a function on its first call, and keep the result."""
-    return Compiled(function, kept=True, _nrt=True)
-
-
-def loop(function: Callable) -> Compiled:
-    """Compile a function as `compiled` does, where it makes no arrays of its own."""
-    return Compiled(function, kept=True)
-
-
-def inlined(function: Callable) -> Compiled:
-    """Compile a function with those that call it."""
-    return Compiled(function)
-
-
-def fused(function: Callable) -> Compiled:
-    """Compile a function as `inlined` does, where a·b + c may be rounded once."""
-    return Compiled(function, fastmath={"contract"})
-
-
-def embedded(function: Callable) -> Compiled:
-    """Compile a function into each of its callers, such as one that returns many views."""
-    return Compiled(function, forceinline=True)
-
-
-def summed(function: Callable) -> Compiled:
-    """Compile a function as `fused` does, where sums may be taken in any order."""
-    return Compiled(function, fastmath={"contract", "reassoc"})
+compiled = partial(Compiled, kept=True, _nrt=True)
+"""Compile a function that Python calls."""
+loop = partial(Compiled, kept=True)
+"""The same for a function that creates no arrays."""
+inlined = Compiled
+"""Compile a function into those that call it."""
+fused = partial(Compiled, fastmath={"contract"})
+"""The same, where a·b + c may be rounded once."""
+embedded = partial(Compiled, forceinline=True)
+"""The same, and inlined by all means, such as a function that returns many views."""
+summed = partial(Compiled, fastmath={"contract", "reassoc"})
+"""The same as `fused`, where sums may be taken in any order."""
 
 
 @contextmanager
 def _alone(name: str) -> Iterator[None]:
-    """Let other processes wait that need a function of this name, and then find it compiled."""
+    """Make other processes that need the function wait; they then find it in the cache."""
     folder, collects = cache_folder(), gc.isenabled()
     if folder is None:
         _tell("in every process, as no cache folder can be written")
     else:
-        with suppress(FileExistsError):  # somebody else has begun, and has told
+        with suppress(FileExistsError):  # another process has begun, and has said so
             (folder / "begun").open("x").close()
             _tell(f"once on this machine, a minute or two, into {folder}")
-    gc.disable()  # looking for garbage takes a sixth of the time, and finds next to none
+    lock = sqlite3.connect(folder / f"{name}.lock" if folder else ":memory:", timeout=3600)
+    gc.disable()  # collecting garbage takes a sixth of the time, and finds next to none
     try:
-        with (folder / f"{name}.lock").open("w") if folder and fcntl else nullcontext() as file:
-            if file:
-                fcntl.flock(file, fcntl.LOCK_EX)
+        with closing(lock):  # a lock on every system, which also ends with the process
+            lock.execute("BEGIN EXCLUSIVE")
             yield
     finally:
         if collects:
@@ -126,7 +109,7 @@ def _alone(name: str) -> Iterator[None]:
 
 @lru_cache
 def _numba() -> Any:
-    """Return numba, told where to keep what it compiles, and of what a `Compiled` is to it."""
+    """Return numba, with our cache folder and with `Compiled` as a type that it knows."""
     import numba
     from numba.core.caching import _CacheLocator
     from numba.extending import typeof_impl
@@ -138,22 +121,23 @@ def _numba() -> Any:
         usual = _CacheLocator.get_suitable_cache_subpath
 
         def place(path: str) -> str:
-            """Return the same folder for every copy of these sources, wherever it is."""
+            """Return one folder for every copy of these sources, wherever it is."""
             ours = SOURCES in Path(path).parents
             return Path(path).parent.name if ours else usual(path)
 
         _CacheLocator.get_suitable_cache_subpath = staticmethod(place)  # type: ignore[method-assign]
     typeof_impl.register(Compiled)(lambda value, _: numba.types.Dispatcher(value.dispatcher))
+    register()
     return numba
 
 
 @lru_cache
 def cache_folder() -> Path | None:
     """
-    Return the folder for compiled code, made if need be; None if nothing can be written there.
+    Return the folder for compiled code, created if need be; None if it cannot be written.
 
-    Below ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` if that is set, else the user's cache folder.
-    It holds code: one that belongs to another user is not used.
+    It lies below ``FLEXAXIS_COMPILED`` or ``NUMBA_CACHE_DIR`` if set, else below the user's cache
+    folder.
     """
     given = os.environ.get("FLEXAXIS_COMPILED") or os.environ.get("NUMBA_CACHE_DIR")
     try:
@@ -161,15 +145,13 @@ def cache_folder() -> Path | None:
         folder = base / digest(SOURCES)
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
-        if hasattr(os, "getuid") and folder.stat().st_uid not in {0, os.getuid()}:
-            return None
     except (OSError, RuntimeError):  # RuntimeError: a user without a home
         return None
     return folder
 
 
 def is_uncompiled() -> bool:
-    """Return whether nothing was ever compiled of these sources, and may be kept."""
+    """Return whether these sources were never compiled into the cache."""
     folder = cache_folder()
     return folder is not None and not (folder / "begun").exists()
 
@@ -191,7 +173,7 @@ def digest(folder: Path) -> str:
 
 
 def user_cache() -> Path:
-    """Return the folder in which this system's user keeps what can be made again."""
+    """Return the cache folder of this user on this system."""
     if folder := os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA"):
         return Path(folder)
     return Path("~/Library/Caches" if sys.platform == "darwin" else "~/.cache").expanduser()

@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.parametrization import Parametrization
 
+Array = NDArray[np.float64]
+
 TOLERANCE = 1e-12
 LAW_TOLERANCE = 1e-9  # of the linear part of a step with laws, whose own error is 1e-5
 LAW_RANGE = 2.0  # factor by which θ is off its start, for which that tolerance is planned
@@ -15,21 +17,28 @@ LAW_STEPS = 4  # of a sample at least: so well is a reversal of dry friction met
 LAW_LONGEST = 1.25e-3  # s, as at 200 Hz: a motion reverses as fast, however seldom it is sampled
 LAW_STEP = 0.2  # of the fastest mode's time constant, |pole|⁻¹: 1.3 ms on the paper's axis
 MAX_SIZE = 3.0  # of A·T per substep; larger terms cancel and cost digits, e^3 = 20
-MAX_ORDER = 40
 MAX_STEPS = 10_000  # of a sample: a mode of 30 000 radians a sample is none that it could tell of
 
 
 def plan(
-    model: Parametrization, lower: NDArray[np.float64], upper: NDArray[np.float64], period: float
+    model: Parametrization,
+    lower: Array,
+    upper: Array,
+    period: float,
+    *,
+    steps: int | None = None,
 ) -> tuple[int, int, int]:
     """
-    Return one step, its order m and its substeps s of least work m·s with a negligible remainder.
+    Return the steps of a sample, and order and substeps of each with a negligible remainder.
 
     |A(θ)| is bounded entry by entry over the box, each monomial at its worst corner. The Perron
     root ρ of that nonnegative matrix is the least norm that any choice of units can give it, so
     x = ρT/s is the size of a substep whatever the units, and the remainder of the series after m
     terms is below Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m} x^k/k! for the sensitivities, which is the most.
     Chains of integrators, which units can make as small as one likes, end after 2(n+1) terms.
+
+    A model with laws has a less accurate series, as its laws are solved less accurately. It is
+    planned for θ within `LAW_RANGE` of its start; beyond that it still converges.
 
     Parameters
     ----------
@@ -38,22 +47,30 @@ def plan(
         The box, without zero in it.
     period : float
         Sampling period [s].
-
-    Returns
-    -------
-    steps, order, substeps : int
-        The order is at most `MAX_ORDER`.
+    steps : int, optional
+        Steps of a sample of a model with laws; `law_steps` by default.
 
     Raises
     ------
     EstimatorError
         If a sample would need more than `MAX_STEPS` substeps.
     """
-    size = _perron_root(model, lower, upper) * period
-    fewest = _feasible(size / MAX_SIZE, period)
-    least = min(2 * (model.n + 1), MAX_ORDER)
-    choices = [(max(least, _order(size / s)), s) for s in range(fewest, 4 * fewest + 1)]
-    return 1, *min(choices, key=math.prod)
+    least, tolerance = 2 * (model.n + 1), TOLERANCE
+    if model.forces:
+        least, tolerance, steps = 0, LAW_TOLERANCE, steps or law_steps(model, period)
+        ends = np.sort([model.theta / LAW_RANGE, model.theta * LAW_RANGE], axis=0)
+        lower, upper = np.maximum(lower, ends[0]), np.minimum(upper, ends[1])
+    steps = steps or 1
+    size = _perron_root(model, lower, upper) * period / steps
+    parts = max(1.0, size / MAX_SIZE)
+    if not parts * steps <= MAX_STEPS:
+        raise EstimatorError(
+            f"the model is too fast for a sampling period of {period:g} s: a sample would take "
+            f"{parts * steps:.3g} steps, and {MAX_STEPS} are the most. Correct the entry of A that "
+            "is so large, leave out the state that is so fast, or narrow the bounds"
+        )
+    substeps = math.ceil(parts)
+    return steps, max(least, _order(size / substeps, tolerance)), substeps
 
 
 def law_steps(model: Parametrization, period: float) -> int:
@@ -64,65 +81,22 @@ def law_steps(model: Parametrization, period: float) -> int:
     return max(LAW_STEPS, longest, math.ceil(fastest * period / LAW_STEP))
 
 
-def _feasible(parts: float, period: float, steps: int = 1) -> int:
-    """Return a whole number of parts of each step; refuse a model that is too fast for a sample."""
-    if not (parts * steps <= MAX_STEPS >= steps):
-        raise EstimatorError(
-            f"the model is too fast for a sampling period of {period:g} s: a sample would take "
-            f"{max(parts, 1.0) * steps:.3g} steps, and {MAX_STEPS} are the most. Correct the entry "
-            "of A that is so large, leave out the state that is so fast, or narrow the bounds"
-        )
-    return max(1, math.ceil(parts))
-
-
-def law_plan(
-    model: Parametrization,
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    period: float,
-    *,
-    steps: int | None = None,
-) -> tuple[int, int, int]:
-    """
-    Return the steps of a sample of a model with laws, and order and substeps of each.
-
-    Parameters
-    ----------
-    model, lower, upper, period
-        As for `plan`.
-    steps : int, optional
-        `law_steps` by default.
-    """
-    steps = steps or law_steps(model, period)
-    # wherever θ may go the series converges, if not to the last digit, which the laws lack anyway
-    ends = np.sort([model.theta / LAW_RANGE, model.theta * LAW_RANGE], axis=0)
-    size = _perron_root(model, np.maximum(lower, ends[0]), np.minimum(upper, ends[1]))
-    size *= period / steps
-    substeps = _feasible(size / MAX_SIZE, period, steps)
-    return steps, _order(size / substeps, LAW_TOLERANCE), substeps
-
-
-def _order(x: float, tolerance: float = TOLERANCE) -> int:
+def _order(x: float, tolerance: float) -> int:
     """Return the least order whose remainder is below a tolerance for a substep of size x."""
     powers = np.cumprod(np.r_[1.0, x / np.arange(1.0, 60.0)])  # x^k/k!
     remainders = np.cumsum(powers[::-1])[::-1]
     return int(np.argmax(remainders <= tolerance))
 
 
-def _perron_root(
-    model: Parametrization, lower: NDArray[np.float64], upper: NDArray[np.float64]
-) -> float:
+def _perron_root(model: Parametrization, lower: Array, upper: Array) -> float:
     """Return the largest eigenvalue of the entrywise bound of |A| over the box [1/s]."""
-    corner = np.where(model.exponent > 0, np.maximum(abs(lower), abs(upper)), 0.0)
-    corner = np.where(model.exponent < 0, np.minimum(abs(lower), abs(upper)), corner)
-    corner = np.where(model.exponent == 0, 1.0, corner)
+    exponent = model.exponent.astype(float)
+    ends = np.abs([lower, upper])
+    corner = np.where(exponent > 0, ends.max(axis=0), ends.min(axis=0))
     bound = np.zeros((model.n + 1, model.n + 1))
-    values = abs(model.coefficient) * np.prod(corner ** model.exponent.astype(float), axis=1)
+    values = abs(model.coefficient) * np.prod(corner**exponent, axis=1)
     np.add.at(bound, (model.row, model.column), values)
     return float(max(abs(np.linalg.eigvals(bound[:-1, :-1]))))
-
-
-Array = NDArray[np.float64]
 
 
 def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array, Array]:
@@ -142,15 +116,13 @@ def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array,
     H : (p+1, (p+1)n) array
         [ψ; ŷ] = H X.
     """
-    (A, B, C), (dA, dB, dC) = model.matrices(theta), model.derivatives(theta)
-    p, n = len(dA), model.n
+    block, (p, n) = model.blocks(theta), (len(theta), model.n)
     F, H = np.zeros(((p + 1) * n, (p + 1) * n)), np.zeros((p + 1, (p + 1) * n))
-    for i in range(p + 1):
-        block = slice(i * n, (i + 1) * n)
-        F[block, block], H[i, block] = A, C
-    F[:-n, -n:] = dA.reshape(p * n, n)
-    H[:-1, -n:] = dC.reshape(p, n)
-    G = np.concatenate([*dB, B])
+    for i, derivative in enumerate(np.roll(block, -1, axis=0)):  # the model itself comes last
+        rows = slice(i * n, (i + 1) * n)
+        F[rows, rows], H[i, rows] = block[0, :n, :n], block[0, n, :n]
+        F[rows, -n:], H[i, -n:] = derivative[:n, :n], derivative[n, :n]
+    G = np.roll(block, -1, axis=0)[:, :n, n:].reshape(-1, 1)
     return F, G, H
 
 

@@ -9,9 +9,9 @@ Laws and roles: `flexaxis.estimators.models.laws`.
 
 import numpy as np
 
-from flexaxis.estimators.models.acting import F_S, F_W, ROLE, S_S, S_W, F, S
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.laws import KINDS
+from flexaxis.estimators.models.parametrization import F_S, F_W, ROLE, S_S, S_W, F, S
 
 BRISTLE, STATIC, GEAR, SPRING, SINUSOID, CLIP = (
     KINDS.index(kind) for kind in ("bristle", "static", "gear", "spring", "sinusoid", "clip")

@@ -32,7 +32,7 @@ clip (limit)
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.formula import multiply_out
@@ -199,6 +199,7 @@ class Law:
     drive: Mapping[str, float]
     acts: Mapping[str, str]
     parameters: Mapping[str, str | float]
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     def __post_init__(self) -> None:
         if self.kind not in LAWS:

@@ -1,39 +1,42 @@
 """
-All that a filter keeps in one block of memory, and the arrays in it by name.
+The memory of a filter: its arrays in one block, by name.
 
-A block is what Python hands to compiled code, which makes its views of it: that costs less than to
-hand over each of fifty arrays. So a filter is copied, pickled and reset as one array.
+Python hands a block to compiled code, which makes views of its arrays: that costs less than handing
+over fifty arrays. A filter is copied, pickled and reset as one array.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.compiler import inlined
-
 DIMENSIONS = 3  # at most
+Vector = Annotated[NDArray[np.float64], np.dtype(float), 1]
+"""Annotates a field of a NamedTuple for `views`: type and number of dimensions of an array."""
+Matrix = Annotated[NDArray[np.float64], np.dtype(float), 2]
+Cube = Annotated[NDArray[np.float64], np.dtype(float), 3]
+Indices = Annotated[NDArray[np.int64], np.dtype(np.int64), 1]
 
 
 class Memory:
     """
-    Arrays one behind the other in a block.
+    Arrays in sequence in one block.
 
     Parameters
     ----------
     arrays : mapping of str to array
-        Of float64, int64, or records of these. The first, ``now``, is a record (1,), or several: by
-        their names its fields are read and written too.
-
+        Arrays of float64, int64 or records of these. The first one may be ``now``, of one or more
+        records: their fields can be read and written by name as well.
     times : int, optional
-        How many such blocks there are, in rows: arrays then have one more dimension, the first.
+        Number of such blocks, as rows. Arrays then have one more dimension, the first.
 
     Attributes
     ----------
     block : (size,) or (times, size) array
     at : (fields, 4) int array
-        Where in a block each array begins, and its shape, with 1 for each dimension that it lacks.
+        Start of each array in a block, and its shape, padded with 1.
     """
 
     def __init__(self, arrays: Mapping[str, NDArray[Any]], times: int | None = None) -> None:
@@ -63,14 +66,9 @@ class Memory:
     def __setitem__(self, name: str, value: Any) -> None:
         (self._content if name in self._names else self._now)[name] = value
 
-    def __deepcopy__(self, memo: object) -> "Memory":
-        return self.copy()
-
     def copy(self) -> "Memory":
         """Return the same arrays in another block."""
-        other = Memory.__new__(Memory)
-        other.__setstate__((self.at, self._content.copy()))
-        return other
+        return deepcopy(self)
 
 
 def numbers(kind: np.dtype, values: Mapping[str, Any]) -> NDArray[np.void]:
@@ -81,28 +79,74 @@ def numbers(kind: np.dtype, values: Mapping[str, Any]) -> NDArray[np.void]:
     return made
 
 
-# A function that counts no references may not return a view by itself, but in a tuple.
+def views(kind: Any, block: NDArray[np.float64], at: NDArray[np.int64]) -> Any:
+    """
+    Return the arrays of a block as a NamedTuple, in Python and in compiled code.
+
+    Parameters
+    ----------
+    kind : class
+        The NamedTuple. Each of its fields is an array, annotated as `Vector` is, or another such
+        NamedTuple. The block has the arrays in this order.
+    block, at
+        As of `Memory`.
+    """
+    rows = iter(range(len(at)))
+
+    def field(of):
+        if hasattr(of, "_fields"):
+            return of(*map(field, of.__annotations__.values()))
+        return _view(*of.__metadata__)(block, at, next(rows))[0]
+
+    return field(kind)
 
 
-@inlined
-def items(block, at):
-    """Return the numbers of an array, one behind the other, as a tuple of one."""
-    return (block[at[0] : at[0] + at[1] * at[2] * at[3]],)
+def _view(dtype: np.dtype, dimensions: int) -> Callable:
+    """Return a function of block, ``at`` and row, also to be compiled, that returns one view."""
+    words = dtype.itemsize // 8
+
+    # A compiled function that counts no references may return a view only in a tuple.
+    def vector(block, at, i):
+        return (block[at[i, 0] : at[i, 0] + at[i, 1] * words].view(dtype),)
+
+    def matrix(block, at, i):
+        shape = at[i, 1], at[i, 2]
+        return (block[at[i, 0] : at[i, 0] + shape[0] * shape[1]].view(dtype).reshape(shape),)
+
+    def cube(block, at, i):
+        shape = at[i, 1], at[i, 2], at[i, 3]
+        return (block[at[i, 0] : at[i, 0] + shape[0] * shape[1] * shape[2]].reshape(shape),)
+
+    return (vector, matrix, cube)[dimensions - 1]
 
 
-@inlined
-def records(block, at, words):
-    """Return the numbers of an array of records, each as long as so many, as a tuple of one."""
-    return (block[at[0] : at[0] + at[1] * words],)
+def register() -> None:
+    """Tell numba how to compile `views`."""
+    from numba import from_dtype, types
+    from numba.extending import lower_builtin, type_callable
 
+    def typed(of):
+        if hasattr(of, "_fields"):
+            return types.NamedTuple([*map(typed, of.__annotations__.values())], of)
+        dtype, dimensions = of.__metadata__
+        return types.Array(from_dtype(dtype), dimensions, "C")
 
-@inlined
-def matrix(block, at):
-    """Return a matrix of a block, as a tuple of one."""
-    return (items(block, at)[0].reshape((at[1], at[2])),)
+    @type_callable(views)
+    def _(context):
+        return lambda kind, block, at: typed(kind.instance_class)
 
+    @lower_builtin(views, types.NamedTupleClass, types.Array, types.Array)
+    def _(context, builder, signature, arguments):
+        rows, (kind, *given) = iter(range(1000)), signature.args
 
-@inlined
-def cube(block, at):
-    """Return an array with three dimensions of a block, as a tuple of one."""
-    return (items(block, at)[0].reshape((at[1], at[2], at[3])),)
+        def field(of):
+            if hasattr(of, "_fields"):
+                fields = [*map(field, of.__annotations__.values())]
+                return context.make_tuple(builder, typed(of), fields)
+            row = context.get_constant(types.intp, next(rows))
+            one = types.UniTuple(typed(of), 1)(*given, types.intp)
+            values = [*arguments[1:], row]
+            view = context.compile_internal(builder, _view(*of.__metadata__), one, values)
+            return builder.extract_value(view, 0)
+
+        return field(kind.instance_class)

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.models.acting import acting
 from flexaxis.estimators.models.formula import Monomial, multiply_out
 from flexaxis.estimators.models.laws import INPUT, LAWS, Law
-from flexaxis.estimators.models.parametrization import Parametrization
+from flexaxis.estimators.models.parametrization import Parametrization, acting
 
 
 @dataclass(frozen=True)
@@ -85,12 +84,6 @@ class Model:
                 f"model {self.name!r} has {n} states, so A takes {n} rows of {n} entries, "
                 f"and B and C take {n} entries each"
             )
-        for state in self.reset:
-            if state not in self.states:
-                raise EstimatorError(
-                    f"model {self.name!r} resets an unknown state {state!r}: "
-                    + did_you_mean(state, self.states)
-                )
         for law in self.laws:
             for state in (*law.acts, *law.drive):
                 if state not in self.states and not (state == INPUT and state in law.drive):
@@ -198,6 +191,7 @@ class Model:
             If a name is unknown, is given twice, or nothing is given.
         """
         identify = self.identify if identify is None else identify
+        shared = {parameter for law in self.laws for parameter in law.shared}
         physical = [name.removeprefix("1/") for name in identify]
         for name, asked in zip(physical, identify, strict=True):
             if name not in self.parameters:
@@ -206,16 +200,9 @@ class Model:
                     + did_you_mean(name, self.parameters)
                     + "; or an inverse, such as '1/J_a'"
                 )
-            shared = {parameter for law in self.laws for parameter in law.shared}
-            if name in shared and name != asked:
+            if name != asked and name in self.law_parameters | shared:
                 raise EstimatorError(
-                    f"{asked!r} cannot be identified beside a law that depends on {name}; name "
-                    f"{name!r} itself"
-                )
-            if name in self.law_parameters and name != asked:
-                raise EstimatorError(
-                    f"{asked!r} cannot be identified: {name} is the parameter of a law and may be "
-                    f"zero; name {name!r} itself"
+                    f"{asked!r} cannot be identified: a law depends on {name}; name {name!r} itself"
                 )
             if physical.count(name) > 1:
                 raise EstimatorError(

@@ -8,13 +8,12 @@ stiff friction is. Its derivatives are exact, from (I − G F_w) w̄' = c' + G' 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexaxis.estimators.models.acting import F_S, F_W, ROLE, S_S, S_W, Acting, F, S
 from flexaxis.estimators.models.compiler import fused, inlined
 from flexaxis.estimators.models.law_torques import force
 from flexaxis.estimators.models.laws import MOST_ROLES
-from flexaxis.estimators.models.rows import add, add_slopes, clear
+from flexaxis.estimators.models.parametrization import F_S, F_W, ROLE, S_S, S_W, F, S
+from flexaxis.estimators.models.rows import add, add_slopes
 
 MOST_STEPS = 100  # of the search; two or three do
 TURNS = 6  # steps of Newton's method after which laws count as flat where they fall: between two
@@ -27,37 +26,12 @@ LEAST = 1e-150  # of a scale, so that none, and no square of one, divides by zer
 LEAST_SHARE = 1 / 64  # of a step that is taken where steps turn back without shrinking
 
 
-def law_records(laws: Acting, lanes: int) -> dict[str, NDArray]:
-    """
-    Return what `react` needs of the laws of a model, by name.
-
-    Parameters
-    ----------
-    laws : Acting
-    lanes : int
-        Length of a row of states.
-
-    Returns
-    -------
-    laws : (L,) records
-    drive : (L, n+1) array
-        For n states, without the torques of laws.
-    square : (3, L, L) array
-        G, I − G F_w and its inverse.
-    lanes : (3, L, lanes) array
-        Drives before the step, w̄ and F, with derivatives.
-    """
-    L = len(laws.records)
-    square, room = np.zeros((3, L, L)), np.zeros((3, L, lanes))
-    return {"laws": laws.records.copy(), "drive": laws.drive, "square": square, "lanes": room}
-
-
 @fused
 def drives(drive, X, u, w):
     """Write the drives w (L, lanes) of states and derivatives X (≥ n, lanes), and of the input."""
     n = drive.shape[1] - 1
     for i in range(len(drive)):
-        clear(w, i)
+        w[i] = 0.0
         w[i, 0] = drive[i, n] * u
         for j in range(n):
             if drive[i, j] != 0.0:
@@ -91,8 +65,14 @@ def react(laws, drive, square, lanes, h, response, u, X):  # noqa: PLR0917
 
     Parameters
     ----------
-    laws, drive, square, lanes
-        As from `law_records`, with parameters, G and drives before the step written.
+    laws : (L,) records
+        With their parameters at θ.
+    drive : (L, n+1) array
+        For n states and the input.
+    square : (3, L, L) array
+        G, I − G F_w and its inverse; only G is read.
+    lanes : (3, L, lanes) array
+        Drives before the step, w̄ and F, with derivatives; only the first are read.
     h : float
         Length of the step [s].
     response : (L, N, lanes) array
@@ -127,7 +107,7 @@ def _differentiate(laws, drive, gain, inverse, response, X, mean, torque):  # no
     L = len(laws)
     for i in range(L):
         law = laws[i]
-        clear(torque, i)
+        torque[i] = 0.0
         if law["memory"] >= 0:
             add_slopes(torque, i, law["local"][F_S], X, law["memory"])
         for r in range(MOST_ROLES):

@@ -23,14 +23,6 @@ def padded(m: int) -> int:
 
 
 @_on_rows
-def clear(A, i):
-    """A_i ← 0."""
-    i = np.uint64(i)
-    for b in range(ZERO, np.uint64(A.shape[1]), FOUR):
-        A[i, b] = A[i, b + ONE] = A[i, b + TWO] = A[i, b + THREE] = 0.0
-
-
-@_on_rows
 def copy(A, i, B, j):
     """A_i ← B_j."""
     i, j = np.uint64(i), np.uint64(j)

@@ -1,31 +1,30 @@
 """
 A model over a sample, with derivatives by θ and by the state, eq. (17)–(24): the discretisation.
 
-A model is the block matrix N = [A B; 0 0] T/s and the output row C, each entry a sum of terms
-c Πθ^e, in tables. The powers of N are formed once a sample; they hold the transition, and what a
-change of an entry of N does to it as well:
+A model is the block matrix N = [A B; 0 0] T/s and the output row C, both a table of terms c Πθ^e.
+The powers of N are formed once a sample. They give the transition, and its derivative by each
+entry of N:
 
     Φ(θ) = Σ_k N^k/k!                                            [x; u] to the next one, (20)
     ∂Φ/∂N_rc ξ = Σ_j N^j e_r g_jc,  g_j = Σ_k (N^k ξ)/(j+k+1)!   the series' derivative by an entry
     z_i⁺ = Φ z_i + Σ_rc ∂N_rc/∂θ_i (∂Φ/∂N_rc ξ)                  sensitivities, (21)–(23)
     ψ_i = C z_i + ∂C/∂θ_i x⁺                                     gradient, (16), (24)
 
-A row of X (n+1, lanes) is a state, in the last row the output, with its derivatives: by each θ, and
-where a filter asks for them by the state at the start of the sample. Behind the states are the
-torques of laws, which the linear part takes as held.
+Each row of X (n+1, lanes) is a state with its derivatives, the last row the output. Derivatives are
+by each θ and, where a filter needs them, by the state at the start of the sample. The last states
+are the torques of the laws, which the linear part holds.
 `flexaxis.estimators.models.discretisation` has the same by a matrix exponential.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.acting import LAW
-from flexaxis.estimators.models.compiler import embedded, fused, inlined
-from flexaxis.estimators.models.memory import cube, items, matrix, records
-from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.models.reaction import assign, couple, drives, law_records, react
+from flexaxis.estimators.models.compiler import fused, inlined
+from flexaxis.estimators.models.memory import Cube, Indices, Matrix
+from flexaxis.estimators.models.parametrization import LAW, Parametrization
+from flexaxis.estimators.models.reaction import assign, couple, drives, react
 from flexaxis.estimators.models.rows import (
     FOUR,
     ONE,
@@ -33,7 +32,6 @@ from flexaxis.estimators.models.rows import (
     TWO,
     ZERO,
     add,
-    clear,
     copy,
     padded,
     product,
@@ -44,14 +42,13 @@ SIZES = np.dtype(
 )
 """States, those that are not torques of laws, order of the series, its parts in a step, steps of a
 sample, first entry of C, length of a step [s]."""
-ENTRY = np.dtype([("row", int), ("column", int), ("first", int), ("last", int), ("value", float)])
-"""An entry of [A B; C 0], by columns and those of C last: place, its slopes, and its value at θ."""
-SLOPE = np.dtype([("entry", int), ("lane", int), ("value", float)])
-"""The derivative of an entry by a θ."""
-TERM = np.dtype([("entry", int), ("first", int), ("last", int), ("coefficient", float)])
-"""c Πθ^e of an entry: which of the factors are its own."""
-FACTOR = np.dtype([("theta", int), ("power", int), ("slope", int)])
-"""θ_i^e of a term, and the slope that it adds to."""
+ENTRY = np.dtype(
+    [(name, int) for name in ("row", "column", "first", "last")]
+    + [("coefficient", float), ("value", float)]
+)
+"""A term c Πθ^e of [A B; C 0], by columns, those of C last: place, its slopes, c, value at θ."""
+SLOPE = np.dtype([("entry", int), ("theta", int), ("power", int), ("value", float)])
+"""A factor θ_i^e of a term, and the derivative of the term by θ_i."""
 
 INVERSE_FACTORIALS = 1.0 / np.cumprod(np.arange(1.0, 82.0))
 SERIES = INVERSE_FACTORIALS[np.add.outer(np.arange(40), np.arange(40))]  # 1/(j+k+1)!
@@ -64,69 +61,37 @@ class Axis(NamedTuple):
 
     Attributes
     ----------
-    sizes, entries, slopes, terms, factors, reset
+    sizes, entries, slopes, reset
         Its tables; `reset` are the states that are zero when a sample begins.
     Q : ((order+2)(n+1), w) array
         Columns of N⁰, N¹, …, and of Φ.
     point : (n+1, 1) array
         ξ = [x; u].
     trail, g, effect : (order, w), (order, w), (entries, w) arrays
-        N^k ξ, g_j, and ∂Φ/∂N_rc ξ of each entry.
+        N^k ξ, g_j, and ∂Φ/∂N_rc ξ of each term.
     after : (n, lanes) array
         States and derivatives after a part.
     laws : (L,) records
-        As of `flexaxis.estimators.models.acting.LAW`.
+        As of `flexaxis.estimators.models.parametrization.LAW`.
     drive, square, lanes, response
         What laws need besides, see there.
     """
 
-    sizes: NDArray[np.void]
-    entries: NDArray[np.void]
-    slopes: NDArray[np.void]
-    terms: NDArray[np.void]
-    factors: NDArray[np.void]
-    reset: NDArray[np.int64]
-    Q: NDArray[np.float64]
-    point: NDArray[np.float64]
-    trail: NDArray[np.float64]
-    g: NDArray[np.float64]
-    effect: NDArray[np.float64]
-    after: NDArray[np.float64]
-    laws: NDArray[np.void]
-    drive: NDArray[np.float64]
-    square: NDArray[np.float64]
-    lanes: NDArray[np.float64]
-    response: NDArray[np.float64]
-
-
-FIELDS = len(Axis._fields)
-
-
-@embedded
-def axis_in(block, at):
-    """Return the model of a block, whose arrays come in the order of `Axis`."""
-    return Axis(
-        records(block, at[0], 7)[0].view(SIZES),
-        records(block, at[1], 5)[0].view(ENTRY),
-        records(block, at[2], 3)[0].view(SLOPE),
-        records(block, at[3], 4)[0].view(TERM),
-        records(block, at[4], 3)[0].view(FACTOR),
-        items(block, at[5])[0].view(np.int64),
-        matrix(block, at[6])[0],
-        matrix(block, at[7])[0],
-        matrix(block, at[8])[0],
-        matrix(block, at[9])[0],
-        matrix(block, at[10])[0],
-        matrix(block, at[11])[0],
-        records(block, at[12], LAW_WORDS)[0].view(LAW),
-        matrix(block, at[13])[0],
-        cube(block, at[14])[0],
-        cube(block, at[15])[0],
-        cube(block, at[16])[0],
-    )
-
-
-LAW_WORDS = LAW.itemsize // 8
+    sizes: Annotated[NDArray[np.void], SIZES, 1]
+    entries: Annotated[NDArray[np.void], ENTRY, 1]
+    slopes: Annotated[NDArray[np.void], SLOPE, 1]
+    reset: Indices
+    Q: Matrix
+    point: Matrix
+    trail: Matrix
+    g: Matrix
+    effect: Matrix
+    after: Matrix
+    laws: Annotated[NDArray[np.void], LAW, 1]
+    drive: Matrix
+    square: Cube
+    lanes: Cube
+    response: Cube
 
 
 def axis_arrays(
@@ -148,80 +113,61 @@ def axis_arrays(
     steps, order, parts = plan
     n, held, L = model.n, model.states, model.forces
     columns, w = n + 1, padded(held)
-    scale = np.where(model.row < n, period / steps / parts, 1.0)  # the output is read, not run
-    entries, tables = _tables(model, model.coefficient * scale)
+    entries, slopes = _tables(model, period / steps / parts)
     Q = np.zeros(((order + 2) * columns, w))
     Q[np.arange(held), np.arange(held)] = 1.0  # N⁰
     sizes = np.zeros(1, SIZES)
     sizes[0] = n, held, order, parts, steps, np.sum(entries["row"] < n), period / steps
-    return dict(
-        sizes=sizes,
-        entries=entries,
-        **tables,
-        reset=np.array(model.reset, np.int64),
-        Q=Q,
-        point=np.zeros((columns, 1)),
-        trail=np.zeros((order, w)),
-        g=np.zeros((order, w)),
-        effect=np.zeros((len(entries), w)),
-        after=np.zeros((n, lanes)),
-        **law_records(model.laws, lanes),
-        response=np.zeros((L, columns, lanes)),
-    )
-
-
-def _tables(model: Parametrization, coefficient: NDArray) -> tuple[NDArray, dict[str, NDArray]]:
-    """Return the entries of a model, and its slopes, terms and factors."""
-    keys = np.column_stack([model.row, model.column, model.exponent])
-    keys, inverse = np.unique(keys, axis=0, return_inverse=True)
-    coefficient = np.bincount(inverse.ravel(), coefficient).astype(float)
-    places = np.unique(keys[:, :2], axis=0)
-    places = places[np.lexsort((places[:, 0], places[:, 1], places[:, 0] == model.n))]
-    index = {(r, c): e for e, (r, c) in enumerate(places.tolist())}
-    powers_of = [(index[r, c], powers) for r, c, *powers in keys.tolist()]
-    varying = {e for e, powers in powers_of if any(powers)}
-    pairs = sorted({(e, i) for e, powers in powers_of for i, power in enumerate(powers) if power})
-    entries, slopes = np.zeros(len(places), ENTRY), np.zeros(len(pairs), SLOPE)
-    entries["row"], entries["column"] = places.T
-    slopes["entry"], slopes["lane"] = np.array(pairs, int).reshape(-1, 2).T
-    slopes["lane"] += 1
-    entries["first"] = np.searchsorted(slopes["entry"], np.arange(len(places)), "left")
-    entries["last"] = np.searchsorted(slopes["entry"], np.arange(len(places)), "right")
-    terms, factors = list[tuple](), list[tuple]()
-    for (e, powers), c in zip(powers_of, coefficient.tolist(), strict=True):
-        if e not in varying:
-            entries["value"][e] += c
-            continue
-        own = [(i, power, pairs.index((e, i))) for i, power in enumerate(powers) if power]
-        terms.append((e, len(factors), len(factors) + len(own), c))
-        factors += own
-    return entries, {
+    return {
+        "sizes": sizes,
+        "entries": entries,
         "slopes": slopes,
-        "terms": np.array(terms, TERM),
-        "factors": np.array(factors, FACTOR),
+        "reset": np.array(model.reset, np.int64),
+        "Q": Q,
+        "point": np.zeros((columns, 1)),
+        "trail": np.zeros((order, w)),
+        "g": np.zeros((order, w)),
+        "effect": np.zeros((len(entries), w)),
+        "after": np.zeros((n, lanes)),
+        "laws": model.laws.records,
+        "drive": model.laws.drive,
+        "square": np.zeros((3, L, L)),
+        "lanes": np.zeros((3, L, lanes)),
+        "response": np.zeros((L, columns, lanes)),
     }
 
 
+def _tables(model: Parametrization, length: float) -> tuple[NDArray, NDArray]:
+    """Return the terms of a model over a time [s], and their slopes."""
+    scale = np.where(model.row < model.n, length, 1.0)  # the output is read, not run
+    places = model.row == model.n, model.column, model.row
+    keys, which = np.unique(np.column_stack([*places, model.exponent]), axis=0, return_inverse=True)
+    exponent = keys[:, 3:]
+    entry, theta = np.nonzero(exponent)
+    entries, slopes = np.zeros(len(keys), ENTRY), np.zeros(len(entry), SLOPE)
+    entries["column"], entries["row"] = keys[:, 1:3].T
+    entries["coefficient"] = np.bincount(which.ravel(), model.coefficient * scale)
+    entries["first"], entries["last"] = (
+        np.searchsorted(entry, np.arange(len(keys)), side) for side in ("left", "right")
+    )
+    slopes["entry"], slopes["theta"], slopes["power"] = entry, theta, exponent[entry, theta]
+    return entries, slopes
+
+
 @fused
-def evaluate(entries, slopes, terms, factors, theta):
-    """Write the entries that depend on θ, and their slopes, eq. (17)–(19)."""
-    for k in range(len(terms)):
-        entries[terms[k]["entry"]]["value"] = 0.0
-    for s in range(len(slopes)):
-        slopes[s]["value"] = 0.0
-    for k in range(len(terms)):
-        first, last = terms[k]["first"], terms[k]["last"]
-        value = terms[k]["coefficient"]
-        for f in range(first, last):
-            x, e = theta[factors[f]["theta"]], factors[f]["power"]
-            if e < 0:
-                x, e = 1.0 / x, -e
-            for _ in range(e):
+def evaluate(entries, slopes, theta):
+    """Write the terms at θ and their slopes, eq. (17)–(19)."""
+    for k in range(len(entries)):
+        value = entries[k]["coefficient"]
+        for s in range(entries[k]["first"], entries[k]["last"]):
+            x, power = theta[slopes[s]["theta"]], slopes[s]["power"]
+            if power < 0:
+                x, power = 1.0 / x, -power
+            for _ in range(power):
                 value *= x
-        entries[terms[k]["entry"]]["value"] += value
-        for f in range(first, last):
-            slope = value * factors[f]["power"] / theta[factors[f]["theta"]]
-            slopes[factors[f]["slope"]]["value"] += slope
+        entries[k]["value"] = value
+        for s in range(entries[k]["first"], entries[k]["last"]):
+            slopes[s]["value"] = value * slopes[s]["power"] / theta[slopes[s]["theta"]]
 
 
 @fused
@@ -258,7 +204,7 @@ def _column(Q, to, entries, first, last, at):  # noqa: PLR0917
 
 @fused
 def effects(entries, output, held, order, Q, xi, trail, g, effect):  # noqa: PLR0917
-    """Write what one more in each entry that varies does to Φ ξ."""
+    """Write ∂Φ/∂N_rc ξ of each term that depends on θ."""
     columns = len(Q) // (order + 2)
     for i in range(held):
         trail[0, i] = xi[i, 0]
@@ -275,7 +221,7 @@ def effects(entries, output, held, order, Q, xi, trail, g, effect):  # noqa: PLR
                 product(effect, e, SERIES, 0, 0, Q, r, columns, order)
                 add(effect, e, xi[c, 0] - 1.0, effect, e)
             else:
-                clear(effect, e)
+                effect[e] = 0.0
 
 
 @fused
@@ -286,7 +232,7 @@ def advance(entries, slopes, output, Q, phi, held, xi, effect, moved, X):  # noq
         for j in range(held, len(xi)):  # input, and torques of laws, which are held
             moved[i, 0] += Q[phi + j, i] * xi[j, 0]
     for s in range(len(slopes)):
-        e, lane, m = slopes[s]["entry"], slopes[s]["lane"], slopes[s]["value"]
+        e, lane, m = slopes[s]["entry"], 1 + slopes[s]["theta"], slopes[s]["value"]
         if e < output:
             for i in range(held):
                 moved[i, lane] += m * effect[e, i]
@@ -298,11 +244,11 @@ def advance(entries, slopes, output, Q, phi, held, xi, effect, moved, X):  # noq
 def read(entries, slopes, output, X):
     """Write the output and its derivatives, eq. (16), into the last row of X."""
     n = len(X) - 1
-    clear(X, n)
+    X[n] = 0.0
     for e in range(output, len(entries)):
         add(X, n, entries[e]["value"], X, entries[e]["column"])
         for s in range(entries[e]["first"], entries[e]["last"]):
-            X[n, slopes[s]["lane"]] += slopes[s]["value"] * X[entries[e]["column"], 0]
+            X[n, 1 + slopes[s]["theta"]] += slopes[s]["value"] * X[entries[e]["column"], 0]
 
 
 @inlined
@@ -321,53 +267,32 @@ def _part(axis, u, law, X):
 
 
 LAWS = 1
-"""What `over_sample` is told of a model with laws; of one without, None: that leaves out of a
-compiled loop what laws need."""
+"""Passed as ``laws`` for a model with laws. For one without it is None, and the compiled loop then
+contains no code of laws."""
 
 
 @inlined
 def over_sample(axis, theta, X, u, laws):
-    """Take X over a sample at θ with u held, eq. (17)–(23)."""
-    if laws is None:
-        linear_sample(axis, theta, X, u)
-    else:
-        lawful_sample(axis, theta, X, u)
-
-
-@inlined
-def linear_sample(axis, theta, X, u):
-    """Do so where there are no laws."""
-    entries, sizes = axis.entries, axis.sizes[0]
-    evaluate(entries, axis.slopes, axis.terms, axis.factors, theta)
-    powers(entries, sizes["output"], sizes["order"], axis.Q)
-    for i in axis.reset:
-        clear(X, i)
-    for _ in range(sizes["parts"]):
-        _part(axis, u, -1, X)
-    read(entries, axis.slopes, sizes["output"], X)
-
-
-@inlined
-def lawful_sample(axis, theta, X, u):
-    """Do so where after each step of the sample laws react."""
-    entries, slopes, laws, response = axis.entries, axis.slopes, axis.laws, axis.response
-    sizes, drive = axis.sizes[0], axis.drive
-    output, parts = sizes["output"], sizes["parts"]
-    evaluate(entries, slopes, axis.terms, axis.factors, theta)
+    """Take X over a sample at θ with u held, eq. (17)–(23); laws react after each of its steps."""
+    entries, slopes, sizes = axis.entries, axis.slopes, axis.sizes[0]
+    drive, response, output, parts = axis.drive, axis.response, sizes["output"], sizes["parts"]
+    evaluate(entries, slopes, theta)
     powers(entries, output, sizes["order"], axis.Q)
-    assign(laws, theta)
-    for law in range(len(laws)):
-        for i in range(len(X)):
-            clear(response[law], i)
-        for _ in range(parts):
-            _part(axis, 0.0, law, response[law])
-        read(entries, slopes, output, response[law])
-    couple(drive, response, axis.square[0])
+    if laws is not None:
+        assign(axis.laws, theta)
+        for law in range(len(response)):
+            response[law] = 0.0
+            for _ in range(parts):
+                _part(axis, 0.0, law, response[law])
+            read(entries, slopes, output, response[law])
+        couple(drive, response, axis.square[0])
     for i in axis.reset:
-        clear(X, i)
+        X[i] = 0.0
     for _ in range(sizes["steps"]):
-        drives(drive, X, u, axis.lanes[0])
+        if laws is not None:
+            drives(drive, X, u, axis.lanes[0])
         for _ in range(parts):
             _part(axis, u, -1, X)
         read(entries, slopes, output, X)
-        react(laws, drive, axis.square, axis.lanes, sizes["h"], response, u, X)
+        if laws is not None:
+            react(axis.laws, drive, axis.square, axis.lanes, sizes["h"], response, u, X)

@@ -1,29 +1,28 @@
-"""
-A model at fixed parameters along a torque, with its sensitivities, by the functions of the filters.
+"""A model at fixed parameters along a torque, with its sensitivities; filters do the same."""
 
-A simulation is a block of memory: the model, θ, and X (n+1, lanes) of states and, in its last row,
-the output, each with its derivatives.
-"""
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.models.compiler import inlined, loop
-from flexaxis.estimators.models.discretisation import law_plan, plan
-from flexaxis.estimators.models.memory import Memory, items, matrix
+from flexaxis.estimators.models.compiler import loop
+from flexaxis.estimators.models.discretisation import plan
+from flexaxis.estimators.models.memory import Matrix, Memory, Vector, views
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.rows import copy, padded
-from flexaxis.estimators.models.series import (
-    FIELDS,
-    axis_arrays,
-    axis_in,
-    lawful_sample,
-    linear_sample,
-)
+from flexaxis.estimators.models.series import LAWS, Axis, axis_arrays, over_sample
 
 Array = NDArray[np.float64]
 
 LEAST = 1e-300  # of a parameter of the linear model, by which derivatives are taken
+
+
+class Simulation(NamedTuple):
+    """The model, θ (p,), and X (n+1, lanes): states and, last, output, with their derivatives."""
+
+    axis: Axis
+    theta: Vector
+    X: Matrix
 
 
 def simulation(
@@ -50,8 +49,7 @@ def simulation(
     """
     theta = np.asarray(theta, float)
     theta = np.where((theta == 0) & ~np.array(model.additive), LEAST, theta)
-    here = model, theta, theta, period
-    planned = law_plan(*here, steps=steps) if model.forces else plan(*here)
+    planned = plan(model, theta, theta, period, steps=steps)
     lanes = padded(1 + len(theta) + further)
     arrays = axis_arrays(model, planned, period, lanes)
     return Memory(arrays | {"theta": theta, "X": np.zeros((model.n + 1, lanes))})
@@ -60,32 +58,13 @@ def simulation(
 def along(simulated: Memory, u: Array) -> Array:
     """Return output and derivatives (N, lanes) after each of N torques; the states go along."""
     rows = np.zeros((len(u), simulated["X"].shape[1]))
-    _along(simulated.block, simulated.at, u, rows)
+    _along(simulated.block, simulated.at, u, rows, LAWS if len(simulated["laws"]) else None)
     return rows
 
 
 @loop
-def _along(block, at, u, rows):
-    axis, theta, X = simulation_in(block, at)
+def _along(block, at, u, rows, laws):
+    state = views(Simulation, block, at)
     for k in range(len(u)):
-        any_sample(axis, theta, X, u[k])
-        copy(rows, k, X, len(X) - 1)
-
-
-@inlined
-def simulation_in(block, at):
-    """Return model, θ and X of a block."""
-    return (
-        axis_in(block, at),
-        items(block, at[FIELDS])[0],
-        matrix(block, at[FIELDS + 1])[0],
-    )
-
-
-@inlined
-def any_sample(axis, theta, X, u):
-    """Take X over a sample, whether the model has laws or not."""
-    if len(axis.laws):
-        lawful_sample(axis, theta, X, u)
-    else:
-        linear_sample(axis, theta, X, u)
+        over_sample(state.axis, state.theta, state.X, u[k], laws)
+        copy(rows, k, state.X, len(state.X) - 1)

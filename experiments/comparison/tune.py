@@ -82,7 +82,7 @@ def parts(text: str) -> tuple[str, dict[str, Any], Knob]:
             'name the option to tune, such as knob = "1-lam" to tune λ in 1−λ. A program has no '
             "options"
         )
-    return name, {key: value for key, value in options.items() if key not in knob.names}, knob
+    return name, {key: value for key, value in options.items() if key != knob.name}, knob
 
 
 def tuning_scenario() -> Scenario:
@@ -170,7 +170,7 @@ def match_noise(text: str, trials: Trials) -> Tuned:
         error = errors[trials.match]
         if abs(error) < TOLERANCE:
             value = round(knob.value(position), 12)
-            return Tuned(tried, knob.label, value, trials.match, float(np.exp(error)))
+            return Tuned(tried, knob.name, value, trials.match, float(np.exp(error)))
         if before and abs(here - before[0]) > 1e-6:
             slope = float(np.clip((error - before[1]) / (here - before[0]), 0.1, 2.0))
         before = here, error
@@ -182,9 +182,9 @@ def match_noise(text: str, trials: Trials) -> Tuned:
             here = (quiet + noisy) / 2
     least, most = sorted((knob.value(knob.least), knob.value(knob.most)))
     raise FlexaxisError(
-        f"{name}: no setting of {knob.label} from {least:.4g} to {most:.4g} has the noise of "
+        f"{name}: no setting of {knob.name} from {least:.4g} to {most:.4g} has the noise of "
         f"{REFERENCE}. The last one tried is {tried}, with {np.exp(error):.3g} times that noise. "
-        f'If a smaller {knob.label} is faster, write knob = "1/{knob.label}"'
+        f'If a smaller {knob.name} is faster, write knob = "1/{knob.name}"'
     )
 
 

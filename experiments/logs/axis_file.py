@@ -13,9 +13,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 from scipy.signal import lfilter
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.models.axes import MODELS, model_from_tables
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.files import write_text
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.sim.conflicts import explain

@@ -107,7 +107,7 @@ def test_innovations_are_what_they_are_claimed_to_be(nominal, loop, name):
     assert filter_.innovation_variance == variance[-1]
 
 
-# x(0), and the ceiling
+# The ceiling
 
 
 def build(name, model, **options):
@@ -140,12 +140,6 @@ def test_no_parameter_is_less_certain_than_by_its_size(nominal, loop, name):
         ({"noise": 0.0}, "noise is 0.0"),
         ({"noise": -1.0}, "noise is -1.0"),
         ({"noise": np.nan}, "noise is nan"),
-        ({"x0": [1.0]}, "x0 is"),
-        ({"x0": np.full(5, np.nan)}, "x0 is"),
-        ({"x0_covariance": [1.0]}, "x0_covariance has the shape"),
-        ({"x0_covariance": np.full(5, -1.0)}, "x0_covariance must be"),
-        ({"x0_covariance": np.full(5, np.inf)}, "x0_covariance must be"),
-        ({"x0_covariance": np.arange(25.0).reshape(5, 5)}, "x0_covariance must be"),
     ],
 )
 def test_wrong_options(nominal, name, options, words):

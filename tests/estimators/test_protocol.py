@@ -1,4 +1,4 @@
-"""What comes back from code of a user: numbers, or an error that says what was there instead."""
+"""User code returns numbers, or an error says what it returned."""
 
 import numpy as np
 import pytest
@@ -23,15 +23,9 @@ class Batching(Stepping):
         return [self.answer for _ in u]
 
 
-ODD = [
-    (["0.05"], "texts"), ([True], "truths"), (np.array([1 + 1j]), "complex numbers"),
-    ([b"1"], "bytes"), (np.array(["1"], object), "texts"), (np.array([0], "M8[s]"), "dates"),
-]  # fmt: skip
-
-
 @pytest.mark.parametrize("kind", [Stepping, Batching])
-@pytest.mark.parametrize(("answer", "said"), ODD)
-def test_what_only_looks_like_numbers_is_refused(kind, answer, said):
+@pytest.mark.parametrize("answer", [["fast"], [{"f_m": 0.05}]])
+def test_an_answer_without_numbers_is_refused(kind, answer):
     call = "run" if kind is Batching else "step"
-    with pytest.raises(StepError, match=rf"^{call} returned {said}, and numbers .*{__file__}:\d+"):
+    with pytest.raises(StepError, match=rf"^{call} returned no numbers: .*{__file__}:\d+"):
         run_estimator(kind(answer), U, Y)

@@ -96,11 +96,10 @@ def test_a_mistake_is_noticed(mistake, monkeypatch):
         result[-1, 2, 2] *= -1  # the entry −1/J_m of eq. (24), for f_m
         return result
 
-    def wrong_tables(model, coefficient):
-        entries, made = tables(model, coefficient)
-        lanes = made["slopes"]["lane"]
-        lanes[:] = 1 + lanes % len(model.names)  # each is taken for that of the next parameter
-        return entries, made
+    def wrong_tables(model, length):
+        entries, slopes = tables(model, length)
+        slopes["entry"] = np.roll(slopes["entry"], 1)  # each is taken for that of another entry
+        return entries, slopes
 
     def late(*args):
         return [replace(r, torque=np.r_[0, r.torque[:-1]]) for r in records(*args)]
