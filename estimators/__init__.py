@@ -1,9 +1,9 @@
 """Estimators of physical parameters from torque and motor angle or speed.
 
-Nothing here knows the truth, MuJoCo or the rest of the package: it works on a robot's log as well.
-In come u[k], y[k] and what is known beforehand (`problem`), out go θ[k] and findings (`protocol`).
-`models` says what an axis is, `filters` and `glr` what is done with it sample by sample, `offline`
-looks at whole records; `methods` are the estimators, which `registry` has by name.
+Nothing here imports the rest of the package or knows the true parameters, so that the estimators
+run on logs of a real axis as well. The input is u[k], y[k] and prior knowledge (`problem`), the
+output θ[k] and findings (`protocol`). `models` describes axes; `filters` and `glr` process samples
+one by one, `offline` whole records; `methods` has the estimators, `registry` lists them by name.
 """
 
 import sys
@@ -35,7 +35,7 @@ __all__ = [
 RECOMMENDED = "glr"
 """The registered estimator that the suite recommends for a real axis."""
 
-# numba and scipy take most of a second to import, so what needs them is loaded when it is used
+# numba and scipy take most of a second to import, so modules that need them are loaded on use
 _LATER = {
     "Frozen": "methods.controls",
     "Rpem": "methods.rpem",
@@ -49,10 +49,10 @@ def __getattr__(name: str) -> object:
 
 
 class _Listing(ModuleType):
-    """The package, which lists its registered estimators when it is called."""
+    """The package; a call lists the registered estimators."""
 
     def __call__(self, *, find: str = "") -> list[dict[str, str]]:
-        """Return name and card of the registered estimators, those that have some text."""
+        """Return name and card of the registered estimators that contain a text."""
         from flexaxis.estimators.registry import REGISTRY
 
         lines = [{"name": entry.name, "card": entry.summary} for entry in REGISTRY.values()]

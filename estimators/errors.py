@@ -1,23 +1,23 @@
-"""The error that estimators raise when they are given something they cannot use."""
+"""The error for wrong use of estimators and models."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 
 class EstimatorError(ValueError):
-    """Wrong use of an estimator or a model: what was given, what is allowed, what to do."""
+    """Wrong use of an estimator or a model; the message says what is allowed and what to do."""
 
 
 def did_you_mean(word: str, allowed: Iterable[str]) -> str:
     """
-    Say which of the allowed words is nearest, and which there are.
+    Suggest the nearest allowed word, and list all of them.
 
     Parameters
     ----------
     word : str
-        What was given.
+        The unknown word.
     allowed : iterable of str
-        What would have been accepted.
+        The words that are accepted.
 
     Returns
     -------

@@ -1,8 +1,9 @@
-"""What there is to estimate, and what is known beforehand: one object from registry to filter."""
+"""The task of an estimator: what to estimate, and what is known beforehand."""
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,43 +31,62 @@ Nominal = Mapping[str, float] | Model
 @dataclass(frozen=True, eq=False)
 class Problem:
     """
-    A task for an estimator, made by `make_problem`.
+    A task for an estimator.
+
+    Parameters
+    ----------
+    nominal : mapping of str to float, or Model
+        Values of the paper's axis and of its data sheet; or a model.
+    period : float
+        Sampling period [s].
+    identify : sequence of str
+        Parameters to estimate, or their inverses.
+    output : str
+        Name of the signal y in `flexaxis.estimators.signals.SIGNALS`.
+    P0 : (p,) or (p, p) array_like, optional
+        P(0).
+    torque : (N,) array_like, optional
+        Torque of a nominal run [N m], for the paper's recipe of P(0) and for sizes of friction.
+    noise : float, optional
+        Standard deviation of y, in its unit.
+    bounds : (lower, upper), optional
+        Box of θ; by default that of the filter.
 
     Attributes
     ----------
-    nominal : mapping of str to float, or Model
-        As it was told: values of the paper's axis, and what a data sheet says; or a model.
     model : Model
-        That, or the linear one of the paper's axis.
-    period : float
-        Sampling period [s].
-    identify : tuple of str
-        Parameters to estimate, or their inverses.
-    output : str
-        What y is, of `flexaxis.estimators.signals.SIGNALS`: such as ``"speed"``.
-    P0 : (p,) or (p, p) array_like, or None
-        P(0), where it was told.
-    torque : (N,) array_like, or None
-        Of a nominal run [N m], for the paper's recipe of P(0) and for sizes of friction.
-    noise : float or None
-        Standard deviation of the output, in its unit, where it was told.
-    bounds : (lower, upper) or None
-        Box of θ; that of the filter where nothing was told.
+        The given model, or the linear one of the paper's axis.
+
+    Raises
+    ------
+    EstimatorError
+        If period, output or noise cannot be used. Names and P(0) are checked with the model of the
+        estimator, which may add laws.
     """
 
     nominal: Nominal
-    model: Model
     period: float
-    identify: tuple[str, ...]
-    output: str
-    P0: ArrayLike | None
-    torque: ArrayLike | None
-    noise: float | None
-    bounds: tuple[ArrayLike, ArrayLike] | None
+    _: KW_ONLY
+    identify: Sequence[str] = PAPER
+    output: str = "speed"
+    P0: ArrayLike | None = None
+    torque: ArrayLike | None = None
+    noise: float | None = None
+    bounds: tuple[ArrayLike, ArrayLike] | None = None
+
+    def __post_init__(self) -> None:
+        above_zero("period", self.period, "the sampling period in seconds")
+        unit = find_signal(self.output).unit
+        if self.noise is not None:
+            above_zero("noise", self.noise, f"the standard deviation of y in {unit}")
+
+    @cached_property
+    def model(self) -> Model:  # noqa: D102
+        return self.nominal if isinstance(self.nominal, Model) else three_mass(self.nominal)
 
     @property
     def asked(self) -> dict[str, Any]:
-        """What every filter is told, by keyword: ``identify, period, output, noise, bounds``."""
+        """Options of every filter: ``identify, period, output, noise, bounds``."""
         names = ("identify", "period", "output", "noise", "bounds")
         return {name: getattr(self, name) for name in names}
 
@@ -76,13 +96,13 @@ class Problem:
         return self.model.parametrize(self.identify).theta
 
     def tuned(self, name: str) -> float | None:
-        """Return the knob of an estimator as tuned for this axis; None where it was not."""
+        """Return the tuned value of an estimator's knob for this axis, None if there is none."""
         tuning = at_equal_noise(name)
         axis = self.model, self.period, self.identify
         return tuning.value if tuning and tuning.holds_for(*axis) else None
 
     def factor(self, name: str, forgetting: float | None) -> float:
-        """Return λ: as given, as tuned for this axis, or of 1 s; warn where that is short."""
+        """Return λ as given, as tuned for this axis, or of 1 s; warn if that is too short."""
         usual = self.tuned(name) if forgetting is None else forgetting
         weight = forgetting_factor(usual, self.period)
         rates = np.abs(moving_poles(self.model).real)
@@ -98,12 +118,12 @@ class Problem:
 
     def initial_P(self, known: Array | None, **time_update: Any) -> ArrayLike:
         """
-        Return P(0): as told, by the paper's recipe on the torque of a nominal run, or as is known.
+        Return P(0) as given, by the paper's recipe on the torque of a nominal run, or as stored.
 
         Parameters
         ----------
         known : (p, p) array or None
-            Where nothing was told.
+            The stored P(0) of this axis.
         **time_update
             ``forgetting`` or ``drift``, for the recipe.
         """
@@ -136,16 +156,16 @@ class Problem:
         return self.initial_P(known, forgetting=forgetting)
 
     def forgetting_design(self, name: str, forgetting: float | None) -> Design:
-        """Return what a method with a forgetting factor starts from."""
+        """Return the design of a method with a forgetting factor."""
         weight = self.factor(name, forgetting)
         P = self.forgetting_P(weight)
         return make_design(self.model, **self.asked, P0=P, forgetting=weight)
 
     def walk_design(self, name: str, usual: float, *, walk: float | None, spread: float) -> Design:
         """
-        Return what a Kalman filter of a random walk starts from: deviations relative to θ(0).
+        Return the design of a Kalman filter with a random walk of θ, relative to θ(0).
 
-        ``usual`` is the walk after a second where none is given or known.
+        ``usual`` is the walk after a second if none is given or tuned.
         """
         if walk is None:
             walk = self.tuned(name) or usual
@@ -153,36 +173,3 @@ class Problem:
         above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
         prior, drift = (spread * self.theta) ** 2, self.period * (walk * self.theta) ** 2
         return make_design(self.model, **self.asked, P0=prior, drift=drift)
-
-
-def make_problem(
-    nominal: Nominal,
-    period: float,
-    *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
-    noise: float | None = None,
-    bounds: tuple[ArrayLike, ArrayLike] | None = None,
-) -> Problem:
-    """
-    Return what there is to estimate, checked.
-
-    Parameters
-    ----------
-    nominal, period, identify, output, P0, torque, noise, bounds
-        As `Problem` has them.
-
-    Raises
-    ------
-    EstimatorError
-        If period, output or noise cannot be used; names and P(0) are checked with the model that an
-        estimator takes, which may have laws besides.
-    """
-    above_zero("period", period, "the sampling period in seconds")
-    unit = find_signal(output).unit
-    if noise is not None:
-        above_zero("noise", noise, f"the standard deviation of y in {unit}")
-    model = nominal if isinstance(nominal, Model) else three_mass(nominal)
-    return Problem(nominal, model, period, tuple(identify), output, P0, torque, noise, bounds)

@@ -12,7 +12,7 @@ from flexaxis.estimators import methods
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.knob import Knob, make_knob
 from flexaxis.estimators.models.axes import PAPER
-from flexaxis.estimators.problem import Nominal, make_problem
+from flexaxis.estimators.problem import Nominal, Problem
 from flexaxis.estimators.tuned import at_equal_noise
 
 if TYPE_CHECKING:
@@ -68,15 +68,13 @@ class Entry:
         Other methods ignore it.
         """
         own = [*inspect.signature(self.make).parameters.values()][1:]
-        every = inspect.signature(make_problem).parameters
+        every = inspect.signature(Problem).parameters
         asked = {n: p for n, p in every.items() if n != "noise" or self.told_noise}
 
         def factory(nominal: Nominal, period: float, **arguments: Any) -> "Estimator":
             if unknown := arguments.keys() - asked.keys() - {p.name for p in own}:
                 raise TypeError(f"{self.name} has no option {min(unknown)!r}")
-            problem = make_problem(
-                nominal, period, **{k: v for k, v in arguments.items() if k in asked}
-            )
+            problem = Problem(nominal, period, **{k: v for k, v in arguments.items() if k in asked})
             return self.make(problem, **{k: v for k, v in arguments.items() if k not in asked})
 
         signature = inspect.Signature([*asked.values(), *own])

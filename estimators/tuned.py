@@ -15,7 +15,7 @@ PERIODS_AGREE = 1e-6  # relative
 @dataclass(frozen=True)
 class Tuning:
     """
-    A setting, how it was found, and on which axis.
+    A tuned setting, the command that found it, and its axis.
 
     Attributes
     ----------
@@ -23,24 +23,23 @@ class Tuning:
     value : float
         Of the knob.
     setting : str
-        The estimator with all options that were tuned, as for ``--estimator``.
+        The estimator with the tuned option, as for ``--estimator``.
     match : str
-        What is equal there: "excess", the excess prediction error, or the parameter whose
-        standard deviation is.
+        The measure of noise that was matched: "excess", the excess prediction error, or the name of
+        a parameter, for its standard deviation.
     ratio : float
-        That noise over that of `rpem-forgetting` at λ = 0.995, on the nominal axis; of the excess
-        error the root.
+        Its noise over that of `rpem-forgetting` at λ = 0.995, on the nominal axis; for the excess
+        error the square root of the ratio.
     command : str
-        What found it.
+        Command that found it.
     model : str
-        The axis by name, as in `known` of `flexaxis.estimators.models.axes.MODELS`.
+        The axis by name: ``"n1"``.
     identify : tuple of str
-        What was estimated.
+        Identified parameters.
     period : float
         Sampling period [s].
     noise : float
-        Standard deviation of the output [rad/s]. Estimators are not told it: a setting is applied
-        whatever it is.
+        Standard deviation of the output [rad/s]. A setting is applied at any noise.
     """
 
     estimator: str
@@ -57,16 +56,16 @@ class Tuning:
 
     def holds_for(self, model: Model, period: float, identify: Sequence[str]) -> bool:
         """
-        Return whether it was found for this axis, whatever its units.
+        Return whether it was found for this axis, in any units.
 
         Parameters
         ----------
         model : Model
-            With the nominal values that the estimator is told, and starts from.
+            With the nominal values from which the estimator starts.
         period : float
             Sampling period [s].
         identify : sequence of str
-            What is to be estimated, in any order.
+            Parameters to identify, in any order.
         """
         return (
             sorted(self.identify) == sorted(identify)
@@ -83,5 +82,5 @@ def tunings() -> tuple[Tuning, ...]:
 
 
 def at_equal_noise(estimator: str) -> Tuning | None:
-    """Return the setting of an estimator at matched noise, on the axis that is in it."""
+    """Return the tuned setting of an estimator, None if there is none."""
     return next((t for t in tunings() if t.estimator == estimator), None)

@@ -1,19 +1,19 @@
 """
-What the data do not contradict is as it was told: estimates given that, in compiled code.
+Estimates drawn towards nominal values that the data do not contradict, in compiled code.
 
-A filter that learns many parameters pays for each in the variance of the others, also where there
-was nothing to learn. With μ and Σ of all of them, and a group s of parameters told to be s₀, let
-χ² = (μ_s − s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). The estimate given s = s₀ is μ + Σ_·s Σ_ss⁻¹ (s₀ − μ_s), and the
-estimate is taken so far towards it as it is likely,
+Each parameter that a filter learns adds variance to the estimates of the others, even if its
+nominal value was right. Let μ and Σ be mean and covariance of all parameters, s₀ the nominal values
+of a group s, and χ² = (μ_s − s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). The estimate given s = s₀ is
+μ + Σ_·s Σ_ss⁻¹ (s₀ − μ_s). The estimate moves towards it by the weight
 
     w = 1/(1 + exp(½(χ² − c))),
 
-with c the 95 % quantile of χ² for so many parameters. These are Akaike's weights but for c (K. P.
-Burnham and D. R. Anderson, *Model selection and multimodel inference*, 2002, §2.9): a told value
-that is wrong draws an estimate by no more than its own √c standard deviations or so, whereas Bayes
-factors would hold on to it until far later. Groups follow each other, each given those before. The
-filter itself is left alone. To the covariance of the estimate each group adds w(1 − w) d dᵀ, d the
-difference of the two estimates, as of any mixture.
+with c the 95 % quantile of χ² for that number of parameters. Apart from c these are Akaike's
+weights (K. P. Burnham and D. R. Anderson, *Model selection and multimodel inference*, 2002, §2.9).
+A wrong nominal value draws an estimate by about √c of its standard deviations at most; Bayes
+factors would keep it far longer. The groups are applied in turn. The filter itself is not changed.
+Each group adds w(1 − w) d dᵀ to the covariance, as in any mixture: d is the difference of the two
+estimates.
 """
 
 from collections.abc import Sequence
@@ -25,28 +25,26 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.memory import Indices, Matrix, Vector
 
-LEVEL = 0.95  # of χ², at which what was told and what was learnt weigh the same
-SETTLED = 1e-9  # of a variance, below which nothing is left of it
+LEVEL = 0.95  # of χ², at which nominal values and data have equal weights
+SETTLED = 1e-9  # of a variance, below which it counts as zero
 
 
 class Told(NamedTuple):
     """
-    What was told of parameters, and estimates given that.
+    Nominal values of groups of parameters, and the estimates drawn towards them.
 
     Attributes
     ----------
     union : (u,) array
-        Which of θ are estimates, or in a group.
+        Indices of the θ that are estimates or in a group.
     members, values : (groups, most) arrays
-        Of each group: its places in the union, −1 for none, and what was told.
+        Places of a group in the union, −1 for none, and its nominal values.
     limit : (groups,) array
-        c.
+        c of each group.
     drawn : (u,) array
         The estimate; drawn_P + drawn_between is its covariance.
     drawn_P, drawn_between, P : (u, u) arrays
     mean, column : (u,) arrays
-    share : (groups,) array
-        w.
     """
 
     union: Indices
@@ -59,31 +57,27 @@ class Told(NamedTuple):
     mean: Vector
     P: Matrix
     column: Vector
-    share: Vector
 
 
 def told_arrays(
     tracked: int, groups: Sequence[tuple[Sequence[int], Sequence[float]]]
 ) -> dict[str, NDArray]:
     """
-    Return what `draw_estimates` needs, by name.
+    Return the arrays of `Told`, by name.
 
     Parameters
     ----------
     tracked : int
-        The first so many of θ are estimates.
+        Number of estimates, the first θ.
     groups : sequence of (indices, values)
-        Of θ, and where it was told to be; in units of θ.
+        Indices of θ with their nominal values, in the units of θ.
     """
     from scipy.stats import chi2  # takes a third of a second to import
 
     union = np.unique(np.concatenate([np.arange(tracked), *(i for i, _ in groups)])).astype(int)
     most = max([1, *(len(i) for i, _ in groups)])
-    members, values = (
-        np.full((max(1, len(groups)), most), -1),
-        np.zeros((max(1, len(groups)), most)),
-    )
-    limit = np.zeros(len(members))
+    shape = max(1, len(groups)), most
+    members, values, limit = np.full(shape, -1), np.zeros(shape), np.zeros(shape[0])
     for row, (indices, told) in enumerate(groups):
         members[row, : len(indices)] = np.searchsorted(union, indices)
         values[row, : len(indices)] = told
@@ -100,17 +94,16 @@ def told_arrays(
         "told_mean": q,
         "told_P": square,
         "column": q,
-        "told_share": np.zeros(len(limit)),
     }
 
 
 @inlined
 def draw_estimates(told, P, theta, estimates):
     """
-    Write estimates (q,) given what was told, as far as the data do not contradict it.
+    Write estimates (q,) that are drawn towards nominal values the data do not contradict.
 
-    θ (p,) and P are what is thought without it. Of all that is given, ``drawn_P + drawn_between``
-    is the covariance.
+    θ (p,) and P are the estimates without them. The covariance of the result is ``drawn_P +
+    drawn_between``.
     """
     union, drawn, drawn_P = told.union, told.drawn, told.drawn_P
     for a in range(len(union)):
@@ -118,8 +111,8 @@ def draw_estimates(told, P, theta, estimates):
         for b in range(a + 1):
             drawn_P[a, b] = drawn_P[b, a] = P[union[a], union[b]]
     told.drawn_between[:] = 0.0
-    for g in range(len(told.share)):
-        told.share[g] = _draw(told, g)
+    for g in range(len(told.limit)):
+        _draw(told, g)
     for i in range(len(estimates)):
         estimates[i] = drawn[i]
 
@@ -127,10 +120,10 @@ def draw_estimates(told, P, theta, estimates):
 @inlined
 def _draw(told, g):
     """
-    Draw what is thought towards one group as it was told, and return how far.
+    Draw the estimates towards the nominal values of one group.
 
-    The group is a measurement without noise of one parameter after the other; what varies no more
-    given those before is as it was told already.
+    Its parameters are measured without noise, one after the other. One without variance given those
+    before has its nominal value already.
     """
     drawn, P, between = told.drawn, told.drawn_P, told.drawn_between
     mean, C, column = told.mean, told.P, told.column
@@ -159,4 +152,3 @@ def _draw(told, g):
             P[a, b] += share * (C[a, b] - P[a, b])
     for a in range(len(drawn)):
         drawn[a] += share * (mean[a] - drawn[a])
-    return share

@@ -1,22 +1,22 @@
 """
-Whether a sensor does not follow the axis, or a filter has lost its way and begins anew.
+Detect a sensor that does not follow the axis, and a filter that is lost and has to be reset.
 
-A reading that repeats while the axis moves is no measurement: of a sensor that is stuck, or at the
-end of its range. Noise never repeats to the last bit, but what an encoder counts does. Its speeds
-are wrong by less than a count q in a period, evenly from −q to q about the truth with the variance
-q²/6, so that two equal ones leave the truth 2q = 4.9 standard deviations to move in. Where ŷ has
-moved by more than twice that since a reading first came, nothing is taken from the sensor, as in a
-gap, until it reads something else; nor any such reading again, until one beyond it shows that it is
-not the end of the range.
+A reading that repeats while the axis moves comes from a sensor that is stuck or saturated. Noise
+never repeats to the last bit, but counts of an encoder do. The error of its speed is less than a
+count q in a period, with a triangular distribution from −q to q and the variance q²/6. Between two
+equal readings the true speed may therefore move by 2q = 4.9 standard deviations. If ŷ has moved by
+more than twice that since the reading first came, samples are ignored, as in a gap, until the
+sensor reads another value. The repeated reading is also ignored later, until a reading beyond it
+shows that it is not the end of the range.
 
-What was taken before that was noticed may have thrown a filter: one that does not forget all that
-it knows, or that believes in jumps, begins anew when the sensor reads on. So it does when ŷ is no
-number. One that forgets finds back by itself, unless it came into another valley: it begins anew
-only where it has left a large part of y that is no noise for longer than it remembers anything. If
-that does not help, it is judged ever later: it is lost for at most as long again as the sensor was
-wrong.
+The samples before the detection may have moved the estimate far away. A filter that does not forget
+everything, or that models jumps, is reset when the sensor reads on; so is any filter whose ŷ is not
+a number. A filter that forgets recovers by itself, unless it is in another local minimum. It is
+reset only if a large and correlated part of y has stayed in its residual for longer than its
+memory. The next reset takes twice as long, so a filter is lost for at most twice as long as the
+sensor was wrong.
 
-All is relative to y and to what is known of its noise, so that units do not matter.
+Everything is relative to y and to its noise, so that units do not matter.
 """
 
 import numpy as np
@@ -25,19 +25,19 @@ from numpy.typing import ArrayLike
 from flexaxis.estimators.models.compiler import inlined
 from flexaxis.estimators.models.memory import Memory
 
-FAR = 10.0  # standard deviations that ŷ moves; twice those in which a coarse encoder may repeat
-FORETOLD = 0.5  # of what is left, which the residual before foretells: it is no noise
-LEFT = 0.2  # of the mean square of y, that a lost filter leaves of it: a spring of the gear that is
-# no longer what the model was told leaves 0.17, a sensor that had the wrong sign for a while 0.25
+FAR = 10.0  # standard deviations that ŷ moves; twice those of a coarse encoder that repeats
+FORETOLD = 0.5  # autocorrelation of the residual of a lost filter; that of noise is small
+LEFT = 0.2  # mean square of that residual over that of y: a wrong gear spring in the model gives
+# 0.17, a sensor that had the wrong sign for a while 0.25
 MEMORY = 2.0  # s, of these means
-PATIENCE = 5.0  # memories for which a filter is lost: 10 s, ten of its time constants
+PATIENCE = 5.0  # memories until a filter counts as lost: 10 s, ten of its time constants
 ABSURD = 1e2
 """
-Times as large as the output, or as its noise, that no residual is: parameters inside their box, a
-tenth to ten times what was told, change y by a hundred.
+Largest residual over the output or its noise that is used: parameters inside their box, 0.1 to 10
+times nominal, change y by a factor of a hundred.
 """
-HEEDS_ALL, HEEDS_LOST, HEEDS_NOTHING = 0.0, 1.0, 9.0  # of ``anew``, what a filter begins anew for
-UNKNOWN = 1.0  # s after which a wrong state has been forgotten
+HEEDS_ALL, HEEDS_LOST, HEEDS_NOTHING = 0.0, 1.0, 9.0  # values of ``anew`` above which it is reset
+UNKNOWN = 1.0  # s, after which a wrong state is forgotten
 
 KEPT = (
     "reading",
@@ -45,11 +45,11 @@ KEPT = (
     "stuck",
     "rails",
     "patience",
-)  # what is known of the sensor, whatever comes
+)  # kept through a reset: the state of the sensor
 
 
 def monitor_numbers(period: float, heeds: float = HEEDS_ALL) -> dict[str, ArrayLike]:
-    """Return the numbers that `is_stuck` and `check_residual` need, with what a filter heeds."""
+    """Return the numbers of `is_stuck` and `check_residual`; ``heeds`` is one of the above."""
     return {
         "astray_memory": MEMORY / period,
         "unknown": round(UNKNOWN / period),
@@ -63,7 +63,7 @@ def monitor_numbers(period: float, heeds: float = HEEDS_ALL) -> dict[str, ArrayL
 
 @inlined
 def is_stuck(state, y, prediction, variance):
-    """Return whether y is that of a stuck sensor; ``variance`` is that of y − ŷ, or NaN."""
+    """Return whether y comes from a stuck sensor; ``variance`` is that of y − ŷ, or NaN."""
     rails = state["rails"]
     if y < rails[0]:  # it can read less
         rails[0] = np.nan
@@ -87,9 +87,9 @@ def is_stuck(state, y, prediction, variance):
 
 @inlined
 def check_residual(state, y, epsilon):
-    """Take a residual, and mark a filter that is lost; it is asked again after twice the time."""
+    """Take a residual, and mark a filter that is lost; the next check takes twice the time."""
     if y**2 > ABSURD**2 * max(state["signal"], state["expected"] ** 2, state["noise"]):
-        return  # a mean of squares would not forget it for minutes
+        return  # the means would keep it for minutes
     squares = state["squares"]
     state["judged"] += 1.0
     count = min(state["judged"], state["astray_memory"])
@@ -98,7 +98,7 @@ def check_residual(state, y, epsilon):
     squares[2] += (epsilon * state["last_left"] - squares[2]) / count
     state["last_left"] = epsilon
     lost = squares[0] > LEFT * squares[1] and squares[2] > FORETOLD * squares[0]
-    # all the while, as it takes time after every jump
+    # without interruption, because every jump takes some time
     state["gone"] = state["gone"] + 1.0 if lost else 0.0
     lost = state["gone"] >= state["patience"] * state["astray_memory"]
     if state["judged"] >= state["patience"] * state["astray_memory"]:
@@ -111,10 +111,11 @@ def check_residual(state, y, epsilon):
 
 def begin_anew(state: Memory, start: Memory) -> None:
     """
-    Put a filter, or several side by side, to the start, but for what is known of the sensor.
+    Reset a filter, or several in rows, but keep the state of the sensor.
 
-    The torque alone moves the state from rest until it is that of the axis; what is wrong in it
-    would be learnt as structure. R is learnt again; until then that before judges the sensor.
+    For a while only the torque moves the state, until it is that of the axis: the filter would
+    learn a wrong state as structure. R is learnt again; until then the sensor is judged by the R
+    before the reset.
     """
     kept: dict[str, ArrayLike] = {name: np.copy(state[name]) for name in KEPT}
     kept["earlier"] = np.copy(state["noise"]) if np.max(state["anew"]) < 2.0 else np.nan

@@ -1,8 +1,8 @@
 """
-Rules of forgetting: what takes P over the time update, the paper's eq. (9), (10), (12) or another.
+Rules of forgetting: the time update of P, by the paper's eq. (9), (10), (12) or another rule.
 
-Each rule is a compiled function of the state and of whether the sample was used, with a number by
-which `forget` finds it. Their sources are in the modules of `flexaxis.estimators.methods`.
+Each rule is a compiled function of the state and of whether y was measured, with a number for
+`forget`. The modules of `flexaxis.estimators.methods` give the sources.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ LOOP = "flexaxis.estimators.methods.loops:rpem"
 
 @inlined
 def forget(state, valid):
-    """Take P over the time update, by the rule of the filter."""
+    """Do the time update of P by the rule of the filter."""
     rule = state.now[0]["rule"]
     if rule == PAPER:
         time_update(state)
@@ -35,7 +35,7 @@ def forget(state, valid):
 
 @inlined
 def reset_on_alarm(state, valid):
-    """P ← P/λ, eq. (9); where the sum of a CUSUM exceeds the level, P becomes large."""
+    """P ← P/λ, eq. (9); if the sum of a CUSUM exceeds the level, P becomes large."""
     P, now = state.P, state.now[0]
     sums = now["sums"]
     _divide(P, now["forgetting"])
@@ -57,7 +57,7 @@ def reset_on_alarm(state, valid):
 
 @inlined
 def forget_by_residual(state, valid):
-    """P ← P/λ with a λ that follows the residual; a gap has none, and forgets nothing."""
+    """P ← P/λ with a λ that follows the residual; nothing is forgotten in a gap."""
     if valid:
         _divide(state.P, _variable_factor(state.now[0]))
 
@@ -85,25 +85,16 @@ def _divide(P, factor):
             P[i, j] /= factor
 
 
-def forgetful_filter(
-    design: Design,
-    rule: int,
-    *,
-    robust: float,
-    ceiling: float,
-    correct: bool = False,
-    **more: float,
-) -> CompiledFilter:
+def forgetful_filter(design: Design, rule: int, **options: float) -> CompiledFilter:
     """
-    Make a prediction-error method with a rule of its own in the place of eq. (9) or (10).
+    Return a prediction-error method with a rule of its own instead of eq. (9) or (10).
 
     Parameters
     ----------
     design : Design
     rule : int
-        Of the above.
-    robust, ceiling, correct, **more
+        One of the above.
+    **options
         As for `flexaxis.estimators.filters.prediction_error.recursion`.
     """
-    start = recursion(design, robust=robust, ceiling=ceiling, correct=correct, rule=rule, **more)
-    return CompiledFilter(LOOP, start, design, read_claim)
+    return CompiledFilter(LOOP, recursion(design, rule=rule, **options), design, read_claim)

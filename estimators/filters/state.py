@@ -12,11 +12,11 @@ from flexaxis.estimators.models.series import axis_arrays
 _TUNING = (
     "forgetting",  # λ
     "memory",  # samples, of the means that R is
-    "known",  # 1 where the noise is given
-    "rests",  # 1 where an axis at rest tells of its noise as well
-    "correct",  # 1 where the state moves with θ
-    "clip",  # standard deviations beyond which a residual counts as one of that size
-    "consistency",  # what clipping leaves of a variance
+    "known",  # 1 if the noise is given
+    "rests",  # 1 if R is learnt at rest as well
+    "correct",  # 1 if the state moves with θ
+    "clip",  # standard deviations to which a residual is limited
+    "consistency",  # variance after clipping, for a variance of one
     "largest",  # variance of an estimate relative to θ(0)²
     "rule",  # of forgetting, see `forgetting`
     "level", "first", "next", "reset", "short", "long", "least",  # of rules of forgetting
@@ -28,25 +28,25 @@ _NOISE = (
     "innovation",
     "innovation_variance",
     "noise",  # R, 0 while nothing is known of it
-    "samples",  # that R is the mean of
-    "run",  # samples in a row that were used
-    "latest",  # the innovation before, whether its sample was used or not
-    "wild",  # samples in a row that are far from ŷ and from the one before
-    "lone",  # whether the last sample was, by WILD, and the one before it as usual, by CLIP
-    "spikes",  # whether such a one was followed by a usual one, or its opposite, ever
+    "samples",  # number of samples in the mean R
+    "run",  # consecutive samples that were used
+    "latest",  # the last innovation, of a used or unused sample
+    "wild",  # consecutive samples that are far from ŷ and from the sample before
+    "lone",  # whether the last sample was far, by WILD, and the one before it was not, by CLIP
+    "spikes",  # whether a usual sample, or its opposite, has ever followed such a sample
 )
 _MONITOR = (
     "reading",  # the last one
-    "foreseen",  # ŷ as it was when this reading first came
+    "foreseen",  # ŷ when this reading first came
     "stuck",
-    "doubted",  # 1 from when a sensor is found to be stuck until it reads on
-    "judged",  # samples since the means began
+    "doubted",  # 1 from the detection of a stuck sensor until it reads on
+    "judged",  # samples in the means
     "last_left",  # ε of the last sample
-    "gone",  # samples for which one that forgets has been lost
-    "patience",  # memories before it is judged
-    "anew",  # 1 where the filter should begin anew, 2 where its R is worth nothing either
-    "earlier",  # R before it last began anew
-    "waits",  # samples that it still waits for its state, in mid-motion
+    "gone",  # samples for which a filter that forgets has been lost
+    "patience",  # memories until it counts as lost
+    "anew",  # 1 if the filter should be reset, 2 if its R is useless as well
+    "earlier",  # R before the last reset
+    "waits",  # samples that it still waits after a reset in mid-motion
 )
 _PREDICTION_ERROR = (
     "expected",  # ŷ of the last sample

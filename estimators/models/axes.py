@@ -1,14 +1,14 @@
-"""The shipped models by name, of one to three masses; and models from tables."""
+"""The shipped models, with one to three masses, and models from tables."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.laws import INPUT, Law
 from flexaxis.estimators.models.model import Model
 
-PAPER = ("k_T", "1/J_a", "f_m")  # what the paper identifies
+PAPER = ("k_T", "1/J_a", "f_m")  # identified in the paper
 
 
 def one_mass(nominal: Mapping[str, float]) -> Model:
@@ -87,7 +87,7 @@ BRISTLES = Law(
         "softness": "v_0",
     },
 )
-"""Dry friction of the motor: Coulomb's, LuGre's and the published static curve's, by parameters."""
+"""Dry friction of the motor: Coulomb or LuGre friction, depending on its parameters."""
 STATIC = Law(
     "static",
     drive={"speed_motor": 1.0},
@@ -114,14 +114,14 @@ GEAR_FRICTION = Law(
         "ratio": "r",
     },
 )
-"""Friction of a drive whose gear rubs the more it carries, for a model with `GEAR_SPRING`."""
+"""Friction of a drive that grows with the load of the gear, for a model with `GEAR_SPRING`."""
 GEAR_SPRING = Law(
     "spring",
     drive={"twist_gear": 1.0},
     acts={"speed_motor": "-r*k_g/J_m", "speed_gear": "k_g/J_g"},
     parameters={"cubic": "kappa", "gap": "gap"},
 )
-"""A gear spring that stiffens, and has play."""
+"""A gear spring that stiffens, with backlash."""
 COGGING = Law(
     "sinusoid",
     drive={"angle_motor": 1.0},
@@ -139,7 +139,7 @@ LIMIT = Law(
 
 
 def with_angle(model: Model) -> Model:
-    """Return a model with the motor angle, from where it starts, as one more state."""
+    """Return a model with the motor angle as one more state; it starts at zero."""
     return replace(
         model,
         states=(*model.states, "angle_motor"),
@@ -150,7 +150,7 @@ def with_angle(model: Model) -> Model:
 
 
 def with_cogging(model: Model) -> Model:
-    """Return an axis without an angle with cogging, which is its last law."""
+    """Return a model with the motor angle and cogging, the last of its laws."""
     model = with_angle(model)
     cogging = {"c_sin": 0.0, "c_cos": 0.0, "poles": 10.0}
     return replace(model, laws=(*model.laws, COGGING), nominal=dict(model.nominal) | cogging)
@@ -158,18 +158,18 @@ def with_cogging(model: Model) -> Model:
 
 def real_axis(nominal: Mapping[str, float]) -> Model:
     """
-    Return the paper's axis with all that a real one has besides, as far as it can be told.
+    Return the paper's axis with the nonlinear laws of a real one.
 
-    Dry friction of the motor, a gear spring that stiffens and has play; friction that grows with
-    the load of the gear where ``mu_m`` is among the nominal values, cogging where the number of
-    ``poles`` is, and a ``torque_limit`` where that is.
+    The laws are dry friction of the motor, and a gear spring that stiffens and has backlash. With
+    ``mu_m`` among the nominal values friction grows with the load of the gear; with the number of
+    ``poles`` there is cogging, and with ``torque_limit`` a limit.
 
     Parameters
     ----------
     nominal : mapping
-        As for `three_mass`, and f_c, f_s, v_s, sigma_0, sigma_1, v_0, kappa and gap, by
-        `flexaxis.estimators.models.laws`; c_sin and c_cos with poles; with mu_m mu_e, mu_ms, mu_es
-        and sharpness in the place of sigma_0 and sigma_1.
+        As for `three_mass`, and f_c, f_s, v_s, sigma_0, sigma_1, v_0, kappa and gap of
+        `flexaxis.estimators.models.laws`; with poles also c_sin and c_cos; with mu_m also mu_e,
+        mu_ms, mu_es and sharpness, but no sigma_0 and sigma_1.
     """
     model = three_mass(nominal)
     laws = [GEAR_FRICTION if "mu_m" in nominal else BRISTLES, GEAR_SPRING]
@@ -216,16 +216,16 @@ def two_mass(nominal: Mapping[str, float]) -> Model:
 @dataclass(frozen=True)
 class Traits:
     """
-    What the frequency response of an unknown axis shows at a glance.
+    Features of the frequency response of an unknown axis.
 
     Attributes
     ----------
     inertia : float
-        All that the motor moves, seen from the motor, for k_T = 1 [kg m²].
+        Total inertia, referred to the motor, for k_T = 1 [kg m²].
     friction : float
         A small viscous friction [N m s/rad].
     resonance : float
-        Where |G| stands out most from that of the inertia [rad/s].
+        Frequency at which |G| exceeds the response of the inertia most [rad/s].
     """
 
     inertia: float
@@ -243,18 +243,14 @@ class _Shipped:
     factory : callable
         ``factory(nominal)``: the model with these nominal values.
     rough : mapping
-        Values of about the right size for an axis of which nothing is known [SI].
+        Values of about the right size for an unknown axis [SI].
     guess : callable or None
-        ``guess(traits)``: better values, from what the response of the axis shows; None where no
-        single look tells them.
-    known : mapping of str to mapping
-        Nominal values of axes that have a name [SI].
+        ``guess(traits)``: better values from the frequency response, if it determines them.
     """
 
     factory: Callable[[Mapping[str, float]], Model]
     rough: Mapping[str, float]
     guess: Callable[[Traits], dict[str, float]] | None = None
-    known: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def _one_mass_guess(seen: Traits) -> dict[str, float]:
@@ -262,7 +258,7 @@ def _one_mass_guess(seen: Traits) -> dict[str, float]:
 
 
 def _two_mass_guess(seen: Traits) -> dict[str, float]:
-    """Equal masses, whose resonance is at ω² = 2 k/J of each; damped by 2 %."""
+    """Return two equal masses J with the resonance ω² = 2 k/J, damped by 2 %."""
     stiffness = seen.resonance**2 * seen.inertia / 4
     return {
         "k_T": 1.0, "J_m": seen.inertia / 2, "J_l": seen.inertia / 2, "k": stiffness,
@@ -274,7 +270,7 @@ N1 = {
     "k_T": 1.0, "J_m": 1.2e-3, "J_g": 7.0, "J_a": 0.8, "k_g": 1.06e5, "k_a": 8.4e3,
     "d_g": 26.0, "d_a": 1.6, "f_m": 0.05, "f_g": 0.5, "f_a": 0.1, "r": 1 / 118,
 }  # fmt: skip
-"""The nominal axis of the benchmark, an industrial robot's first one in size."""
+"""The nominal axis of the benchmark, of the size of the first axis of an industrial robot."""
 
 MODELS: Mapping[str, _Shipped] = {
     "one_mass": _Shipped(
@@ -287,7 +283,7 @@ MODELS: Mapping[str, _Shipped] = {
         },
         guess=_two_mass_guess,
     ),
-    "three_mass": _Shipped(three_mass, rough=N1, known={"n1": N1}),
+    "three_mass": _Shipped(three_mass, rough=N1),
 }  # fmt: skip
 """The shipped models, by name."""
 
@@ -301,11 +297,10 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
     Parameters
     ----------
     tables : mapping
-        Either ``model``, the name of a shipped one, or its own ``name``, ``states``, ``A`` (rows
-        of formulas), ``B`` and ``C``; and ``nominal``, the value of each parameter [SI]. To either
-        ``law``, a list of tables with ``kind``, ``drive``, ``acts`` and ``parameters``, adds
-        nonlinear laws as `flexaxis.estimators.models.laws.Law` has them. Other keys are left to
-        the caller.
+        Either ``model``, the name of a shipped model, or ``name``, ``states``, ``A`` (rows of
+        formulas), ``B`` and ``C``; and ``nominal``, the value of each parameter [SI]. Optionally
+        ``law``, a list of tables with the fields of `flexaxis.estimators.models.laws.Law`. Other
+        keys are ignored.
 
     Raises
     ------
@@ -341,8 +336,8 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
 
 
 def _checked(key: str, kind: Any, value: Any) -> Any:
-    """Return a table as what it stands for; raise EstimatorError at what does not fit."""
-    from pydantic import TypeAdapter, ValidationError  # takes longer to import than all else here
+    """Return a table as an object of a kind; raise EstimatorError if it does not fit."""
+    from pydantic import TypeAdapter, ValidationError  # slow to import
 
     try:
         return TypeAdapter(kind).validate_python(value)

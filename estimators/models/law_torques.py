@@ -1,10 +1,10 @@
 """
 The torque of each kind of law over a step, with its derivatives, in compiled code.
 
-Every function writes into ``local``: the torque F, its derivatives by the drive w and by the law's
-own state s, then s⁺ at the end of the step and its derivatives by w and by s, and from `ROLE` on
-the derivatives of F and of s⁺ by the law's parameters, in pairs. w is the mean drive of the step.
-Laws and roles: `flexaxis.estimators.models.laws`.
+Each function writes into ``local``: the torque F and its derivatives by the drive w and by the
+law's own state s; the state s⁺ at the end of the step and its derivatives by w and by s; from
+`ROLE` on the derivatives of F and s⁺ by the law's parameters, in pairs. w is the mean drive of the
+step. Laws and roles: `flexaxis.estimators.models.laws`.
 """
 
 import numpy as np
@@ -16,10 +16,10 @@ from flexaxis.estimators.models.parametrization import F_S, F_W, ROLE, S_S, S_W,
 BRISTLE, STATIC, GEAR, SPRING, SINUSOID, CLIP = (
     KINDS.index(kind) for kind in ("bristle", "static", "gear", "spring", "sinusoid", "clip")
 )
-SMALL = 0.1  # below it the relaxation functions are taken from their series, to round-off
-FAST = 20.0  # of v/v_0: tanh is one to round-off
-NEAR = 1e-4  # of v/v_0: below it x/tanh x is its series to round-off
-LEAST = 1e-100  # [N m] a bristle's level, whose inverse and the square of that are finite
+SMALL = 0.1  # below it the relaxation functions come from their series, to round-off
+FAST = 20.0  # of v/v_0, from which tanh is one to round-off
+NEAR = 1e-4  # of v/v_0, below which x/tanh x is its series to round-off
+LEAST = 1e-100  # [N m], least level of bristles: its inverse and the square of that are finite
 
 
 @inlined
@@ -31,7 +31,7 @@ def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
     ----------
     kind : int
     w, s : float
-        Mean drive over the step, and the law's own state before it, or its load.
+        Mean drive over the step, and the law's own state before the step, or its load.
     u : float
         Input of the model, held over the step.
     h : float
@@ -60,7 +60,7 @@ def force(kind, w, s, u, h, value, local):  # noqa: PLR0917
 @inlined
 def _bristle(v, p, h, value, local):
     """
-    Relax the torque p of the bristles at a constant speed v, exactly, and take its mean.
+    Relax the torque p of the bristles exactly at a constant speed v, and return its mean as F.
 
     With b = σ₀ h v, a = σ₀ h |v|/g and φ₁ = (1−e^−a)/a, φ₂ = (1−φ₁)/a:
     p⁺ = p e^−a + b φ₁, F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
@@ -106,7 +106,7 @@ def _sliding(size, value):
 
 @inlined
 def _softened(size, v_0):
-    """Return r = |v|/tanh(|v|/v_0), by which |v|/g stays finite at rest; and by |v| and v_0."""
+    """Return r = |v|/tanh(|v|/v_0), finite at rest, and its derivatives by |v| and v_0."""
     if v_0 <= 0.0 or size > FAST * v_0:
         return size, 1.0, 0.0
     x = size / v_0
@@ -188,9 +188,9 @@ def _gear(v, twist, u, value, local):
 
 @inlined
 def _load(gear, motor, of_gear, of_motor):
-    """Return |L| of a load, and the signs with which torques of gear and motor enter it."""
+    """Return |L| of a load, and the signs of the torques of gear and motor in it."""
     load = of_gear * gear + of_motor * motor
-    if load == 0.0:  # as of shares that are zero: each can only grow
+    if load == 0.0:  # if both shares are zero, each can only grow
         return 0.0, 1.0 if gear >= 0.0 else -1.0, 1.0 if motor >= 0.0 else -1.0
     side = 1.0 if load > 0.0 else -1.0
     return abs(load), side, side
@@ -198,7 +198,7 @@ def _load(gear, motor, of_gear, of_motor):
 
 @inlined
 def _spring(x, value, local):
-    """F = d + κ d³ − x, with d what of x lies outside the gap."""
+    """F = d + κ d³ − x, with d the part of x outside the gap."""
     kappa, half = value[0], 0.5 * value[1]
     d, side = 0.0, 0.0
     if x > half:
@@ -224,7 +224,7 @@ def _sinusoid(angle, value, local):
 
 @inlined
 def _clip(u, value, local):
-    """F = u clipped to ± the limit, less u."""
+    """F = u clipped to ± the limit, minus u."""
     limit = value[0]
     if abs(u) > limit:
         side = 1.0 if u > 0.0 else -1.0

@@ -1,33 +1,34 @@
 """
-Nonlinear laws of an axis as data: a torque, where it acts, what drives it, its parameters.
+Nonlinear laws of an axis as data: a torque, its drive, where it acts, and its parameters.
 
-A law adds F(w, θ) to the derivatives of some states, times a formula in the parameters, where w is
-a linear combination of states or the input. The kinds, with their roles in brackets:
+A law adds F(w, θ), times a formula in the parameters, to the derivatives of some states. Its drive
+w is a linear combination of states, or the input. The kinds, with the roles of their parameters in
+brackets:
 
 bristle (coulomb, breakaway, stribeck, stiffness, damping, softness)
-    LuGre friction, whose limit for stiff bristles is Coulomb's. With the speed v and the torque p
-    of the bristles, ṗ = σ₀ [v − |v| p/g(v)], F = p + σ₁/σ₀ ṗ, and
-    g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0), the last factor one for v_0 = 0. C. Canudas de
-    Wit, H. Olsson, K. J. Åström and P. Lischinsky, *A new model for control of systems with
-    friction*, IEEE Trans. AC 40 (1995) 419–425.
+    LuGre friction; its limit for stiff bristles is Coulomb friction. With the speed v and the
+    torque p of the bristles, ṗ = σ₀ [v − |v| p/g(v)], F = p + σ₁/σ₀ ṗ, and
+    g(v) = [f_c + f_s exp(−(v/v_s)²)] tanh(|v|/v_0). The last factor is one for v_0 = 0.
+    C. Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, *A new model for control of
+    systems with friction*, IEEE Trans. AC 40 (1995) 419–425.
 static (coulomb, breakaway, alpha, beta)
     F = [f_c + f_s/cosh(α v)] tanh(β v): E. Wernholt and S. Gunnarsson, *Nonlinear identification of
     a physically parameterized robot model*, SYSID 2006.
 spring (cubic, gap)
-    What a spring of stiffness one does beyond F = x: F = d + κ d³ − x, where d is what of x lies
-    outside a gap of that width.
+    The difference of a spring of stiffness one from F = x: F = d + κ d³ − x, where d is the part of
+    x outside a gap of that width.
 sinusoid (sine, cosine, poles)
     F = a sin(N φ) + b cos(N φ), such as cogging, or gravity for N = 1.
 gear (coulomb, breakaway, stribeck, sharpness, motor, external, motor_slow, external_slow,
 softness; input, stiffness, ratio)
     Friction that grows with the load of a gear,
     F = [f_c + |μ_e τ_g + μ_m τ_u| + (f_s + |μ_es τ_g + μ_ms τ_u|) exp(−|v/v_s|^α)] tanh(v/v_0),
-    with τ_g = r k_g x of the gear's twist x, by which the law ``spring`` of the model is driven,
-    and τ_u = k_T u. Model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction
-    models for the physics simulation of servo actuators*, arXiv:2410.08650, whose torque of the
+    with τ_u = k_T u and τ_g = r k_g x. The twist x of the gear is the drive of the law ``spring``
+    of the model. Model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction
+    models for the physics simulation of servo actuators*, arXiv:2410.08650; there the torque of the
     gear has the other sign.
 clip (limit)
-    F = u clipped to ± the limit, less u.
+    F = u clipped to ± the limit, minus u.
 """
 
 from collections.abc import Mapping
@@ -40,25 +41,25 @@ from flexaxis.estimators.models.formula import multiply_out
 
 class Role(NamedTuple):
     """
-    What a parameter of a law is.
+    The properties of a parameter of a law.
 
     Attributes
     ----------
     size : str
-        What its size is made of, see `flexaxis.estimators.offline.structure`; empty for a value
-        that nobody can guess.
+        Its unit size, a formula in sizes of `flexaxis.estimators.offline.structure`; empty for a
+        value that cannot be guessed.
     guess : (4,) tuple of float
-        Where an estimate of it starts, the standard deviation of that, and the box, in that size.
+        Start of an estimate, its standard deviation, and the box, in unit sizes.
     signed : bool
         Whether it may be below 0.
     needed : bool
         Whether it must be above 0.
     told : bool
-        Whether it is told by a data sheet or not there at all.
+        Whether it is known from a data sheet or absent.
     fixable : bool
-        Whether it is fixed where the first seconds do not show it.
+        Whether it is fixed if the initialisation data do not excite it.
     shared : bool
-        Whether it is a parameter of the linear model, on which the torque depends as well.
+        Whether it is a parameter of the linear model.
     """
 
     size: str = ""
@@ -77,15 +78,15 @@ class Kind(NamedTuple):
     Attributes
     ----------
     roles : mapping of str to Role
-        Its parameters, in the order in which compiled code takes them.
+        Its parameters, in the order of compiled code.
     remembers : bool
         Whether it has a state of its own.
     rubs : bool
-        Whether it is friction: a speed drives it.
+        Whether it is friction, driven by a speed.
     loaded : bool
-        Whether it grows with a load, by which a law ``spring`` of the model is driven.
+        Whether it depends on a load, the drive of a law ``spring`` of the model.
     nominal : (drive, force, rate), optional
-        Its sizes on the nominal axis and its reference: `flexaxis.estimators.offline.structure`.
+        Its sizes on the nominal axis: `flexaxis.estimators.offline.structure`.
     """
 
     roles: Mapping[str, Role]
@@ -178,10 +179,10 @@ class Law:
     drive : mapping of str to float
         w, as factors of states or of ``"input"``.
     acts : mapping of str to str
-        State to the formula by which F is multiplied in its derivative: ``"-1/J_m"`` for a torque
+        For each state the formula that multiplies F in its derivative: ``"-1/J_m"`` for a torque
         that brakes the motor.
     parameters : mapping of str to (str or float)
-        Role to the name of a parameter of the model, or to a number; 0 for roles left out.
+        For each role the name of a parameter of the model, or a number; 0 by default.
 
     Raises
     ------
@@ -221,18 +222,18 @@ class Law:
             multiply_out(formula)
         if not self.drive or not self.acts:
             raise EstimatorError(
-                f"law {self.kind!r} needs what drives it, drive = {{speed_motor = 1.0}}, and where "
-                'it acts, acts = {speed_motor = "-1/J_m"}'
+                f"law {self.kind!r} needs a drive, such as drive = {{speed_motor = 1.0}}, and a "
+                'place to act, such as acts = {speed_motor = "-1/J_m"}'
             )
 
     @property
     def roles(self) -> Mapping[str, Role]:
-        """What its parameters are."""
+        """Its roles by name."""
         return LAWS[self.kind].roles
 
     @property
     def own(self) -> dict[str, str]:
-        """Names of its parameters by role, without those that it shares with the linear model."""
+        """Names of its parameters by role, without those of the linear model."""
         return {
             role: name
             for role, name in self.parameters.items()
@@ -246,18 +247,18 @@ class Law:
 
     @property
     def shared(self) -> tuple[str, ...]:
-        """Names of those of the linear model on which its torque depends as well."""
+        """Names of parameters of the linear model on which its torque depends."""
         named = [name for name in self.parameters.values() if isinstance(name, str)]
         return tuple(name for name in named if name not in self.names)
 
     @property
     def positive(self) -> tuple[str, ...]:
-        """Names of those that must be above 0."""
+        """Names of its parameters that must be above 0."""
         return tuple(name for role, name in self.own.items() if self.roles[role].needed)
 
     @property
     def nonnegative(self) -> tuple[str, ...]:
-        """Names of those that must not be below 0."""
+        """Names of its parameters that must not be below 0."""
         return tuple(name for role, name in self.own.items() if not self.roles[role].signed)
 
     @property

@@ -2,11 +2,10 @@
 A grey-box model as data: A, B and C as tables of readable entries, and nonlinear laws.
 
 Every entry is a formula in the physical parameters, such as ``"-(r^2*d_g + f_m)/J_m"``. It is
-multiplied out once into monomials ``c·Πθ^e``, and from those follow the matrices at any θ, their
-derivatives, and the compiled filters, for any choice of identified parameters.
+multiplied out once into monomials ``c·Πθ^e``. The matrices at any θ, their derivatives and the
+tables of the compiled filters follow from these, for any choice of identified parameters.
 """
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -23,13 +22,13 @@ class Model:
     """
     ẋ = A x + B u, y = C x, with entries that are formulas in physical parameters.
 
-    Where it has `laws`, these add their torques to the derivatives of some states. The states that
-    laws have of their own, such as the torque of bristles, follow those of the model.
+    Its `laws` add their torques to the derivatives of some states. The own states of laws, such as
+    the torque of bristles, follow those of the model.
 
     Parameters
     ----------
     name : str
-        What to call the model in messages.
+        Name of the model in messages.
     states : sequence of str
         Names of the n states.
     A : sequence of n rows of n str
@@ -43,11 +42,11 @@ class Model:
     positive, nonnegative, nonzero : sequence of str
         Parameters whose nominal value must be above 0, not below it, or not 0.
     identify : sequence of str
-        What is identified where nothing else is said.
+        Parameters that are identified by default.
     fixed : sequence of str
         Parameters that cannot change, such as a gear ratio: no detector suspects them.
     laws : sequence of Law
-        What the axis has beyond the linear model; see `flexaxis.estimators.models.laws`.
+        Nonlinear laws; see `flexaxis.estimators.models.laws`.
 
     Raises
     ------
@@ -93,8 +92,8 @@ class Model:
                     )
             if LAWS[law.kind].loaded and "spring" not in {other.kind for other in self.laws}:
                 raise EstimatorError(
-                    f"law {law.kind!r} grows with what drives a law 'spring', and model "
-                    f"{self.name!r} has none; give it one, of no play and no stiffening if need be"
+                    f"law {law.kind!r} depends on the drive of a law 'spring', and model "
+                    f"{self.name!r} has none; add one, without backlash and stiffening if need be"
                 )
         for name in self.parameters:
             if not np.isfinite(self.nominal.get(name, np.nan)):
@@ -103,16 +102,11 @@ class Model:
                     f"given: {', '.join(self.nominal) or 'none'}"
                 )
         self._check_signs()
-        self._check_entries()
-
-    def _check_entries(self) -> None:
-        """Refuse nominal values of which an entry cannot be made, such as what divides by 0."""
         for row, column, (coefficient, powers) in self.monomials():
-            try:
-                value = coefficient * math.prod(self.nominal[k] ** e for k, e in powers.items())
-            except ArithmeticError:
-                value = math.inf
-            if not math.isfinite(value):
+            values = np.array([self.nominal[name] for name in powers], float)
+            with np.errstate(all="ignore"):
+                value = coefficient * np.prod(values ** [*powers.values()])
+            if not np.isfinite(value):
                 raise EstimatorError(
                     f"row {row + 1}, column {column + 1} of [A B; C 0] of model {self.name!r} is "
                     f"not finite at the nominal values of {', '.join(powers)}"
@@ -144,20 +138,20 @@ class Model:
 
     @property
     def _remembering(self) -> int:
-        """Number of states that laws have of their own."""
+        """Number of own states of laws."""
         return sum(law.remembers for law in self.laws)
 
     @property
     def law_parameters(self) -> frozenset[str]:
-        """Parameters that laws have, and that may be zero."""
+        """Parameters of laws, which may be zero."""
         return frozenset(name for law in self.laws for name in law.names)
 
     def monomials(self) -> Iterator[tuple[int, int, Monomial]]:
         """
         Row, column and monomial of every term of the block matrix [A B; C 0].
 
-        Behind the states come those of the laws' own, which the matrix leaves as they are, and the
-        torque of each law as one more, from which it goes to where the law acts.
+        The states are followed by the own states of laws, which the matrix does not change, and by
+        the torque of each law, whose column has the entries where the law acts.
         """
         more = ["0"] * (self._remembering + len(self.laws))
         rows = [[*row, *more, b] for row, b in zip(self.A, self.B, strict=True)]
@@ -172,7 +166,7 @@ class Model:
 
     def parametrize(self, identify: Sequence[str] | None = None) -> "Parametrization":
         """
-        Choose the parameters to identify; all others become numbers.
+        Choose the parameters to identify; all others are replaced by their values.
 
         Parameters
         ----------

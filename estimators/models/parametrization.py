@@ -38,7 +38,7 @@ class Acting(NamedTuple):
     ----------
     records : (L,) records
     drive : (L, n+1) array
-        w of each law, as factors of the n states and of the input.
+        Drive w of each law, as factors of the n states and of the input.
     """
 
     records: NDArray[np.void]
@@ -143,12 +143,12 @@ class Parametrization:
 
     def relative(self, scale: ArrayLike) -> "Parametrization":
         """
-        Return the same model as a function of θ/scale, in which units and signs of θ vanish.
+        Return the same model as a function of θ/scale, without units and signs of θ.
 
         Parameters
         ----------
         scale : (p,) array_like
-            One value of each parameter, of which none is zero.
+            One value for each parameter, none of them zero.
         """
         scale = np.asarray(scale, float)
         factor = np.prod(scale ** self.exponent.astype(float), axis=1)

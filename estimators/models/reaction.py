@@ -1,10 +1,10 @@
 """
-What laws do to a step of a model: their torques, held over it, solved together and implicitly.
+The torques of laws in a step of a model: held over the step, and solved together implicitly.
 
-Over a step of length h the linear part is exact for held torques F, x⁺ = Φ x + Γ_u u + Γ_F F, and
-every law takes the mean of its drive at both ends, w̄ = ½ D (x + x⁺), so that w̄ = c + G F(w̄) with
-c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The scheme is of second order, and stays stable however
-stiff friction is. Its derivatives are exact, from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
+Over a step of length h the linear part is exact for held torques F, x⁺ = Φ x + Γ_u u + Γ_F F. Every
+law takes the mean of its drive at both ends, w̄ = ½ D (x + x⁺), so that w̄ = c + G F(w̄) with
+c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The scheme is of second order, and stable however stiff
+friction is. Its derivatives are exact, from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
 """
 
 import numpy as np
@@ -110,9 +110,7 @@ def _differentiate(laws, drive, gain, inverse, response, X, mean, torque):  # no
         torque[i] = 0.0
         if law["memory"] >= 0:
             add_slopes(torque, i, law["local"][F_S], X, law["memory"])
-        for r in range(MOST_ROLES):
-            if law["parameter"][r] >= 0:
-                torque[i, 1 + law["parameter"][r]] += law["local"][ROLE + 2 * r] * law["value"][r]
+        _add_parameters(law, 0, torque, i)
     for i in range(L):
         for j in range(L):
             add_slopes(mean, i, gain[i, j], torque, j)
@@ -124,6 +122,14 @@ def _differentiate(laws, drive, gain, inverse, response, X, mean, torque):  # no
             add_slopes(torque, i, laws[i]["local"][F_W] * inverse[i, j], mean, j)
             if laws[i]["load"] >= 0:
                 add_slopes(torque, i, laws[i]["local"][F_S] * inverse[laws[i]["load"], j], mean, j)
+
+
+@fused
+def _add_parameters(law, which, A, i):
+    """Add to A_i the derivatives by the parameters of a law, of its torque (0) or state (1)."""
+    for r in range(MOST_ROLES):
+        if law["parameter"][r] >= 0:
+            A[i, 1 + law["parameter"][r]] += law["local"][ROLE + 2 * r + which] * law["value"][r]
 
 
 @fused
@@ -139,11 +145,7 @@ def _remember(laws, inverse, mean, X):
             X[m, 0] = law["local"][S]
             for j in range(len(laws)):
                 add_slopes(X, m, law["local"][S_W] * inverse[i, j], mean, j)
-            for r in range(MOST_ROLES):
-                if law["parameter"][r] >= 0:
-                    X[m, 1 + law["parameter"][r]] += (
-                        law["local"][ROLE + 2 * r + 1] * law["value"][r]
-                    )
+            _add_parameters(law, 1, X, m)
 
 
 @inlined

@@ -1,8 +1,8 @@
 """
-Rows of a matrix whose length is a multiple of four, four numbers at a time.
+Operations on rows of a matrix, four numbers at a time; the length of a row is a multiple of four.
 
-Their loops become vector instructions. Indices are unsigned: of others numba looks for negative
-ones first, and makes no vectors.
+Their loops become vector instructions. Indices are unsigned, because numba checks signed ones for
+negative values and then makes no vectors.
 """
 
 from functools import partial
@@ -44,7 +44,7 @@ def add(A, i, m, B, j):
 
 @_on_rows
 def add_slopes(A, i, m, B, j):
-    """As `add`, but the first number of the row, which is a value, stays."""
+    """Do as `add`, but keep the first number of the row, the value of its derivatives."""
     if m != 0.0:
         value = A[i, 0]
         add(A, i, m, B, j)
@@ -69,5 +69,5 @@ def product(A, i, M, at, column, B, first, step, count):  # noqa: PLR0917
 
 @partial(Compiled, _nrt=True)
 def multiply(A, B, C):
-    """C ← A B, by the library that NumPy uses."""
+    """C ← A B, by NumPy's BLAS."""
     np.dot(A, B, C)
