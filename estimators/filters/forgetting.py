@@ -5,6 +5,8 @@ Each rule is a compiled function of the state and of whether y was measured, wit
 `forget`. The modules of `flexaxis.estimators.methods` give the sources.
 """
 
+from typing import Any
+
 import numpy as np
 
 from flexaxis.estimators.filters.design import Design
@@ -85,7 +87,7 @@ def _divide(P, factor):
             P[i, j] /= factor
 
 
-def forgetful_filter(design: Design, rule: int, **options: float) -> CompiledFilter:
+def forgetful_filter(design: Design, rule: int, **options: Any) -> CompiledFilter:
     """
     Return a prediction-error method with a rule of its own instead of eq. (9) or (10).
 
