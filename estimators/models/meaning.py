@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import N1, three_mass
-from flexaxis.estimators.models.laws import LAWS, Law
+from flexaxis.estimators.models.laws import LAWS
 from flexaxis.estimators.models.model import Model
 
 LEVELS = ("coulomb", "breakaway", "motor", "external", "motor_slow", "external_slow")
@@ -21,19 +21,13 @@ LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
 """The structure of the three-mass axis, in the order of estimates; that of others follows it."""
 
 
-def named(laws: Sequence[Law], roles: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters that laws have in some roles, in the order of laws and roles."""
-    parameters = (law.parameters.get(role) for law in laws for role in roles)
-    return tuple(dict.fromkeys(name for name in parameters if isinstance(name, str)))
-
-
 def shapes_of_friction(
     model: Model, names: Sequence[str]
 ) -> dict[tuple[str, ...], tuple[str, ...]]:
     """Return the levels of each friction law among names, and its parameters of shape."""
     shapes = {}
     for law in model.laws:
-        levels = [n for n in named([law], LEVELS) if n in names]
+        levels = [law.own[role] for role in LEVELS if law.own.get(role) in names]
         shape = [n for n in law.names if n in names and n not in levels[:1]]
         if LAWS[law.kind].rubs and levels and shape:
             shapes[tuple(levels)] = tuple(shape)
@@ -47,8 +41,8 @@ def fixable(model: Model) -> tuple[str, ...]:
     These are the structure, backlash and nonlinear springs. Friction is tracked, and cogging shows
     at any speed.
     """
-    roles = [name for kind in LAWS.values() for name, role in kind.roles.items() if role.fixable]
-    return (*structure(model), *named(model.laws, roles))
+    laws = (n for law in model.laws for role, n in law.own.items() if law.roles[role].fixable)
+    return (*structure(model), *laws)
 
 
 def structure(model: Model) -> tuple[str, ...]:

@@ -106,18 +106,16 @@ def _view(dtype: np.dtype, dimensions: int) -> Callable:
     words = dtype.itemsize // 8
 
     # A compiled function that counts no references may return a view only in a tuple.
-    def vector(block, at, i):
-        return (block[at[i, 0] : at[i, 0] + at[i, 1] * words].view(dtype),)
+    def view(block, at, i):
+        start, a, b, c = at[i, 0], at[i, 1], at[i, 2], at[i, 3]
+        flat = block[start : start + a * b * c * words].view(dtype)
+        if dimensions == 1:
+            return (flat,)
+        if dimensions == 2:
+            return (flat.reshape((a, b)),)
+        return (flat.reshape((a, b, c)),)
 
-    def matrix(block, at, i):
-        shape = at[i, 1], at[i, 2]
-        return (block[at[i, 0] : at[i, 0] + shape[0] * shape[1]].view(dtype).reshape(shape),)
-
-    def cube(block, at, i):
-        shape = at[i, 1], at[i, 2], at[i, 3]
-        return (block[at[i, 0] : at[i, 0] + shape[0] * shape[1] * shape[2]].reshape(shape),)
-
-    return (vector, matrix, cube)[dimensions - 1]
+    return view
 
 
 def register() -> None:
