@@ -13,7 +13,7 @@ from flexaxis.estimators.signals import find_signal
 
 Array = NDArray[np.float64]
 
-TIME_CONSTANT = 1.0  # s, of forgetting where nothing is said; λ = 0.995 at 5 ms, as in the paper
+TIME_CONSTANT = 1.0  # s, of forgetting by default; λ = 0.995 at 5 ms, as in the paper
 DEFAULT_BOX = (0.1, 10.0)  # times θ(0)
 
 

@@ -1,4 +1,4 @@
-"""How a model is sampled: the order of the series, and the same by a matrix exponential."""
+"""The discretisation of a model: the order of its series, and the same by a matrix exponential."""
 
 import math
 
@@ -11,13 +11,14 @@ from flexaxis.estimators.models.parametrization import Parametrization
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-12
-LAW_TOLERANCE = 1e-9  # of the linear part of a step with laws, whose own error is 1e-5
-LAW_RANGE = 2.0  # factor by which θ is off its start, for which that tolerance is planned
-LAW_STEPS = 4  # of a sample at least: so well is a reversal of dry friction met in time
-LAW_LONGEST = 1.25e-3  # s, as at 200 Hz: a motion reverses as fast, however seldom it is sampled
-LAW_STEP = 0.2  # of the fastest mode's time constant, |pole|⁻¹: 1.3 ms on the paper's axis
+LAW_TOLERANCE = 1e-9  # of the linear part of a step with laws; the error of the laws is 1e-5
+LAW_RANGE = 2.0  # factor between θ and its start, for which that tolerance is planned
+LAW_STEPS = 4  # of a sample, at least: resolves the time at which dry friction reverses
+LAW_LONGEST = 1.25e-3  # s, as at 200 Hz: reversals are as fast at a lower sampling rate
+LAW_STEP = 0.2  # times the time constant of the fastest mode, 1/|pole|: 1.3 ms on the paper's axis
 MAX_SIZE = 3.0  # of A·T per substep; larger terms cancel and cost digits, e^3 = 20
-MAX_STEPS = 10_000  # of a sample: a mode of 30 000 radians a sample is none that it could tell of
+MAX_ORDER = 40  # rows of `flexaxis.estimators.models.series.SERIES`
+MAX_STEPS = 10_000  # of a sample: a mode of 30 000 radians a sample cannot be observed
 
 
 def plan(
@@ -55,7 +56,7 @@ def plan(
     EstimatorError
         If a sample would need more than `MAX_STEPS` substeps.
     """
-    least, tolerance = 2 * (model.n + 1), TOLERANCE
+    least, tolerance = min(2 * (model.n + 1), MAX_ORDER), TOLERANCE
     if model.forces:
         least, tolerance, steps = 0, LAW_TOLERANCE, steps or law_steps(model, period)
         ends = np.sort([model.theta / LAW_RANGE, model.theta * LAW_RANGE], axis=0)
@@ -74,7 +75,7 @@ def plan(
 
 
 def law_steps(model: Parametrization, period: float) -> int:
-    """Return in how many steps of a sample of some period [s] the laws of a model are solved."""
+    """Return the number of steps in which the laws of a model are solved in a sample."""
     A, _, _ = model.matrices(model.theta)
     fastest = float(max(abs(np.linalg.eigvals(A))))
     longest = math.ceil(period / LAW_LONGEST - 1e-9)  # not one more for a rounded period

@@ -74,8 +74,8 @@ Factor within which the poles of a model agree with those of a named axis.
 A start at half or twice the truth is still that axis. The motor of the stress case "n2" coasts 11
 times as long as that of "n1".
 """
-STARTED = 4.0  # factor by which an identified parameter may start off its nominal value
-SAME = 1e-9  # relative, of all other values
+STARTED = 4.0  # largest factor between the start of an identified parameter and its nominal value
+SAME = 1e-9  # relative tolerance of all other values
 
 
 def is_axis(model: Model, name: str, identify: Sequence[str]) -> bool:

@@ -15,20 +15,20 @@ from flexaxis.estimators.models.laws import MOST_ROLES
 from flexaxis.estimators.models.parametrization import F_S, F_W, ROLE, S_S, S_W, F, S
 from flexaxis.estimators.models.rows import add, add_slopes
 
-MOST_STEPS = 100  # of the search; two or three do
-TURNS = 6  # steps of Newton's method after which laws count as flat where they fall: between two
-# solutions it wanders, and each step doubles what rounding leaves
-CLOSE = 1e-3  # of w̄, a step from which Newton's method ends the search
-AWAY = 8.0  # times the step before, a step that Newton's method does not take then: of 60 000
-# steps of steep bristles 2 stay unsolved; with 1 it were 11, without a limit rounding grows by 10⁸
-CONVERGED = 1e-7  # of w̄, the last step: of Newton's method what is left is its square
-LEAST = 1e-150  # of a scale, so that none, and no square of one, divides by zero
-LEAST_SHARE = 1 / 64  # of a step that is taken where steps turn back without shrinking
+MOST_STEPS = 100  # of the search; usually two or three suffice
+TURNS = 6  # steps of Newton's method, after which falling laws count as flat: between two solutions
+# it wanders, and each step doubles the rounding error
+CLOSE = 1e-3  # of w̄, a step so small that Newton's method may finish the search
+AWAY = 8.0  # largest step of Newton's method after that, over the step before: 2 of 60 000 steps of
+# steep bristles stay unsolved; 11 with a limit of 1; without one, rounding errors grow by 10⁸
+CONVERGED = 1e-7  # of w̄, the last step: the error of Newton's method is the square of it
+LEAST = 1e-150  # least scale: it and its square can be divided by
+LEAST_SHARE = 1 / 64  # least part of a step that is taken if steps turn back without shrinking
 
 
 @fused
 def drives(drive, X, u, w):
-    """Write the drives w (L, lanes) of states and derivatives X (≥ n, lanes), and of the input."""
+    """Write the drives w (L, lanes) by states X (≥ n, lanes) and input, with derivatives."""
     n = drive.shape[1] - 1
     for i in range(len(drive)):
         w[i] = 0.0
@@ -61,7 +61,7 @@ def couple(drive, response, gain):
 @fused
 def react(laws, drive, square, lanes, h, response, u, X):  # noqa: PLR0917
     """
-    Add to a step what laws do in it, with derivatives.
+    Add the effect of the laws to a step, with derivatives.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def react(laws, drive, square, lanes, h, response, u, X):  # noqa: PLR0917
     h : float
         Length of the step [s].
     response : (L, N, lanes) array
-        Γ_F: what a torque of one, held over the step, adds to each row.
+        Γ_F: the change of each row by a torque of one, held over the step.
     u : float
     X : (N, lanes) array
         States and output after the step, without laws; corrected here.
@@ -134,7 +134,7 @@ def _add_parameters(law, which, A, i):
 
 @fused
 def _remember(laws, inverse, mean, X):
-    """Take the states that laws have of their own over the step, and keep their torques."""
+    """Integrate the own states of laws over the step, and keep their torques."""
     for i in range(len(laws)):
         law = laws[i]
         law["force"] = law["local"][F]
@@ -153,11 +153,11 @@ def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
     """
     Solve w̄ = c + G F(w̄) by Newton's method, from the torques of the step before.
 
-    Where friction falls steeply with speed there may be several w̄, and none near the start: then w̄
-    follows its residual, as a rule to the next that is stable.
+    If friction falls steeply with speed, there may be several solutions and none near the start.
+    Then w̄ follows its residual, usually to the next stable solution.
 
-    c is ``mean[:, 0]``, in the place of which w̄ comes; the laws are left in their ``local`` as they
-    are at w̄, and (I − G F_w)⁻¹ in ``inverse``.
+    ``mean[:, 0]`` holds c, and w̄ afterwards; ``local`` of each law is then at w̄, and ``inverse`` is
+    (I − G F_w)⁻¹.
     """
     L = len(laws)
     for i in range(L):
@@ -168,7 +168,7 @@ def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
             mean[i, 0] += gain[i, j] * laws[j]["force"]
             law["reach"] += abs(gain[i, j] * laws[j]["force"])
     for i in range(L):
-        laws[i]["force"] = 0.0  # it lends its place to steps
+        laws[i]["force"] = 0.0  # stores steps during the search
     last, share, lost, ended = np.inf, 1.0, False, False
     for n in range(MOST_STEPS):
         for i in range(L):
@@ -185,12 +185,12 @@ def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
             break
         size = _newton(laws, gain, inverse, mean)
         if n > TURNS and not flat and size > AWAY * last:
-            lost = True  # no w̄ is so near, or one where the laws are about to fall too steeply
+            lost = True  # there is no solution so near, or one at the edge of a steep fall
             continue
         if flat:
             share = _kept_share(laws, share)
         else:
-            # a share s of a step leaves 1 − s of the way if the laws are straight there
+            # a share s of a step leaves 1 − s of the way if the laws are linear there
             shrinks = size <= (1.0 - 0.5 * share) * last
             share = min(1.0, 2.0 * share) if shrinks else max(0.5 * share, LEAST_SHARE)
         last, ended = size, size <= CONVERGED
@@ -200,7 +200,7 @@ def _search(laws, h, u, X, gain, jacobian, inverse, mean):  # noqa: PLR0917
 
 @inlined
 def _differences(laws, gain, flat, jacobian):
-    """Write I − G F_w; where laws count as flat, without slopes that make two solutions."""
+    """Write I − G F_w; if laws count as flat, without the slopes that cause two solutions."""
     L = len(laws)
     for j in range(L):
         slope = laws[j]["local"][F_W]
@@ -216,7 +216,7 @@ def _differences(laws, gain, flat, jacobian):
 
 @inlined
 def _kept_share(laws, share):
-    """Return the share of a step where laws count as flat: less after a turn; and keep the step."""
+    """Return the share of a step while laws count as flat: less after a turn. Keep the step."""
     forth = 0.0
     for i in range(len(laws)):
         law = laws[i]
@@ -227,7 +227,7 @@ def _kept_share(laws, share):
 
 @inlined
 def _newton(laws, gain, inverse, mean):
-    """Write the step of Newton's method, and return its size relative to what w̄ is made of."""
+    """Write the step of Newton's method, and return its size relative to the terms of w̄."""
     L, size = len(laws), 0.0
     for i in range(L):
         laws[i]["change"] = 0.0
@@ -245,7 +245,7 @@ def _newton(laws, gain, inverse, mean):
 
 @inlined
 def _invert(A, B):
-    """Write the inverse B of a small matrix A, which is lost: Gauss–Jordan with pivots."""
+    """Write the inverse B of a small matrix A by Gauss–Jordan with pivots; A is overwritten."""
     n = len(A)
     for i in range(n):
         for j in range(n):

@@ -40,8 +40,8 @@ from flexaxis.estimators.models.rows import (
 SIZES = np.dtype(
     [(name, int) for name in ("n", "held", "order", "parts", "steps", "output")] + [("h", float)]
 )
-"""States, those that are not torques of laws, order of the series, its parts in a step, steps of a
-sample, first entry of C, length of a step [s]."""
+"""Number of states, and of those that are not torques of laws; order of the series; substeps of a
+step, steps of a sample; first entry of C; length of a step [s]."""
 ENTRY = np.dtype(
     [(name, int) for name in ("row", "column", "first", "last")]
     + [("coefficient", float), ("value", float)]
@@ -57,12 +57,12 @@ EXPONENTIAL = np.append(1.0, INVERSE_FACTORIALS)[:, None]  # 1/k!
 
 class Axis(NamedTuple):
     """
-    A model as it goes over samples.
+    A model with what its integration over a sample needs.
 
     Attributes
     ----------
     sizes, entries, slopes, reset
-        Its tables; `reset` are the states that are zero when a sample begins.
+        Its tables; `reset` lists the states that are zero when a sample begins.
     Q : ((order+2)(n+1), w) array
         Columns of N⁰, N¹, …, and of Φ.
     point : (n+1, 1) array
@@ -70,11 +70,11 @@ class Axis(NamedTuple):
     trail, g, effect : (order, w), (order, w), (entries, w) arrays
         N^k ξ, g_j, and ∂Φ/∂N_rc ξ of each term.
     after : (n, lanes) array
-        States and derivatives after a part.
+        States and derivatives after a substep.
     laws : (L,) records
         As of `flexaxis.estimators.models.parametrization.LAW`.
     drive, square, lanes, response
-        What laws need besides, see there.
+        Arrays of `flexaxis.estimators.models.reaction.react`.
     """
 
     sizes: Annotated[NDArray[np.void], SIZES, 1]
@@ -104,9 +104,9 @@ def axis_arrays(
     ----------
     model : Parametrization
     plan : (steps, order, parts)
-        Steps of a sample, order of the series, and its parts in a step.
+        Steps of a sample, order of the series, and substeps of a step.
     period : float
-        Of a sample [s].
+        Sampling period [s].
     lanes : int
         Length of a row of X.
     """
@@ -226,7 +226,7 @@ def effects(entries, output, held, order, Q, xi, trail, g, effect):  # noqa: PLR
 
 @fused
 def advance(entries, slopes, output, Q, phi, held, xi, effect, moved, X):  # noqa: PLR0917
-    """Take X over a part of a sample: x⁺ = Φ [x; u], z⁺ = Φ z + what θ changes of Φ [x; u]."""
+    """Integrate X over a substep: x⁺ = Φ [x; u], z_i⁺ = Φ z_i + ∂Φ/∂θ_i [x; u]."""
     for i in range(held):
         product(moved, i, Q, phi, i, X, 0, 1, held)
         for j in range(held, len(xi)):  # input, and torques of laws, which are held
@@ -253,7 +253,7 @@ def read(entries, slopes, output, X):
 
 @inlined
 def _part(axis, u, law, X):
-    """Take X over a part, with the torque u held, and that of one law, or of none (−1), as one."""
+    """Integrate X over a substep with u held, and the torque of one law, or none (−1), as one."""
     entries, Q, xi, effect, sizes = axis.entries, axis.Q, axis.point, axis.effect, axis.sizes[0]
     n, held, order, output = sizes["n"], sizes["held"], sizes["order"], sizes["output"]
     for i in range(n):
@@ -267,13 +267,13 @@ def _part(axis, u, law, X):
 
 
 LAWS = 1
-"""Passed as ``laws`` for a model with laws. For one without it is None, and the compiled loop then
+"""Passed as ``laws`` for a model with laws. For a linear model pass None: then the compiled loop
 contains no code of laws."""
 
 
 @inlined
 def over_sample(axis, theta, X, u, laws):
-    """Take X over a sample at θ with u held, eq. (17)–(23); laws react after each of its steps."""
+    """Integrate X over a sample at θ with u held, eq. (17)–(23); laws act at the end of a step."""
     entries, slopes, sizes = axis.entries, axis.slopes, axis.sizes[0]
     drive, response, output, parts = axis.drive, axis.response, sizes["output"], sizes["parts"]
     evaluate(entries, slopes, theta)

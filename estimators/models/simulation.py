@@ -14,7 +14,7 @@ from flexaxis.estimators.models.series import LAWS, Axis, axis_arrays, over_samp
 
 Array = NDArray[np.float64]
 
-LEAST = 1e-300  # of a parameter of the linear model, by which derivatives are taken
+LEAST = 1e-300  # replaces a zero of a parameter of the linear model
 
 
 class Simulation(NamedTuple):
@@ -43,9 +43,9 @@ def simulation(
     period : float
         Sampling period [s].
     steps : int, optional
-        Of a sample, of a model with laws; as many as filters take by default.
+        Steps of a sample of a model with laws; by default as in the filters.
     further : int
-        Derivatives to come beyond these, such as by the state at the start.
+        Number of further derivatives, such as by the state at the start.
     """
     theta = np.asarray(theta, float)
     theta = np.where((theta == 0) & ~np.array(model.additive), LEAST, theta)
@@ -56,7 +56,7 @@ def simulation(
 
 
 def along(simulated: Memory, u: Array) -> Array:
-    """Return output and derivatives (N, lanes) after each of N torques; the states go along."""
+    """Return output and derivatives (N, lanes) after each of N torques; updates the states."""
     rows = np.zeros((len(u), simulated["X"].shape[1]))
     _along(simulated.block, simulated.at, u, rows, LAWS if len(simulated["laws"]) else None)
     return rows
