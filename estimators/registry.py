@@ -12,7 +12,7 @@ from flexaxis.estimators import methods
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.knob import Knob, make_knob
 from flexaxis.estimators.models.axes import PAPER
-from flexaxis.estimators.problem import Nominal, Problem
+from flexaxis.estimators.problem import Problem
 from flexaxis.estimators.tuned import at_equal_noise
 
 if TYPE_CHECKING:
@@ -70,21 +70,22 @@ class Entry:
         own = [*inspect.signature(self.make).parameters.values()][1:]
         every = inspect.signature(Problem).parameters
         asked = {n: p for n, p in every.items() if n != "noise" or self.told_noise}
-
-        def factory(nominal: Nominal, period: float, **arguments: Any) -> "Estimator":
-            if unknown := arguments.keys() - asked.keys() - {p.name for p in own}:
-                raise TypeError(f"{self.name} has no option {min(unknown)!r}")
-            problem = Problem(nominal, period, **{k: v for k, v in arguments.items() if k in asked})
-            return self.make(problem, **{k: v for k, v in arguments.items() if k not in asked})
-
         signature = inspect.Signature([*asked.values(), *own])
+
+        def factory(*arguments: Any, **options: Any) -> "Estimator":
+            given = signature.bind(*arguments, **options).arguments
+            problem = Problem(**{name: given.pop(name) for name in asked if name in given})
+            return self.make(problem, **given)
+
         factory.__signature__ = signature  # type: ignore[attr-defined]
         return factory
 
     @property
     def options(self) -> Mapping[str, Any]:
         """Names of the options, with their defaults on the nominal axis."""
-        options = self._own
+        parameters = inspect.signature(self.factory).parameters.values()
+        keywords = {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+        options = {name: value for name, value in keywords.items() if name not in GIVEN}
         if self.knob:
             name = self.knob.removeprefix("1-").removeprefix("1/")
             if options[name] is None:
@@ -96,13 +97,6 @@ class Entry:
     def turning(self) -> Knob | None:
         """Its knob, at the tuned setting."""
         return make_knob(self.knob, self.options) if self.knob else None
-
-    @property
-    def _own(self) -> dict[str, Any]:
-        """The options with the defaults of the factory's signature."""
-        signature = inspect.signature(self.factory).parameters.values()
-        keywords = {p.name: p.default for p in signature if p.kind is p.KEYWORD_ONLY}
-        return {name: value for name, value in keywords.items() if name not in GIVEN}
 
 
 DEFAULT_IDENTIFY = PAPER

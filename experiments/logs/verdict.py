@@ -33,7 +33,7 @@ FILTERED = 0.5  # samples of delay, from which on a speed may be filtered
 NOISY = 1.2  # times the noise of the motion, that a simulation leaves of a coarse encoder
 HIDDEN = 30.0  # % of a fit, below which noise of the sensor, which is not white, decides
 MISSING = 0.07  # of the samples, from which on what acted in many gaps is too much
-SMOOTHER = {"two_mass": "one_mass", "three_mass": "two_mass", "four_mass": "three_mass"}
+SMOOTHER = {"two_mass": "one_mass", "three_mass": "two_mass"}
 
 
 def judged(
