@@ -161,6 +161,13 @@ def at_least_zero(name: str, value: object, what: str) -> float:
     return 0.0 if _is_number(value) and value == 0 else above_zero(name, value, f"0 or {what}")
 
 
+def flag(name: str, value: object) -> bool:
+    """Return a value that is True or False."""
+    if isinstance(value, bool):
+        return value
+    raise EstimatorError(f"{name} is {value!r}; give true or false")
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float | np.number) and not isinstance(value, bool)
 

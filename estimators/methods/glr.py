@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.filters.design import above_zero, at_least_zero, make_design
+from flexaxis.estimators.filters.design import above_zero, at_least_zero, flag, make_design
 from flexaxis.estimators.glr.cogging import FASTEST
 from flexaxis.estimators.glr.filter import Glr
 from flexaxis.estimators.glr.records import Jumps, lengths
@@ -109,7 +109,7 @@ def glr(
     _check(period=period, walk=walk, jump=jump, rate=rate, spread=spread, budget=budget)
     asked = {*problem.identify, *np.ravel(track)}  # checked where they are used
     bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *asked}
-    geared = gear and not bristles
+    geared = flag("gear", gear) and not bristles
     model = with_laws(nominal, torque=problem.torque, period=period, geared=geared)
     told = told_of(nominal)
     if noise is None and not isinstance(nominal, Model):

@@ -9,6 +9,7 @@ from flexaxis.estimators.filters.design import (
     above_zero,
     at_least_zero,
     covariance_matrix,
+    flag,
     make_design,
 )
 from flexaxis.estimators.filters.filter import CompiledFilter, Trace, trace
@@ -146,7 +147,7 @@ class Rpem(CompiledFilter):
             design,
             robust=robust,
             ceiling=ceiling,
-            correct=state_correction,
+            correct=flag("state_correction", state_correction),
             rule=PAPER,
         )
         super().__init__(LOOP, start, design, read_claim)
