@@ -46,7 +46,7 @@ def test_a_model_from_tables_is_the_shipped_one():
     ("tables", "message"),
     [
         ({"model": "one_mas"}, "one_mass"),
-        ({"name": "x"}, "has no states, A, B, C, nominal"),
+        ({"name": "x"}, "model.states: Field required"),
         ({"model": "one_mass", "nominal": {"J_m": "big"}}, r"nominal\.J_m: .* number"),
         (
             {"name": "x", "states": ["a"], "A": 3, "B": ["1"], "C": ["1"], "nominal": {}},
