@@ -1,4 +1,8 @@
-"""A fast test may use one second of CPU; twice as much fails it, as shared machines are noisy."""
+"""Fail tests that use more than two seconds of CPU time, unless they are marked as longer.
+
+A fast test should use at most one second; the limit is twice that because timing on shared
+machines is noisy.
+"""
 
 import os
 import time
@@ -8,8 +12,8 @@ from numba.core import event
 
 import flexaxis as fx
 
-LIMIT = 2.0  # s on the reference machine, where 3 million additions take 0.1 s
-REFERENCE = 0.1  # s
+LIMIT = 2.0  # [s] on the reference machine
+REFERENCE = 0.1  # result of `additions` on the reference machine [s]
 EXEMPT = {"slow", "browser", "whole"}
 START, SHARED = pytest.StashKey[float](), pytest.StashKey[list]()
 COMPILING = event.TimingListener()
@@ -17,7 +21,7 @@ event.register("numba:compiler_lock", COMPILING)  # held while code is compiled 
 
 
 def additions():
-    """Return the CPU time [s] of 3 million additions: the speed of this machine just now."""
+    """Return the CPU time [s] of 3 million additions, a measure of the machine's current speed."""
     start, total = time.process_time(), 0
     for i in range(3_000_000):
         total += i
@@ -25,25 +29,25 @@ def additions():
 
 
 def used():
-    """Return the CPU time [s] of this process and its children without that of numba."""
+    """Return the CPU time [s] of this process and its children, without time spent in numba."""
     return sum(os.times()[:4]) - (COMPILING.duration if COMPILING.done else 0.0)
 
 
 def pytest_configure(config):
-    """Start with no time in shared fixtures."""
+    """Initialise the CPU time of shared fixtures."""
     config.stash[SHARED] = [0.0]
 
 
 @pytest.fixture(scope="session", autouse=True)
 def imported():
-    """Import in advance what flexaxis imports when it first needs it."""
+    """Import all names of flexaxis in advance, so that no test is charged for the imports."""
     for name in fx.__all__:
         getattr(fx, name)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_fixture_setup(fixturedef, request):
-    """Count what several tests share apart from the test that asks for it first."""
+    """Add the CPU time of shared fixtures to a separate sum, not to the first test using them."""
     start = used()
     try:
         return (yield)
@@ -54,7 +58,7 @@ def pytest_fixture_setup(fixturedef, request):
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_setup(item):
-    """Note when a test begins."""
+    """Store the CPU time at which a test starts."""
     item.stash[START] = used() - item.config.stash[SHARED][0]
     return (yield)
 
