@@ -198,7 +198,7 @@ class Scenario(Config):
 
     @property
     def known_factors(self) -> dict[str, float]:
-        """Factors on the true values of parameters that estimators know wrongly, by name."""
+        """Wrong parameter values that estimators use, as factors on the true values, by name."""
         besides = (*DATA_SHEET, "spread")
         return {name: x for name, x in (self.known or {}).items() if name not in besides}
 
