@@ -76,8 +76,8 @@ class Comparison:
     def status(self) -> int:
         """Return the exit status, which is 1 if the candidate is worse, and otherwise 0 or 3.
 
-        The status is 3 if the verdict is "undecided" and if runs of the candidate are missing, or
-        if more of them fail, diverge or never settle than for the base.
+        The status is 3 if the verdict is "undecided" and the candidate has missing runs, or more
+        failed, diverged or unsettled runs than the base.
         """
         if self.verdict != UNDECIDED:
             return int(self.verdict == WORSE)
