@@ -7,6 +7,8 @@ machines is noisy.
 import os
 import time
 
+import hypothesis.internal.observability  # noqa: F401  pytest's plugin imports it in the first test
+import matplotlib.pyplot  # noqa: F401
 import pytest
 from numba.core import event
 
@@ -33,9 +35,24 @@ def used():
     return sum(os.times()[:4]) - (COMPILING.duration if COMPILING.done else 0.0)
 
 
+class SharedFixtures:
+    """A plugin, because hooks of a conftest do not see fixtures of the session."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef, request):
+        """Add the CPU time of shared fixtures to a separate sum, not to the first test."""
+        start = used()
+        try:
+            return (yield)
+        finally:
+            if fixturedef.scope != "function":
+                request.config.stash[SHARED][0] += used() - start
+
+
 def pytest_configure(config):
     """Initialise the CPU time of shared fixtures."""
     config.stash[SHARED] = [0.0]
+    config.pluginmanager.register(SharedFixtures())
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -43,17 +60,6 @@ def imported():
     """Import all names of flexaxis in advance, so that no test is charged for the imports."""
     for name in fx.__all__:
         getattr(fx, name)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_fixture_setup(fixturedef, request):
-    """Add the CPU time of shared fixtures to a separate sum, not to the first test using them."""
-    start = used()
-    try:
-        return (yield)
-    finally:
-        if fixturedef.scope != "function":
-            request.config.stash[SHARED][0] += used() - start
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
