@@ -43,7 +43,7 @@ def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
     )
     found = compare(capsys, short_toml, tmp_path, f"{wild}:Wild", "--seeds", "10", "--json")
     told = json.loads(found[1])
-    lost = next(row for row in told["rows"] if row["metric"] == "diverged")
+    lost = next(row for row in told["lost"] if row["way"] == "diverged")
     assert (found[0], told["verdict"]) == (1, "worse")
     assert (lost["verdict"], lost["base"], lost["candidate"]) == ("worse", 0, 10)
     status, out, _ = compare(capsys, short_toml, tmp_path, f"{wild}:Wild", "--seeds", "2")
