@@ -9,7 +9,14 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    ValidationError,
+)
 
 from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.read import Log
@@ -52,13 +59,13 @@ class LogMap(BaseModel):
     torque: str | None = None
     angle: str | None = None
     speed: str | None = None
-    rate: Annotated[float, Field(ge=0.01, le=1e12)] | None = None
+    rate: PositiveFloat | None = None
     scale: dict[Signal, Annotated[float, Field(strict=False)]] = {}
     unit: dict[Signal, str] = {}
-    counts: Annotated[float, Field(gt=0, strict=False)] | None = None
+    counts: PositiveFloat | None = None
     torque_is: Literal["held", "smooth"] | None = None
     rows: Annotated[str, Field(pattern=r"^\d*:\d*$")] = ":"
-    header: Annotated[int, Field(ge=1)] | None = None
+    header: PositiveInt | None = None
 
 
 @dataclass(frozen=True)

@@ -160,7 +160,7 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
                 comment=next((x[0] for x in lines if x.startswith(COMMENTS[:2])), None),
                 low_memory=False,
             )[part]  # fmt: skip
-        except (pd.errors.ParserError, ValueError) as error:
+        except ValueError as error:  # of the parser, too
             raise LogError(
                 f"{str(error).strip().splitlines()[-1]}; two logs in one file, or a separator "
                 "inside a number?"
