@@ -23,14 +23,14 @@ Flags = NDArray[np.bool_]
 Kind = Literal["constant", "step", "drift"]
 Look = Callable[[Array], tuple[Array, Array]]
 
-WINDOWS = 40  # that a record is cut into
+WINDOWS = 40  # number of windows of a record
 FALSE_ALARMS = 0.002  # probability of a change in a record without one
 SMALLEST = 0.02  # relative change that is reported
-STEPS, REACH = 6, 4.0  # steps of a fit of one side, and greatest factor on a parameter
-QUIET, USUAL = 0.25, 5.0  # quantile of deviation and residual of windows, and times it that count
-FEWEST = 8  # values, below which scatter cannot be told from a change
-SEEN = 0.25  # deviation of a relative step in the middle, up to which it would be seen
-EDGE = 3  # values on each side of a step, at least
+STEPS, REACH = 6, 4.0  # largest number of steps of a fit, and largest factor on a parameter
+QUIET, USUAL = 0.25, 5.0  # quantile of the deviations of windows; factor above which one is dropped
+FEWEST = 8  # least number of values; fewer do not show their scatter
+SEEN = 0.25  # largest standard deviation of a relative step in the middle that would be seen
+EDGE = 3  # least number of values on each side of a step
 DEGREE = 3  # of the polynomial of a drift
 
 
@@ -44,16 +44,16 @@ class Explained:
     begin, end : int
         The first value after a step is `end`. A drift goes from one extreme to the other.
     size, deviation : float
-        Of the step, or of the drift from `begin` to `end`, and its standard deviation.
+        Size of the step, or of the drift from `begin` to `end`, and its standard deviation.
     level : float
-        Before the change, at the mean of the covariates.
+        Value before the change, at the mean of the covariates.
     slopes, slope_deviations : ndarray (q,)
-        Of the value with each covariate.
+        Change of the value per unit of each covariate, and standard deviation.
     fitted : ndarray (n,)
     left : float
-        Sum of squares of what is left, in units of the deviations.
+        Sum of squares of the residuals over their standard deviations.
     chance : float
-        Probability that a sequence without a change shows one as large, at most.
+        Upper bound of the probability of such a change in a sequence without one.
     """
 
     kind: Kind
@@ -80,7 +80,7 @@ def explain(
         Estimates in the order of time, and their claimed standard deviations.
     covariates : ndarray (n, q), optional
     false_alarms : float
-        Probability of a change in a sequence without one, at most.
+        Upper bound of the probability of a change in a sequence without one.
     """
     n = len(value)
     beside = np.empty((n, 0)) if covariates is None else covariates - covariates.mean(axis=0)
@@ -92,17 +92,21 @@ def explain(
     if n < FEWEST:
         return constant
     cubic = np.asarray(legvander(np.linspace(-1, 1, n), DEGREE)[:, 1:], float)
-    shapes = [np.arange(n)[:, None] >= [place] for place in range(EDGE, n - EDGE + 1)]
-    steps = [_fitted("step", shape.astype(float), base, value, weight) for shape in shapes]
-    step, drift = min(steps, key=lambda fit: fit.left), _fitted("drift", cubic, base, value, weight)
+    steps = (np.arange(n)[:, None] >= np.arange(EDGE, n - EDGE + 1)).astype(float)
+    known = np.linalg.qr(base * weight[:, None])[0]
+    H = steps * weight[:, None]
+    H -= known @ (known.T @ H)
+    gains = (H.T @ (value * weight)) ** 2 / np.maximum(np.sum(H**2, axis=0), 1e-300)
+    step = _fitted("step", steps[:, [int(np.argmax(gains))]], base, value, weight)
+    drift = _fitted("drift", cubic, base, value, weight)
     chances = []
     for fit, size in ((step, 1), (drift, DEGREE)):
         freedom = n - base.shape[1] - size
         ratio = (constant.left / fit.left - 1) * freedom / size
-        chances.append((len(shapes) + 1) * float(f.sf(ratio, size, freedom)))  # Bonferroni's bound
+        chances.append((len(gains) + 1) * float(f.sf(ratio, size, freedom)))  # Bonferroni's bound
     if min(chances) > false_alarms:
         return constant
-    # the Bayesian information criterion; a step has a place and a size
+    # Bayesian information criterion; a step has two parameters, its place and its size
     slow = n * np.log(step.left / drift.left) > (DEGREE - 2) * np.log(n)
     return replace(drift if slow else step, chance=min(chances))
 
@@ -126,16 +130,16 @@ def _fitted(kind: Kind, shape: Array, base: Array, value: Array, weight: Array) 
 
 @dataclass(frozen=True)
 class Change:
-    """A parameter that has another value from some time on, or that drifts.
+    """A step or a drift of a parameter within a record.
 
     Attributes
     ----------
     name : str
     kind : {"step", "drift"}
     time, end : float
-        Of the step [s], to about one window; or from where to where the parameter drifts.
+        Time of the step [s], to about one window; or begin and end of the drift.
     relative, deviation : float
-        Change over the value before it, and its standard deviation.
+        Size relative to the value before the change, and its standard deviation.
     """
 
     name: str
@@ -157,10 +161,9 @@ class Change:
 def changes_along(
     look: Look, time: Array, theta: Array, names: Sequence[str]
 ) -> tuple[list[Change], list[str]]:
-    """Find changes of parameters in a record, without any recursive estimator.
+    """Find changes of parameters in a record, without a recursive estimator.
 
-    Both sides of a step are fitted from their own samples, so that its size is right however
-    large it is.
+    Each side of a step is fitted to its own samples, so that the size of a large step is right.
 
     Parameters
     ----------
@@ -169,15 +172,15 @@ def changes_along(
     time : ndarray (N,)
         [s], of usable samples only.
     theta : ndarray (p,)
-        Where to begin.
+        Initial estimate.
     names : sequence of str
 
     Returns
     -------
     changes : list of Change
-        The surest, and others of its kind at its time.
+        The most significant one, and others of its kind at the same time.
     unseen : list of str
-        Parameters of which the record shows too little to tell.
+        Parameters whose changes the record cannot show.
     """
     theta = _fitted_to(look, np.ones(len(time), bool), theta)
     error, psi = look(theta)
@@ -195,12 +198,12 @@ def changes_along(
 def changes_in(
     time: Array, error: Array, J: Array, names: Sequence[str]
 ) -> tuple[list[Change], list[str]]:
-    """Return the step or drift of each parameter, the surest first, and parameters not seen.
+    """Return changes, the most significant first, and parameters whose changes would not be seen.
 
     ε ≈ ψᵀ Δθ for a small change of the parameters: the local approach of M. Basseville and
     I. Nikiforov, *Detection of Abrupt Changes* (1993), chapter 8. Least squares in each of forty
     windows gives forty nearly independent Δθ, in which `explain` finds a step or a drift. Windows
-    without information, or in which no value explains the motion, do not count.
+    without information, or with a motion that no value explains, are dropped.
 
     Parameters
     ----------

@@ -24,17 +24,17 @@ Flags = NDArray[np.bool_]
 Told = Iterator[tuple[Kind, str, str]]
 """Kind, words, and what to type."""
 
-FASTEST = 1e4  # rad/s: spindles for milling stay below
-MISSING, CLIPPED = 20.0, 1.0  # % of the samples, where it matters
-WRAPS = 0.35  # of a turn a sample: beyond half of one, the direction cannot be told
-RUN, LEVELS = 3, 3  # samples at a limit; levels of a torque that switches, and is not clipped
-SECONDS = 0.02  # s: if smaller steps were of ms, the log would be one of more than 50 kHz
-WINDOW, USUAL = 7, 95.0  # samples, of which 3 may be outliers; percentile that they may not reach
-FAR, STEPS = 10.0, 5.0  # times the usual distance from the median, and move, of an outlier
-COARSE = 0.05  # of the rms move in a sample, from which on the step of an encoder is named
-LATE = 0.3  # samples by which a speed is later than the slope of its angle
-SAME = 0.15  # relative difference from the factor of a unit
-STANDS = 0.5  # share of the samples of a held torque that equal the one before
+FASTEST = 1e4  # rad/s: milling spindles are slower
+MISSING, CLIPPED = 20.0, 1.0  # % of the samples: from there on, a problem
+WRAPS = 0.35  # of a turn per sample: above a half, the direction is ambiguous
+RUN, LEVELS = 3, 3  # samples at a limit in a row; levels of a torque that only switches
+SECONDS = 0.02  # s: a shorter period in ms would be a rate above 50 kHz
+WINDOW, USUAL = 7, 95.0  # samples, up to 3 of them outliers; percentile of usual values
+FAR, STEPS = 10.0, 5.0  # factors on usual distances from the median and usual moves
+COARSE = 0.05  # of the rms move per sample: least step of an encoder that is reported
+LATE = 0.3  # samples: least delay of a filtered speed after the slope of its angle
+SAME = 0.15  # largest relative difference from the factor of a unit
+STANDS = 0.5  # share of samples that equal the one before, of a held torque
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
@@ -121,8 +121,8 @@ def clipping(e: Evidence) -> Told:
     if share and len(np.unique(u[:10_000])) > LEVELS:
         text = (
             f"the torque stands at its limit, {np.abs(u).max():.4g}, for {share:.2g} % of the "
-            "time: harmless if that is what acted; if it is what was asked for, or the sensor's "
-            "end, log what acted, or excite less"
+            "time: this is harmless if that torque acted; if it is a demand, or the end of "
+            "the sensor's range, log the torque that acted, or excite less"
         )
         yield "note" if share < CLIPPED else "problem", text, ""
 
@@ -130,13 +130,13 @@ def clipping(e: Evidence) -> Told:
 def clocks(e: Evidence) -> Told:
     """Yield which signals are updated less often than the log has samples, or interpolated."""
     every = {name: rhythm(e.raw.signals[name]) for name in ("torque", e.raw.motion)}
-    # a torque that is held for longer than a sample is no harm
+    # a torque that is held for several samples does no harm
     slow = {n: k for n, (k, _, lines) in every.items() if k > 1 and (lines or n != "torque")}
     if slow:
         n = max(slow.values())
         text = (
-            f"{' and '.join(slow)} changes course at every {n}th sample only, as what is repeated "
-            "or interpolated: log both by one clock, or bring the log to the slower rate"
+            f"{' and '.join(slow)} changes course at every {n}th sample only, as a repeated or "
+            "interpolated signal does: log both by one clock, or reduce the log to the slower rate"
         )
         yield "problem", text, f"--resample {1 / e.record.period / n:.6g}"
 
@@ -166,7 +166,7 @@ def units(e: Evidence) -> Told:
 def refuse_nonsense(raw: Raw) -> None:
     """Raise a LogError for signals that must be in another unit.
 
-    A stated unit, in the file or by an option, is believed where it can be.
+    A unit that the file or an option states is accepted if it is possible.
     """
     if {"angle", "speed"} <= raw.signals.keys():
         ratio = abs(_beside(raw)[0])
@@ -262,7 +262,7 @@ def outliers(x: Array) -> Flags:
     distance, moves = np.abs(x - median_filter(x, WINDOW, mode="nearest")), np.abs(np.diff(x))
     if not distance.any():
         return np.zeros(len(x), bool)
-    # of an axis that rests most of the time, the moves count
+    # an axis may rest most of the time, so only moves are used
     step = float(np.percentile(moves[moves > 0], USUAL))
     return distance > max(FAR * float(np.percentile(distance, USUAL)), STEPS * step)
 

@@ -26,17 +26,17 @@ from flexaxis.sim.record import Record, load_record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-BURN_IN = 1.0  # s, where a log starts in the middle of a motion
-RESTING = 0.05  # of the deviation of the motion, below which a log starts at rest
+BURN_IN = 1.0  # s, if a log starts in the middle of a motion
+RESTING = 0.05  # of the standard deviation of the motion: below that, a log starts at rest
 FEWEST = 200  # samples
-CLOCKS = (2**32 * 1e-6, 86400.0, 2**32 * 1e-3, 2**16 * 1e-3)  # s, after which clocks begin again
-MOST_GAPS = 10  # times the samples of a log that its grid may have
-NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
-SLOWEST = 1.01  # s, of a sample; spectra are averaged over four seconds
-WITHIN = 2.05  # ticks of an even grid, of stamps that are rounded
-JITTER = 5.0  # % of a period, from which on stamps are said to scatter
-FARTHEST = 1.2  # times the usual move, of a step in which no row is missing
-WHOLE = 0.02  # relative difference of a new rate from a whole fraction of the old one
+CLOCKS = (2**32 * 1e-6, 86400.0, 2**32 * 1e-3, 2**16 * 1e-3)  # s, after which clocks restart
+MOST_GAPS = 10  # largest ratio of the samples of the grid to those of the log
+NEAR = 0.05  # of a period: closer stamps are on the grid
+SLOWEST = 1.01  # s, longest period; spectra are averaged over four seconds
+WITHIN = 2.05  # ticks: largest distance of rounded stamps from an even grid, both sides together
+JITTER = 5.0  # % of a period: from this scatter of the stamps on, there is a remark
+FARTHEST = 1.2  # largest ratio of moves in long and short steps if no row is missing
+WHOLE = 0.02  # largest relative difference of a new rate from an integer fraction of the old one
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,10 @@ def import_log(
     path : Path
         CSV, MAT, HDF5 or NetCDF, see `read.open_log`; or a record.
     resample : float, optional
-        New rate [Hz], a whole fraction of that of the log.
+        New rate [Hz], an integer fraction of that of the log.
     burn_in : float, optional
-        Time from the start that is not to be fitted [s]. By default 0 for a log that starts at
-        rest, as the estimators do, else a second, or a tenth of a short log.
+        Time at the start that is not fitted [s]. By default 0 if the log starts at rest, else a
+        second, or a tenth of a short log.
     **tables
         As for `mapping_from`.
 
@@ -76,7 +76,7 @@ def import_log(
     with suppress(RecordError):
         record = load_record(path)
     try:
-        if record is None or not record.versions:  # a log in HDF5, which somebody else wrote
+        if record is None or not record.versions:  # a log, perhaps in HDF5
             result = _imported(path, tables, resample)
         elif wrong := [n.replace("_", "-") for n in (*tables, *["resample"] * bool(resample))]:
             raise LogError(
@@ -122,9 +122,9 @@ def _imported(path: Path, tables: Mapping[str, Any], resample: float | None) -> 
 
 
 def on_clock(raw: Raw) -> tuple[Raw, str]:
-    """Return a log whose time advances, and what was done to its stamps.
+    """Return a log with increasing time, and a remark on its stamps.
 
-    A clock that begins again is continued; stamps coarser than the sampling become even.
+    The time continues where a clock restarts. Stamps coarser than the sampling become even.
 
     Raises
     ------
@@ -185,11 +185,10 @@ def without_interpolation(raw: Raw) -> tuple[Raw, str]:
 
 
 def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str]:
-    """Return a log whose time advances on an even grid, and a remark on its stamps.
+    """Return the record of a log on an even grid, and a remark on its stamps.
 
     Torques are means over [t_k, t_{k+1}). At a lower rate all signals pass the same low-pass
-    without phase, and then the torque is averaged: a sample of it here and there would be aliased,
-    and ruin the estimates.
+    without phase shift, and then the torque is averaged: single samples of it would be aliased.
     """
     period, index = _grid(raw.time)
     if period > SLOWEST or (period >= 1 and "time" not in raw.unit):
@@ -207,7 +206,7 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
         values, at = logged[known], stamps[known]
         if name == "angle":
             values = unwrapped(values)[0]
-        if name == "torque" and not smooth:  # it stays until the next sample, whenever that is
+        if name == "torque" and not smooth:  # it acts until the next sample
             at = time[index[known]]
         signals[name] = np.interp(time, at, values)
     if smooth:
@@ -218,8 +217,8 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
     if rate is not None:
         if every < 2 or n < FEWEST or abs(every * rate * period - 1) > WHOLE:
             raise LogError(
-                f"--resample {rate:g} Hz: give the rate of the log, {1 / period:.6g} Hz, over a "
-                f"whole number that leaves {FEWEST} samples or more"
+                f"--resample {rate:g} Hz: give the rate of the log, {1 / period:.6g} Hz, divided "
+                f"by an integer that leaves {FEWEST} samples or more"
             )
         lowpass = butter(8, 0.8 / every, output="sos")
         signals = {name: sosfiltfilt(lowpass, values) for name, values in signals.items()}
@@ -239,7 +238,7 @@ def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
     """Return the period, and the place of each sample on the grid."""
     steps = np.diff(time)
     places = np.r_[0, np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1))]
-    # the median of jittered or rounded stamps is off by a little, which adds up: fit the grid
+    # small errors of the median of jittered steps would add up, so the grid is fitted
     period = float(linregress(places, time).slope)
     index = np.rint((time - time[0]) / period).astype(int)
     if (np.diff(index) <= 0).any() or index[-1] > MOST_GAPS * len(time):

@@ -1,4 +1,4 @@
-"""One axis in many logs: a row of estimates each, what a covariate explains, and one change."""
+"""One axis in many logs: estimates of each log, the effect of covariates, and one change."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from flexaxis.experiments.logs.signals import log_of
 from flexaxis.sim.errors import FlexaxisError
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".log", ".dat", ".mat", ".h5", ".hdf5", ".nc")
-MADE = ("-imported", "-track", "-estimates")  # at the end of names of what flexaxis made of a log
-SEEN = 0.1  # relative deviation of a parameter in the first log, up to which it is followed
-SURE = 3.0  # standard deviations of the effect of a covariate
-SMALLEST = 1e-3  # relative change, and effect of a covariate over its range, that is worth a word
+MADE = ("-imported", "-track", "-estimates")  # endings of files that flexaxis wrote
+SEEN = 0.1  # largest relative standard deviation in the first log of a parameter that is followed
+SURE = 3.0  # standard deviations: least effect of a covariate that is reported
+SMALLEST = 1e-3  # least relative change, and effect of a covariate, that is reported
 
 
 @dataclass(frozen=True)
 class Many:
-    """Estimates of many logs and what they show.
+    """Estimates from many logs, and findings.
 
     Attributes
     ----------
     table : DataFrame
-        A row a log, by its name: a column ``name`` and ``name_sd`` a parameter, and covariates.
+        A row for each log: columns ``name`` and ``name_sd`` for each parameter, and covariates.
     explained : dict of str to Explained
         By parameter, in units of the parameter.
     findings : list of Finding
-        A sentence a parameter, and one for each log that could not be used.
+        A sentence for each parameter, and for each log that could not be used.
     """
 
     table: pd.DataFrame
@@ -56,7 +56,7 @@ class Many:
 def find_logs(folder: Path) -> list[Path]:
     """Return the logs of a folder in the order of their names, 9 before 10.
 
-    What was made of a log in the same folder is no further log.
+    Files that flexaxis wrote into the folder are skipped.
 
     Raises
     ------
@@ -93,9 +93,9 @@ def identify_many(
     tables : mapping
         How to read a log, as for `importing.import_log`.
     covariates : sequence of str
-        Columns of the logs, of which the mean is taken.
+        Columns of the logs; their mean over a log is used.
     free : sequence of str
-        Parameters; by default what the first log shows to 10 %.
+        Parameters; by default those that the first log determines to 10 %.
     false_alarms : float
         Probability that logs without a change show one in any parameter.
     """
@@ -123,8 +123,8 @@ def identify_many(
             findings.append(Finding("problem", f"{path.name} is left out: {error}"))
     table = pd.DataFrame.from_dict(rows, orient="index")
     if not free:
-        texts = [one.text for one in findings] or ["no parameter is seen to 10 %: give --free NAME"]
-        raise LogError("; ".join(texts))
+        texts = "; ".join(one.text for one in findings)
+        raise LogError(texts or "the first log determines no parameter to 10 %: give --free NAME")
     beside = table[list(covariates)].to_numpy(float)
     explained = {
         name: explain(
@@ -138,7 +138,7 @@ def identify_many(
 
 
 def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequence[str]) -> Finding:
-    """Return what became of a parameter, in a sentence."""
+    """Return the sentence on a parameter."""
     level, first, last = abs(one.level), table.index[one.begin], table.index[one.end]
     text = f"{name} = {one.level:.4g}, no change"
     changed = one.kind != "constant" and abs(one.size) > SMALLEST * level

@@ -30,9 +30,9 @@ from flexaxis.experiments.running.progress import LINE
 Array = NDArray[np.float64]
 
 MOST = 4000  # points of a curve
-GAPS = 200  # that are shaded: more are a pattern, and seen as one
-PIECE = 500  # samples that are shown of a simulation
-SUREST = 3  # estimates in the sentence that the page begins with
+GAPS = 200  # largest number of gaps that are shaded
+PIECE = 500  # samples of a simulation in a figure
+SUREST = 3  # number of estimates in the first sentence of the page
 WRITTEN: dict[str, Any] = {"border": 0, "float_format": "{:.5g}".format}
 """How pandas writes a table."""
 
@@ -54,7 +54,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class LogPage:
-    """What a page shows.
+    """Content of a page.
 
     Attributes
     ----------
@@ -83,14 +83,14 @@ class LogPage:
 
 
 def _line(x: Array, y: Array, label: str, role: Any = "data") -> Series:
-    """Return a curve of about `MOST` points at most, the extremes of each bin."""
+    """Return a curve of at most about `MOST` points: the extremes of each bin."""
     bins = pd.Series(y).groupby(np.arange(len(y)) * (MOST // 2) // max(len(y), MOST // 2))
     k = np.unique(np.r_[bins.idxmin(), bins.idxmax()])
     return Series(x=x[k], y=y[k], label=label, role=role)
 
 
 def _gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
-    """Return what is to be shaded: where samples do not count."""
+    """Return spans to shade: samples that are not used."""
     return [(float(time[a]), float(time[b - 1]), "not used") for a, b in gaps_of(ok)[:GAPS]]
 
 
@@ -118,8 +118,8 @@ def identification_page(
     sure = sorted((sd / abs(v), f"{name} = {v:.4g} ± {sd:.1g}") for name, v, sd in every if v)
     problems = texts_of(findings, "problem")
     text = (
-        f"The model simulates {result.fit:.1f} % of what it was not fitted to from the torque "
-        f"alone; surest: {', '.join(text for _, text in sure[:SUREST])}."
+        f"The model simulates {result.fit:.1f} % of held-out pieces from the torque alone; "
+        f"most certain: {', '.join(text for _, text in sure[:SUREST])}."
     )
     text += f" These numbers cannot be used: {problems[0]}." if problems else ""
     y, residual = result.answer.setup.log.y, result.residual
@@ -133,7 +133,7 @@ def identification_page(
 
 
 def findings_of(result: Identification, other: Validation | None) -> list[Finding]:
-    """Return the findings on both logs, the gravest first, and how far to trust the estimates."""
+    """Return the findings on both logs, the most severe first."""
     texts = [
         f"units: {result.units}",
         f"law of friction: {result.friction}",
@@ -149,7 +149,7 @@ def findings_of(result: Identification, other: Validation | None) -> list[Findin
 
 
 def content(result: Identification, other: Validation | None) -> dict[str, Any]:
-    """Return an identification as JSON has it."""
+    """Return an identification as JSON."""
     every = findings_of(result, other)
     return {
         "estimates": {n: {"value": value, "sd": sd} for n, (value, sd) in result.estimates.items()},
@@ -184,7 +184,7 @@ def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log:
     estimator : str
         As typed.
     problems : sequence of str
-        What spoils estimates from this log.
+        Problems of the log.
     log : str
         Name of the log.
     """

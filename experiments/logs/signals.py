@@ -1,4 +1,4 @@
-"""What samples show: gaps, resolution, rhythm and wraps; and what identification reads of them."""
+"""Gaps, resolution, update rate and wraps of signals; the signals that identification reads."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-SIDED = 0.01  # s, over which the speed is averaged before its sign counts
-RESTING = 0.05  # of the deviation of the speed, below which an axis rests
-FIRST, CLEAR = 5, 3.0  # samples that give the first speed; multiple of their noise
-UNKNOWN, ROOM = 120, 2e7  # unknown states behind gaps; numbers in the derivatives by them, at most
-LONGEST = 200_000  # samples that are looked at
-STRAIGHT, LINED = 1e-3, 0.45  # of the usual bend, and share of the samples, of lines
-MOST_KNOTS, BENDS = 21, 0.95  # samples between updates; share of the changes that are at updates
-MOVING = 3.0  # steps of its resolution by which a signal moves between its updates
+SIDED = 0.01  # s, averaging time of the speed before its sign is used
+RESTING = 0.05  # of the standard deviation of the speed: below that, an axis rests
+FIRST, CLEAR = 5, 3.0  # samples that give the first speed; factor on their noise
+UNKNOWN, ROOM = 120, 2e7  # largest numbers of unknown states after gaps, and of their derivatives
+LONGEST = 200_000  # samples of a signal that are examined
+STRAIGHT, LINED = 1e-3, 0.45  # of the usual second difference; share of the samples on lines
+MOST_KNOTS, BENDS = 21, 0.95  # samples between updates; share of changes at the updates
+MOVING = 3.0  # steps of its resolution: least move of a signal between updates
 ROUNDING = 1e-3  # of a turn
-SMALL = 0.1  # of the range of a counter: its moves in a sample, and its distance from whole turns
+SMALL = 0.1  # of the range of a counter: largest move per sample, and largest gap at the ends
 
 
 def gaps_of(ok: Flags) -> NDArray[np.int64]:
-    """Return where each run of False in flags (N,) begins, and where it has ended: (m, 2).
+    """Return begin and end (m, 2) of each run of False in flags (N,), as in a slice.
 
     Examples
     --------
@@ -45,7 +45,7 @@ def liveliest(x: Array, length: int) -> slice:
 
 
 def resolution(values: Array) -> float:
-    """Return the step between the levels of a signal; 0 if its values are no multiples of one.
+    """Return the quantisation step of a signal; 0 if its values are not on a grid.
 
     Examples
     --------
@@ -59,16 +59,16 @@ def resolution(values: Array) -> float:
         return 0.0
     multiples = steps / steps.min()
     counts = np.rint(multiples)
-    # of other steps a tenth lies within 0.05 of a whole number
+    # by chance, a tenth of the multiples is within 0.05 of a whole number
     lattice = np.mean(np.abs(multiples - counts) < 0.05) > 0.9
     return float(steps.sum() / counts.sum()) if lattice else 0.0
 
 
 def rhythm(values: Array) -> tuple[int, int, bool]:
-    """Return after how many samples a signal is updated, the first such, and whether by lines.
+    """Return the samples between updates, the first update, and whether lines connect them.
 
-    Between updates a signal is held, or interpolated linearly. 1, 0 where it is updated at every
-    sample, or where steps of its resolution hide that.
+    Between updates, a signal is held or interpolated linearly. The result is 1, 0, False if it is
+    updated at every sample, or if the steps of its resolution hide the updates.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def rhythm(values: Array) -> tuple[int, int, bool]:
     jumps, digit = moves[moves > 0], resolution(x)
     for lines in (True, False):
         change = np.abs(np.diff(x, 2)) if lines else moves
-        straight, most = np.percentile(change, [40, 99])  # at least half is rounding, along lines
+        straight, most = np.percentile(change, [40, 99])  # along lines, at least half is rounding
         bent = change > max(STRAIGHT * most, 4 * straight)
         seen = (~bent & (moves[1:] > 0)).mean() > LINED if lines else len(jumps) > 20
         if not seen or np.median(jumps) < MOVING * digit:
@@ -121,7 +121,7 @@ def unwrapped(angle: Array) -> tuple[Array, float]:
 
 @dataclass(frozen=True)
 class Log:
-    """What of a record an identification reads.
+    """The signals of a record for identification.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class Log:
     resting : bool
         Whether it begins at rest.
     angle : ndarray (N,)
-        Of the load by the gear ratio, as measured at the motor, or from where it starts.
+        Motor angle times the gear ratio; the integral of the speed if no angle was measured.
     """
 
     u: Array
@@ -155,13 +155,19 @@ class Log:
         return resolution(self.y[self.ok]) / np.sqrt(12 if self.output == "speed" else 6)
 
     def begins(self, states: int, later: int) -> list[int]:
-        """Return where stretches begin: the log, and what comes behind its longest gaps.
+        """Return where stretches with an initial state of their own begin.
 
-        The torque in a gap is not known, nor the state that it leads to: that is estimated, of so
-        many states and as many samples later. Behind all other gaps a line of the torque leads
-        there.
+        These are the start of the log and the ends of its longest gaps. The torque in a gap is
+        unknown, and so is the state after it. In all other gaps the torque is a straight line.
+
+        Parameters
+        ----------
+        states : int
+            Number of states of the model.
+        later : int
+            Samples after a gap in which its torque still acts.
         """
-        # a state that is forgotten before the first usable sample could be any
+        # before the first usable sample, any initial state is forgotten
         first = 0 if self.resting else int(np.argmax(self.ok))
         missing = gaps_of(self.ok).tolist()
         gaps = [(begin, end) for begin, end in missing if begin and end < len(self.ok)]
@@ -180,14 +186,14 @@ class Log:
 
 
 def log_of(record: Record, axis: Axis) -> Log:
-    """Return what of a record is read, with its torque as the axis knows it to be."""
+    """Return the signals of a record; the torque includes the known gains of the axis."""
     output = output_of(record)
     y = np.asarray(getattr(record, output))
     angle = np.cumsum(y) * record.period if record.angle is None else record.angle
     angle = axis.model.nominal.get("r", 1.0) * angle
     beside = columns_beside(angle, y, record.period) if axis.beside else {}
     ok = usable(record)
-    # but for its noise
+    # apart from the noise
     still = abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
     return Log(
         u=record.torque + sum(gain * beside[name] for name, gain in axis.beside.items()),
@@ -202,10 +208,10 @@ def log_of(record: Record, axis: Axis) -> Log:
 
 
 def columns_beside(angle: Array, speed: Array, period: float) -> dict[str, Array]:
-    """Return what acts beside a torque (N,), by the name of its gain.
+    """Return regressors (N,) of torques that act in addition, by the name of their gain.
 
-    −sin φ and −cos φ of gravity, φ half way to the next sample; −|v| of viscous friction that is
-    greater forwards than backwards.
+    For gravity these are −sin φ and −cos φ, with φ half a sample later; for viscous friction that
+    depends on the direction, −|v|.
     """
     half = (angle + np.append(angle[1:], angle[-1])) / 2
     length = max(round(SIDED / period), 1)

@@ -18,14 +18,14 @@ from flexaxis.experiments.logs.findings import LogError
 
 Array = NDArray[np.float64]
 
-SEGMENT = 4.0  # s, of which spectra are averaged
-EDGE = 0.01  # of the power of the torque that lies below its band, and above it
-PIECES = 6  # of a short log, of which spectra are averages
-COHERENT = 0.8  # share of the output that the torque explains, of a frequency that is used
-SUREST = 0.95  # coherence beyond which what a model leaves out, and not noise, is the error
-LATEST = 4.0  # samples, of a delay that is looked for
-STRONG = 0.01  # of the torque's power, of the band that excitation is in
-SPREAD = (0.0, *[0.6] * 7)  # of the logarithms of the starts about the guess
+SEGMENT = 4.0  # s, length of a piece; spectra are averaged over pieces
+EDGE = 0.01  # share of the power of the torque below its band, and above it
+PIECES = 6  # least number of pieces of a short log
+COHERENT = 0.8  # least coherence of a frequency that is used
+SUREST = 0.95  # above this coherence, model errors exceed the noise
+LATEST = 4.0  # samples, largest delay of the search
+STRONG = 0.01  # of the power of the torque: least power in the band of the excitation
+SPREAD = (0.0, *[0.6] * 7)  # standard deviation of the logarithms of the starts
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Spectra:
 
 
 def spectra(u: Array, y: Array, period: float, *, pieces: int = 2) -> Spectra:
-    """Return averaged spectra of two signals (N,), without the straight line of each piece.
+    """Return averaged spectra of two signals (N,), with linear trends removed from each piece.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def spectra(u: Array, y: Array, period: float, *, pieces: int = 2) -> Spectra:
     period : float
         [s].
     pieces : int
-        That a short record has at the least; of a long one they are `SEGMENT` long.
+        Least number of pieces. Those of a long record have a length of `SEGMENT`.
     """
     length = min(len(u) // pieces, round(SEGMENT / period))
     first, second = np.stack([u, y, u]), np.stack([u, y, y])
@@ -97,8 +97,8 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     period : float
         [s].
     floor : float
-        Least power of the torque, times that of its median over what it has: where it has less,
-        drift and what else moves the axis may be coherent with it all the same.
+        Least power of the torque, relative to its median weighted by power. At frequencies with
+        less, drift and disturbances may be coherent with the torque.
 
     Raises
     ------
@@ -130,8 +130,8 @@ def fit_response(
 ) -> tuple[Array, float]:
     """Fit parameters and the delay of the torque to a measured frequency response.
 
-    The error is that of the logarithm, so that resonance and antiresonance count alike. Several
-    starts about the nominal values, as it has local minima.
+    The error is that of the logarithm, so that resonances and antiresonances have equal weight.
+    Several starts around the nominal values avoid local minima.
 
     Parameters
     ----------
@@ -152,11 +152,11 @@ def fit_response(
         [s].
     """
     chosen = SIGNALS[output].predicted(model, period).parametrize(identify)
-    # a hundred frequencies, evenly over the logarithm, say all there is to say
+    # a hundred frequencies, logarithmically spaced, are enough
     grid = np.geomspace(response.omega[0], response.omega[-1], 100)
     lines = np.unique(np.searchsorted(response.omega, grid * 0.9999))
     omega, gain = response.omega[lines], response.gain[lines]
-    # deviation of the logarithm, where the least coherence that is used has one
+    # inverse standard deviation of the logarithm, 1 at the least coherence that is used
     share = np.minimum(response.coherence[lines], SUREST)
     weight = np.sqrt(share / (1 - share) * (1 - COHERENT) / COHERENT)
     p, turn = len(chosen.names), -1j * omega * period
@@ -192,10 +192,10 @@ def fit_response(
 def rough_guess(
     model: Model, response: Spectra, resonance: float | None = None
 ) -> dict[str, float]:
-    """Guess the size of the parameters of a shipped model; empty where it has no way to.
+    """Return a rough guess of the parameters of a shipped model; empty for other models.
 
-    From the total inertia, |G| ≈ 1/(ω J) at low frequencies, and the highest peak of ω |G|
-    if no resonance is given [rad/s].
+    It uses the total inertia, |G| ≈ 1/(ω J) at low frequencies, and the resonance [rad/s], by
+    default the highest peak of ω |G|.
     """
     guess = MODELS[model.name].guess if model.name in MODELS else None
     if guess is None:

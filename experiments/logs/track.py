@@ -1,4 +1,4 @@
-"""Any estimator on a record of a real axis: estimates over time, their changes, the residual."""
+"""Run an estimator on a record of a real axis, and find changes of its parameters."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-WHITE = 0.1  # correlation of a residual with its past, below which it is called white
-OFF = 0.1  # relative difference from what was identified that is worth a word
-WINDOW = 1.0  # s, in which a motion is compared with that of the model
-STOPPED = 0.2  # of the motion of the model, below which an axis is stopped from outside
+WHITE = 0.1  # correlation of a residual with its past: below that, it is called white
+OFF = 0.1  # relative difference from the identified value that is reported
+WINDOW = 1.0  # s, over which the motion is compared with that of the model
+STOPPED = 0.2  # of the motion of the model: below that, the axis is stopped from outside
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ class Tracked:
         Median of the last fifth of the estimates, and nominal values, for comparison.
     usable : ndarray (N,) of bool
     fit : float
-        Of the output simulated at the last estimate, above the high-pass of the axis if it has one.
+        Fit [%] of a simulation with the last estimates, above the high-pass of the axis if any.
     alarms : ndarray (M,)
-        Times [s] at which the estimator raised its own alarm, if it has one.
+        Times [s] of the alarms of the estimator.
     changes : list of Change
     findings : list of Finding
-        What comes of it, the most important first.
+        The most important first.
     """
 
     names: tuple[str, ...]
@@ -76,11 +76,11 @@ class Tracked:
 
     @property
     def status(self) -> int:
-        """1 if a parameter changed, or the log is not of this axis."""
+        """1 if a parameter changed, or the log does not match the axis."""
         return int(bool(self.changes) or any(one.kind == "problem" for one in self.findings))
 
     def save(self, path: Path, *, estimator: str) -> None:
-        """Write the estimates as NetCDF-4, with the deviations if it claims any.
+        """Write the estimates as NetCDF-4, with their standard deviations if the estimator has any.
 
         Raises
         ------
@@ -96,10 +96,10 @@ def track(
 ) -> Tracked:
     """Run an estimator over a record, and find changes of parameters.
 
-    The estimator reads the torque with the axis's delay, and both signals through the axis's
-    whitening filter: as that is linear, the model holds for them as it stands, and their residuals
-    are as white as the estimator assumes. Of an axis with laws it reads the signals as they are,
-    as a law does not hold for filtered ones.
+    The estimator reads the delayed torque and the output, both through the whitening filter of the
+    axis. The filter is linear, so the model holds for the filtered signals, and their residuals are
+    as white as the estimator assumes. For an axis with laws the signals are not filtered, because a
+    law does not hold for filtered signals.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def track(
     identify : sequence of str
         What to estimate.
     start : float
-        θ(0) over nominal.
+        Initial estimate as a multiple of the nominal value.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def track(
     powers = zip(map(physical, names), last, strict=True)
     valued = axis.having({name: float(value**power) for (name, power), value in powers})
     checked, past = validate(replace(record, valid=valid), valued), correlation(residual)
-    # one value does not fit what was before a change and after it
+    # after a change, one value does not fit the whole log
     fits = not checked.unlike or changes or (abs(past) < WHITE and axis.usual is None)
     off = dict(zip(names, last / model.theta - 1, strict=True))
     findings = _findings("" if fits else checked.unlike, changes, unseen, off)
@@ -178,7 +178,7 @@ def track(
 def _findings(
     problem: str, changes: Sequence[Change], unseen: Sequence[str], off: Mapping[str, float]
 ) -> list[Finding]:
-    """Return what is wrong, what changed, or that nothing did; `off` are relative differences."""
+    """Return a problem, the changes, or that there are none; `off` are relative differences."""
     texts = [change.text for change in changes]
     texts += [f"this log does not show whether {', '.join(unseen)} changed"] * bool(unseen)
     findings = [Finding("problem", problem)] * bool(problem)
@@ -195,9 +195,9 @@ def _findings(
 
 
 def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Flags, Flags]:
-    """Return where an axis stands still although the model moves, and where little torque acts.
+    """Return where (N,) the axis stands still although the model moves, and where torque is small.
 
-    With little torque, a change of a parameter cannot be told from a brake.
+    With a small torque, a change of a parameter looks like a brake.
     """
     length = max(round(WINDOW / period), 1)
     moved, model, acted = (uniform_filter1d(x**2, length) for x in (y, simulated, torque))
@@ -240,7 +240,7 @@ def _build(
     first = values if spec.is_users else replace(model, nominal=values)
     estimator = make_estimator(spec, first, period, **known)
     own = tuple(estimator.names)
-    # an estimator that knows laws may track their parameters besides
+    # an estimator that knows laws may also track their parameters
     if estimator.output != output or own[: len(identify)] != tuple(identify):
         raise EstimatorError(
             f"{spec.text} estimates {', '.join(own)} from {estimator.output!r}; asked were "
