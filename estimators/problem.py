@@ -172,4 +172,4 @@ class Problem:
         above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
         above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
         prior, drift = (spread * self.theta) ** 2, self.period * (walk * self.theta) ** 2
-        return make_design(self.model, **self.asked, P0=prior, drift=drift)
+        return make_design(self.model, **self.asked, P0=prior, drift=drift, corrects=True)

@@ -1,4 +1,4 @@
-"""The signals that an estimator reads: what each is, and whether what is given can be used."""
+"""The signals that an estimator reads, their models, and checks of samples."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.models.axes import with_angle
 from flexaxis.estimators.models.model import Model
 
 Array = NDArray[np.float64]
@@ -17,8 +18,8 @@ def increment(model: Model, period: float) -> Model:
     """
     Return the model whose output is the mean speed (φ[k]−φ[k−1])/T over the last sample.
 
-    One more state integrates the output from zero in every sample, so the increment of the angle
-    is modelled exactly; differencing the angle and calling it speed biases the estimates instead.
+    An additional state integrates the speed from zero in every sample, so the increment of the
+    angle is modelled exactly. Treating the increment as a sampled speed would bias the estimates.
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ def increment(model: Model, period: float) -> Model:
     Returns
     -------
     Model
-        The same with the state ``angle_increment`` appended, and the new output.
+        The model with the additional state ``angle_increment`` and the new output.
     """
     grown = [[*row, "0"] for row in model.A] + [[*model.C, "0"]]
     return replace(
@@ -44,6 +45,26 @@ def increment(model: Model, period: float) -> Model:
     )
 
 
+def counted_angle(model: Model) -> Model:
+    """
+    Return the model whose output is the motor angle relative to its start [rad].
+
+    The output is an additional state, ``angle_read``, the integral of the speed. The filter has to
+    correct its state, because an integrator does not forget errors. The rounding of an encoder is
+    nearly white on the angle; on the increments it is not.
+
+    Parameters
+    ----------
+    model : Model
+        Model whose output is the speed.
+    """
+    grown = with_angle(model)
+    output = (*("0" for _ in model.states), "1")
+    return replace(
+        grown, name=f"{model.name}, angle", states=(*model.states, "angle_read"), C=output
+    )
+
+
 @dataclass(frozen=True)
 class Signal:
     """
@@ -54,18 +75,15 @@ class Signal:
     name : str
     unit : str
     predicted : callable
-        ``predicted(model, period)``: the model whose output is y, of one whose output is the speed.
-    noise : callable
-        ``noise(speed, angle, period)``: variance of the noise of y, from those of motor speed
-        [(rad/s)²] and motor angle [rad²], rounding included.
+        ``predicted(model, period)``: the model that predicts y, from a model whose output is the
+        speed. A predictor does not correct its state, so it reads an angle as increments.
     mean_speed : callable
-        ``mean_speed(period)``: weights of y[k] and y[k−1] in the mean speed between the two.
+        ``mean_speed(period)``: weights of y[k] and y[k−1] in the mean speed between both samples.
     """
 
     name: str
     unit: str
     predicted: Callable[[Model, float], Model]
-    noise: Callable[[float, float, float], float]
     mean_speed: Callable[[float], tuple[float, float]]
 
 
@@ -76,19 +94,23 @@ SIGNALS = {
             "speed",
             "rad/s",
             predicted=lambda model, period: model,
-            noise=lambda speed, angle, period: speed,
             mean_speed=lambda period: (0.5, 0.5),
         ),
         Signal(
             "increment",
             "rad/s",
             predicted=increment,
-            noise=lambda speed, angle, period: 2 * angle / period**2,
+            mean_speed=lambda period: (1.0, 0.0),
+        ),
+        Signal(
+            "angle",
+            "rad",
+            predicted=increment,
             mean_speed=lambda period: (1.0, 0.0),
         ),
     )
 }
-"""By the name that an estimator has as its ``output``."""
+"""The signals, keyed by the ``output`` of an estimator."""
 
 
 def find_signal(output: str) -> Signal:
@@ -98,11 +120,32 @@ def find_signal(output: str) -> Signal:
     return SIGNALS[output]
 
 
+def increments(
+    angles: Array, valid: NDArray[np.bool_], before: float, period: float
+) -> tuple[Array, NDArray[np.bool_], float]:
+    """
+    Return the increments (φ[k]−φ[k−1])/T of angles φ (N,), their validity (N,), and the last φ.
+
+    Parameters
+    ----------
+    angles : (N,) array
+    valid : (N,) bool array
+        False where an angle is missing. A missing angle makes two increments invalid.
+    before : float
+        The angle before the first one, or NaN.
+    period : float
+        Sampling period T [s].
+    """
+    readings = np.append(before, np.where(valid, angles, np.nan))
+    rates = np.diff(readings) / period
+    return np.nan_to_num(rates), np.isfinite(rates), float(readings[-1])
+
+
 def check_signals(
     u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """
-    Return u, y and valid as contiguous, writable arrays of one length, as compiled code wants them.
+    Return u, y and valid as contiguous, writable arrays of equal length, for compiled code.
 
     Parameters
     ----------

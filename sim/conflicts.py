@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -52,41 +51,16 @@ _WORDS = {
 }
 
 
-def problems(error: ValidationError, content: Mapping[str, Any], top: type[Scenario]) -> list[str]:
+def problems(error: ValidationError, top: type[Scenario]) -> list[str]:
     """Return one line for each problem of a scenario.
 
-    Only keys that are individually valid are checked for conflicts.
+    Conflicts between keys are reported when every key is valid on its own.
     """
     lines = [f"{key}: {text}" for key, text in explain(error, top)]
-    if not lines:
-        return _conflict_lines(error)
-    wrong = {_place(item["loc"]) for item in error.errors()}
-    right = {key: value for key, value in content.items() if (key,) not in wrong}
-    kept = {}  # indices of the valid entries in arrays of tables
-    for key in ("fault", "nuisance"):
-        if key in right:
-            kept[key] = [i for i in range(len(right[key])) if (key, i) not in wrong]
-            right[key] = [right[key][i] for i in kept[key]]
-    try:
-        if ("model",) not in wrong:  # the names of all parameters depend on the model
-            top.model_validate({"name": "x", "duration": 86400.0} | right)
-    except ValidationError as more:
-        for line in _conflict_lines(more):
-            key, number, rest = re.findall(r"^(\w+)(?:\[(\d+)\])?(.*)", line, re.DOTALL)[0]
-            here = f"{key}[{kept[key][int(number)]}]{rest}" if key in kept else line
-            lines += [here] * ((key,) not in wrong)
+    for item in error.errors():
+        if not item["loc"]:  # raised by `Scenario` about conflicts
+            lines += str(item["ctx"]["error"]).splitlines()
     return lines
-
-
-def _place(loc: Sequence[int | str]) -> tuple[int | str, ...]:
-    """Return the top-level key of an error, with the index of the entry for an array of tables."""
-    return tuple(loc[: 2 if loc[0] in {"fault", "nuisance"} else 1])
-
-
-def _conflict_lines(error: ValidationError) -> list[str]:
-    """Return the lines that `Scenario` raised about conflicts between its keys."""
-    errors = [item["ctx"]["error"] for item in error.errors() if not item["loc"]]
-    return [line for each in errors for line in str(each).splitlines()]
 
 
 def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import tomllib
@@ -42,7 +41,7 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OSError
-        If the file cannot be written, or `path` is a device or a pipe.
+        If the file cannot be written.
 
     Examples
     --------
@@ -54,8 +53,6 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
     ['table.csv']
     """
     path = Path(path)
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise OSError(errno.EINVAL, "it is a device or a pipe, not a file")
     with TemporaryDirectory(
         prefix=".", suffix=".flexaxis", dir=path.parent, ignore_cleanup_errors=True
     ) as folder:

@@ -49,7 +49,7 @@ class Scenario(Config):
     """Definition of a run: axis, excitation, loop, sensors and faults over time.
 
     Create a scenario with `load_scenario`, `parse_scenario` or `Scenario.override`, which report
-    all problems at once. docs/scenarios.md explains each key.
+    all wrong keys at once, or else all conflicts between keys. docs/scenarios.md explains each key.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Scenario(Config):
         Values that estimators know: a factor on the true value for other parameters, the value
         itself for those in `DATA_SHEET`. With `spread`, each seed draws an error for every
         parameter that is not estimated (`drawn`).
-    output : {"speed", "increment"}
+    output : {"speed", "increment", "angle"}
         Signal that the estimators read.
     burn_in : float
         Time from the start that is not scored [s].
@@ -110,7 +110,7 @@ class Scenario(Config):
     identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
     start: Annotated[float, Field(ge=0.01, le=100)] = 1.0
     known: Annotated[dict[str, Positive], Field(min_length=1), AfterValidator(Frozen)] | None = None
-    output: Literal["speed", "increment"] = "speed"
+    output: Literal["speed", "increment", "angle"] = "speed"
     burn_in: NotNegative = 5.0
     streams: identity.Streams = identity.PLANT
     feedback: Literal["clean", "measured"] = "clean"
@@ -323,7 +323,7 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
     try:
         return Scenario.model_validate(dict(content))
     except ValidationError as error:
-        lines = problems(error, content, Scenario)
+        lines = problems(error, Scenario)
         raise ScenarioError(*(f"{source}: {line}" for line in lines)) from None
 
 

@@ -9,11 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.signals import find_signal
+from flexaxis.estimators.signals import counted_angle, find_signal
 
 Array = NDArray[np.float64]
 
 TIME_CONSTANT = 1.0  # s, of forgetting by default; λ = 0.995 at 5 ms, as in the paper
+ANCHOR = 10.0  # rad, standard deviation of the angle before its first reading: far more than an
+# encoder resolves, and little enough for the arithmetic
 DEFAULT_BOX = (0.1, 10.0)  # times θ(0)
 
 
@@ -51,6 +53,8 @@ class Design:
     x0_covariance : (n, n) array
         Covariance of the state at the first sample, without the torques of laws. The state itself
         is zero.
+    differences : bool
+        Whether the filter converts angles to increments.
     """
 
     model: Parametrization
@@ -66,6 +70,7 @@ class Design:
     upper: Array
     noise: float
     x0_covariance: Array
+    differences: bool
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -94,6 +99,7 @@ def make_design(
     noise: float | None = None,
     x0_variance: ArrayLike = (),
     scale: ArrayLike | None = None,
+    corrects: bool = False,
 ) -> Design:
     """
     Check the options of `flexaxis.estimators.Rpem`, which explains them, and fill in defaults.
@@ -104,6 +110,9 @@ def make_design(
         Variances of the states of ``model`` at the first sample; zero by default.
     scale : (p,) array_like, optional
         Divides θ instead of θ(0), for parameters of laws that start at zero.
+    corrects : bool
+        Whether the filter corrects its state. If so, it reads angles directly; otherwise it reads
+        their increments.
 
     Raises
     ------
@@ -111,7 +120,10 @@ def make_design(
         On the first option that cannot be used, saying what would be allowed.
     """
     above_zero("period", period, "the sampling period in seconds")
+    counted, differences = output == "angle" and corrects, output == "angle" and not corrects
     chosen = find_signal(output).predicted(model, period)
+    chosen = counted_angle(model) if counted else chosen
+    sigma = 0.0 if noise is None else above_zero("noise", noise, "the standard deviation of y")
     parametrization = chosen.parametrize(model.identify if identify is None else identify)
     p = len(parametrization.names)
     start = finite_vector("theta0", parametrization.theta if theta0 is None else theta0, p)
@@ -122,6 +134,8 @@ def make_design(
     squares = np.outer(scale, scale)
     initial = np.zeros(parametrization.states)
     initial[: np.size(x0_variance)] = x0_variance
+    if counted:
+        initial[len(model.states)] = ANCHOR**2
     return Design(
         model=parametrization.relative(scale),
         scale=scale,
@@ -134,8 +148,9 @@ def make_design(
         regularization=_weights(regularization, p) * scale**2,
         lower=np.minimum(*sides),
         upper=np.maximum(*sides),
-        noise=0.0 if noise is None else above_zero("noise", noise, "the standard deviation of y"),
+        noise=sigma * np.sqrt(2) / period if differences else sigma,
         x0_covariance=np.diag(initial),
+        differences=differences,
     )
 
 

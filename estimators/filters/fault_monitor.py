@@ -45,6 +45,7 @@ KEPT = (
     "stuck",
     "rails",
     "patience",
+    "rounding",
 )  # kept through a reset: the state of the sensor
 
 

@@ -1,4 +1,4 @@
-"""What every recursive estimator does with samples: step, run, reset, copy, and what it shows."""
+"""The base of all recursive estimators: step, run, reset, copy, and innovations."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -14,23 +14,23 @@ from flexaxis.estimators.filters.design import Design
 from flexaxis.estimators.filters.fault_monitor import begin_anew
 from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.models.series import LAWS
-from flexaxis.estimators.signals import check_sample, check_signals
+from flexaxis.estimators.signals import check_sample, check_signals, increments
 
 Array = NDArray[np.float64]
 
 
 class RecursiveEstimator(ABC):
     """
-    The one shape of the estimators; each says in `_take` what it does with checked samples.
+    Base class of the estimators; subclasses process checked samples in `_take`.
 
     Parameters
     ----------
     names : tuple of str
         The identified parameters.
-    output : {"speed", "increment"}
-        What y is.
+    output : {"speed", "increment", "angle"}
+        The signal y.
     bounds : (lower, upper), each (p,)
-        The box of the estimate.
+        Limits of the estimate.
 
     Attributes
     ----------
@@ -41,11 +41,11 @@ class RecursiveEstimator(ABC):
     covariance : (p, p) array
         Its claimed covariance.
     prediction : float
-        ŷ[k], what the last output was expected to be from all before it.
+        ŷ[k], the prediction of the last output from all samples before it.
     innovation : float
         y[k] − ŷ[k]; NaN in a gap, and before the first sample.
     innovation_variance : float
-        What the estimator claims as the variance of it; NaN where it claims none.
+        Its variance, as the estimator claims it; NaN if it claims none.
     innovations : (N, 2) array
         Both, of each sample of the last ``step`` or ``run``.
 
@@ -71,7 +71,7 @@ class RecursiveEstimator(ABC):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        """Take samples; write θ (N, p), and ŷ, innovation and its variance (N, 3)."""
+        """Process samples; write θ (N, p), and ŷ, the innovation and its variance (N, 3)."""
 
     @abstractmethod
     def _start(self) -> None:
@@ -95,22 +95,22 @@ class RecursiveEstimator(ABC):
 
     def reset(self) -> None:
         """Return to the start."""
-        self._trace = np.full((1, 3), np.nan)
+        self._trace, self._reading = np.full((1, 3), np.nan), np.nan
         self._start()
 
     def copy(self) -> Self:
-        """Return an estimator in the same state, which goes on by itself."""
+        """Return an independent estimator in the same state."""
         other = copy(self)
         for name, value in vars(self).items():
             if name not in self._shared:
                 setattr(other, name, deepcopy(value))
         return other
 
-    _shared: tuple[str, ...] = ("names", "output", "bounds")  # what no sample changes
+    _shared: tuple[str, ...] = ("names", "output", "bounds")  # attributes that never change
 
     def step(self, u: float, y: float | None) -> Array:
         """
-        Take one sample and return θ[k] (p,).
+        Process one sample and return θ[k] (p,).
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class RecursiveEstimator(ABC):
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
         """
-        Take N samples, from the current state on, and return θ (N, p).
+        Process N samples from the current state on, and return θ (N, p).
 
         Parameters
         ----------
@@ -207,6 +207,8 @@ class CompiledFilter(RecursiveEstimator):
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
         state, done, running = self.state, 0, True
+        if self._design.differences:
+            y, valid, self._reading = increments(y, valid, self._reading, self._design.period)
         while running:
             rest = slice(done, None)
             given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]

@@ -1,18 +1,20 @@
 """
-The noise variance of y in a Kalman filter: as given, or learnt from the innovations as it runs.
+The noise variance R of y in a Kalman filter: given, or learnt from the innovations.
 
-With e = y − ŷ, claimed to have the variance S = hᵀPh + R, a step of expectation-maximisation takes
-R to hᵀPh R/S + e² R²/S²: a sample in which the uncertainty of ξ hides the noise says little (R. H.
-Shumway and D. S. Stoffer, *An approach to time series smoothing and forecasting using the EM
-algorithm*, J. Time Series Analysis 3 (1982), in recursive form). R is a mean of these.
+The innovation e = y − ŷ has the variance S = hᵀPh + R. One step of expectation-maximisation maps R
+to hᵀPh R/S + e² R²/S² (R. H. Shumway and D. S. Stoffer, *An approach to time series smoothing and
+forecasting using the EM algorithm*, J. Time Series Analysis 3 (1982), in recursive form). R is a
+mean of these values. A sample tells little about R if the uncertainty of ξ dominates S.
 
-A parameter that has changed looks like noise to it. But what comes from that is smooth, and gone
-from a third difference: a second mean takes (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 for e² (T.
-Gasser, L. Sroka and C. Jennen-Steinmetz, *Residual variance and residual pattern in nonlinear
-regression*, Biometrika 73 (1986), for the second). R is the smaller of both. Where they differ by
-far, it is learnt more slowly.
+A parameter change also increases e². Its effect is smooth and vanishes in a third difference, so a
+second mean uses (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 instead of e² (after T. Gasser, L. Sroka
+and C. Jennen-Steinmetz, *Residual variance and residual pattern in nonlinear regression*,
+Biometrika 73 (1986)). R is the smaller of the two means. If they differ strongly, R is learnt more
+slowly.
 
-All is relative to what the filter has seen, so that units of y do not matter.
+All thresholds are relative to the data, so the units of y do not matter. If y is an angle, the
+filter counts it from the first reading, and R is at least q²/12, the rounding of an encoder with
+the count q, which is the smallest step between two readings so far.
 """
 
 from math import erf, exp, pi, sqrt
@@ -25,25 +27,27 @@ from flexaxis.estimators.filters.fault_monitor import is_stuck, monitor_numbers
 from flexaxis.estimators.models.compiler import inlined
 
 MEMORY = 2.0  # s, of R; 400 samples at 5 ms give a relative standard deviation of 5 %
-KNOWN = 50.0  # samples from which on R can judge a sample; its deviation is √(2/50) = 20 %
-CLIP = 3.0  # standard deviations beyond which an innovation counts as one of that size for R
-SURE = 2.0  # times the mean over the last KNOWN, above which R falls to it: 7 of its deviations
-SMOOTH = 0.25  # squared differences over squares, of white noise 1 ± .2, below which it is a model
-# that is wrong, from which R is learnt more slowly
-SLOWER = 10.0  # times the memory
-ODD = 100.0  # standard deviations beyond which a sample that differs as much from the one before is
-# not used: no noise reaches that. A fault that does lasts, and counts as one of that size
-WILD = 8.0  # the same, of a sensor that has given such a sample alone: normal noise gets there once
-# in 1e15 samples. Of any other it would cost the first sample of a large fault
-ROW = 2  # such samples in a row, at most, that are not used: a fault lasts
-GROWS = 3.0  # times the first of them that the second may be, with its sign and not smaller, and is
-# used: what a jump of torque does to a speed doubles in a sample
-FINEST = 1e-6  # of y, below which its noise is that of the arithmetic
-MOVING = 0.5  # ŷ over its noise from which on a sample counts for R: an encoder at rest is exact
+KNOWN = 50.0  # samples after which R is accurate enough (20 %) to judge a sample
+CLIP = 3.0  # standard deviations to which innovations are clipped before they enter R
+SURE = 2.0  # R is at most this times the mean over the last KNOWN samples (7 standard deviations)
+SMOOTH = 0.25  # squared differences over squares: 1 ± 0.2 for white noise. Below this value the
+# model is wrong, and R is learnt more slowly
+SLOWER = 10.0  # factor on the memory in that case
+ODD = 100.0  # standard deviations: a sample that differs more from ŷ and from the sample before is
+# skipped, because no noise is that large. A fault lasts, and is clipped to this size
+WILD = (
+    8.0  # the same limit once the sensor has given a single outlier. Normal noise exceeds it once
+)
+# in 1e15 samples. Without this condition the first sample of a large fault would be lost
+ROW = 2  # largest number of successive samples that are skipped, because a fault lasts
+GROWS = 3.0  # a second outlier of the same sign, up to this times the first, is used: a torque jump
+# doubles its effect on the speed within a sample
+FINEST = 1e-6  # smallest standard deviation of the noise relative to y, due to rounding
+MOVING = 0.5  # ŷ over its noise above which a sample enters R: an encoder at rest is exact
 
 
 def clipped_variance(clip: float) -> float:
-    """Return E min(z², c²) of a standard normal z: what clipping leaves of the variance."""
+    """Return E min(z², c²) of a standard normal z, its variance after clipping."""
     return erf(clip / sqrt(2)) * (1 - clip**2) + clip**2 - clip * sqrt(2 / pi) * exp(-(clip**2) / 2)
 
 
@@ -52,19 +56,20 @@ CONSISTENCY = clipped_variance(CLIP)
 
 def level(design: Design, *, rests: bool = False) -> dict[str, ArrayLike]:
     """
-    Return the numbers that `judge` needs; σ is learnt where the design has none.
+    Return the numbers that `judge` needs; R is learnt if the design has no noise.
 
     Parameters
     ----------
     design : Design
     rests : bool
-        Whether an axis at rest tells of its noise as well, wherever the reading is not the one
-        before, which only an encoder's is.
+        Whether every new reading enters R, even at rest. Only an encoder repeats its reading.
     """
+    counts = design.output == "angle" and not design.differences
     return monitor_numbers(design.period) | {
+        "counts": float(counts),
         "known": float(design.noise > 0),
         "memory": max(MEMORY / design.period, KNOWN),
-        "rests": float(rests),
+        "rests": float(rests or counts),
         "prediction": np.nan,
         "innovation": np.nan,
         "innovation_variance": np.nan,
@@ -75,33 +80,40 @@ def level(design: Design, *, rests: bool = False) -> dict[str, ArrayLike]:
 @inlined
 def judge(state, y, valid, prediction, spread):
     """
-    Keep the innovation and learn R from it; return y as it is to be used, or NaN if it is not.
+    Store the innovation and learn R; return the output for the update, or NaN to skip the sample.
 
-    ``spread`` is hᵀPh. Nothing is used before something moves if R has to be learnt: then ξ is not
-    yet seen either, and R starts from the first sample as e² + hᵀPh, all that is not known of y.
+    ``spread`` is hᵀPh. If R is unknown, no sample is used until the axis moves. R then starts from
+    e² + hᵀPh. The returned output counts from the first reading if y is an angle.
     """
     noise = state["noise"]
     S = spread + noise
-    state["prediction"], state["innovation"] = prediction, np.nan
+    first = state["counts"] > state["anchored"]
+    if state["counts"] > 0.0 and valid:
+        _count(state, y, prediction)
+    origin = state["origin"]
+    state["prediction"], state["innovation"] = origin + prediction, np.nan
     state["innovation_variance"] = S if noise > 0.0 else np.nan
     fresh = y != state["reading"]
     judged = state["samples"] >= KNOWN or state["known"] > 0.0
     if not valid:
         state["reading"] = np.nan
-    elif is_stuck(state, y, prediction, S if judged else spread + state["earlier"]):
+    elif is_stuck(state, y, origin + prediction, S if judged else spread + state["earlier"]):
         valid = False
     if not valid:
         state["run"], state["innovation_variance"] = 0.0, np.nan
         state["latest"] = state["lone"] = state["wild"] = 0.0
         return np.nan
-    e = y - prediction
+    e = y - origin - prediction
     state["innovation"] = e
+    if first:
+        state["anchored"] = 1.0
+        return prediction
     if noise <= 0.0:
         nothing = not fresh or e**2 + spread == 0.0 if state["rests"] > 0.0 else prediction == 0.0
         if nothing:
             return np.nan
-        _begin(state, e**2 + spread)
-        return y
+        _begin(state, max(e**2 + spread, state["rounding"]))
+        return y - origin
     sd = np.sqrt(S)
     if _is_wild(state, e, sd, judged):
         state["run"] = 0.0
@@ -112,15 +124,26 @@ def judge(state, y, valid, prediction, spread):
     moves = fresh if state["rests"] > 0.0 else prediction**2 > MOVING**2 * noise
     if state["known"] == 0.0 and moves:
         _learn(state, spread, e**2, rough if state["run"] > 3.0 else np.nan)
-        state["noise"] = max(state["noise"], (FINEST * prediction) ** 2)
+        finest = state["rounding"] if state["counts"] > 0.0 else (FINEST * prediction) ** 2
+        state["noise"] = max(state["noise"], finest)
     return prediction + e
 
 
 @inlined
+def _count(state, y, prediction):
+    """Set the origin of an angle at the first reading, and learn the rounding of an encoder."""
+    if state["anchored"] == 0.0:
+        state["origin"] = y - prediction
+    rounding = (y - state["reading"]) ** 2 / 12.0
+    if rounding > 0.0 and (state["rounding"] == 0.0 or rounding < state["rounding"]):
+        state["rounding"] = rounding
+
+
+@inlined
 def _is_wild(state, e, sd, judged):
-    """Return whether a sample is a wild one, which says nothing of the axis."""
+    """Return whether a sample is an outlier."""
     before, state["latest"] = state["latest"], e
-    back = min(abs(e), abs(e + before))  # a wild angle is in two increments, there and back
+    back = min(abs(e), abs(e + before))  # an outlier of the angle affects two increments
     if state["lone"] > 0.0 and back <= CLIP * sd:
         state["spikes"] = 1.0
     state["lone"] = 1.0 if judged and abs(e) > WILD * sd and abs(before) <= CLIP * sd else 0.0
@@ -145,7 +168,7 @@ def _begin(state, square):
 
 @inlined
 def _roughness(past, e):
-    """Return (e − 3e₁ + 3e₂ − e₃)²/20 with the three innovations before, and keep the last ones."""
+    """Return (e − 3e₁ + 3e₂ − e₃)²/20 with the three previous innovations, and store e."""
     rough = (e - 3.0 * past[0] + 3.0 * past[1] - past[2]) ** 2 / 20.0
     past[2], past[1], past[0] = past[1], past[0], e
     return rough
@@ -153,14 +176,12 @@ def _roughness(past, e):
 
 @inlined
 def _learn(state, spread, square, rough):
-    """Take squares of the innovation and of its difference into R."""
+    """Update R with the squares of the innovation and of its third difference."""
     R, levels = state["noise"], state["levels"]
     S = spread + R
     share = R / S
     rest, scale = spread * share, share**2
-    if (
-        state["samples"] < KNOWN
-    ):  # R is kept on the high side, so that no sample is believed too much
+    if state["samples"] < KNOWN:  # a large R, so that no sample has too much weight
         scale = 1.0
     count = state["samples"] = min(state["samples"] + 1.0, state["memory"])
     levels[2] += (rest + scale * square - levels[2]) / min(count, KNOWN)
@@ -181,6 +202,6 @@ def _learn(state, spread, square, rough):
 
 @inlined
 def show(state, row):
-    """Write ŷ, innovation and its variance (3,) of a sample."""
+    """Write ŷ, the innovation and its variance (3,) of a sample."""
     row[0], row[1] = state["prediction"], state["innovation"]
     row[2] = state["innovation_variance"]

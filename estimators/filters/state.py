@@ -14,6 +14,7 @@ _TUNING = (
     "memory",  # samples, of the means that R is
     "known",  # 1 if the noise is given
     "rests",  # 1 if R is learnt at rest as well
+    "counts",  # 1 if y is an angle, counted from its first reading
     "correct",  # 1 if the state moves with θ
     "clip",  # standard deviations to which a residual is limited
     "consistency",  # variance after clipping, for a variance of one
@@ -34,6 +35,9 @@ _NOISE = (
     "wild",  # consecutive samples that are far from ŷ and from the sample before
     "lone",  # whether the last sample was far, by WILD, and the one before it was not, by CLIP
     "spikes",  # whether a usual sample, or its opposite, has ever followed such a sample
+    "anchored",  # 1 from the first reading on
+    "origin",  # reading at which the counted angle is zero
+    "rounding",  # variance of the rounding of an encoder, 0 while it is unknown
 )
 _MONITOR = (
     "reading",  # the last one

@@ -24,13 +24,13 @@ Array = NDArray[np.float64]
 
 ALARM = 7.0  # nats, odds of any jump against none from which on candidates are compared
 LEAD = 4.5  # nats, of a candidate over each other parameter: 90 to 1
-CANDIDATES = 3  # parameters that are gone through again
+CANDIDATES = 3  # parameters that are filtered again
 PASSES = 3  # of Gauss and Newton, at most, for each
 NEAR = 0.3  # standard deviations that a step of Gauss and Newton may still want
-AGAIN = 5  # what was compared in vain is compared again a fifth of its age later
+AGAIN = 5  # after a comparison without a result, the next one follows after a fifth of the age
 REVIEWS = (0.15, 0.3, 0.6, 1.0)  # of the time until a name is final, when it is looked at again
-HOPELESS = ALARM + LEAD  # nats behind what was taken, from which on a name is not looked at again
-LEAST = 0.02  # of a parameter, a change that is told; a smaller one corrects what was learnt
+HOPELESS = ALARM + LEAD  # nats behind the accepted candidate, to drop a candidate for good
+LEAST = 0.02  # smallest relative change that is reported; a smaller one corrects the estimate
 Z95 = 1.96  # standard deviations on both sides that hold 95 %
 
 
@@ -79,7 +79,7 @@ class _Candidate:
 
 class Comparison:
     """
-    What is being compared, and what was found.
+    The candidates under comparison, and the detected jumps.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class Comparison:
         self.findings: list[Finding] = []
         self._candidates: list[_Candidate] = []
         self._todo: list[_Candidate] = []
-        self._others: list[float] = []  # evidence of what is not gone through again
+        self._others: list[float] = []  # evidence of the other parameters
         self._rest: list[_Candidate] = []  # what the last finding may still give way to
         self._reviews: list[int] = []
         self._path = 0.0
@@ -105,13 +105,13 @@ class Comparison:
         self._chosen: _Candidate | None = None
 
     def begin(self) -> None:
-        """Compare the best that the bank has, and what the last finding may give way to."""
+        """Compare the best candidates of the bank, and those that may replace the last finding."""
         best = self._best()
         if best:
             self._compare([*best, *self._rest])
 
     def review(self) -> None:
-        """Look at the last name again, and say the size as the filter knows it by now."""
+        """Compare the last finding again with its rivals, and update its size."""
         self._others = []
         rest, work = self._rest, self._work
         i, before = self._told
@@ -122,12 +122,12 @@ class Comparison:
             self._compare(rest)
 
     def forget(self) -> None:
-        """Leave the last name as it is."""
+        """Make the last finding final."""
         self._rest, self._reviews, self._work.bank["due"] = [], [], NEVER
         self._candidates, self._todo, self._chosen = [], [], None
 
     def go_on(self) -> bool:
-        """Go on from a pass that has ended; return whether something was found."""
+        """Continue after a pass has ended; return whether a jump was detected."""
         if self._chosen is not None:
             return self._take(self._chosen)
         candidate = self._todo[0]
@@ -147,7 +147,7 @@ class Comparison:
         return False
 
     def _best(self) -> list[_Candidate]:
-        """Return the best onset of the parameters that explain most."""
+        """Return the best onset of each of the best parameters."""
         bank, q = self._work.bank, len(self._work.jumps.which)
         table = bank["evidence"].reshape(-1, q)
         rows = table.argmax(axis=0)
@@ -188,13 +188,13 @@ class Comparison:
         self._pass(self._todo[0])
 
     def _inside(self, candidate: _Candidate) -> float:
-        """Return the size of a jump, cut off where the box ends."""
+        """Return the size of a jump, limited by the bounds of the parameter."""
         i, design = self._work.jumps.which[candidate.which], self._work.design
         start = candidate.xi[i]
         return float(np.clip(start + candidate.size, design.lower[i], design.upper[i]) - start)
 
     def _pass(self, candidate: _Candidate, *, follow: bool = False) -> None:
-        """Go through the samples since an onset again, with the jump."""
+        """Filter the samples since an onset again, with the jump."""
         i, bank = self._work.jumps.which[candidate.which], self._work.bank
         candidate.size = self._inside(candidate)
         xi = candidate.xi.copy()
@@ -206,7 +206,7 @@ class Comparison:
             bank["end"] = self._now
 
     def _weigh(self, candidate: _Candidate) -> float:
-        """Return the step of Gauss and Newton after a pass, and note what the pass tells."""
+        """Return the Gauss–Newton step after a pass, and update the evidence."""
         bank = self._work.bank
         variance = bank["variance"][candidate.which]
         J, prior = float(bank["J_one"]) / self._kappa, 1.0 / float(variance)
@@ -224,7 +224,7 @@ class Comparison:
         return step
 
     def _decide(self) -> None:
-        """Take the best candidate if it leads, or wait."""
+        """Accept the best candidate if it leads, or wait."""
         best = max(self._candidates, key=lambda c: c.evidence)
         self._rest = [c for c in self._rest if c.evidence > -HOPELESS]
         others = [
@@ -243,7 +243,7 @@ class Comparison:
             bank["patience"] = self._now + max(1, (self._now - best.onset) // AGAIN)
 
     def _take(self, chosen: _Candidate) -> bool:
-        """Let what was gone through with a jump take the filter's place; whether that is told."""
+        """Continue from the accepted candidate; return whether the jump is reported."""
         work, self._chosen = self._work, None
         bank = work.bank
         step, delta = self._weigh(chosen), bank["delta"].copy()
@@ -272,7 +272,7 @@ class Comparison:
         return told and not chosen.instead
 
     def _schedule(self) -> None:
-        """Set when the last name is looked at again, or leave it as it is."""
+        """Schedule the next review of the last finding, or make it final."""
         self._reviews = [at for at in self._reviews if at > self._work.now]
         if self._reviews:
             self._work.bank["due"] = self._reviews[0]
@@ -280,7 +280,7 @@ class Comparison:
             self.forget()
 
     def _tell(self, chosen: _Candidate) -> bool:
-        """Note what was found, and return whether it is worth telling."""
+        """Store the detected jump, and return whether it is large enough to report."""
         i = self._work.jumps.which[chosen.which]
         before = float(chosen.xi[i]) or 1e-12
         if abs(chosen.size) < LEAST * abs(before):

@@ -17,6 +17,7 @@ from flexaxis.estimators.glr.records import Jumps, Timing, bank_of
 from flexaxis.estimators.glr.workspace import Workspace, take_up
 from flexaxis.estimators.models.memory import Memory
 from flexaxis.estimators.protocol import Finding
+from flexaxis.estimators.signals import increments
 
 Array = NDArray[np.float64]
 
@@ -25,49 +26,51 @@ COMPARING, LEARNING = 1 / 8, 3 / 4  # of the budget, as which a look at re-run s
 
 class Glr(RecursiveEstimator):
     """
-    A joint Kalman filter with a bank of hypotheses that learns structure in the first seconds.
+    A joint Kalman filter with a bank of hypotheses that learns the structure at initialisation.
 
     Parameters
     ----------
     design : Design
-        Tracked parameters first, those that are learnt once after them.
+        Its parameters: first the tracked ones, then those that are learnt once.
     tracked : int
-        Number of the tracked ones, the estimates.
+        Number of tracked parameters, the estimates.
     jumps : Jumps
     timing : Timing
     told : sequence of mapping of str to float
-        Groups of parameters with the values to which estimates are drawn where the data do not
-        contradict, see `flexaxis.estimators.filters.constrained`.
+        Groups of parameters with values to which the estimates shrink unless the data contradict,
+        see `flexaxis.estimators.filters.constrained`.
     fixable : mapping of str to str
-        What of these is fixed where it is not seen, and how `fixed_because` says so.
+        Parameters that are fixed if the data do not excite them, with the reason for
+        `fixed_because`.
     shapes : mapping of tuple of str to tuple of str
-        Levels of dry friction, and what shapes it where one of these is not zero.
+        Levels of dry friction, and the shape parameters that matter if a level is not zero.
     waves : int
-        In a turn, of the fastest cogging that is looked for; 0 for none.
+        Largest number of cogging waves per turn to look for; 0 for none.
     angle : int
-        Which state is the angle of the motor, or would be.
+        Index of the motor angle among the states, even if the model lacks it.
     richer : Glr, optional
-        One that has a law of cogging as its last law, and goes on where cogging is found.
+        Filter with cogging as its last law, which takes over if cogging is found.
 
     Attributes
     ----------
     theta, covariance
         Mean and covariance of the tracked parameters over all hypotheses.
     findings : tuple of Finding
-        What was found; a name may give way to another one for 2.6 time scales after its onset.
+        Detected jumps. A jump may be attributed to another parameter for up to 2.6 time scales
+        after its onset.
     alarm : bool
-        Whether something was found in the last sample.
+        Whether a jump was detected in the last sample.
     learnt : dict of str to (float, float)
-        All parameters with value and standard deviation.
+        Value and standard deviation of all parameters.
     beliefs : dict of str to float
         Probability that each parameter has jumped within the time that the bank covers.
     hypotheses : dict of str to (H, 3) array
-        The bank as it stands, by the parameter that jumped: how many samples ago, with which
-        probability, and by how much; the latest first.
+        The hypotheses for each parameter, the latest first: samples since the jump, probability,
+        and size.
     fixed_because : dict of str to str
-        Parameters that were not learnt, and why not.
+        Parameters that were not learnt, with the reason.
     cogging : int
-        Waves in a turn of cogging that was found, though nobody told; 0 for none.
+        Number of cogging waves per turn that were found; 0 for none.
     """
 
     _shared = (*RecursiveEstimator._shared, "_plain", "_rich")
@@ -123,7 +126,7 @@ class Glr(RecursiveEstimator):
         self._begin_at(0, self._plain.fresh())
 
     def _begin_at(self, origin: int, work: Workspace) -> None:
-        """Be about to take the first sample, or to go through the first seconds again."""
+        """Prepare for the first sample, or for a repeated pass over the initialisation data."""
         # together, as a copy copies them
         self._parts = work, Comparison(work, origin), FirstSeconds(work)
         self._origin, self.alarm = origin, False
@@ -173,7 +176,9 @@ class Glr(RecursiveEstimator):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        done, running = 0, True
+        done, running, design = 0, True, self._plain.design
+        if design.differences:
+            y, valid, self._reading = increments(y, valid, self._reading, design.period)
         while running:
             rest, work = slice(done, None), self._work
             samples = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
@@ -185,10 +190,10 @@ class Glr(RecursiveEstimator):
                 estimates[done - 1] = self._work.states["theta"][0, : len(self.names)]
             work = self._work
             running = done < len(u) or (work.busy and bool(work.bank["left"] > 0))
-        estimates *= self._plain.design.scale[: len(self.names)]
+        estimates *= design.scale[: len(self.names)]
 
     def _attend(self) -> None:
-        """Do what is due after a sample, if the budget of this one allows, else after the next."""
+        """Do what is due after a sample, now or when the budget of a later sample allows it."""
         work, bank = self._work, self._work.bank
         cost = int(work.timing.budget * (COMPARING if bank["awake"] else LEARNING))
         if work.states["anew"][0] > 0:
@@ -202,7 +207,7 @@ class Glr(RecursiveEstimator):
             self._decide()
 
     def _decide(self) -> None:
-        """Decide on what was re-run, or what to re-run."""
+        """Evaluate a pass that has ended, or start the next one."""
         work, bank, learning = self._work, self._work.bank, self._parts[2]
         if not bank["awake"]:
             if work.busy:
@@ -217,7 +222,7 @@ class Glr(RecursiveEstimator):
             self._comparison.begin()
 
     def _take_up_cogging(self) -> bool:
-        """Go on with a filter that knows of cogging if the first seconds show it."""
+        """Continue with the filter that has a cogging law if the initialisation data show it."""
         work, rich, wave = self._work, self._rich, None
         if rich and work.bank["searching"]:
             variance = float(rich.design.scale[-2]) ** 2
@@ -231,7 +236,7 @@ class Glr(RecursiveEstimator):
         return wave is not None
 
     def _begin_anew(self) -> None:
-        """Wait for the state after a sensor that did not follow; begin anew if all is lost."""
+        """Let the state recover after a stuck sensor; reset the filter if it is lost."""
         work, p = self._work, self._work.p
         P, begin = work.states["P"][0], work.begin["P"][0]
         if work.states["anew"][0] < 2 and work.bank["awake"]:

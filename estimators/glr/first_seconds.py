@@ -1,13 +1,14 @@
 """
-The first seconds of motion, in which the structure of an axis is learnt once.
+Initialisation: the structure of an axis is learnt from the first seconds of motion.
 
-The filter goes through them as through any others. What they hardly showed is then fixed as told,
-and they are gone through again from what was learnt, as long as the likelihood grows.
+The filter processes them once like all other samples. Parameters that they hardly excite are then
+fixed at their nominal values. The same samples are filtered again, each time from the latest
+estimates, as long as the likelihood grows.
 
-A pass begins near what was learnt: with the information D, a tenth of that, besides the
-prior's P(0)⁻¹. From P(0) alone, a filter is thrown about by its first samples so far that it
-may end anywhere. No sample counts twice for that: in the end P⁻¹ loses D, and the estimate θ, which
-began at θ₀ + δ for the prior's θ₀, moves by P (D (θ − θ₀ − δ) − P(0)⁻¹ δ), with the new P.
+A pass starts near the latest estimates, with the information D, a tenth of theirs, in addition to
+the prior P(0)⁻¹: from P(0) alone, the first samples throw a filter so far that it may end anywhere.
+No sample counts twice. At the end D is subtracted from P⁻¹, and the estimate θ, which started at
+θ₀ + δ for the prior θ₀, moves by P (D (θ − θ₀ − δ) − P(0)⁻¹ δ) with the new P.
 """
 
 import numpy as np
@@ -28,7 +29,7 @@ LEAST = 0.9  # of the variance with which a pass begins; the walk of θ may leav
 
 class FirstSeconds:
     """
-    How far the first seconds have been gone through again.
+    The progress of the passes over the initialisation data.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ class FirstSeconds:
         self._catches_up = False
 
     def begin(self) -> dict[str, str]:
-        """Fix what was not seen, and return it, and why; the first pass is set up by `go_on`."""
+        """Fix parameters without excitation and return them with the reasons."""
         work, bank, P = self._work, self._work.bank, self._work.states["P"][0]
         theta, variance = work.states["theta"][0], np.diag(P)[: work.p]
         known, absent = seen(variance, np.diag(work.design.P0)), theta**2 < CLEAR**2 * variance

@@ -1,4 +1,4 @@
-"""The loop over the samples of a filter with a bank, and of what it goes through again."""
+"""The loop of a filter with a bank of hypotheses over new samples, and over old ones again."""
 
 import numpy as np
 
@@ -23,10 +23,10 @@ from flexaxis.estimators.models.series import LAWS
 @loop
 def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa: PLR0917
     """
-    Take samples until somebody has to look, and return how many.
+    Process samples until a decision is due, and return their number.
 
-    ``blocks`` are two joint filters: the filter, and one that goes through samples again, a stated
-    number at a time; what a pass leaves of it, ``left``, the next one has.
+    ``blocks`` are two joint filters. The second one filters old samples again, at most ``budget``
+    of them in each new sample; ``left`` is the unused rest.
     """
     state, second = views(Joint, blocks[0], at), views(Joint, blocks[1], at)
     bank = views(Bank, bank_block, bank_at)
@@ -51,7 +51,7 @@ def glr(blocks, at, bank_block, bank_at, u, y, valid, estimates, trace):  # noqa
 
 @inlined
 def _measure(state, bank, u, y, valid):
-    """Judge a sample, keep it for what goes through it again, and take filter and bank through."""
+    """Judge a sample, store it for the second filter, and update filter and bank."""
     look(state)
     now = state.now[0]
     used = judge(now, y, valid, state.X[-1, 0], now["spread"])
@@ -64,7 +64,7 @@ def _measure(state, bank, u, y, valid):
 
 @inlined
 def _go_through(state, bank, highest):
-    """Take what goes through samples again through as many as are left of the budget."""
+    """Let the second filter process as many old samples as the budget allows."""
     b = bank.now[0]
     while b["left"] > 0 and b["at"] < b["end"]:
         b["left"] -= 1
@@ -87,7 +87,7 @@ def _go_through(state, bank, highest):
 
 @inlined
 def _think(state, bank, estimates):
-    """Weigh the hypotheses and write the estimate; return whether somebody has to look."""
+    """Weigh the hypotheses and write the estimate; return whether a decision is due."""
     b, mixed = bank.now[0], bank.mixed
     now = b["taken"]
     b["taken"] = now + 1
@@ -115,7 +115,7 @@ def _think(state, bank, estimates):
 
 @inlined
 def _has_moved(b, waves, s, now):
-    """Return whether the axis has moved long enough for its structure to be learnt."""
+    """Return whether the axis has moved long enough to learn its structure."""
     long = b["commissioning"]
     if s["prediction"] ** 2 > s["noise"] > 0.0:
         b["moves"] += 1
@@ -155,7 +155,7 @@ def _follow_misfit(b, s):
 
 @summed
 def _carry_one(bank, state, e, S):
-    """Take the δ of what is gone through again over a sample, as `bank.carry_columns` does."""
+    """Update the δ of the second filter over a sample, as `bank.carry_columns` does."""
     delta, G, gain, moved, b = bank.delta, state.G, state.gain, bank.moved_one, bank.now[0]
     m, n = len(delta), len(moved)
     root = 0.0 if np.isnan(e) else 1.0 / np.sqrt(S)

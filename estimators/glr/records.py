@@ -1,4 +1,4 @@
-"""The bank of a filter before the first sample, how θ may jump, and lengths of time."""
+"""The bank of hypotheses before the first sample, the prior of jumps, and times in samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +29,8 @@ FIRST, REVIEW, MISFIT = 10.0, 2.6, 26.0  # time scales of the axis: of motion un
 # learnt, until a name is final, and of the memory of how well the model fits
 SPAN, FINEST = 2.8, 80  # time scales that the bank covers at least, and its finest spacings in one
 FEWEST, MOST = 80, 800  # samples of the time scale of an axis that does not swing
-PASSES = 6  # through the first seconds, at most
+PASSES = 6  # largest number of passes over the initialisation data
+BUDGET = 32  # largest number of old samples that are filtered again in each new one
 
 
 @dataclass(frozen=True)
@@ -67,15 +68,15 @@ class Timing:
     levels : int
         Of the bank.
     first : int
-        The first seconds, in which structure is learnt; 0 for an axis that is known.
+        Length of the initialisation; 0 for an axis that is known.
     review : int
-        After an onset, when its name is looked at again.
+        Time after an onset in which the parameter may still be replaced.
     memory : int
-        Over which the misfit of the model is learnt.
+        Memory of the misfit of the model.
     budget : int
-        Samples at most that are gone through again in one.
+        Largest number of old samples that are filtered again in each new one.
     passes : int
-        How often the first seconds are gone through again, at most.
+        Largest number of passes over the initialisation data.
     """
 
     base: int
@@ -94,10 +95,10 @@ class Timing:
 
 def time_scale(model: Model, period: float) -> float:
     """
-    Return the time in which an axis forgets [s]: that of its slowest oscillation.
+    Return the time constant of the slowest oscillation of an axis [s].
 
-    What does not swing has its slowest pole's, within `FEWEST` and `MOST` samples: how long a
-    motor coasts says nothing of how soon a torque shows.
+    Without oscillation it is that of the slowest pole, limited to `FEWEST` … `MOST` samples,
+    because a torque shows much sooner than a motor coasts to rest.
 
     Parameters
     ----------
@@ -113,9 +114,7 @@ def time_scale(model: Model, period: float) -> float:
     return float(np.clip(slowest, FEWEST * period, MOST * period))
 
 
-def lengths(
-    model: Model, period: float, budget: int, commissioning: float | None, known: bool
-) -> Timing:
+def lengths(model: Model, period: float, commissioning: float | None, known: bool) -> Timing:
     """Return lengths in samples, from the time scale of the axis."""
     scale = time_scale(model, period)
     if commissioning is None:
@@ -130,7 +129,7 @@ def lengths(
         first=round(commissioning / period),
         review=round(REVIEW * samples),
         memory=round(MISFIT * samples),
-        budget=budget,
+        budget=BUDGET,
         passes=PASSES,
     )
 
@@ -192,7 +191,7 @@ class Bank(NamedTuple):
     history : (length, 3) array
         Torque, output as it is used, and R of the last samples, each at its number's remainder.
     delta, moved_one : (m,), (n,) arrays
-        δ of what is gone through again.
+        δ of the second filter.
     D, moved : (m, H), (n+1, H) arrays
         Every δ, and what a sample makes of it.
     J, d, size, weight, evidence, precision, prior : (H,) arrays
@@ -252,7 +251,7 @@ def bank_of(
     jumps : Jumps
     timing : Timing
     alarm : float
-        Logarithm of the odds of a jump from which on somebody looks.
+        Logarithm of the odds of a jump above which candidates are compared.
     groups
         As for `flexaxis.estimators.filters.constrained.told_arrays`.
     tracked : int

@@ -1,4 +1,4 @@
-"""The memory of a filter with a bank, what is done to it between samples, and its start."""
+"""The memory of a filter with a bank of hypotheses, and operations on it between samples."""
 
 from dataclasses import dataclass, replace
 
@@ -129,7 +129,7 @@ class Workspace:
 
     def go_through(self, xi: Array, P: Array, at: int, *, first: bool, follow: bool) -> None:
         """
-        Let the second filter go through samples again.
+        Let the second filter process old samples again.
 
         Parameters
         ----------
@@ -159,13 +159,13 @@ class Workspace:
         X[:, 0] += X[:, 1 : 1 + len(direction)] @ direction
 
     def adopt(self) -> None:
-        """Let the second filter take the place of the first, but for what is known of the noise."""
+        """Replace the first filter by the second, except for the noise statistics."""
         for name in ("theta", "X", "P"):
             self.states[name][0] = self.states[name][1]
         self.empty()
 
     def empty(self) -> None:
-        """Forget all hypotheses, and what is being gone through again."""
+        """Clear all hypotheses, and stop the second filter."""
         bank = self.bank
         bank["onset"], bank["weight"], bank["evidence"] = NEVER, 0.0, -np.inf
         bank["none"], bank["busy"], bank["odds"] = 1.0, 0, -np.inf
@@ -179,7 +179,7 @@ def take_up(plain: Workspace, rich: Workspace, wave: tuple[int, float, float]) -
     Parameters
     ----------
     plain : Workspace
-        After the first seconds.
+        After initialisation.
     rich : Workspace
         As before the first sample. Its parameters are those of the other and, as the last three,
         sine, cosine and poles of cogging, which is its last law; the angle is one more state.

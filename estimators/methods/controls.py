@@ -28,8 +28,8 @@ class Frozen(RecursiveEstimator):
         Parameters by name, or their inverses; the model's own choice by default.
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
-    output : {"speed", "increment"}
-        What it pretends to read.
+    output : {"speed", "increment", "angle"}
+        The signal y, which it ignores.
 
     Attributes
     ----------

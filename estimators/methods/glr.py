@@ -1,4 +1,4 @@
-"""A joint Kalman filter with a bank of hypotheses: it tracks jumps, and learns the rest once."""
+"""A joint Kalman filter with a bank of hypotheses about jumps of parameters."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -6,8 +6,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.filters.design import above_zero, at_least_zero, flag, make_design
+from flexaxis.estimators.filters.design import above_zero, flag, make_design
 from flexaxis.estimators.glr.cogging import FASTEST
 from flexaxis.estimators.glr.filter import Glr
 from flexaxis.estimators.glr.records import Jumps, lengths
@@ -39,12 +38,11 @@ from flexaxis.estimators.registry import Entry
 
 WALK = 7e-4  # 1/√s, of θ over its scale: 1 % in a quarter of an hour
 FRICTION = 4.5  # times as far that friction walks, which warms: 2.4 % in a minute
-STRUCTURE = 3e-4  # 1/√s, of what is learnt once: what the first seconds got wrong is taken up
+STRUCTURE = 3e-4  # 1/√s, of parameters that are learnt once, to correct errors of initialisation
 JUMP = 0.3  # of θ over its scale: faults are of 10 to 100 %
 RATE = 1e-3  # 1/s, of jumps of all parameters together: one in a quarter of an hour
-SUSPECTED = 0.1  # how often what is learnt once jumps, over how often what is tracked does
-SPREAD = 0.2  # of θ(0) over itself, of what is tracked
-BUDGET = 32  # samples that are gone through again, at most, in one: docs/glr.md has the choice
+SUSPECTED = 0.1  # rate of jumps of parameters that are learnt once, relative to tracked ones
+SPREAD = 0.2  # standard deviation of θ(0), relative to θ(0), of tracked parameters
 
 
 def glr(
@@ -54,51 +52,40 @@ def glr(
     track: Sequence[str] = TRACKED,
     deviations: Mapping[str, float] | None = None,
     walk: float = WALK,
-    jump: float = JUMP,
-    rate: float = RATE,
     spread: float = SPREAD,
-    budget: int = BUDGET,
     gear: bool = False,
     commissioning: float | None = None,
 ) -> Glr:
     """
     Make the filter with a bank of hypotheses for an axis with or without friction.
 
-    All lengths of time follow from one time scale of the axis, see
-    `flexaxis.estimators.glr.records.lengths`.
+    One time scale of the axis sets all times, see `flexaxis.estimators.glr.records.lengths`.
 
     Parameters
     ----------
     problem : Problem
-        Of an axis with a data sheet's ``poles``, ``torque_limit`` and ``noise`` where it says so;
-        or a model with laws of its own. Its torque gives the sizes of friction and backlash; P(0)
-        follows from what is thought of each parameter.
+        The nominal values, with ``poles``, ``torque_limit`` and ``noise`` of a data sheet if known,
+        or a model with its own laws. The torque sets the scale of friction and backlash. P(0)
+        follows from the prior of each parameter.
     learn : "auto", "none" or sequence of str
-        What is learnt once, of which springs, dampers and the motor's inertia may jump. Of all that
-        the model has, "auto" learns what the first seconds show; the rest is fixed as told, and
-        `Glr.fixed_because` says so.
+        Parameters that are learnt once; springs, dampers and the motor inertia among them may
+        jump. "auto" learns all parameters that the initialisation data excite and fixes the others
+        at their nominal values; `Glr.fixed_because` gives the reasons.
     track : sequence of str
-        What may change in use and is estimated, besides ``identify``.
+        Tracked parameters in addition to ``identify``.
     deviations : mapping of str to float, optional
-        Standard deviations of physical parameters, in their units; then nothing is learnt
-        in the first seconds by default.
+        Standard deviations of physical parameters, in their units. If given, there is no
+        initialisation by default.
     walk : float
         Standard deviation of the random walk of tracked parameters after a second, over their
         scale; friction walks 4.5 times as far.
-    jump : float
-        Standard deviation of a jump, over the scale.
-    rate : float
-        How often a jump comes [1/s].
     spread : float
-        Standard deviation of what is tracked at the start, relative to it.
-    budget : int
-        Samples that are gone through again in one sample, at most, to make a candidate exact; from
-        16 down what is found comes later, and below 8 too late for the bank.
+        Initial standard deviation of tracked parameters, relative to their values.
     gear : bool
-        Whether friction grows with the load of the gear, as of a servo drive. It has no effect on
-        a model of one's own, nor where bristles are told or asked for.
+        Whether friction grows with the gear load, as in a servo drive. It has no effect on a model
+        with its own laws, or if bristle parameters are given or tracked.
     commissioning : float, optional
-        How long the axis moves until its structure is learnt [s]; ten time scales by default.
+        Time of motion for initialisation [s]; ten time scales by default.
 
     Raises
     ------
@@ -106,7 +93,8 @@ def glr(
         If an option cannot be used.
     """
     nominal, period, noise = problem.nominal, problem.period, problem.noise
-    _check(period=period, walk=walk, jump=jump, rate=rate, spread=spread, budget=budget)
+    above_zero("walk", walk, "the standard deviation of θ after a second, over its scale")
+    above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
     asked = {*problem.identify, *np.ravel(track)}  # checked where they are used
     bristles = {"sigma_0", "sigma_1"} & {*told_of(nominal), *asked}
     geared = flag("gear", gear) and not bristles
@@ -122,11 +110,8 @@ def glr(
         track=track,
         deviations=deviations,
         walk=walk,
-        jump=jump,
-        rate=rate,
         noise=noise,
         spread=spread,
-        budget=budget,
         commissioning=commissioning,
     )
     learns = learn == "auto" and deviations is None and commissioning != 0
@@ -147,14 +132,11 @@ def _made(
     track: Sequence[str],
     deviations: Mapping[str, float] | None,
     walk: float,
-    jump: float,
-    rate: float,
     noise: float | None,
     spread: float,
-    budget: int,
     commissioning: float | None,
 ) -> Glr:
-    """Return the filter for a model that learns some parameters besides."""
+    """Return the filter for a model, with some further parameters to learn."""
     period, torque = problem.period, problem.torque
     inverses = (f"1/{p}" for p in model.parameters if p not in model.law_parameters)
     track = names_of("track", track, (*model.parameters, *inverses, *TRACKED))
@@ -183,11 +165,11 @@ def _made(
         tracked=len(tracked),
         jumps=Jumps(
             which=tuple(names.index(name) for name in which),
-            size=np.full(len(which), jump),
-            rate=rate * rates / rates.sum(),
+            size=np.full(len(which), JUMP),
+            rate=RATE * rates / rates.sum(),
             walk=_walk(model, names, len(tracked), walk) * period,
         ),
-        timing=lengths(model, period, int(budget), commissioning, deviations is not None),
+        timing=lengths(model, period, commissioning, deviations is not None),
         told=told_groups(model, names, learnt, stated),
         fixable={n: AS_TOLD if n in stated else AS_ABSENT for n in fixable},
         shapes=shapes_of_friction(model, names) if learn == "auto" else {},
@@ -198,43 +180,19 @@ def _made(
 
 
 def _most_waves(model: Model, torque: ArrayLike | None, period: float) -> int:
-    """Return the most waves in a turn that cogging is looked for with."""
+    """Return the largest number of cogging waves per turn that the filter looks for."""
     ((_, motion), *_) = measured(model, torque, period)
     return max(1, int(FASTEST / (motion.drive * period)))
 
 
 def _walk(model: Model, names: Sequence[str], tracked: int, walk: float) -> np.ndarray:
-    """Return what the variances of θ (p,) gain in a second, over the squared scale."""
+    """Return the growth of the variances of θ (p,) per second, relative to the squared scale."""
     deviation = np.full(len(names), STRUCTURE / WALK * walk)
     for i, name in enumerate(names[:tracked]):
         physical = name.removeprefix("1/")
         warms = physical in model.nonnegative or physical in model.law_parameters
         deviation[i] = walk * (FRICTION if warms else 1.0)
     return deviation**2
-
-
-def _check(*, budget: int, **options: float) -> None:
-    """Refuse options that are not above zero, and a budget with which nothing catches up."""
-    what = {
-        "period": "the sampling period in seconds",
-        "walk": "the standard deviation of θ after a second, over its scale",
-        "jump": "the standard deviation of a jump, over the scale of θ",
-        "rate": "how often a jump comes, in 1/s",
-        "spread": "the standard deviation of θ(0), relative to it",
-    }
-    for name, value in options.items():
-        above_zero(name, value, what[name])
-    if options["rate"] * options["period"] >= 1:
-        raise EstimatorError(
-            f"rate is {options['rate']}; a jump comes less than once in a sample of "
-            f"{options['period']} s"
-        )
-    samples = at_least_zero("budget", budget, "how many samples are gone through again in one")
-    if samples < 8 or samples != int(samples):
-        raise EstimatorError(
-            f"budget is {budget!r}; give 8 samples or more, whole ones, that are gone through "
-            "again in one"
-        )
 
 
 ENTRIES = (

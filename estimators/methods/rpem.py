@@ -61,8 +61,9 @@ class Rpem(CompiledFilter):
     bounds : (lower, upper), optional
         Box on which θ is projected after every update, P left alone; 0.1 to 10 times θ(0) by
         default.
-    output : {"speed", "increment"}
-        What y is: the motor speed at t_k, or the increment (φ[k]−φ[k−1])/T of the motor angle.
+    output : {"speed", "increment", "angle"}
+        The signal y: the motor speed at t_k, the increment (φ[k]−φ[k−1])/T of the motor angle, or
+        the angle φ itself, which is converted to increments.
     state_correction : bool
         Whether the state follows every change of θ, x ← x + z Δθ with z = ∂x/∂θ, so that it is
         what the new θ would have made of the past. Not in the paper, whose state keeps what the

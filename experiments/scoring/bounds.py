@@ -2,39 +2,40 @@
 Theoretical limits after a jump: the Cramér–Rao bound, the lag at the bound, and the score.
 
 docs/scores.md has the formulas with their sources. All formulas use the predictor gradient ψ along
-the true parameters, and assume white output noise of variance σ².
+the true parameters, and assume white output noise of variance σ². Of an encoder that is the noise
+of the angle, whether estimators read the angle or its increments.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
-from hashlib import sha256
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.signals import SIGNALS
 from flexaxis.experiments.scoring.parameter_names import physical, started_theta, theta_over_time
 from flexaxis.experiments.scoring.scores import Track, finite, lag_of
 from flexaxis.experiments.scoring.true_model import (
+    PRIOR,
     describes,
     jump_gradient,
     model_theta,
+    reads_encoder,
     sizes,
     state_at,
     tracked,
     true_model,
+    untold,
 )
-from flexaxis.experiments.scoring.windows import Known, Window, windows
+from flexaxis.experiments.scoring.windows import Window, remembered, windows
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.tables.faults import Step
 
 Array = NDArray[np.float64]
 
-PRIOR = 0.5  # prior standard deviation of θ after a jump, relative to θ
 
-
-def cramer_rao(psi: ArrayLike, variance: float, theta: ArrayLike) -> Array:
+def cramer_rao(
+    psi: ArrayLike, variance: float, theta: ArrayLike, prior: ArrayLike | None = None
+) -> Array:
     """
     Return the bound C(n) (N, p, p) on the covariance of θ̂, n samples after a jump.
 
@@ -49,10 +50,15 @@ def cramer_rao(psi: ArrayLike, variance: float, theta: ArrayLike) -> Array:
         σ² of the output noise.
     theta : (p,) array_like
         Parameters after the jump.
+    prior : (p, p) array_like, optional
+        Prior information, instead of P_b⁻¹/σ².
     """
     psi = np.asarray(psi, float)
-    prior = np.diag(variance / (PRIOR * np.asarray(theta, float)) ** 2)
-    return variance * np.linalg.inv(prior + np.cumsum(psi[:, :, None] * psi[:, None, :], axis=0))
+    if prior is None:
+        known = np.diag(variance / (PRIOR * np.asarray(theta, float)) ** 2)
+    else:
+        known = variance * np.asarray(prior)
+    return variance * np.linalg.inv(known + np.cumsum(psi[:, :, None] * psi[:, None, :], axis=0))
 
 
 def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
@@ -81,10 +87,14 @@ class JumpBound:
         Bound if all estimated parameters are unknown after the event.
     single : ndarray (n, p)
         Bound for each parameter if only this parameter has changed and all others are known.
+    learnt : ndarray (n, p)
+        Bound `unknown` if what the estimator is not told, `true_model.untold`, is learnt from the
+        data before the event, each value from a prior of a half.
     """
 
     unknown: Array
     single: Array
+    learnt: Array
 
 
 def jump_bound(
@@ -105,10 +115,18 @@ def jump_bound(
     u : (N,) array_like
         Torque of a record of the scenario [N m].
     """
-    truth = scenario.true_parameters()
-    u = np.asarray(u, float)
+    truth, u = scenario.true_parameters(), np.asarray(u, float)
     x, variance = state_at(scenario, truth, u, index), noise_variance(scenario)
-    return bound_from(scenario, names, truth[index], x, u[index:stop], variance=variance)
+    result = bound_from(scenario, names, truth[index], x, u[index:stop], variance=variance)
+    p, every = len(names), (*names, *untold(scenario, names))
+    # In the data before the event as if nothing had changed there; after it nothing of `names`.
+    before, size = _gradient(scenario, every, truth[0], np.zeros(0), u[:index])
+    known = np.eye(len(every)) / PRIOR**2
+    learnt = np.linalg.inv(known + (before * size).T @ (before * size) / variance)
+    known[p:, p:] = np.linalg.inv(learnt[p:, p:])
+    after, size = _gradient(scenario, every, truth[index], x, u[index:stop])
+    C = cramer_rao(after * size, variance, size, known)
+    return replace(result, learnt=_deviation(C)[:, :p] * np.abs(size[:p]))
 
 
 def bound_from(
@@ -138,30 +156,38 @@ def bound_from(
     variance : float
         σ² of the output noise.
     """
+    psi, scale = _gradient(scenario, names, parameters, x, u)
+    bound = cramer_rao(psi, variance, scale)
+    alone = [cramer_rao(psi[:, [i]], variance, scale[[i]])[:, 0, 0] for i in range(len(names))]
+    unknown = _deviation(bound)
+    return JumpBound(unknown, np.sqrt(np.column_stack(alone)), unknown)
+
+
+def _deviation(covariance: Array) -> Array:
+    """Return the standard deviations (n, p) of covariances (n, p, p)."""
+    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+
+
+def _gradient(
+    scenario: Scenario, names: Sequence[str], parameters: Array, x: Array, u: Array
+) -> tuple[Array, Array]:
+    """Return the gradient ψ₀ (N, p) from a state on, and the sizes (p,) of the parameters."""
     model = true_model(scenario, parameters).parametrize(names)
     theta = model_theta(scenario, names, parameters)
     state = np.zeros(model.states)
     state[: len(x)] = x
     psi = jump_gradient(model, theta, u, state, period=scenario.period)
     # The prior is scaled by the parameters, or by the nominal value if friction has become zero.
-    scale = sizes(scenario, names, theta)
-    bound = cramer_rao(psi, variance, scale)
-    alone = [cramer_rao(psi[:, [i]], variance, scale[[i]])[:, 0, 0] for i in range(len(names))]
-    return JumpBound(
-        unknown=np.sqrt(np.diagonal(bound, axis1=1, axis2=2)),
-        single=np.sqrt(np.column_stack(alone)),
-    )
+    return psi, sizes(scenario, names, theta)
 
 
 def noise_variance(scenario: Scenario) -> float:
-    """Return the noise variance σ² of the measured signal, including the rounding of an encoder."""
+    """Return the noise variance of the speed, or of the angle if estimators read an encoder."""
+    if not reads_encoder(scenario):
+        return scenario.noise.speed**2
     counts = scenario.encoder.counts
     step = 2 * np.pi / counts if counts else 0.0
-    angle = scenario.noise.angle**2 + step**2 / 12
-    return SIGNALS[scenario.output].noise(scenario.noise.speed**2, angle, scenario.period)
-
-
-RMSE_AT = (20, 50, 100, 200, 400, 1000)  # samples after onset
+    return scenario.noise.angle**2 + step**2 / 12
 
 
 @dataclass(frozen=True)
@@ -176,15 +202,14 @@ class Limits:
         Lag at the oracle Cramér–Rao bound if all estimated parameters are unknown [s].
     lag_bound_single : float or None
         Lag at the bound if this parameter alone is known to have changed [s].
-    bound : dict of str to float
-        Bound on the standard deviation of θ̂ over D if all estimated parameters are unknown, keyed
-        by the number of samples after onset.
+    lag_bound_learnt : float or None
+        Lag at the bound if the estimator learns before the fault what it is not told [s].
     """
 
     lag_null: float | None = None
     lag_bound: float | None = None
     lag_bound_single: float | None = None
-    bound: dict[str, float] | None = None
+    lag_bound_learnt: float | None = None
 
 
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limits]:
@@ -198,32 +223,20 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
             continue
         window = spans[name]
         allowed = jump_bound(scenario, unknown, window.start, window.stop, torque)
-        deviation, single = allowed.unknown[:, i], allowed.single[:, i]
-        null = _lag_null(scenario, names, i, window)
-        if not np.isfinite([deviation, single]).all():
-            per_parameter.append(Limits(lag_null=null))
-            continue
-        per_parameter.append(
-            Limits(
-                lag_null=null,
-                lag_bound=lag_bound(deviation, window.D, period=scenario.period),
-                lag_bound_single=lag_bound(single, window.D, period=scenario.period),
-                bound={str(n): float(deviation[n] / window.D) for n in RMSE_AT if n < len(single)},
+        lags = {
+            f"lag_bound{kind}": finite(lag_bound(x[:, i], window.D, period=scenario.period))
+            for kind, x in (
+                ("", allowed.unknown), ("_single", allowed.single), ("_learnt", allowed.learnt)
             )
-        )
+        }  # fmt: skip
+        per_parameter.append(Limits(_lag_null(scenario, names, i, window), **lags))
     return per_parameter
 
 
-def record_limits(scenario: Scenario, torque: Array) -> list[Limits]:
+@remembered()
+def record_limits(scenario: Scenario, torque: bytes) -> list[Limits]:
     """Return the limits of a scenario's `identify` on a record, cached for other estimators."""
-    torque = np.ascontiguousarray(torque, float)
-    digest = f"{scenario.hash} {sha256(torque.tobytes()).hexdigest()}"
-    return _remembered(Known(digest, (scenario, scenario.identify, torque)))
-
-
-@lru_cache(maxsize=64)
-def _remembered(record: Known) -> list[Limits]:
-    return limits(*record.content)
+    return limits(scenario, scenario.identify, np.frombuffer(torque).copy())
 
 
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
@@ -275,7 +288,7 @@ def limits_of(track: Track, i: int) -> Limits:
     asked = track.scenario.identify
     if track.torque is None or track.names[i] not in asked:
         return Limits()
-    torque = track.torque
+    torque = np.asarray(track.torque, float).tobytes()
     all_limits = track.once("limits", lambda: record_limits(track.scenario, torque))
     return all_limits[asked.index(track.names[i])]
 

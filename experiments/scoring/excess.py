@@ -1,7 +1,5 @@
 """Excess prediction error: the part of the residual that is due to parameter errors."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +8,7 @@ from flexaxis.experiments.scoring.bounds import noise_variance
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.parameter_names import nominal_theta, started_theta, true_theta
 from flexaxis.experiments.scoring.scores import Track, finite
-from flexaxis.experiments.scoring.true_model import linear_model
+from flexaxis.experiments.scoring.true_model import linear_model, reads_encoder
 from flexaxis.experiments.scoring.windows import remembered
 from flexaxis.sim.parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
@@ -31,23 +29,19 @@ def information(scenario: Scenario) -> Array | None:
     law parameters are zero. Without noise, M is None.
     """
     variance = noise_variance(scenario)
+    if reads_encoder(scenario):  # predictors read the increments of an angle
+        variance *= 2 / scenario.period**2
     linear = [name for name in scenario.identify if name not in LAW_NAMES]
     if not variance > 0 or not linear:
         return None
     model = linear_model(scenario, scenario.nominal).parametrize(linear)
     _, psi = predict(model, model.theta, nominal_torque(scenario), period=scenario.period)
-    per_cent = abs(nominal_theta(scenario, linear)) / 100
-    psi = psi[-round(STEADY / scenario.period) :] * per_cent
-    M = psi.T @ psi / len(psi) / variance
-    return M if linear == list(scenario.identify) else _among(M, linear, scenario.identify)
-
-
-def _among(M: Array, names: Sequence[str], everyone: Sequence[str]) -> Array:
-    """Embed a matrix for some names in a matrix for all names, in which other entries are zero."""
-    places = [everyone.index(name) for name in names]
-    whole = np.zeros((len(everyone), len(everyone)))
-    whole[np.ix_(places, places)] = M
-    return whole
+    scaled = np.zeros((len(psi), len(scenario.identify)))
+    places = [scenario.identify.index(name) for name in linear]
+    scaled[:, places] = psi * abs(nominal_theta(scenario, linear)) / 100
+    scaled = scaled[-round(STEADY / scenario.period) :]
+    information: Array = scaled.T @ scaled / len(scaled) / variance
+    return information
 
 
 def excess_of(track: Track, i: int) -> float | None:

@@ -120,13 +120,13 @@ def deviation(bias: str, lost: str) -> Pool:
     return pooled
 
 
-def parts(names: Iterable[str], statistic: Callable[[Array], float]) -> Pool:
-    """Return a function that pools a score with several parts, by a statistic of each part."""
+def parts(names: Iterable[str]) -> Pool:
+    """Return a function that pools a score with several parts, by the mean of each part."""
 
     def pooled(columns: Columns, name: str) -> Pooled:
         each = {part: values(columns, f"{name}.{part}") for part in names}
-        statistics = {part: finite(float(statistic(x))) for part, x in each.items() if x.size}
-        return {name: statistics or None}
+        means = {part: finite(float(x.mean())) for part, x in each.items() if x.size}
+        return {name: means or None}
 
     return pooled
 

@@ -8,8 +8,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import numpy as np
-
 from flexaxis.experiments.scoring import (
     bounds,
     consistency,
@@ -82,8 +80,6 @@ class Score:
         """Whether `compare` can use the score: a number for which less is better, or a guard."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
-
-AFTER = tuple(map(str, bounds.RMSE_AT))  # samples after onset
 
 SCORES: Mapping[str, Score] = {
     score.name: score
@@ -246,12 +242,12 @@ SCORES: Mapping[str, Score] = {
             pool=pooling.mean,
         ),
         Score(
-            "bound",
-            lambda track, i: bounds.limits_of(track, i).bound,
-            "Standard deviation of θ̂ at the Cramér–Rao bound with all parameters unknown, divided "
-            "by D, at several samples after onset.",
-            pool=pooling.parts(AFTER, scores.rms),
-            parts=dict.fromkeys(AFTER, ""),
+            "lag_bound_learnt",
+            lambda track, i: bounds.limits_of(track, i).lag_bound_learnt,
+            "Lag at that bound if the estimator has to learn, before the fault, every parameter "
+            "that it is not told.",
+            unit="s",
+            pool=pooling.mean,
         ),
         Score(
             "score",
@@ -329,7 +325,7 @@ SCORES: Mapping[str, Score] = {
             lambda track, _: track.tracking,
             "Tracking errors from which `recovered` is computed, and the number of samples where "
             "limits acted on the parameters of the feed-forward.",
-            pool=pooling.parts(recovered.PARTS, np.mean),
+            pool=pooling.parts(recovered.PARTS),
             parts=recovered.PARTS,
         ),
     )

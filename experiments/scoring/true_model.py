@@ -22,7 +22,7 @@ from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.simulation import along, simulation
-from flexaxis.estimators.signals import SIGNALS
+from flexaxis.estimators.signals import SIGNALS, counted_angle
 from flexaxis.experiments.scoring.parameter_names import axis_model, has_model, true_theta
 from flexaxis.sim.scenario import Scenario
 
@@ -50,7 +50,9 @@ class Described:
     beside: tuple[Law, ...] = ()
 
 
+PRIOR = 0.5  # relative standard deviation of a parameter before anything is measured
 PHASES = ("c_sin", "c_cos")
+SHARES = ("mu_m", "mu_e", "mu_ms", "mu_es", "sharpness")
 COULOMB = {"f_s": 0.0, "v_s": 0.0, "sigma_0": STIFF, "sigma_1": 0.0, "v_0": 0.0}
 
 
@@ -91,24 +93,26 @@ def describes(scenario: Scenario) -> bool:
     return known and sum(key in tables for key in DRY) <= 1
 
 
+def reads_encoder(scenario: Scenario) -> bool:
+    """Return whether estimators read the angle of an encoder, or its increments."""
+    return scenario.output in {"angle", "increment"}
+
+
 def linear_model(scenario: Scenario, values: Mapping[str, float]) -> Model:
-    """Return the linear model of an axis, with the signal that estimators read as its output."""
-    return _read(scenario, axis_model(scenario, values))
+    """Return the linear model of an axis, with the signal that predictors read as its output."""
+    return SIGNALS[scenario.output].predicted(axis_model(scenario, values), scenario.period)
 
 
 def true_model(scenario: Scenario, parameters: Array) -> Model:
-    """Return the model of an axis with its laws; its output is the signal that estimators read."""
+    """Return the model of an axis with its laws, for the speed or the angle of an encoder."""
     laws: list[Law] = []
     for part in _described(scenario).values():
         laws += [law for law in (part.law, *part.beside) if law not in laws]
     model = axis_model(scenario, _values(scenario, parameters))
     if COGGING in laws:
         model = with_angle(model)
-    return _read(scenario, replace(model, laws=tuple(laws)) if laws else model)
-
-
-def _read(scenario: Scenario, model: Model) -> Model:
-    return SIGNALS[scenario.output].predicted(model, scenario.period)
+    model = replace(model, laws=tuple(laws)) if laws else model
+    return counted_angle(model) if reads_encoder(scenario) else model
 
 
 def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
@@ -128,6 +132,14 @@ def model_theta(scenario: Scenario, names: Sequence[str], parameters: Array) -> 
 def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
     """Return the names of the unknown parameters after a jump: `names` and dry friction."""
     return (*names, *(name for name in ("f_c",) if name in scenario.laws and name not in names))
+
+
+def untold(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the parameters besides `names` that estimators do not know, or know with an error."""
+    model, factors = true_model(scenario, scenario.unchanged), scenario.known_factors
+    told = {n for n, x in factors.items() if x == 1} | {n.removeprefix("1/") for n in names}
+    unknown = {*scenario.laws, *SHARES, *PHASES, *factors} - told
+    return tuple(n for n in model.parameters if n in unknown and model.nominal[n])
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:

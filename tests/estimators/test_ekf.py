@@ -13,16 +13,18 @@ from flexaxis.estimators.methods.ekf import joint_ekf
 T = 0.005
 
 
-def textbook(nominal, loop, N, *, P0, W, sigma, increments=False):
+def textbook(nominal, loop, N, *, P0, W, sigma, output="speed"):
     """θ (N, 3): central differences of the exact step as Jacobian, Kalman equations one by one."""
-    step = partial(sampled, nominal, increments=increments)
-    m = 9 if increments else 8
+    step = partial(sampled, nominal, increments=output == "increment")
+    m = 8 if output == "speed" else 9
     h = np.zeros(m)
-    h[8 if increments else 5] = 1 / T if increments else 1.0
-    y = loop.increment if increments else loop.y
+    h[5 if output == "speed" else 8] = 1 / T if output == "increment" else 1.0
+    y = read(loop, output)
     xi = np.r_[[nominal["k_T"], 1 / nominal["J_a"], nominal["f_m"]], np.zeros(m - 3)]
     P = np.zeros((m, m))
     P[:3, :3] = np.diag(P0 + W)
+    if output == "angle":
+        P[8, 8] = 10.0**2
     theta = np.empty((N, 3))
     for k in range(N):
         K = P @ h / (h @ P @ h + sigma**2)
@@ -42,16 +44,21 @@ def textbook(nominal, loop, N, *, P0, W, sigma, increments=False):
     return theta
 
 
-@pytest.mark.parametrize("output", ["speed", "increment"])
+def read(loop, output):
+    return {"speed": loop.y, "increment": loop.increment, "angle": loop.angle}[output]
+
+
+@pytest.mark.parametrize("output", ["speed", "increment", "angle"])
 def test_against_the_textbook(nominal, loop, output):
     N = 200
     theta0 = np.array([1.0, 1.25, 0.05])
     P0, W = (0.1 * theta0) ** 2, (1e-3 * theta0) ** 2
-    expected = textbook(nominal, loop, N, P0=P0, W=W, sigma=0.1, increments=output == "increment")
+    expected = textbook(nominal, loop, N, P0=P0, W=W, sigma=0.1, output=output)
     ekf = joint_ekf(
-        make_design(three_mass(nominal), P0=P0, drift=W, noise=0.1, period=T, output=output)
+        make_design(
+            three_mass(nominal), P0=P0, drift=W, noise=0.1, period=T, output=output, corrects=True
+        )
     )
-    y = loop.y if output == "speed" else loop.increment
-    theta = ekf.run(loop.u[:N], y[:N])
+    theta = ekf.run(loop.u[:N], read(loop, output)[:N])
     # central differences of step 1e-5 are good to some 1e-9
     np.testing.assert_allclose(theta, expected, rtol=1e-6)

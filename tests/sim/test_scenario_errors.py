@@ -61,7 +61,7 @@ CASES = [
      "(1/118, not 118), not 118", ""),
     ("parameters.k_g = inf", "parameters.k_g: must be a finite number, not inf", ""),
     ("start = 0", "start: must be greater than or equal to 0.01, not 0", ""),
-    ("output = 'angle'", "output: must be 'speed' or 'increment', not 'angle'", ""),
+    ("output = 'arm'", "output: must be 'speed', 'increment' or 'angle', not 'arm'", ""),
     ("noise.speed = -0.1", "noise.speed: must be greater than or equal to 0, not -0.1", ""),
     ("encoder.counts = 16", "encoder.counts: 16 counts per revolution are too few",
      "16 bits are 65536 counts"),
@@ -167,27 +167,23 @@ def test_mistakes_at_the_top(text, line):
     assert str(caught.value).splitlines()[0].startswith(line)
 
 
-def test_all_mistakes_are_told_at_once():
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        (
+            f"strat = 1.2\nstart = 0\n{FAULT.replace('10.0', 'true')}",
+            ["fault[0].at", "start", "strat"],
+        ),
+        (
+            f'preset = "n3"\nidentify = ["k_T", "k_T"]\n{FAULT.replace("10.0", "25")}{LATE}',
+            ["fault[0].at", "identify[1]", "nuisance[0].at", "preset"],
+        ),
+    ],
+)
+def test_all_mistakes_are_told_at_once(text, keys):
     with pytest.raises(ScenarioError) as caught:
-        parse_scenario(
-            'name = "x"\nduration = 20\nstrat = 1.2\npreset = "n3"\nparameters.J_m = -1\n'
-            f'identify = ["k_T", "k_T"]\nstart = 0\n{FAULT.replace("10.0", "true")}'
-            f"{FAULT.replace('10.0', '25')}{LATE}",  # one wrong entry does not hide the next
-            source="my.toml",
-        )
-    keys = [line.split(": ")[1] for line in caught.value.problems]
-    assert sorted(keys) == sorted(
-        [
-            "strat",
-            "preset",
-            "parameters.J_m",
-            "identify[1]",
-            "start",
-            "fault[0].at",
-            "fault[1].at",
-            "nuisance[0].at",
-        ]
-    )
+        parse_scenario(f'name = "x"\nduration = 20\n{text}', source="my.toml")
+    assert sorted(line.split(": ")[1] for line in caught.value.problems) == keys
 
 
 @pytest.mark.parametrize("fault", TO_ZERO, ids=KINDS)
