@@ -89,7 +89,7 @@ class JumpBound:
         Bound for each parameter if only this parameter has changed and all others are known.
     learnt : ndarray (n, p)
         Bound `unknown` if what the estimator is not told, `true_model.untold`, is learnt from the
-        data before the event, each value from a prior of a half.
+        data before the event.
     """
 
     unknown: Array
@@ -118,10 +118,13 @@ def jump_bound(
     truth, u = scenario.true_parameters(), np.asarray(u, float)
     x, variance = state_at(scenario, truth, u, index), noise_variance(scenario)
     result = bound_from(scenario, names, truth[index], x, u[index:stop], variance=variance)
-    p, every = len(names), (*names, *untold(scenario, names))
+    errors = dict.fromkeys(names, PRIOR) | untold(scenario, names)
+    p, every = len(names), tuple(errors)
+    if p == len(every):
+        return result
     # In the data before the event as if nothing had changed there; after it nothing of `names`.
     before, size = _gradient(scenario, every, truth[0], np.zeros(0), u[:index])
-    known = np.eye(len(every)) / PRIOR**2
+    known = np.diag([error**-2 for error in errors.values()])
     learnt = np.linalg.inv(known + (before * size).T @ (before * size) / variance)
     known[p:, p:] = np.linalg.inv(learnt[p:, p:])
     after, size = _gradient(scenario, every, truth[index], x, u[index:stop])

@@ -134,12 +134,18 @@ def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
     return (*names, *(name for name in ("f_c",) if name in scenario.laws and name not in names))
 
 
-def untold(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters besides `names` that estimators do not know, or know with an error."""
+def untold(scenario: Scenario, names: Sequence[str]) -> dict[str, float]:
+    """Return the parameters besides `names` that estimators are not told exactly.
+
+    The values are prior standard deviations relative to the parameter: the rms of the errors if
+    values are known with errors, and `PRIOR` for a parameter of a law.
+    """
     model, factors = true_model(scenario, scenario.unchanged), scenario.known_factors
-    told = {n for n, x in factors.items() if x == 1} | {n.removeprefix("1/") for n in names}
-    unknown = {*scenario.laws, *SHARES, *PHASES, *factors} - told
-    return tuple(n for n in model.parameters if n in unknown and model.nominal[n])
+    error = float(np.sqrt(np.mean(np.square(np.log([1.0, *factors.values()])))))
+    errors = dict.fromkeys((*scenario.laws, *SHARES, *PHASES), PRIOR)
+    errors |= {name: error if x != 1 else 0.0 for name, x in factors.items()}
+    errors |= {name.removeprefix("1/"): 0.0 for name in names}
+    return {n: errors[n] for n in model.parameters if errors.get(n) and model.nominal[n]}
 
 
 def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
