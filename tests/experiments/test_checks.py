@@ -300,13 +300,13 @@ def test_a_record_takes_a_burn_in_and_no_columns(clean, tmp_path):
     again = import_log(path, burn_in=1.5).record
     assert again.burn_in == 1.5 and again.versions == record.versions
     np.testing.assert_array_equal(again.increment, record.increment)
-    for tables, options, said in (
-        ({"torque": "current"}, {}, "--torque are for logs"),
-        ({}, {"resample": 500.0}, "--resample .* import log.h5"),
-        ({}, {"burn_in": 19.0}, "--burn-in 19 s"),
+    for options, said in (
+        ({"torque": "current"}, "--torque are for logs"),
+        ({"resample": 500.0}, "--resample .* import log.h5"),
+        ({"burn_in": 19.0}, "--burn-in 19 s"),
     ):
         with pytest.raises(LogError, match=said):
-            import_log(path, **tables, **options)
+            import_log(path, **options)
 
 
 @pytest.mark.parametrize("counts", [8, 24, 500, 65536])
