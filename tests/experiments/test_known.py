@@ -106,6 +106,7 @@ def test_only_who_has_laws_is_asked_for_them():
         build(parse("rpem-forgetting"), made(DRY + 'identify = ["f_c"]\n'))
 
 
+@pytest.mark.slow
 def test_q_is_of_the_linear_parameters_of_identify():
     M = information(made(ASKED))
     assert not M[3].any() and not M[:, 3].any()
