@@ -130,7 +130,7 @@ def _usual(ax: Axes) -> tuple[float, float] | None:
         return None
     low, high = np.nanpercentile(values, (2, 98))
     room = 0.6 * (high - low) + 0.05 * abs(high)
-    return low - room, high + room
+    return (low - room, high + room) if 0 < room < np.inf else None
 
 
 def _draw(ax: Axes, one: Series, looks: Looks) -> None:

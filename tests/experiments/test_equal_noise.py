@@ -74,6 +74,7 @@ def lag(found):
     return row
 
 
+@pytest.mark.slow
 def test_an_estimator_against_itself_with_another_knob_is_the_same(short):
     """The knob that was set is turned, so that both are one setting."""
     found = compared("rpem-forgetting[forgetting=0.98]", short)
