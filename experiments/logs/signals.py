@@ -152,7 +152,9 @@ class Log:
     @property
     def rounding(self) -> float:
         """Standard deviation of the noise by the steps of a coarse sensor [rad/s]."""
-        return resolution(self.y[self.ok]) / np.sqrt(12 if self.output == "speed" else 6)
+        if self.output == "speed":
+            return resolution(self.y[self.ok]) / np.sqrt(12)
+        return resolution(self.angle[self.ok]) / np.sqrt(6) / self.period
 
     def begins(self, states: int, later: int) -> list[int]:
         """Return where stretches with an initial state of their own begin.

@@ -10,7 +10,7 @@ from scipy.signal import butter, lfilter, sosfilt
 from flexaxis.experiments.logs.checks import outliers
 from flexaxis.experiments.logs.findings import Finding, LogError
 from flexaxis.experiments.logs.importing import import_log
-from flexaxis.experiments.logs.signals import resolution, rhythm, unwrapped
+from flexaxis.experiments.logs.signals import Log, resolution, rhythm, unwrapped
 
 T, FINE = 1e-3, 20  # s, steps of the simulation a sample
 J, F = 0.01, 0.05  # kg m², N m s/rad
@@ -317,3 +317,10 @@ def test_the_step_of_an_encoder_however_few_counts(counts):
         angle = step * np.rint(speed * np.sin(k / 10 + np.sin(k / 37)) / step)
         assert resolution(np.round(angle, 9)) == pytest.approx(step, rel=1e-4) or speed < step
     assert resolution(np.random.default_rng(0).standard_normal(5000)) == 0.0
+
+
+def test_the_noise_of_an_encoder_is_that_of_its_steps_and_not_of_printed_digits():
+    step, ok = 2 * np.pi / 500, np.ones(5000, bool)
+    angle = np.round(step * np.rint(20 * np.sin(np.arange(5000) / 50)), 6)
+    log = Log(angle, np.diff(angle, prepend=0) / T, ok, T, "increment", False, True, angle)
+    assert log.rounding == pytest.approx(step / np.sqrt(6) / T, rel=1e-3)
