@@ -170,7 +170,7 @@ def _rows(ax: Any, names: Sequence[str], label: str, **options: Any) -> Figure:
     """Label the rows of axes, make the abscissa logarithmic, and return the figure."""
     ax.axvline(1, color=TEXT)
     logarithmic(ax.xaxis)
-    ax.set(xlabel=label, ylim=(len(names) - 0.5, -0.5))
+    ax.set(xlabel=label, ylim=(max(len(names), 1) - 0.5, -0.5))
     ax.set_yticks(range(len(names)), names, **options)
     return ax.figure
 
