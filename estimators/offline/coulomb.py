@@ -1,9 +1,9 @@
 """
 An axis with Coulomb friction along a torque, with each reversal at the instant at which it happens.
 
-Between its events such an axis is linear: it slides, and friction is a constant torque, or it
-sticks, and the speed is zero. A step that meets an event is halved until the event lies in a part
-of 2⁻⁴⁰ of a sample, so that estimates do not depend on a step, and the sum of squares is smooth.
+Between reversals such an axis is linear: it slides, and friction is a constant torque, or it
+sticks, and the speed is zero. A step with a reversal is halved until the reversal lies in a part of
+2⁻⁴⁰ of a sample. So estimates do not depend on a step size, and the sum of squares is smooth.
 """
 
 from typing import NamedTuple
@@ -20,21 +20,20 @@ Array = NDArray[np.float64]
 COULOMB, STIFFNESS = 0, 3  # roles of bristles
 STIFF = 1.0  # radians a sample: bristles that swing faster are Coulomb friction
 HALVINGS = 40  # of a sample, at most
-ORDER, SQUARINGS = 18, 4  # of the series of a step, and how often its result is squared
 
 
 class Sampled(NamedTuple):
     """
-    An axis at fixed parameters, as `follow` takes it. The last of its states is the torque, held.
+    An axis at fixed parameters, as `follow` takes it. The last of its states is the held torque.
 
     Attributes
     ----------
     slides, sticks : (parts, n+1, n+1) arrays
         Transitions over T, T/2, T/4, … of an axis that slides, and of one that sticks.
     output : (n+1,) array
-        y, of the states.
+        The row of y.
     pull : (n+1,) array
-        Change of the speed in a sample by its derivative, of the states.
+        The row of the acceleration, times T.
     speed : int
         Place of the speed among the states; the torque of friction is the last but one.
     level : float
@@ -53,49 +52,42 @@ class Sampled(NamedTuple):
 
 
 def is_dry(model: Parametrization, period: float) -> bool:
-    """Return whether the only law of an axis is Coulomb friction of one of its speeds.
-
-    Bristles that swing faster than a period [s] can show, as (σ₀/J)^½ rad/s, are that.
     """
-    laws, n = model.laws, model.n
-    if laws.records["kind"].tolist() != [BRISTLE]:
+    Return whether the only law of an axis is Coulomb friction of one of its speeds.
+
+    These are bristles with no more than a level and a stiffness, which swing faster than a period
+    [s] can show: at (σ₀/J)^½ rad/s.
+    """
+    if model.laws.records["kind"].tolist() != [BRISTLE]:
         return False
-    (drive,), (value,), (parameter,) = laws.drive, laws.records["value"], laws.records["parameter"]
-    force, (speed, *more) = model.blocks(model.theta)[0, :n, n - 1], np.flatnonzero(drive)
-    shaped = (
-        np.delete(value, [COULOMB, STIFFNESS]).any() or (np.delete(parameter, COULOMB) >= 0).any()
-    )
-    alone = np.flatnonzero(force).tolist() == [speed] and force[speed] < 0 and not more
-    stiffness = np.sqrt(value[STIFFNESS] * abs(force[speed])) * period
-    return bool(alone and not shaped and stiffness >= STIFF)
+    law, force = model.laws.records[0], model.blocks(model.theta)[0, :, model.n - 1]
+    alone = np.flatnonzero(force).tolist() == np.flatnonzero(model.laws.drive).tolist()
+    simple = {*np.flatnonzero(law["value"])} <= {COULOMB, STIFFNESS}
+    swing = np.sqrt(law["value"][STIFFNESS] * abs(force).max()) * period
+    return bool(simple and alone and np.count_nonzero(force) == 1 and swing >= STIFF)
 
 
 def sampled(model: Parametrization, theta: Array, period: float) -> Sampled:
     """Return an axis that is linear, or `is_dry`, at parameters θ (p,), sampled with a period."""
-    generator, laws, level, speed = model.blocks(theta)[0] * period, model.laws, 0.0, 0
-    output, generator[-1], parts = generator[-1] / period, 0.0, 1
+    generator, level, speed = model.blocks(theta)[0] * period, 0.0, 0
+    output, generator[-1] = generator[-1] / period, 0.0
     stuck = generator.copy()
-    if len(laws.records):
-        speed, parts = int(np.argmax(laws.drive[0])), HALVINGS + 1
+    if model.forces:
+        law, speed = model.laws.records[0], int(np.argmax(model.laws.drive))
+        level = float(law["value"][COULOMB] * np.append(theta, 1.0)[law["parameter"][COULOMB]])
         stuck[speed] = 0.0
-        place = laws.records["parameter"][0, COULOMB]
-        level = laws.records["value"][0, COULOMB] * (theta[place] if place >= 0 else 1.0)
-    slides = _transitions(generator, parts)
-    sticks = _transitions(stuck, parts) if level else slides
+    slides, sticks = _transitions(np.array([generator, stuck]))
     cleared = np.array(model.reset, np.int64)
-    return Sampled(slides, sticks, output, generator[speed].copy(), speed, float(level), cleared)
+    return Sampled(slides, sticks, output, generator[speed].copy(), speed, level, cleared)
 
 
-def _transitions(generator: Array, parts: int) -> Array:
-    """Return exp(G), exp(G/2), exp(G/4), … (parts, n, n) for a generator (n, n)."""
-    small = generator * 0.5 ** (SQUARINGS + np.arange(parts))[:, None, None]
-    term = result = np.broadcast_to(np.eye(len(generator)), small.shape)
-    for k in range(1, ORDER + 1):
-        term = term @ small / k
-        result = result + term
-    for _ in range(SQUARINGS):
-        result = result @ result
-    return result
+def _transitions(generators: Array) -> Array:
+    """Return exp(G), exp(G/2), exp(G/4), … (m, parts, n, n) for generators G (m, n, n)."""
+    short = generators * 0.5**HALVINGS
+    less = [short + short @ short / 2]  # the exponential less one, to all its digits
+    for _ in range(HALVINGS):
+        less.append(2 * less[-1] + less[-1] @ less[-1])
+    return np.eye(short.shape[-1]) + np.stack(less[::-1], axis=1)
 
 
 @inlined
@@ -120,32 +112,28 @@ def follow(axis, x, torque):
     """
     v, last, after = axis.speed, len(axis.slides) - 1, np.zeros(len(x))
     hold = abs(axis.pull[-2] * axis.level)
-    y, way = np.zeros(len(torque)), np.sign(x[v])
+    y, way = np.zeros(len(torque)), np.sign(x[v]) if hold > 0.0 else 1.0
     x[-2] += axis.level * way
     for k in range(len(torque)):
-        for i in axis.cleared:
-            x[i] = 0.0
+        x[axis.cleared] = 0.0
         x[-1] = torque[k]
-        if hold > 0.0 and way == 0.0:
+        if way == 0.0:
             way = _way(axis, x, hold)
-        place = 0
+        place = part = 0
         while place < 1 << last:
-            part = 0  # of the longest step that ends where one of its length does
-            while place & ((1 << (last - part)) - 1):
+            steps = axis.sticks[part] if way == 0.0 else axis.slides[part]
+            for i in range(len(x)):
+                after[i] = _times(steps[i], x)
+            met = hold > 0.0 and _meets(axis, x, after, way, hold, part)
+            if met and part < last:
                 part += 1
-            met = True
-            while met:
-                steps = axis.sticks[part] if way == 0.0 and hold > 0.0 else axis.slides[part]
-                for i in range(len(x)):
-                    after[i] = _times(steps[i], x)
-                met = hold > 0.0 and _meets(axis, x, after, way, hold, part)
-                if part == last:
-                    break
-                part += met
+                continue
             x[:] = after
             place += 1 << (last - part)
             if met:
                 x[v], way = 0.0, _way(axis, x, hold)
+            while part and place % (2 << (last - part)) == 0:
+                part -= 1  # to the longest step that ends where one of its length does
         y[k] = _times(axis.output, x)
     return y
 
@@ -162,11 +150,10 @@ def _way(axis, x, hold):
 
 @inlined
 def _meets(axis, x, after, way, hold, part):  # noqa: PLR0917
-    """Return whether a step meets an event: friction gives way, or the speed may reach zero."""
+    """Return whether a step meets a reversal: friction gives way, or the speed reaches zero."""
     end = _times(axis.pull, after)
     if way == 0.0:
         return abs(end) > hold
     first, end, h = way * _times(axis.pull, x), way * end, 1.0 / (1 << part)
     before, now = way * x[axis.speed], way * after[axis.speed]
-    dips = first < 0.0 < end and min(before + first * h, now - end * h) < 0.0
-    return now <= 0.0 or (dips and part < len(axis.slides) - 1)
+    return now <= 0.0 or (first < 0.0 < end and min(before + first * h, now - end * h) < 0.0)

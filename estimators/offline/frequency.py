@@ -98,10 +98,13 @@ def frequency_response(
         Sampling period T [s].
     """
     transition, gain, output = sampled_system(model, theta, period)
-    z = np.exp(1j * np.asarray(omega, float) * period)
-    resolvent = z[:, None, None] * np.eye(len(gain)) - transition
-    state = np.linalg.solve(resolvent, np.broadcast_to(gain[:, None], (*z.shape, len(gain), 1)))
-    response: ComplexArray = (output @ state)[:, :, 0]
+    z, n = np.exp(1j * np.asarray(omega, float) * period), model.n
+    resolvent = np.linalg.inv(z[:, None, None] * np.eye(n) - transition[-n:, -n:])
+    state = resolvent @ gain[-n:]
+    # the states of the sensitivities, which the state drives, each by the same resolvent
+    driven = (state @ transition[:-n, -n:].T + gain[:-n]).reshape(len(z), -1, n)
+    states = np.concatenate([driven @ resolvent.swapaxes(1, 2), state[:, None]], axis=1)
+    response = np.asarray(states.reshape(len(z), -1) @ output.T, np.complex128)
     return response[:, -1], response[:, :-1]
 
 

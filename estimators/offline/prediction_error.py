@@ -1,41 +1,36 @@
 """
-Fit all that a record leaves open to it, in noise of any colour: the prediction-error method.
+Fit all that a record leaves open, in noise of any colour: the prediction-error method.
 
 Disturbances of a real axis are not white: they are strongest where it resonates, and plain output
 error then fits those frequencies at the cost of all others. So the residual is modelled as an
 autoregression, residual and gradient are filtered by its inverse, and the fit is repeated until it
-stays, in the way of D. W. Clarke, *Generalized least squares estimation of the parameters of a
-dynamic model* (IFAC 1967). As the residual is filtered and not the signals, the axis may have
-nonlinear laws.
+stays: D. W. Clarke, *Generalized least squares estimation of the parameters of a dynamic model*
+(IFAC 1967). As the residual is filtered and not the signals, the axis may have nonlinear laws.
 """
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.linalg.lapack import dpocon
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 
-from flexaxis.estimators.offline.colour import HIGHEST_ORDER, Colour, colourless, noise_model
 from flexaxis.estimators.offline.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+HIGHEST_ORDER = 60  # of the model of the noise
 FASTEST = 4 * np.pi  # radians a sample: a log cannot show an axis with such a pole
-ROUNDS = 40  # where noise and parameters explain the same, each leaves two thirds of the way
-EVALUATIONS, SEARCHING = 25, 12  # in a round of a fit, and of a search
-CONVERGED, SEARCHED = 0.05, 0.5  # standard deviations to the minimum, where they end
-TURNS = 1.0  # likewise, of a last round: colours of the noise may take turns
+ROUNDS, EVALUATIONS = 40, 25  # where noise and parameters explain the same, a round leaves 2/3
+CONVERGED = 0.05  # standard deviations to the minimum, where a fit ends
+TURNS = 1.0  # likewise, of a last round: noise models may alternate
 ROUGH = 5.0  # likewise, where friction is at a kink and no step gains
-CAREFUL, BOLD = 1e-3, 1e-8  # damping of the first step: far from the minimum, and near it
-STIFFEST = 1e3  # damping of steps so short that, where none gains, there is a minimum
-FULFILLED, BROKEN = 0.75, 0.25  # shares of the fall that was promised
-FORGOTTEN = 1e-2  # of what a stretch tells of its state, that counts
-EXACT = 1e-10  # of a parameter, to which arithmetic is exact
-ROUNDING = 1e-12  # of the greatest eigenvalue of a curvature
+CAREFUL, BOLD, STIFFEST = 1e-3, 1e-8, 1e3  # damping: of the first step, least, and greatest
+FORGOTTEN = 1e-2  # share of its effect below which a state counts as forgotten
+EXACT = 1e-10  # relative step below which arithmetic comes no nearer
+ROUNDING = 1e-12  # relative to the diagonal of a curvature
 PIECES = 10  # of a record, over which estimates spread
 
 
@@ -50,8 +45,8 @@ class Fitted:
     z : (q,) array
     residual, slopes : (N,), (q, N) arrays
         y − ŷ and the derivatives of ŷ, as simulated.
-    colour : Colour
-        Of the noise.
+    inverse : (n+1,) array
+        1, a₁, …, a_n of the autoregression of the noise: the filter that makes residuals white.
     converged : bool
     """
 
@@ -59,26 +54,26 @@ class Fitted:
     z: Array
     residual: Array
     slopes: Array
-    colour: Colour
+    inverse: Array
     converged: bool = False
 
     @cached_property
     def good(self) -> Flags:
         """Samples (N,) that count."""
-        return self.colour.settled(self.problem.ok)
+        return settled(self.problem.ok, len(self.inverse))
 
     @cached_property
     def white(self) -> Array:
         """The white residual (N,)."""
-        return self.colour.white(self.colour.bridged(self.residual, self.problem.ok))
+        return lfilter(self.inverse, 1.0, self.residual)
 
     @cached_property
     def gradient(self) -> Array:
-        """Derivatives (q, N) filtered likewise; 0 by a state that is forgotten where it counts."""
-        J = self.colour.white(self.colour.bridged(self.slopes, self.problem.ok)) * self.good
+        """Derivatives (q, N) filtered likewise; 0 by a state that is forgotten or sticks."""
+        J = lfilter(self.inverse, 1.0, self.slopes, axis=1) * self.good
         size, seen = (np.linalg.norm(rows, axis=1) for rows in (self.slopes, J))
         states = slice(self.problem.trajectory.first, -2)
-        J[states][seen[states] < FORGOTTEN * size[states]] = 0.0
+        J[states][seen[states] < FORGOTTEN * np.maximum(size[states], 1.0)] = 0.0
         return J
 
     @cached_property
@@ -95,14 +90,8 @@ class Fitted:
 
     @cached_property
     def covariance(self) -> Array:
-        """σ² (J Jᵀ)⁻¹, zero for what is held."""
-        H, _ = self.curvature
-        free, size = np.diag(H) > 0, np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
-        values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(free, free)])
-        values = np.maximum(values, ROUNDING * values.max(initial=0.0))
-        covariance = np.zeros_like(H)
-        covariance[np.ix_(free, free)] = vectors / values @ vectors.T
-        return covariance * self.square / self.good.sum() / np.outer(size, size)
+        """σ² (J Jᵀ)⁻¹, zero for what is held; huge for what the record does not determine."""
+        return inverse_of(self.curvature[0]) * self.square / self.good.sum()
 
     @property
     def deviations(self) -> Array:
@@ -115,7 +104,7 @@ class Fitted:
         free, step = ~self.problem.held, np.zeros(len(self.z))
         for _ in range(len(self.z)):
             step = np.zeros(len(self.z))
-            step[free] = damped_step(H[np.ix_(free, free)], g[free], damping)
+            step[free] = inverse_of(H[np.ix_(free, free)], damping) @ g[free]
             out = free & (((self.z <= lower) & (step < 0)) | ((self.z >= upper) & (step > 0)))
             if not out.any():
                 break
@@ -125,22 +114,19 @@ class Fitted:
     @property
     def left(self) -> float:
         """
-        How far it is to the minimum, in standard deviations.
+        Distance to the minimum in standard deviations, (N gᵀH⁻¹g/σ²)^½.
 
-        (N gᵀH⁻¹g/σ²)^½ is what a step of Gauss and Newton moves all unknowns together, whatever
-        their units; none of them moves by more of its own deviation.
+        It is how far a step of Gauss and Newton moves all unknowns together, whatever their units.
         """
         step, p = self.step(), self.problem.trajectory.p
-        free = not self.problem.held[:p].all()
-        if free and (abs(step[:p]) <= EXACT * abs(self.z[:p])).all():
-            return 0.0  # no arithmetic comes nearer
+        if step[:p].any() and (abs(step[:p]) <= EXACT * abs(self.z[:p])).all():
+            return 0.0
         gain = float(self.curvature[1] @ step)
         return float(np.sqrt(max(gain, 0.0) * self.good.sum() / self.square))
 
     def gained(self, before: "Fitted") -> float:
         """Return the fall of −2 log L since a place, as the standard deviations it is worth."""
-        fall = max(before.square / self.square - 1, 0.0) * self.good.sum()
-        return float(np.sqrt(fall)) if np.isfinite(before.square) else np.inf
+        return float(np.sqrt(max(before.square / self.square - 1, 0.0) * self.good.sum()))
 
 
 @dataclass(frozen=True)
@@ -159,10 +145,6 @@ class Problem:
         The box.
     held : (q,) array of bool
         Unknowns that are known after all, such as a delay.
-    whiten : bool
-        Whether to model the noise; without, this is plain output error.
-    highpass : float or None
-        Corner [Hz] below which residuals do not count.
     """
 
     trajectory: Trajectory
@@ -171,56 +153,42 @@ class Problem:
     lower: Array
     upper: Array
     held: Flags
-    whiten: bool = True
-    highpass: float | None = None
 
-    @property
-    def plain(self) -> Colour:
-        """The colour of white noise."""
-        return colourless(self.highpass, self.trajectory.period)
-
-    def colour(self, residual: Array) -> Colour:
-        """Return the colour of a residual."""
-        plain = self.plain
-        if not self.whiten:
-            return plain
-        high, ok = plain.high(plain.bridged(residual, self.ok)), plain.settled(self.ok)
-        highest = HIGHEST_ORDER  # of which no more than half of the samples see a gap
-        while highest and np.mean(Colour(np.ones(highest + 1)).settled(ok)[ok]) < 0.5:
+    def noise(self, residual: Array) -> Array:
+        """Return the filter that makes a residual white."""
+        highest = HIGHEST_ORDER
+        # half of the samples must see no gap
+        while highest and np.mean(settled(self.ok, highest + 1)[self.ok]) < 0.5:
             highest //= 2
-        return replace(plain, inverse=noise_model(high, highest, ok))
+        return noise_model(residual, highest, self.ok)
 
-    def at(self, z: Array, colour: Colour | None = None) -> Fitted:
+    def at(self, z: Array, inverse: Array) -> Fitted:
         """Return a place; its square is infinite where the axis cannot be simulated."""
-        z, colour = np.clip(z, self.lower, self.upper), colour or self.plain
+        z = np.clip(z, self.lower, self.upper)
         if self.trajectory.fastest(z[: self.trajectory.p]) > FASTEST:
             N = len(self.y)
-            return Fitted(self, z, np.full(N, np.inf), np.zeros((len(z), N)), colour)
+            return Fitted(self, z, np.full(N, np.inf), np.zeros((len(z), N)), inverse)
         with np.errstate(all="ignore"):
             y, slopes = self.trajectory.along(z, self.held)
-        return Fitted(self, z, self.y - y, slopes, colour)
+        return Fitted(self, z, self.y - y, slopes, inverse)
 
     def descend(
-        self, at: Fitted, most: int, near: float = CONVERGED, damping: float = CAREFUL
+        self, at: Fitted, most: int = EVALUATIONS, near: float = CONVERGED, damping: float = CAREFUL
     ) -> tuple[Fitted, bool]:
         """
         Return where Levenberg and Marquardt's method comes to from a place, and if it converged.
 
-        It has where the minimum is as near as that, in standard deviations, or steps gain
-        no more than such a step would.
+        It has where the minimum is as near as that, in standard deviations, or a step gains no
+        more than such a step would.
         """
         for _ in range(most):
             if not np.isfinite(at.square):
                 break
             if at.left <= near:
                 return at, True
-            trial = self.at(at.z + at.step(damping), at.colour)
+            trial = self.at(at.z + at.step(damping), at.inverse)
             if trial.square < at.square:
-                step, (H, g) = trial.z - at.z, at.curvature
-                share = (at.square - trial.square) / (2 * g @ step - step @ H @ step)
-                # where less comes of a step than was promised the next is to be shorter
-                damping *= 0.1 if share > FULFILLED else 3.0 if share < BROKEN else 1.0
-                done, at, damping = trial.gained(at) <= near, trial, max(damping, BOLD)
+                done, at, damping = trial.gained(at) <= near, trial, max(0.1 * damping, BOLD)
                 if done:
                     return at, True
             elif damping > STIFFEST:
@@ -229,63 +197,65 @@ class Problem:
                 damping = max(10 * damping, 1e-4)
         return at, False
 
+    def fit(
+        self, z: Array, *, rounds: int = 0, most: int = EVALUATIONS, near: float = CONVERGED
+    ) -> Fitted:
+        """
+        Fit parameters in white noise, then noise and parameters in turn, until both stay.
 
-def fit(
-    problem: Problem, z: Array, *, rounds: int = ROUNDS, search: bool = False, plain: bool = False
-) -> Fitted:
+        Parameters
+        ----------
+        z : (q,) array
+            Where to start.
+        rounds : int
+            Of the noise, at most; 0 is plain output error.
+        most : int
+            Evaluations in each round, at most.
+        near : float
+            Standard deviations to the minimum, where it ends.
+        """
+        at, ended = self.descend(self.at(z, np.ones(1)), most, near)
+        for left in reversed(range(rounds if np.isfinite(at.square) else 0)):
+            before = replace(at, inverse=self.noise(at.residual))
+            at, ended = self.descend(before, most, near / 2, BOLD)
+            # a last round may end where noise models alternate
+            ended = ended and at.gained(before) <= (near if left else TURNS)
+            if ended:
+                break
+        return replace(at, converged=ended)
+
+
+def settled(ok: Flags, length: int) -> Flags:
+    """Return where a filter of some length has seen usable samples only."""
+    return np.convolve(~ok, np.ones(length))[: len(ok)] < 0.5
+
+
+def noise_model(residual: Array, highest: int, ok: Flags | None = None) -> Array:
     """
-    Fit parameters and noise in turn, until both stay, or only colours of the noise take turns.
+    Return the coefficients (n+1,) of an autoregression, 1, a₁, …, a_n, of the best order.
 
-    Parameters
-    ----------
-    problem : Problem
-    z : (q,) array
-        Where to start.
-    rounds : int
-        At most.
-    search : bool
-        Whether being near is enough.
-    plain : bool
-        Whether the first round takes noise for white. A rich model of the noise explains some of
-        what parameters should, and gives it back slowly; but where an axis drifts, that is what
-        parameters would explain.
+    The order is the one of the least Bayesian information criterion, N log σ² + n log N. Samples
+    on either side of a gap are no neighbours: what is not ``ok`` adds nothing to the correlations,
+    which stay those of a sequence.
     """
-    most, near = (SEARCHING, SEARCHED) if search else (EVALUATIONS, CONVERGED)
-    at, damping, ended = problem.at(z), CAREFUL, False
-    if plain:
-        at, _ = problem.descend(at, most, SEARCHED)
-    for left in reversed(range(rounds)):
-        if not np.isfinite(at.square):
-            break  # it cannot be simulated, and has no residual that could be coloured
-        before = replace(at, colour=problem.colour(at.residual))
-        at, ended = problem.descend(before, most, near / 2, damping)
-        ended = ended and at.gained(before) <= (near if left else TURNS)
-        if ended:
-            break
-        damping = BOLD
-    return replace(at, converged=ended)
+    used = np.ones(len(residual), bool) if ok is None else ok
+    N = int(used.sum())
+    e = np.where(used, residual - residual[used].mean(), 0.0)
+    highest = min(highest, N // 20)
+    r = np.array([e[: len(e) - k] @ e[k:] for k in range(highest + 1)]) / N
+    models = [np.ones(1)]
+    models += [np.r_[1.0, solve_toeplitz(r[:n], -r[1 : n + 1])] for n in range(1, highest + 1)]
+    criterion = [N * np.log(a @ r[: len(a)]) + len(a) * np.log(N) for a in models]
+    return models[int(np.argmin(criterion))]
 
 
-def damped_step(H: Array, g: Array, damping: float) -> Array:
-    """Return (H + damping·diag H)⁻¹ g, where what nothing is seen of stays; free of units."""
-    seen, step = np.diag(H) != 0, np.zeros(len(g))
-    size = np.sqrt(np.diag(H)[seen])
-    scaled = H[np.ix_(seen, seen)] / np.outer(size, size) + damping * np.eye(len(size))
-    step[seen] = _solved(scaled, g[seen] / size) / size
-    return step
-
-
-def _solved(H: Array, g: Array) -> Array:
-    """Return H⁻¹ g by Cholesky's method; of an H that is almost singular, the shortest solution.
-
-    Many gaps make many unknowns, for which a singular value decomposition takes seconds.
-    """
-    with suppress(LinAlgError):
-        factor = cho_factor(H, lower=True)
-        share, _ = dpocon(factor[0], np.abs(H).sum(axis=0).max(initial=0.0), uplo="L")
-        if share > ROUNDING:
-            return cho_solve(factor, g)
-    return np.asarray(np.linalg.lstsq(H, g, rcond=ROUNDING)[0], float)
+def inverse_of(H: Array, damping: float = 0.0) -> Array:
+    """Return (H + damping·diag H)⁻¹, free of units: 0 where H is, huge for what is not seen."""
+    seen, inverse = np.diag(H) > 0, np.zeros_like(H)
+    size = np.sqrt(np.outer(np.diag(H)[seen], np.diag(H)[seen]))
+    scaled = H[np.ix_(seen, seen)] / size + (damping + ROUNDING) * np.eye(len(size))
+    inverse[np.ix_(seen, seen)] = np.linalg.inv(scaled) / size
+    return inverse
 
 
 def pieces(ok: Flags) -> NDArray[np.int64]:
@@ -294,20 +264,17 @@ def pieces(ok: Flags) -> NDArray[np.int64]:
     return np.minimum(count * PIECES // max(int(count[-1]), 1), PIECES - 1)
 
 
-def jackknife(J: Array, e: Array, good: Flags) -> tuple[Array, Array]:
+def jackknife(J: Array, e: Array, good: Flags) -> Array:
     """
-    Return the regression (q,) of e (N,) on rows of J (q, N), and its deviation from pieces.
+    Return the deviation (q,), from pieces, of the regression of e (N,) on rows of J (q, N).
 
     B. Efron and C. Stein, *The jackknife estimate of variance*, Ann. Statist. 9, 1981: each of the
     estimates without a piece of the record is one step of Gauss and Newton from that with all.
-    Where white noise is all that there is, it is what a covariance says; what the model leaves out
-    comes on top.
+    For white noise it is what a covariance says; what the model leaves out comes on top.
     """
     number = np.where(good, pieces(good), PIECES)
     parts = [J[:, number == i] for i in range(PIECES)]
     H = np.array([rows @ rows.T for rows in parts])
     g = np.array([rows @ e[number == i] for i, rows in enumerate(parts)])
-    left = [damped_step(H.sum(axis=0) - H[i], g.sum(axis=0) - g[i], 0.0) for i in range(PIECES)]
-    off = np.array(left) - np.mean(left, axis=0)
-    whole = damped_step(H.sum(axis=0), g.sum(axis=0), 0.0)
-    return whole, np.sqrt((PIECES - 1) / PIECES * np.sum(off**2, axis=0))
+    left = [inverse_of(H.sum(axis=0) - H[i]) @ (g.sum(axis=0) - g[i]) for i in range(PIECES)]
+    return np.sqrt(PIECES - 1) * np.std(left, axis=0)

@@ -11,7 +11,6 @@ the plant.
 
 import pickle
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -95,8 +94,7 @@ def nominal_P(
 
 def _gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: float) -> Array:
     """Return ψ (N, p) along a torque u (N,), made once for the same axis and torque."""
-    asked = model, theta, as_torque(u), period
-    return _remembered(_Asked(pickle.dumps(asked), asked))
+    return _remembered(pickle.dumps((model, theta, as_torque(u), period)))
 
 
 def _energy(psi: Array) -> Array:
@@ -110,18 +108,10 @@ def _steady(psi: Array, design: Design) -> Array:
     return np.where(np.diag(design.drift) > 0, np.sqrt(np.diag(design.drift) / Q), forgotten / Q)
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """Model, parameters, torque and period, told apart by their content."""
-
-    content: bytes
-    arguments: tuple = field(compare=False)
-
-
 # A benchmark makes each of many estimators anew for every record, all with the same gradient.
 @lru_cache(maxsize=32)
-def _remembered(asked: _Asked) -> Array:
-    model, theta, u, period = asked.arguments
+def _remembered(content: bytes) -> Array:
+    model, theta, u, period = pickle.loads(content)
     return predict(model, theta, u, period=period)[1]
 
 

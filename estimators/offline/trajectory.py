@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.discretisation import law_steps
-from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.models.simulation import along, simulation
-from flexaxis.estimators.offline.coulomb import follow, is_dry, sampled
-from flexaxis.estimators.signals import find_signal
+from flexaxis.estimators.offline.coulomb import Sampled, follow, is_dry, sampled
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -44,21 +41,12 @@ def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
     smooth : bool
         Whether u comes from a smooth signal.
 
-    Raises
-    ------
-    EstimatorError
-        If the delay is not finite, or longer than the record.
-
     Examples
     --------
     >>> delayed([0.0, 4.0, 4.0, 0.0], 0.25)
     array([0., 3., 4., 1.])
     """
     u = np.asarray(u, float)
-    if not abs(samples) < len(u):
-        raise EstimatorError(
-            f"delay is {samples} samples; it must be shorter than the record of {len(u)} samples"
-        )
     times = np.arange(len(u))
     if smooth:
         return CubicSpline(times, u)(np.clip(times - samples, 0, len(u) - 1)) if samples else u
@@ -71,15 +59,15 @@ def delayed(u: ArrayLike, samples: float, *, smooth: bool = False) -> Array:
 @dataclass(frozen=True)
 class Trajectory:
     """
-    What a model makes of a torque, as a function of everything that a record leaves open.
+    The output of a model for a torque, as a function of everything that a record leaves open.
 
-    The unknowns are z = [θ, gains, initial states, offset of the torque, delay of the torque].
+    The unknowns are z = [θ, gains, states, offset of the torque, delay of the torque]: the states
+    at the beginning of each stretch, one after the other.
 
     Attributes
     ----------
     model : Parametrization
-    free : tuple of int
-        Which states are unknown where a stretch begins; all others are zero.
+        With or without laws.
     u : (N,) array
         Torque as logged.
     period : float
@@ -87,23 +75,18 @@ class Trajectory:
     smooth : bool
         Whether the torque goes on changing between samples, see `delayed`.
     begins : tuple of int
-        Samples at which stretches begin, each with a state of its own, since what acts in a gap is
-        not known, nor the state that it leads to. The output is zero up to the first; at another
-        it is still of the stretch before.
-    resting : bool
-        Whether the first of them begins at rest.
+        Samples at which stretches begin, each with its own state, since neither the torque in a
+        gap nor the state after it is known. The output is 0 up to the first; at another one it
+        still belongs to the stretch before.
     beside : (m, N) array
-        What acts beside the torque in proportion to a gain each, such as the sine of a measured
-        angle.
+        Torques that act in proportion to a gain each, such as the sine of a measured angle.
     """
 
     model: Parametrization
-    free: tuple[int, ...]
     u: Array
     period: float
     smooth: bool = False
-    begins: tuple[int, ...] = (0,)
-    resting: bool = False
+    begins: Sequence[int] = (0,)
     beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
@@ -113,20 +96,24 @@ class Trajectory:
 
     @property
     def first(self) -> int:
-        """Place in z of the first initial state, behind parameters and gains."""
+        """Place in z of the first state, behind parameters and gains."""
         return self.p + len(self.beside)
+
+    @property
+    def free(self) -> list[int]:
+        """The states that are unknown where a stretch begins; all others are 0."""
+        return [i for i in range(self.model.states) if i not in self.model.reset]
 
     @property
     def q(self) -> int:
         """Number of unknowns."""
-        return self.first + len(self.free) * (len(self.begins) - self.resting) + 2
+        return self.first + len(self.free) * len(self.begins) + 2
 
     @property
     def states(self) -> list[slice]:
-        """Places in z of the state that each stretch begins with; none of rest."""
-        first, width = self.first, len(self.free)
-        own = [slice(first, first)] if self.resting else []
-        return own + [slice(k, k + width) for k in range(first, self.q - 2, width or 1)]
+        """Places in z of the state that each stretch begins with."""
+        width = len(self.free)
+        return [slice(k, k + width) for k in range(self.first, self.q - 2, width)]
 
     @cached_property
     def in_steps(self) -> bool:
@@ -134,7 +121,7 @@ class Trajectory:
         return self.model.forces > 0 and not is_dry(self.model, self.period)
 
     def fastest(self, theta: Array) -> float:
-        """Return the greatest |pole| of the linear part, in radians a sample; inf if it is none."""
+        """Return the greatest |pole| of the linear part, in radians a sample; inf if not finite."""
         A = self.model.blocks(theta)[0][:-1, :-1]
         if not np.isfinite(A).all():
             return np.inf
@@ -151,19 +138,18 @@ class Trajectory:
             Unknowns that do not move: their derivatives are 0.
         """
         free = np.ones(self.q, bool) if held is None else ~held
-        (y, slopes), size = self._simulated(z), self._steps(z)
-        every = [[i] for i in range(self.p, self.first)] + [[self.q - 2], [self.q - 1]]
-        if not self.in_steps:  # states of all stretches are moved together, as each acts on its own
-            width = len(self.free) if self.first < self.q - 2 else 0
-            every += [[i] for i in range(self.p)]
-            every += [[*range(self.first + i, self.q - 2, width)] for i in range(width)]
-        for places in every:
-            moves = np.array(places)[free[places]]
-            if len(moves):
+        (y, slopes), size, offset = self._simulated(z), self._steps(z), self.q - 2
+        known, width = self.p if self.in_steps else 0, len(self.free)
+        moves = [[i] for i in (*range(known, self.first), offset, offset + 1)]
+        if not known:  # the states of all stretches move together, as each acts on its own
+            moves += [[*range(self.first + i, offset, width)] for i in range(width)]
+        for places in moves:
+            rows = [i for i in places if free[i]]
+            if rows:
                 moved = z.copy()
-                moved[moves] += size[moves]
+                moved[rows] += size[rows]
                 change = self._simulated(moved)[0] - y
-                for i in moves:
+                for i in rows:
                     slopes[i] = change / (moved[i] - z[i])
         if free[-1] and z[-1]:  # a held torque has a kink at whole samples
             moved = np.r_[z[:-1], z[-1] - size[-1]]
@@ -177,7 +163,7 @@ class Trajectory:
         """Return by how much unknowns (q,) are moved for derivatives."""
         size = np.full(self.q, LEAST)
         size[: self.p] = abs(self.model.theta)
-        size[self.p : self.first] = size[-2] = float(np.std(self.u))
+        size[self.p : self.first] = size[-2] = np.std(self.u)
         size = STEP * np.maximum(abs(z), np.where(size > 0, size, LEAST))
         size[-1] = 10 * STEP * self.period
         return size
@@ -187,72 +173,33 @@ class Trajectory:
         """The torque by its delay in samples; most unknowns move without it."""
         return lru_cache(2)(lambda samples: delayed(self.u, samples, smooth=self.smooth))
 
+    @cached_property
+    def _sampled(self) -> Callable[[tuple[float, ...]], Sampled]:
+        return lru_cache(2)(lambda theta: sampled(self.model, np.array(theta), self.period))
+
     def _ends(self) -> list[tuple[int, int]]:
         return list(pairwise([*self.begins, len(self.u) - 1]))
 
     def _simulated(self, z: Array) -> tuple[Array, Array]:
         """Return ŷ (N,) and, where laws are solved in steps, derivatives (q, N) by θ and states."""
-        p, theta, in_steps = self.p, z[: self.p], self.in_steps
+        p, theta, free = self.p, z[: self.p], self.free
         torque = self._late(z[-1] / self.period) + z[-2]
         torque += z[p : self.first] @ self.beside if len(self.beside) else 0.0
-        axis = None if in_steps else sampled(self.model, theta, self.period)
-        steps = STEPS * law_steps(replace(self.model, theta=theta), self.period) if in_steps else 0
         y, slopes = np.zeros(len(torque)), np.zeros((self.q, len(torque)))
+        if self.in_steps:
+            steps = STEPS * law_steps(replace(self.model, theta=theta), self.period)
+        else:
+            axis = self._sampled(tuple(theta))
         for place, (begin, end) in zip(self.states, self._ends(), strict=True):
-            here, width = slice(begin + 1, end + 1), place.stop - place.start
-            free = list(self.free)[:width]
-            if axis is None:
-                run = simulation(self.model, theta, self.period, steps=steps, further=width)
-                run["X"][free, 0], run["X"][free, 1 + p + np.arange(width)] = z[place], 1.0
+            here = slice(begin + 1, end + 1)
+            if self.in_steps:
+                run = simulation(self.model, theta, self.period, steps=steps, further=len(free))
+                run["X"][free, 0], run["X"][free, 1 + p + np.arange(len(free))] = z[place], 1.0
                 rows = along(run, torque[begin:end]).T
                 y[here], slopes[:p, here] = rows[0], rows[1 : 1 + p]
-                slopes[place, here] = rows[1 + p : 1 + p + width]
+                slopes[place, here] = rows[1 + p : 1 + p + len(free)]
             else:
                 x = np.zeros(self.model.n + 1)
                 x[free] = z[place]
                 y[here] = follow(axis, x, torque[begin:end])
         return y, slopes
-
-
-def trajectory(
-    model: Model,
-    names: Sequence[str],
-    u: Array,
-    *,
-    period: float,
-    output: str = "speed",
-    smooth: bool = False,
-    resting: bool = True,
-    begins: Sequence[int] = (0,),
-    beside: Array | None = None,
-) -> Trajectory:
-    """
-    Return the trajectory of a model along a torque.
-
-    Parameters
-    ----------
-    model : Model
-        With or without laws.
-    names : sequence of str
-        Parameters θ.
-    u : (N,) array
-        Torque.
-    period : float
-        Sampling period [s].
-    output : {"speed", "increment"}
-    smooth : bool
-        As for `delayed`.
-    resting : bool
-        Whether the axis is known to be at rest at the first sample.
-    begins : sequence of int
-        Samples at which stretches begin, see `Trajectory`.
-    beside : (m, N) array, optional
-        What acts beside the torque, see `Trajectory`.
-    """
-    chosen = find_signal(output).predicted(model, period).parametrize(names)
-    moving = not resting or len(begins) > 1
-    memory = [int(i) for i in chosen.laws.records["memory"] if i >= 0]
-    free = (*range(len(model.states)), *memory) if moving else ()
-    torque = np.ascontiguousarray(u, float)
-    more = np.zeros((0, len(torque))) if beside is None else beside
-    return Trajectory(chosen, free, torque, period, smooth, tuple(begins), resting, more)

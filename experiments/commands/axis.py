@@ -45,16 +45,15 @@ def import_(args: Args) -> int:
 
 
 @command("log", "--model", "--free", "--fix", "--start", "--delay", "--friction",
-         "--gravity", "--highpass", "--validate", "--covariate", "--false-alarms", "-o",
+         "--gravity", "--validate", "--covariate", "--false-alarms", "-o",
          *READING)  # fmt: skip
 def identify(args: Args) -> int:
     """Identify the parameters of your axis from a log, a record, or a folder of logs.
 
-    The model is fitted twice, with white and with whitened errors. Dry friction, gravity, a speed
-    filter and similar effects are added if they improve the simulation of held-out pieces of the
-    log. The log of a single axis determines the other parameters only relative to k_T, so k_T (and
-    the gear ratio r) keep their values unless you free them. The exit status is 0 if the estimates
-    can be used within their standard deviations, and 1 if not.
+    Dry friction, gravity and similar effects are added if they improve the simulation of held-out
+    pieces of the log. The log of a single axis determines the other parameters only relative to
+    k_T, so k_T (and the gear ratio r) keep their values unless you free them. The exit status is 0
+    if the estimates can be used within their standard deviations, and 1 if not.
 
     The logs of a folder are read in the order of their names. A CSV file gets one row of estimates
     per log. The report shows the effect of covariates and any change of a parameter. The exit
@@ -75,7 +74,7 @@ def identify(args: Args) -> int:
     path = _target(args, ending, args.model, args.validate)
     options = {
         name: getattr(args, name)
-        for name in ("free", "delay", "friction", "gravity", "highpass", "validate", "false_alarms")
+        for name in ("free", "delay", "friction", "gravity", "validate", "false_alarms")
     }
     with Console(stderr=True, quiet=args.quiet).status(f"identifying {args.model}"):
         result = fx.identify(

@@ -159,8 +159,6 @@ OPTIONS: dict[str, str | tuple[str, Mapping[str, Any]]] = {
     ),
     "--gravity LAW": ("Gravity torque: none, or sine for one in the sine and cosine of the angle "
                       "(default: auto, which adds it if the log shows it).", {"default": "auto"}),
-    "--highpass HZ": ("Ignore residuals below this frequency [Hz] (default: chosen from the log).",
-                      NUMBER),
     "--validate OTHER": ("Another log, which the identified model simulates and predicts (default: "
                          "none).", PATH),
     "--identify PARAMETER": (

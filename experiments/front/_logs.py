@@ -150,7 +150,7 @@ def identify(
     columns : mapping, optional
         Options that say how to read the log, as in `import_log`.
     **options
-        ``free``, ``friction``, ``gravity``, ``delay`` and ``highpass``, as in
+        ``free``, ``friction``, ``gravity`` and ``delay``, as in
         `flexaxis.experiments.logs.identify.identify`.
     """
     axis, start, fix = _axis(model), start or {}, fix or {}

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
-from scipy.signal import lfilter
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import MODELS, model_from_tables
@@ -25,7 +24,6 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 
 _MODEL = ("model", "name", "states", "A", "B", "C")
-REMEMBERED = 10_000  # samples, after which what a filter of noise remembers counts no more
 SAME_RATE = 0.01  # relative difference up to which a filter of the noise is the same one
 
 
@@ -51,15 +49,13 @@ class Axis:
         Standard deviation of what a simulation left of pieces that it was not fitted to [rad/s].
     offset : float
         What acts besides the logged torque and never changes, in its unit.
-    highpass : float or None
-        Corner [Hz] below which the axis does what the model does not know.
     rate : float or None
         Of the log that it was identified from [Hz], which whitening and noise belong to.
     deviation : mapping of str to float
         Standard deviations of nominal values, where known.
     beside : mapping of str to float
-        Gains of what acts beside the torque, in its unit: g_sin and g_cos of gravity, by sine and
-        cosine of the angle of the load; f_sided of |v|, where friction is greater forwards.
+        Gains of torques beside the logged one, in its unit: g_sin and g_cos of gravity, by sine and
+        cosine of the angle of the load.
     """
 
     model: Model
@@ -70,18 +66,14 @@ class Axis:
     noise: float | None = None
     error: float | None = None
     offset: float = 0.0
-    highpass: float | None = None
     rate: float | None = None
     deviation: Mapping[str, float] = field(default_factory=dict)
     beside: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def usual(self) -> float | None:
-        """Standard deviation of what a simulation leaves of its motion; None if not known."""
-        if self.error is not None or self.noise is None:
-            return self.error
-        impulse = lfilter([1.0], self.whitening, np.eye(1, REMEMBERED)[0])
-        return self.noise * float(np.linalg.norm(impulse))
+        """Usual error of a simulation [rad/s], or the noise if it is not known."""
+        return self.noise if self.error is None else self.error
 
     def having(self, values: Mapping[str, float]) -> Axis:
         """Return the axis with some nominal values replaced."""
@@ -122,7 +114,7 @@ class Axis:
         content = dict(self.tables) | {"delay": self.delay}
         if self.noise is not None:
             content["whitening"] = list(self.whitening)
-        for key in ("noise", "offset", "error", "highpass", "rate"):
+        for key in ("noise", "offset", "error", "rate"):
             if getattr(self, key) not in {None, 0.0}:
                 content[key] = getattr(self, key)
         tables = {"nominal": self.model.nominal, "deviation": self.deviation, "beside": self.beside}
@@ -160,12 +152,6 @@ def find_axis(text: str) -> Axis:
         raise LogError(f"{path}: {error}") from error
 
 
-def _filter(coefficients: list[float]) -> list[float]:
-    if not coefficients or coefficients[0] == 0:
-        raise ValueError("the first coefficient of the filter must be there, and not 0")
-    return coefficients
-
-
 class _Keys(BaseModel):
     """What a file has besides its model."""
 
@@ -175,11 +161,10 @@ class _Keys(BaseModel):
     offset: float = 0.0
     noise: float | None = None
     error: float | None = None
-    highpass: float | None = None
     rate: float | None = None
-    whitening: Annotated[list[float], AfterValidator(_filter)] = [1.0]
+    whitening: list[float] = [1.0]
     deviation: dict[str, float] = {}
-    beside: dict[Literal["g_sin", "g_cos", "f_sided"], float] = {}
+    beside: dict[Literal["g_sin", "g_cos"], float] = {}
 
 
 def _from_tables(tables: Mapping[str, Any]) -> Axis:

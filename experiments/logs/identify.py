@@ -1,4 +1,4 @@
-"""Nominal values of an axis from its log: what the log asks for, and one answer."""
+"""Identify the nominal values of an axis from its log."""
 
 from __future__ import annotations
 
@@ -24,39 +24,38 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 
 GIVEN = ("k_T", "r")  # scale of the torque and gear ratio: no log of one axis determines them
-LOWEST = 1e-6  # corner of a high-pass over the rate: that of a log of 1e6 samples
 KINDS = ("auto", "none", *FRICTION)
 GRAVITY = ("auto", "none", "sine")
 LAWFUL = tuple(dict.fromkeys(n for roles in FRICTION.values() for n in roles.values()))
-"""Parameters that may come by --friction."""
-MOST = 500_000  # samples that are fitted: the stretch with the greatest torque
+"""Parameters that --friction may add."""
+HELD = 0.02  # samples about half a one, by which a held torque that is taken for smooth is late
+MOST = 500_000  # samples in a fit: the stretch with the greatest torque
 
 
 @dataclass(frozen=True)
 class Identification:
-    """What was identified from a record, and how far it can be trusted.
+    """The identification of an axis from a record, and how far it can be trusted.
 
     Attributes
     ----------
     axis : Axis
         With the new nominal values, laws, delay, offset, whitening filter and noise.
     answer : Answer
-        The fit that is believed, with standard deviations of all unknowns: parameters, gains of
-        what acts beside the torque, the state, the offset and the delay.
+        The fit to the whole log, with standard deviations of all unknowns: parameters, gains of
+        torques beside the logged one, states, offset and delay.
     fit : float
-        100 (1 − |y − ŷ|/|y − mean y|) of a simulation of pieces that it was not fitted to, from the
-        torque alone.
+        100 (1 − |y − ŷ|/|y − mean y|) of a simulation of held-out pieces from the torque alone.
     whole : Fit
         Of a simulation of the whole log.
     friction : str
-        The word for its laws, ``"none"`` if it has none.
+        Its law of dry friction, ``"none"`` without one, ``"as stated"`` for laws of the axis file.
     tried : tuple of Tried
-        What else was tried, and how it simulates.
+        Comparisons with simpler models.
     findings : tuple of Finding
     torque_unit : str
-        As the log has it; empty where it is not stated.
+        As in the log; empty if it is not stated.
     linear : bool
-        Whether the axis goes straight, and its torque is a force.
+        Whether the motion is linear and the torque a force.
     """
 
     axis: Axis
@@ -71,7 +70,7 @@ class Identification:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The identified parameters, then the gains of what acts beside the torque."""
+        """The identified parameters, then the gains of torques beside the logged one."""
         return (*self.answer.setup.names, *self.answer.setup.beside)
 
     @property
@@ -88,8 +87,8 @@ class Identification:
     def estimates(self) -> dict[str, tuple[float, float]]:
         """Value and standard deviation by name, with ``delay`` [s] and ``offset``.
 
-        The offset is in the unit of the torque. The deviation of a delay is 0 if it was given, or
-        came to the least that is possible.
+        The offset is in the unit of the torque. The deviation of a delay is 0 if the delay was
+        given or is the least possible one.
         """
         setup = self.answer.setup
         z, sd = self.answer.fitted.z.tolist(), self.answer.deviations.tolist()
@@ -99,7 +98,7 @@ class Identification:
 
     @property
     def warnings(self) -> list[str]:
-        """What makes its numbers useless, in words."""
+        """Why the estimates cannot be used, one sentence each."""
         return texts_of(self.findings, "problem")
 
     @property
@@ -114,7 +113,7 @@ class Identification:
 
     @property
     def units(self) -> str:
-        """In which units the parameters are: a log tells ratios to k_T only."""
+        """Units of the parameters; a log shows only their ratios to k_T."""
         unit, k_T = self.torque_unit, self.axis.model.nominal.get("k_T")
         if unit not in {"", "1", "A", "V"} and k_T in {None, 1.0}:  # it was read in N m, or N
             return "SI"
@@ -122,7 +121,7 @@ class Identification:
         text = (
             f"SI, if a torque of {one}, as read, is {k_T or 1.0:g} {'N' if self.linear else 'N m'}"
         )
-        return f"{text}; give what it is by --fix k_T=VALUE" if k_T == 1 else text
+        return f"{text}; give the true one with --fix k_T=VALUE" if k_T == 1 else text
 
 
 def identify(
@@ -135,7 +134,6 @@ def identify(
     delay: float | None = None,
     friction: str = "auto",
     gravity: str = "auto",
-    highpass: float | None = None,
 ) -> Identification:
     """Identify the nominal values of an axis.
 
@@ -143,22 +141,20 @@ def identify(
     ----------
     record : Record
     axis : Axis
-        Its nominal values are where the search starts.
+        The search starts at its nominal values.
     free : sequence of str
-        Parameters to identify; by default all but k_T and r, and those that a known axis has at 0.
+        Parameters to identify; by default all but k_T, r and those that are 0 in a known axis.
     fix : sequence of str
-        Parameters to leave at their nominal values.
+        Parameters to hold at their nominal values.
     levels : mapping of str to float
-        Values of parameters of the law that `friction` brings: where they start, and stay if fixed.
+        Values of parameters of the law of `friction`: starts, or constants if they are fixed.
     delay : float, optional
-        Known delay of the torque [s]; it is identified too if not given.
+        Known delay of the torque [s]; identified by default.
     friction : {"auto", "none", "coulomb", "stribeck"}
-        Law of dry friction of the motor; ``"auto"`` takes one where held-out pieces of the record
-        are simulated better with it. Laws that the axis has already are kept.
+        Law of dry friction of the motor; ``"auto"`` adds one if held-out pieces of the record are
+        simulated better with it. Laws of the axis file are kept.
     gravity : {"auto", "none", "sine"}
-        Whether a torque by sine and cosine of the measured angle acts besides.
-    highpass : float, optional
-        Corner [Hz] below which residuals do not count; that of the axis by default.
+        Whether a torque by sine and cosine of the measured angle acts, too.
 
     Raises
     ------
@@ -174,23 +170,17 @@ def identify(
         hints = "".join(did_you_mean(name, known) for name in levels if name not in known)
         raise LogError(f"--friction {friction} has no {', '.join(levels)}.{hints}")
     linear = record.versions.get("motion") == "linear"
-    corner = axis.highpass if highpass is None else highpass
     log = log_of(record, replace(axis, beside={}))
     whole = log.cut(log.part(MOST))
-    if corner is not None and not LOWEST < corner * log.period < 0.5:
-        raise LogError(
-            f"--highpass {corner:g} Hz: give a corner below half the rate, {0.5 / log.period:g} "
-            f"Hz, and not below {LOWEST / log.period:g} Hz"
-        )
     names = free_names(axis, free, fix)
-    setup = Setup(whole, axis.model, names, delay=delay, highpass=corner)
+    setup = Setup(whole, axis.model, names, delay=delay)
     if axis.known:
         _check_rate(axis.model, log.period)
     early, late = -4 * log.period, setup.latest
     if delay is not None and not early <= delay <= late:
         raise LogError(
             f"--delay {delay:g}: the torque of this log acts {early:g} … {late:g} s after it is "
-            "logged; shift its column by whole samples if it is further off"
+            "logged; if its column is further off, shift it by whole samples"
         )
     falls = "none" if linear and gravity == "auto" else gravity
     search = Search(setup, axis.known, friction, falls, levels, tuple(fix))
@@ -201,7 +191,7 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     best = search.result()
     taken = answer(best)
     setup, fitted, log = taken.setup, taken.fitted, taken.setup.log
-    whole = fit_of(log.y, fitted.residual, setup.counted, fitted.colour)
+    whole = fit_of(log.y, fitted.residual, setup.ok)
     fit, lag = 100 * (1 - best.error / whole.size), float(fitted.z[-1])
     values = dict(zip((*setup.names, *setup.beside), fitted.z.tolist(), strict=False))
     model = setup.having({n: values[n] for n in setup.names}).model
@@ -212,12 +202,11 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
         model=model,
         known=True,
         delay=lag,
-        whitening=tuple(fitted.colour.inverse.tolist()),
+        whitening=tuple(fitted.inverse.tolist()),
         noise=float(np.sqrt(fitted.square)),
         error=best.error,
         offset=offset if abs(offset) > 3 * taken.deviations[-2] else 0.0,
         beside={n: values[n] for n in setup.beside},
-        highpass=setup.highpass,
         rate=1 / log.period,
         deviation=dict(zip(values, taken.deviations.tolist(), strict=False)),
     )
@@ -227,10 +216,17 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
     white = fitted.white[fitted.good]
     changes, _ = changes_in(time, white, (J * size[:, None]).T, tuple(values))  # type: ignore[arg-type]
     findings = judged(search, best, taken, fit, changes)
+    stated = record.versions.get("torque_because") == "as stated"
+    if log.smooth and not stated and abs(lag / log.period - 0.5) < HELD:
+        text = (
+            "the torque acts half a sample late, as a held command does, and was taken for a "
+            "measured one: state --torque-is held, or smooth"
+        )
+        findings.append(Finding("problem", text))
     if cut:
         text = f"identified from the {MOST} samples with the greatest torque, of {len(record.time)}"
         findings.append(Finding("info", text))
-    word = "as told" if axis.model.laws else "none"
+    word = "as stated" if axis.model.laws else "none"
     if setup.model.laws and not axis.model.laws:
         word = "coulomb" if "f_s" not in setup.model.parameters else "stribeck"
     return Identification(
@@ -241,7 +237,7 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
 
 
 def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters to identify: those that are named, or all that a log can show."""
+    """Return the parameters to identify: those named, or all that a log can show."""
     known = axis.model.parameters
     named = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
     axis.having(dict.fromkeys(named, 1.0))  # raises for unknown names
@@ -260,6 +256,6 @@ def _check_rate(model: Model, period: float) -> None:
     fastest = float(np.max(abs(modes.imag))) / (2 * np.pi)
     if 2 * fastest * period > 1:
         raise LogError(
-            f"a mode at {fastest:.4g} Hz, of which a log at {1 / period:.4g} Hz shows nothing: log "
-            "faster, begin nearer with --start NAME=VALUE, or use a model with fewer masses"
+            f"a log at {1 / period:.4g} Hz cannot show a mode at {fastest:.4g} Hz: log faster, "
+            "start nearer with --start NAME=VALUE, or use a model with fewer masses"
         )

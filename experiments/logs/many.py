@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from flexaxis.estimators.offline.prediction_error import ROUNDS
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Explained, explain
 from flexaxis.experiments.logs.findings import Finding, LogError
@@ -109,8 +110,8 @@ def identify_many(
             known = [n for n in axis.deviation if n in axis.model.parameters]
             names = free_names(axis, free or known, ())
             log = log_of(record, axis)
-            setup = Setup(log, axis.model, names, delay=axis.delay, highpass=axis.highpass)
-            fitted = setup.solve()
+            setup = Setup(log, axis.model, names, delay=axis.delay)
+            fitted = setup.solve(rounds=ROUNDS)
             sd = deviations_of(setup, fitted)
             values = dict(zip(names, zip(fitted.z, sd, strict=True), strict=False))
             free = free or [n for n, (value, s) in values.items() if s < SEEN * abs(value)]

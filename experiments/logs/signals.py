@@ -14,10 +14,9 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-SIDED = 0.01  # s, averaging time of the speed before its sign is used
 RESTING = 0.05  # of the standard deviation of the speed: below that, an axis rests
 FIRST, CLEAR = 5, 3.0  # samples that give the first speed; factor on their noise
-UNKNOWN, ROOM = 120, 2e7  # largest numbers of unknown states after gaps, and of their derivatives
+UNKNOWN, ROOM = 30, 2e7  # largest numbers of unknown states after gaps, and of their derivatives
 LONGEST = 200_000  # samples of a signal that are examined
 STRAIGHT, LINED = 1e-3, 0.45  # of the usual second difference; share of the samples on lines
 MOST_KNOTS, BENDS = 21, 0.95  # samples between updates; share of changes at the updates
@@ -193,7 +192,7 @@ def log_of(record: Record, axis: Axis) -> Log:
     y = np.asarray(getattr(record, output))
     angle = np.cumsum(y) * record.period if record.angle is None else record.angle
     angle = axis.model.nominal.get("r", 1.0) * angle
-    beside = columns_beside(angle, y, record.period) if axis.beside else {}
+    beside = columns_beside(angle) if axis.beside else {}
     ok = usable(record)
     # apart from the noise
     still = abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
@@ -209,16 +208,13 @@ def log_of(record: Record, axis: Axis) -> Log:
     )
 
 
-def columns_beside(angle: Array, speed: Array, period: float) -> dict[str, Array]:
-    """Return regressors (N,) of torques that act in addition, by the name of their gain.
+def columns_beside(angle: Array) -> dict[str, Array]:
+    """Return regressors (N,) of gravity, by the name of their gain.
 
-    For gravity these are −sin φ and −cos φ, with φ half a sample later; for viscous friction that
-    depends on the direction, −|v|.
+    These are −sin φ and −cos φ, with φ half a sample later.
     """
     half = (angle + np.append(angle[1:], angle[-1])) / 2
-    length = max(round(SIDED / period), 1)
-    mean = np.convolve(np.append(speed[1:], speed[-1]), np.ones(length) / length, "same")
-    return {"g_sin": -np.sin(half), "g_cos": -np.cos(half), "f_sided": -abs(mean)}
+    return {"g_sin": -np.sin(half), "g_cos": -np.cos(half)}
 
 
 def noise_of(y: Array) -> float:

@@ -25,7 +25,7 @@ COHERENT = 0.8  # least coherence of a frequency that is used
 SUREST = 0.95  # above this coherence, model errors exceed the noise
 LATEST = 4.0  # samples, largest delay of the search
 STRONG = 0.01  # of the power of the torque: least power in the band of the excitation
-SPREAD = (0.0, *[0.6] * 7)  # standard deviation of the logarithms of the starts
+SPREAD = (0.0, *[0.6] * 3)  # standard deviation of the logarithms of the starts
 
 
 @dataclass(frozen=True)

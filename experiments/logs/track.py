@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.signal import lfilter
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.offline.colour import colourless
+from flexaxis.estimators.offline.prediction_error import settled
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.trajectory import delayed
 from flexaxis.estimators.protocol import Estimator
@@ -54,7 +56,7 @@ class Tracked:
         Median of the last fifth of the estimates, and nominal values, for comparison.
     usable : ndarray (N,) of bool
     fit : float
-        Fit [%] of a simulation with the last estimates, above the high-pass of the axis if any.
+        Fit [%] of a simulation with the last estimates.
     alarms : ndarray (M,)
         Times [s] of the alarms of the estimator.
     changes : list of Change
@@ -122,22 +124,24 @@ def track(
     axis.check_rate(record.period)
     log, lawful = log_of(record, axis), bool(axis.model.laws)
     torque = delayed(log.u, axis.delay / log.period, smooth=log.smooth) + axis.offset
-    colour = replace(colourless(axis.highpass, log.period), inverse=np.array(axis.whitening))
-    u, y = (torque, log.y) if lawful else (colour.white(torque), colour.white(log.y))
+    whiten = partial(lfilter, axis.whitening, 1.0)
+    u, y = (torque, log.y) if lawful else (whiten(torque), whiten(log.y))
     estimator = _build(spec, axis, identify, start, period=log.period, output=log.output, torque=u)
     names = tuple(estimator.names)
     model = SIGNALS[log.output].predicted(axis.model, log.period).parametrize(names)
     simulated = predict(model, model.theta, torque, period=log.period)[0]
     stopped, quiet = _idle(log.y, simulated, torque, log.period)
     valid = (True if record.valid is None else record.valid) & ~stopped
-    theta, claimed, alarms = run_on(estimator, u, y, valid if lawful else colour.settled(valid))
-    good = colour.settled(log.ok & ~stopped & ~quiet)
+    theta, claimed, alarms = run_on(
+        estimator, u, y, valid if lawful else settled(valid, len(axis.whitening))
+    )
+    good = settled(log.ok & ~stopped & ~quiet, len(axis.whitening))
     last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
 
     def look(theta: Array) -> tuple[Array, Array]:
         simulated, psi = predict(model, theta, torque, period=log.period)
         both = np.vstack([log.y - simulated, psi.T])
-        white = colour.white(colour.bridged(both, log.ok))[:, good]
+        white = whiten(both)[:, good]
         return white[0], white[1:].T
 
     residual, psi = look(last)

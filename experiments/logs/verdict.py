@@ -1,4 +1,4 @@
-"""Whether the numbers of an identification can be used, on its log and another one; what next."""
+"""Whether the estimates can be used, for their log and another one, and what to do if not."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate
 
-from flexaxis.estimators.offline.colour import Colour
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change
-from flexaxis.experiments.logs.findings import Finding, LogError
+from flexaxis.experiments.logs.findings import Finding, Kind, LogError
 from flexaxis.experiments.logs.fit import Answer, Candidate
 from flexaxis.experiments.logs.search import Search
 from flexaxis.experiments.logs.setup import Setup
@@ -22,95 +21,103 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-POOR = 10.0  # points of fit, by which another axis is worse than errors elsewhere leave
-MATCHED = 50.0  # per cent of a fit, where nobody knows how large errors usually are
+POOR = 10.0  # points of fit below the expected one, from which on it is another axis
+MATCHED = 50.0  # least fit of a right model [%]
 LAGS = 20
-BLIND = 0.5  # relative standard deviation from which on a parameter counts as not seen
-APART = 0.99  # negative correlation from which on two count as not told apart
-EARLY = 3.0  # standard deviations beyond the least delay that is possible
+BLIND = 0.5  # relative standard deviation from which on a log does not determine a parameter
+APART = 0.99  # negative correlation from which on a log shows only the sum of two parameters
+EARLY = 3.0  # standard deviations beyond the least possible delay
 HALF = 0.5  # samples: least delay of a measured torque, the mean over the sample before
 FILTERED = 0.5  # samples of delay, from which on a speed may be filtered
-NOISY = 1.2  # times the noise of the motion, that a simulation leaves of a coarse encoder
-HIDDEN = 30.0  # % of a fit, below which noise of the sensor, which is not white, decides
-MISSING = 0.07  # of the samples, from which on what acted in many gaps is too much
+NOISY = 1.2  # error of a simulation over the noise of the motion, up to which noise explains it
+HIDDEN = 30.0  # fit below which sensor steps or noise hide the motion [%]
+MISSING = 0.07  # share of the samples that may be missing in many gaps
 SMOOTHER = {"two_mass": "one_mass", "three_mass": "two_mass"}
 
 
 def judged(
     search: Search, best: Candidate, chosen: Answer, fit: float, changes: Sequence[Change]
 ) -> list[Finding]:
-    """Return the findings on an identification, a sentence each.
+    """Return the findings on an identification, one sentence each.
 
     Parameters
     ----------
     search : Search
-        With what was compared.
     best : Candidate
+        The best model of the search.
     chosen : Answer
-        The fit that is believed.
+        Its fit to the whole log.
     fit : float
-        Of a simulation of what was held out [%].
+        Of a simulation of the held-out pieces [%].
     changes : sequence of Change
         Of parameters within the log.
     """
     setup, fitted, log = chosen.setup, chosen.fitted, chosen.setup.log
     noise = max(noise_of(fitted.residual[log.ok]), log.rounding)
     wrong = fit < MATCHED and best.error > NOISY * noise
-    dry = next((one for one in search.tried if one.name == "dry friction"), None)
-    rubs = search.friction == "none" and dry is not None and dry.taken
-    missing, gaps = float(1 - np.mean(log.ok)), np.count_nonzero(np.diff(log.ok.astype(int)) < 0)
+    rubs = search.friction == "none" and ("dry friction", True) in {
+        (one.name, one.taken) for one in search.tried
+    }
+    missing, gaps = float(1 - np.mean(log.ok)), int(np.sum(np.diff(log.ok.astype(int)) < 0))
     counted = float(np.mean(fitted.good)) / max(1 - missing, 1e-9)
-    # behind the longest gaps the state is estimated; in all others the torque is a line
-    lost = (missing > MISSING and gaps > len(setup.begins)) or counted < HALF
-    problems = {
-        f"a simulation explains {fit:.0f} % of pieces that it was not fitted to: the model does "
-        "not describe this motion (play, a brake or a wrong column would do that); try another "
-        "--model, or --highpass HZ below the excitation, or begin nearer with --start "
-        "NAME=VALUE": wrong,
-        f"steps of the sensor or noise hide the motion, of which {fit:.0f} % are explained: bring "
-        f"the log to a lower rate, such as --resample {0.2 / log.period:.3g}, or excite "
-        "more": fit < HIDDEN and not wrong,
-        "the fit did not converge; use --start NAME=VALUE from these estimates, or fix with --fix "
-        "NAME=VALUE what is known least": not fitted.converged,
-        "dry friction would lower the error of a simulation, and a linear model takes it for "
-        "viscous friction; use --friction auto": rubs,
-        f"{100 * missing:.0f} % of the samples are missing, in {gaps} gaps: what acted there is "
-        "not known, and estimates are off; log without loss, or use a part with --rows A:B": lost,
-    }
-    notes = {
-        "the motion drifts below the excitation in a way that the torque does not explain: "
-        f"residuals below {setup.highpass or 0:g} Hz were left out, as with --highpass "
-        f"{setup.highpass or 0:g}": setup.highpass is not None and search.setup.highpass is None,
-        "more than noise is left: something acts that the model has not. Deviations hold the "
-        "difference of two fits": best.lacks,
-    }
+    # after the longest gaps the state is estimated; in all others the torque is interpolated
+    lost = (missing > MISSING and gaps > len(setup.begins)) or counted < 0.5
+    lag, sd, period = float(fitted.z[-1]), float(chosen.deviations[-1]), log.period
+    free, least = setup.delay is None, HALF * log.smooth
     compared = "; ".join(
         f"{one.name} {'taken' if one.taken else 'not taken'} ({one.before:.4g} → {one.after:.4g})"
         for one in search.tried
     )
-    text = f"compared by the error of a simulation of held-out pieces: {compared}"
-    return [
-        *(Finding("problem", text) for text, holds in problems.items() if holds),
-        *_changes(chosen, changes),
+    rows: list[tuple[Kind, bool, str]] = [
+        ("problem", wrong,
+         f"a simulation explains {fit:.0f} % of pieces that it was not fitted to, so the model "
+         "does not describe this motion (backlash, a brake or a wrong column could be the reason); "
+         "try another --model, or start nearer with --start NAME=VALUE"),
+        ("problem", fit < HIDDEN and not wrong,
+         f"steps of the sensor or noise hide the motion: a simulation explains {fit:.0f} %; lower "
+         f"the rate, for example with --resample {0.2 / period:.3g}, or excite more"),
+        ("problem", not fitted.converged,
+         "the fit did not converge; start from these estimates with --start NAME=VALUE, or fix "
+         "the least certain parameter with --fix NAME=VALUE"),
+        ("problem", rubs,
+         "with dry friction the simulation would be better, and a linear model takes dry friction "
+         "for viscous friction; use --friction auto"),
+        ("problem", lost,
+         f"{100 * missing:.0f} % of the samples are missing, in {gaps} gaps, so the torque in them "
+         "is not known and the estimates are off; log without loss, or use a part with --rows A:B"),
+        *(("problem", True, _change(one, period)) for one in changes[:1]),
         *_unseen(search, chosen),
-        *_late(best, chosen),
-        *(Finding("note", text) for text, holds in notes.items() if holds),
-        *([Finding("info", text)] if compared else []),
-    ]
+        ("problem", free and lag >= max(setup.latest * (1 - 1e-9), EARLY * sd),
+         f"the torque acts at least {1e3 * lag:.3g} ms after it is logged, so the columns of "
+         "torque and motion are shifted; shift one, or give --delay S"),
+        ("problem" if log.smooth else "note", free and lag < -least * period - EARLY * sd,
+         f"the torque acts {-lag / period:.2f} samples before it is logged, which is impossible: "
+         "its column is late or filtered. These estimates hold for the shifted column; shift it by "
+         "whole samples, or log the torque before its filter"),
+        ("problem",
+         free and log.output == "speed" and best.lacks and lag > FILTERED * period,
+         f"the speed is behind a low-pass of about {1e3 * lag:.1g} ms, or has another lag that a "
+         "delay does not explain, so inertias and springs are off by some per cent; log the angle, "
+         "or the speed before its filter"),
+        ("note", best.lacks,
+         "the simulation leaves more than noise: something acts that the model lacks"),
+        ("info", bool(compared),
+         f"compared by the error of a simulation of held-out pieces: {compared}"),
+    ]  # fmt: skip
+    return [Finding(kind, text) for kind, holds, text in rows if holds]
 
 
-def _changes(chosen: Answer, changes: Sequence[Change]) -> Iterator[Finding]:
-    for one in changes[:1]:
-        k = round(one.time / chosen.setup.log.period)
-        part = f"one part, with --rows 0:{k} or --rows {k}:"
-        if one.kind == "drift":
-            part = "a shorter part, with --rows A:B, as the value is a mean over the log"
-        text = f"{one.text}: identify {part}, and follow it with flexaxis track"
-        yield Finding("problem", text)
+def _change(one: Change, period: float) -> str:
+    """Return what to do about a change within the log."""
+    k = round(one.time / period)
+    part = f"one part, with --rows 0:{k} or --rows {k}:"
+    if one.kind == "drift":
+        part = "a shorter part, with --rows A:B, as the estimate is a mean over the log"
+    return f"{one.text}: identify {part}, and follow it with flexaxis track"
 
 
-def _unseen(search: Search, chosen: Answer) -> Iterator[Finding]:
-    """Yield in a sentence each what the log does not determine, and what to do about it."""
+def _unseen(search: Search, chosen: Answer) -> Iterator[tuple[Kind, bool, str]]:
+    """Yield what the log does not determine, and what to do about it."""
     setup, names = chosen.setup, chosen.setup.names
     shapes = setup.model.law_parameters - {"f_c"}
     ends = set(chosen.stuck) - shapes
@@ -126,67 +133,39 @@ def _unseen(search: Search, chosen: Answer) -> Iterator[Finding]:
             f"the log determines none of {', '.join(names)}: the excitation is too small or too "
             f"slow for this model; try --model {smaller}"
         )
-        yield Finding("problem", text)
+        yield "problem", True, text
         return
     for name in unseen:
         known = "it may be 0" if wide[name] >= 1 else f"it is known to ±{100 * wide[name]:.0f} %"
-        known = "it is at the bound of the search" if name in ends else known
-        remedy = f"fix it with --fix {name}=VALUE, or excite what it acts on"
+        known = "it is at a bound of the search" if name in ends else known
+        remedy = f"fix it with --fix {name}=VALUE, or excite more where it acts"
         if name == "f_c":
             remedy = "use --friction none, or a longer log with slow and fast motion"
         elif other := _summed(chosen, name):
-            remedy = f"only {name} + {other} is seen: give --fix {name}=0, and read {other} so"
+            remedy = f"only {name} + {other} is seen: give --fix {name}=0, and take {other} as it"
         grave = bool(ends) or 2 * len(unseen) > len(names)
         text = f"the log does not determine {name}: {known}; {remedy}"
-        yield Finding("problem" if grave else "note", text)
+        yield "problem" if grave else "note", True, text
 
 
 def _summed(chosen: Answer, name: str) -> str:
-    """Return of which other parameter a log tells the sum with one only; empty if of none.
+    """Return the parameter of which the log shows only the sum with another one; empty if none.
 
-    There the one goes up as the other goes down, by as much; there is no axis without a mass.
+    One rises by as much as the other falls. A mass or a spring cannot be 0.
     """
-    names, covariance, nonzero = chosen.setup.names, chosen.fitted.covariance, "Jk"
+    names, covariance = chosen.setup.names, chosen.fitted.covariance
     i = names.index(name)
     for j, other in enumerate(names):
         variance, both = covariance[i, i], covariance[i, j]
         opposite = both < -APART * np.sqrt(variance * covariance[j, j])
-        if name[0] not in nonzero and opposite and abs(both / variance + 1) < 1 - APART:
+        if name[0] not in "Jk" and opposite and abs(both / variance + 1) < 1 - APART:
             return other
     return ""
 
 
-def _late(best: Candidate, chosen: Answer) -> Iterator[Finding]:
-    """Yield what a delay at the end of what is possible means, and one beyond it."""
-    setup, lag, sd = chosen.setup, float(chosen.fitted.z[-1]), float(chosen.deviations[-1])
-    period, least = setup.log.period, HALF if setup.log.smooth else 0.0
-    if setup.delay is not None:
-        return
-    if lag >= max(setup.latest * (1 - 1e-9), EARLY * sd):
-        yield Finding(
-            "problem",
-            f"the torque acts {1e3 * lag:.3g} ms late or more: the columns of torque and motion "
-            "are shifted; shift one, or give --delay S",
-        )
-    if lag < -least * period - EARLY * sd:
-        yield Finding(
-            "problem" if setup.log.smooth else "note",
-            f"the torque acts {-lag / period:.2f} samples before it is logged, which is not "
-            "possible: its column is late, or filtered; shift it by whole samples, or log the "
-            "torque before its filter. The numbers here hold for the shifted column",
-        )
-    if setup.log.output == "speed" and best.lacks and lag > FILTERED * period:
-        yield Finding(
-            "problem",
-            f"the speed is behind a low-pass of about {1e3 * lag:.1g} ms, or late in another way "
-            "that no delay explains; inertias and springs are off by some per cent: log the angle, "
-            "or the speed before its filter",
-        )
-
-
 @dataclass(frozen=True)
 class Fit:
-    """How well a simulation from the torque alone does, above the corner of the axis.
+    """How well a simulation from the torque alone does.
 
     Attributes
     ----------
@@ -201,37 +180,32 @@ class Fit:
     size: float
 
     def unlike(self, usual: float | None) -> str:
-        """Return in a sentence that this is not the axis whose errors are usually as large.
+        """Return that this is another axis than the one with that error, in words; empty if not.
 
-        A log with less motion has a poorer fit by the same errors.
+        For the same error, the fit is poorer if a log has less motion.
         """
         expected = MATCHED + POOR if usual is None else 100 * (1 - usual / self.size)
         if self.percent > 0 and (self.percent >= expected - POOR or self.error <= (usual or 0.0)):
             return ""
-        told = "" if usual is None else f", and its errors elsewhere would leave {expected:.1f} %"
+        told = "" if usual is None else f", where its usual error would leave {expected:.1f} %"
         return (
-            f"a simulation from the torque fits by {self.percent:.1f} % only{told}: it is another "
-            "axis, another motion, or torque or angle are in another unit or of another sign; "
-            "compare units and scales with the first log, or identify again"
+            f"a simulation from the torque fits by only {self.percent:.1f} %{told}: this is "
+            "another axis or another motion, or torque or angle has another unit or sign; compare "
+            "units and scales with the first log, or identify again"
         )
 
 
-def fit_of(y: Array, residual: Array, ok: Flags, colour: Colour) -> Fit:
+def fit_of(y: Array, residual: Array, ok: Flags) -> Fit:
     """Return how well a simulation does.
 
     Parameters
     ----------
     y, residual : ndarray (N,)
-        Measured output, and what the simulation leaves of it.
+        Measured output, and its difference from the simulation.
     ok : ndarray (N,) of bool
-        What counts.
-    colour : Colour
-        Of which the high-pass counts.
+        Samples that count.
     """
-    high, counted = colour.high, ok.copy()
-    counted[: colour.skip] = False
-    size = float(np.std(high(y)[counted]))
-    error = float(np.std(high(colour.bridged(residual, ok))[counted]))
+    size, error = float(np.std(y[ok])), float(np.std(residual[ok]))
     return Fit(100 * (1 - error / max(size, 1e-300)), error, size)
 
 
@@ -245,7 +219,7 @@ def correlation(white: Array) -> float:
 
 @dataclass(frozen=True)
 class Validation:
-    """What an axis says of another log.
+    """The simulation of another log by an axis.
 
     Attributes
     ----------
@@ -253,7 +227,7 @@ class Validation:
         [s], and the output [rad/s]: as logged, and simulated from the torque alone.
     fit : Fit
     unlike : str
-        What speaks against the axis; empty if nothing does.
+        Why it is another axis, in words; empty if it is not.
     """
 
     time: Array
@@ -264,7 +238,7 @@ class Validation:
 
 
 def validate(record: Record, axis: Axis) -> Validation:
-    """Simulate a record, with nothing fitted to it but the state that it begins in.
+    """Simulate a record; only the state in which it begins is fitted to it.
 
     Parameters
     ----------
@@ -274,13 +248,13 @@ def validate(record: Record, axis: Axis) -> Validation:
     Raises
     ------
     LogError
-        If the log has another rate than the one that the axis was identified at.
+        If the log has another rate than that of the identification.
     """
     axis.check_rate(record.period)
     log, names = log_of(record, axis), tuple(axis.model.parameters[:1])
-    setup = Setup(log, axis.model, names, delay=axis.delay, highpass=axis.highpass)
+    setup = Setup(log, axis.model, names, delay=axis.delay)
     fitted = setup.begun(axis.offset, axis.delay)
     if not np.isfinite(fitted.residual).all():
         raise LogError("the axis cannot be simulated over this log: is it the same axis?")
-    fit = fit_of(log.y, fitted.residual, setup.counted, fitted.colour)
+    fit = fit_of(log.y, fitted.residual, setup.ok)
     return Validation(record.time, log.y, log.y - fitted.residual, fit, fit.unlike(axis.usual))

@@ -10,7 +10,8 @@ from scipy.linalg import expm
 from flexaxis.estimators.models.axes import BRISTLES, STATIC, one_mass, two_mass
 from flexaxis.estimators.offline.coulomb import is_dry
 from flexaxis.estimators.offline.predictor import predict
-from flexaxis.estimators.offline.trajectory import delayed, trajectory
+from flexaxis.estimators.offline.trajectory import Trajectory, delayed
+from flexaxis.estimators.signals import SIGNALS
 
 PERIOD, LATE = 0.002, 0.3
 HARD = replace(BRISTLES, parameters={"coulomb": "f_c", "stiffness": 1e6})
@@ -31,8 +32,8 @@ def axis(which, output="speed", samples=500, **options):
     t = PERIOD * np.arange(samples)
     u = size * (np.sin(2 * np.pi * 8 * t) + np.sin(2 * np.pi * 13.7 * t + 1))
     names = tuple(name for name in model.parameters if name != "k_T")
-    options = {"resting": False} | options
-    result = trajectory(model, names, u, period=PERIOD, output=output, **options)
+    model = SIGNALS[output].predicted(model, PERIOD).parametrize(names)
+    result = Trajectory(model, u, PERIOD, **options)
     states = 1e-3 * (1 + np.arange(result.q - len(names) - 2))
     return result, np.r_[result.model.theta, states, 0.01, LATE * PERIOD]
 
@@ -78,8 +79,8 @@ def test_derivatives_are_those_of_central_differences(which, output):
 def test_what_friction_holds_does_not_move():
     model, _ = AXES["one mass"]
     u = np.r_[0.09 * np.ones(50), 0.2 * np.ones(50)]
-    along = trajectory(model, ("J_m", "f_m", "f_c"), u, period=PERIOD)
-    y, slopes = along.along(np.r_[1e-3, 5e-3, 0.1, 0.0, 0.0])
+    along = Trajectory(model.parametrize(("J_m", "f_m", "f_c")), u, PERIOD)
+    y, slopes = along.along(np.r_[1e-3, 5e-3, 0.1, np.zeros(along.q - 3)])
     assert np.all(y[:51] == 0) and np.all(slopes[:, :51] == 0)
     # from then on f_c and the torque act as one
     expected = 0.1 / 5e-3 * (1 - np.exp(-5 * PERIOD * np.arange(1, 50)))
@@ -99,12 +100,12 @@ def test_what_is_dry():
 
 
 def test_without_anything_open_it_is_the_predictor():
-    along, z = axis("linear", resting=True)
-    z[-2:] = 0.0
+    along, z = axis("linear")
+    z[along.p :] = 0.0
     y, slopes = along.along(z)
     expected, psi = predict(along.model, along.model.theta, along.u, period=PERIOD)
     np.testing.assert_allclose(y, expected, rtol=0, atol=1e-10 * abs(expected).max())
-    assert np.all(np.abs(slopes[:-2].T - psi) < 1e-5 * abs(psi).max(axis=0))
+    assert np.all(np.abs(slopes[: along.p].T - psi) < 1e-5 * abs(psi).max(axis=0))
 
 
 @pytest.mark.parametrize("which", ["two masses", "linear", "static"])

@@ -28,6 +28,7 @@ VALUES = {
         "d_g": 26.0, "d_a": 1.6, "f_m": 0.05, "f_g": 0.5, "f_a": 0.1, "r": 1 / 118,
     },
 }  # fmt: skip
+NAMES = {1: "one_mass", 2: "two_mass", 3: "three_mass"}
 STEPS = 40  # of a sample
 
 

@@ -57,5 +57,5 @@ def test_a_mode_beyond_the_rate_is_refused():
     model = find_axis("two_mass").having(TWO).model
     _check_rate(model, T)
     stiff = find_axis("two_mass").having(TWO | {"k": 300.0 * 400}).model
-    with pytest.raises(LogError, match=r"a mode at .* Hz.*--start"):
+    with pytest.raises(LogError, match=r"cannot show a mode at .*--start"):
         _check_rate(stiff, T)

@@ -13,6 +13,7 @@ from flexaxis.experiments.logs.findings import LogError
 from flexaxis.experiments.logs.identify import identify
 from flexaxis.experiments.logs.importing import import_log
 
+pytestmark = pytest.mark.slow
 TRUTH = {"J_m": 3e-3, "J_l": 8e-3, "k": 150.0, "d": 0.03, "f_m": 0.02, "f_l": 0.01}
 T, N = 2e-3, 6000
 
@@ -66,7 +67,7 @@ def log():
     return plant()
 
 
-@pytest.mark.parametrize("scale", [pytest.param(1e-6, marks=pytest.mark.slow), 1e4])
+@pytest.mark.parametrize("scale", [1e-6, 1e4])
 def test_axes_of_any_size_need_no_start(scale, tmp_path):
     """A galvanometer, and a joint seen from the arm."""
     u, speed, _ = plant(scale)
@@ -101,8 +102,7 @@ def test_coarse_stamps_are_those_of_an_even_sampling(log, tmp_path):
     right(found(tmp_path, columns_of(u, speed, time=tick * np.floor(T * np.arange(N) / tick))))
 
 
-@pytest.mark.parametrize("lost", [pytest.param("every 10th", marks=pytest.mark.slow),
-                                  pytest.param(0.2, marks=pytest.mark.slow), 0.01])  # fmt: skip
+@pytest.mark.parametrize("lost", ["every 10th", 0.2, 0.01])
 def test_lost_rows_do_not_crash_and_give_no_wrong_number(lost, log, tmp_path):
     kept = np.arange(N) % 10 != 9
     if isinstance(lost, float):

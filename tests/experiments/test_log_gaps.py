@@ -36,6 +36,7 @@ def of_gaps(scenario, number, path, seed=0):
     return import_log(path, torque_is="held", burn_in=0.0).record
 
 
+@pytest.mark.slow
 def test_parameters_are_those_of_a_log_without(scenario, truth, tmp_path):
     """The speed is off by 3 rad/s behind a gap where the torque in it is a line."""
     record = of_gaps(scenario, 4, tmp_path / "log.csv")

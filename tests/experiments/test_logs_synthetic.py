@@ -7,7 +7,7 @@ import pytest
 from acceptance.axes import held
 from scipy.signal import lfilter
 
-from flexaxis.estimators.offline.colour import noise_model
+from flexaxis.estimators.offline.prediction_error import noise_model
 from flexaxis.estimators.offline.trajectory import delayed
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.importing import import_log

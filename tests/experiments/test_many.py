@@ -43,6 +43,7 @@ def days(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_change_and_a_covariate_are_found(days, capsys):
     names = [path.name for path in find_logs(days)]
     assert names == [f"log_{day}.csv" for day in range(1, 31)]
