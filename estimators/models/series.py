@@ -147,6 +147,7 @@ def _tables(model: Parametrization, length: float) -> tuple[NDArray, NDArray]:
     entries, slopes = np.zeros(len(keys), ENTRY), np.zeros(len(entry), SLOPE)
     entries["column"], entries["row"] = keys[:, 1:3].T
     entries["coefficient"] = np.bincount(which.ravel(), model.coefficient * scale)
+    entries["value"] = entries["coefficient"]
     entries["first"], entries["last"] = (
         np.searchsorted(entry, np.arange(len(keys)), side) for side in ("left", "right")
     )
@@ -156,8 +157,10 @@ def _tables(model: Parametrization, length: float) -> tuple[NDArray, NDArray]:
 
 @fused
 def evaluate(entries, slopes, theta):
-    """Write the terms at θ and their slopes, eq. (17)–(19)."""
+    """Write the terms that depend on θ, and their slopes, eq. (17)–(19)."""
     for k in range(len(entries)):
+        if entries[k]["first"] == entries[k]["last"]:
+            continue
         value = entries[k]["coefficient"]
         for s in range(entries[k]["first"], entries[k]["last"]):
             x, power = theta[slopes[s]["theta"]], slopes[s]["power"]
