@@ -16,11 +16,11 @@ from flexaxis.estimators.filters.design import (
     forgetting_factor,
     make_design,
 )
+from flexaxis.estimators.knob import at_equal_noise
 from flexaxis.estimators.models.axes import PAPER, three_mass
 from flexaxis.estimators.models.meaning import moving_poles
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.signals import find_signal
-from flexaxis.estimators.tuned import at_equal_noise
 
 SHORT = 0.1  # of the slowest time constant, below which a memory is too short: with 1 s and an axis
 # that coasts for 13.5 s estimates run away, with one of 4 s they do not

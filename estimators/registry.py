@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.estimators import methods
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.knob import Knob, make_knob
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.knob import Knob, at_equal_noise, make_knob
 from flexaxis.estimators.problem import Problem
-from flexaxis.estimators.tuned import at_equal_noise
 
 if TYPE_CHECKING:
     from flexaxis.estimators.protocol import Estimator
@@ -97,9 +95,6 @@ class Entry:
     def turning(self) -> Knob | None:
         """Its knob, at the tuned setting."""
         return make_knob(self.knob, self.options) if self.knob else None
-
-
-DEFAULT_IDENTIFY = PAPER
 
 
 class _Unknown(EstimatorError, KeyError):

@@ -205,21 +205,20 @@ class Model:
         if not physical:
             raise EstimatorError("identify is empty; name at least one parameter")
         sign = np.array([-1 if name.startswith("1/") else 1 for name in identify])
-        rows, columns, coefficients, exponents = [], [], [], []
+        terms = []
         for row, column, (coefficient, powers) in self.monomials():
             fixed = [self.nominal[k] ** float(e) for k, e in powers.items() if k not in physical]
-            rows.append(row)
-            columns.append(column)
-            coefficients.append(coefficient * float(np.prod(fixed)))
-            exponents.append([powers.get(name, 0) for name in physical] * sign)
+            exponent = [powers.get(name, 0) for name in physical]
+            terms.append((row, column, coefficient * float(np.prod(fixed)), exponent))
+        rows, columns, coefficients, exponents = map(np.array, zip(*terms, strict=True))
         return Parametrization(
             names=tuple(identify),
             theta=np.array([self.nominal[k] for k in physical], float) ** sign,
             n=len(self.states) + self._remembering + len(self.laws),
-            row=np.array(rows),
-            column=np.array(columns),
-            coefficient=np.array(coefficients),
-            exponent=np.array(exponents),
+            row=rows,
+            column=columns,
+            coefficient=coefficients,
+            exponent=exponents * sign,
             reset=tuple(list(self.states).index(state) for state in self.reset),
             laws=acting(self.laws, self.states, self.nominal, identify),
             additive=tuple(name in self.law_parameters for name in identify),

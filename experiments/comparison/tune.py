@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flexaxis.estimators.knob import Knob
+from flexaxis.estimators.knob import Knob, Tuning
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.estimators.tuned import Tuning
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.comparison.ranking import REFERENCE
 from flexaxis.experiments.comparison.sweep import Run, Runs, Setting, knob_of, reference

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
-from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.running.estimators import make_estimator, parse
 from flexaxis.experiments.scoring.parameter_names import physical
 from flexaxis.sim.errors import FlexaxisError
@@ -18,7 +19,7 @@ from flexaxis.sim.timing import PERIOD, sample_index
 
 Array = NDArray[np.float64]
 
-NAMES = tuple(DEFAULT_IDENTIFY)
+NAMES = PAPER
 SHOWN = (*NAMES, "f_c")
 """Parameters on the page; f_c is shown only for estimators that track dry friction."""
 HYPOTHESES = (*SHOWN, "another")

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from engine_cases import runner_here
 
+from flexaxis.estimators.knob import at_equal_noise, tunings
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.estimators.tuned import at_equal_noise, tunings
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.comparison.sweep import TURNS, with_knob
 from flexaxis.experiments.comparison.tune import (

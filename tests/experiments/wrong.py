@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
+from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.registry import REGISTRY
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ class Honest:
         nominal: Mapping[str, float],
         period: float,
         *,
-        identify: Sequence[str] = DEFAULT_IDENTIFY,
+        identify: Sequence[str] = PAPER,
         output: str = "speed",
         torque: Array | None = None,
     ) -> None:
