@@ -137,14 +137,22 @@ class Answer:
 def answer(best: Candidate) -> Answer:
     """Return the fit to the whole log, in whitened errors unless the model lacks something.
 
-    If it does, deviations include half of a step towards the fit in whitened errors.
+    If it does, deviations include half of a step towards the fit in whitened errors. That fit is
+    the answer where the other one ends at a bound.
     """
-    fitted = best.setup.solve(best.fitted.z, rounds=0 if best.lacks else ROUNDS)
-    deviations = deviations_of(best.setup, fitted)
-    if best.lacks:
-        whitened = replace(fitted, inverse=fitted.problem.noise(fitted.residual))
-        deviations = np.hypot(deviations, whitened.step() / 2)
-    return Answer(best.setup, fitted, deviations)
+    result = _answer(best, 0 if best.lacks else ROUNDS)
+    if not best.lacks:
+        return result
+    if result.stuck:
+        return _answer(best, ROUNDS)
+    fitted = result.fitted
+    whitened = replace(fitted, inverse=fitted.problem.noise(fitted.residual))
+    return replace(result, deviations=np.hypot(result.deviations, whitened.step() / 2))
+
+
+def _answer(best: Candidate, rounds: int) -> Answer:
+    fitted = best.setup.solve(best.fitted.z, rounds=rounds)
+    return Answer(best.setup, fitted, deviations_of(best.setup, fitted))
 
 
 def deviations_of(setup: Setup, fitted: Fitted) -> Array:
