@@ -19,8 +19,7 @@ ADVICE = "if that is meant: python tests/golden/make.py scores"
 OLD = contents.golden_rows()
 
 
-# Linear, and with friction; of the others one takes half a minute to compile.
-QUICK = ("fm_step-v1", "coulomb_fm_step-v1")
+QUICK = ("fm_step-v1",)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ def coverage(interval, draws, wanted):
     return inside / len(draws)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [8, 16])
 @pytest.mark.parametrize("kind", ["normal", "lognormal"])
 def test_the_interval_of_a_mean_covers_the_mean(kind, n):
@@ -36,7 +37,8 @@ def test_the_interval_of_a_mean_covers_the_mean(kind, n):
     assert ALLOWED[0] <= coverage(mean_interval, draws, wanted) <= ALLOWED[1]
 
 
-@pytest.mark.parametrize("n", [8, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [8, 16])
 @pytest.mark.parametrize(
     ("slow", "quick", "scale"),
     [(1.0, 0.01, 0.0), (1.0, 1.0, 0.0), (0.5, 1.0, 0.0), (0.0, 1.0, 0.2), (0.0, 1.0, 0.5)],

@@ -114,6 +114,7 @@ def test_q_is_of_the_linear_parameters_of_identify():
     assert np.diag(M)[:3] == pytest.approx(np.diag(information(made(DRY))), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_level_of_friction_near_zero_loses_no_run_and_one_far_above_does():
     asked, besides = made(ASKED), made(DRY)
     names = (*LINEAR, "f_c")

@@ -40,7 +40,8 @@ def test_the_whole_set_is_compared_not_only_the_second():
     assert leaders(lags) == ["a", "c"]  # c is behind b, but cannot be told from a
 
 
-@pytest.mark.parametrize("number", [2, 5, pytest.param(17, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [2, 17])
 def test_the_best_is_wrongly_told_from_its_equals_in_one_of_twenty_at_most(number):
     """Estimators that are all alike: the best of them is the best by luck."""
     rng, wrong, draws = np.random.default_rng(number), 0, 1000
