@@ -296,6 +296,12 @@ def limits_of(track: Track, i: int) -> Limits:
     return all_limits[asked.index(track.names[i])]
 
 
+def limit_of(name: str, track: Track, i: int) -> float | None:
+    """Return one of the limits of one estimated parameter."""
+    limit: float | None = getattr(limits_of(track, i), name)
+    return limit
+
+
 def score_of(track: Track, i: int) -> float | None:
     """Return the score of the lag, from 0 for an estimator that never moves to 100 at the bound."""
     return score(lag_of(track, i), limits_of(track, i))

@@ -6,6 +6,7 @@ entry.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 from flexaxis.experiments.scoring import (
@@ -80,6 +81,16 @@ class Score:
         """Whether `compare` can use the score: a number for which less is better, or a guard."""
         return self.guard or (self.better == "less" and self.kind == "number")
 
+
+LIMITS = {
+    "lag_null": "Lag of an estimator that never moves.",
+    "lag_bound": "Lag at the Cramér–Rao bound, for an estimator that knows the time and the state "
+    "at the jump, but not the estimated parameters (nor dry friction) after the jump.",
+    "lag_bound_single": "Lag at the Cramér–Rao bound, for an estimator that also knows which "
+    "parameter changed and the values of all others.",
+    "lag_bound_learnt": "Lag at the Cramér–Rao bound, for an estimator that must also learn, "
+    "before the fault, every parameter that it is not told.",
+}
 
 SCORES: Mapping[str, Score] = {
     score.name: score
@@ -218,36 +229,9 @@ SCORES: Mapping[str, Score] = {
             short="open",
             kind="truth",
         ),
-        Score(
-            "lag_null",
-            lambda track, i: bounds.limits_of(track, i).lag_null,
-            "Lag of an estimator that never moves.",
-            unit="s",
-            pool=pooling.mean,
-        ),
-        Score(
-            "lag_bound",
-            lambda track, i: bounds.limits_of(track, i).lag_bound,
-            "Lag at the Cramér–Rao bound, for an estimator that knows the time and the state at "
-            "the jump, but not the estimated parameters (nor dry friction) after the jump.",
-            unit="s",
-            pool=pooling.mean,
-        ),
-        Score(
-            "lag_bound_single",
-            lambda track, i: bounds.limits_of(track, i).lag_bound_single,
-            "Lag at the Cramér–Rao bound, for an estimator that also knows which parameter changed "
-            "and the values of all others.",
-            unit="s",
-            pool=pooling.mean,
-        ),
-        Score(
-            "lag_bound_learnt",
-            lambda track, i: bounds.limits_of(track, i).lag_bound_learnt,
-            "Lag at that bound if the estimator has to learn, before the fault, every parameter "
-            "that it is not told.",
-            unit="s",
-            pool=pooling.mean,
+        *(
+            Score(name, partial(bounds.limit_of, name), words, unit="s", pool=pooling.mean)
+            for name, words in LIMITS.items()
         ),
         Score(
             "score",

@@ -60,27 +60,6 @@ def run(capsys, *words):
     return status, out, err
 
 
-@pytest.mark.slow
-def test_identify_then_track_finds_the_truth(columns, tmp_path, capsys):
-    log = write_csv(tmp_path / "log.csv", columns, ";")
-    rec, axis = tmp_path / "rec.nc", tmp_path / "axis.toml"
-    words = ["--time", "t", "--torque", "u", "--angle", "phi"]
-    assert run(capsys, "import", log, *words, "-o", rec)[0] == 0
-    status, out, err = run(capsys, "identify", rec, "--model", "two_mass", "-o", axis, "--json")
-    assert status == 0, err
-    told = json.loads(out)
-    for name, value in TRUTH.items():
-        found = told["estimates"][name]
-        # four standard deviations; .2 % for the delay-free sampling of the increments
-        assert abs(found["value"] - value) < 4 * found["sd"] + 2e-3 * value, name
-    assert abs(told["estimates"]["delay"]["value"]) < 0.02 * T and told["fit"] > 95
-    words = ["--identify", "k_T,1/J_l,k", "--start", "1.2", "--json"]
-    status, out, _ = run(capsys, "track", rec, "--model", axis, *words)
-    told = json.loads(out)
-    assert status == 0 and told["changes"] == []
-    assert told["last"]["1/J_l"] == pytest.approx(1 / TRUTH["J_l"], rel=0.01)
-
-
 def test_a_change_of_the_torque_constant_is_named(tmp_path, capsys):
     u, phi = bench(change=0.9)
     log = write_csv(
