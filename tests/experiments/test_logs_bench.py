@@ -5,7 +5,6 @@ import os
 from hashlib import sha256
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
