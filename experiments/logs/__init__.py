@@ -1,7 +1,7 @@
 """Logs of a real axis: read, import, check, identify, track.
 
-`read` opens a format, `mapping` picks the signals, `prepare` makes an even grid and `importing` a
-record, with the findings of `checks`. `search` and `fit` identify an axis, `verdict` says whether
-its numbers can be used; `track` follows parameters along a log, `many` over logs, and
-`changes` finds when they changed. `pages` shows it.
+`read` opens a file, `mapping` selects the signals, `importing` makes a record on an even grid, and
+`checks` examines the log. `search` and `fit` identify an axis, and `verdict` decides whether the
+estimates can be used. `track` tracks parameters along one log, `many` compares many logs, and
+`changes` finds when parameters changed. `pages` writes an HTML page of each result.
 """

@@ -1,4 +1,4 @@
-"""An axis as a file: model, nominal values, delay and noise filter; what identify writes."""
+"""The file of an axis, which `identify` writes: model, nominal values, delay and noise filter."""
 
 from __future__ import annotations
 
@@ -24,38 +24,39 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 
 _MODEL = ("model", "name", "states", "A", "B", "C")
-SAME_RATE = 0.01  # relative difference up to which a filter of the noise is the same one
+SAME_RATE = 0.01  # largest relative difference of sampling rates at which a noise filter is valid
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A model with what is known about the axis and its log.
+    """A model, and further properties of the axis and of the log that identified it.
 
     Attributes
     ----------
     model : Model
-        With its nominal values.
+        Model with its nominal values.
     tables : dict
-        How the model is written in a file, without the nominal values.
+        Tables of the TOML file that define the model, without its nominal values.
     known : bool
-        Whether somebody gave the nominal values; if not, they are a rough guess of their size.
+        Whether the nominal values are given or identified; if not, they are a rough guess.
     delay : float
-        By which the torque acts late [s].
+        Delay of the torque [s].
     whitening : tuple of float
-        Coefficients of the filter that makes the residuals white; (1,) for none.
+        Coefficients of the filter that makes the residuals white; (1,) without a filter.
     noise : float or None
         Standard deviation of the whitened residuals [rad/s], if known.
     error : float or None
-        Standard deviation of what a simulation left of pieces that it was not fitted to [rad/s].
+        Standard deviation of the error of a simulation of held-out pieces [rad/s], if known.
     offset : float
-        What acts besides the logged torque and never changes, in its unit.
+        Constant additional torque, in the unit of the logged torque.
     rate : float or None
-        Of the log that it was identified from [Hz], which whitening and noise belong to.
+        Sampling rate of the log that identified the axis [Hz], if known; the whitening filter and
+        the noise are valid for this rate.
     deviation : mapping of str to float
-        Standard deviations of nominal values, where known.
+        Standard deviations of those nominal values for which they are known.
     beside : mapping of str to float
-        Gains of torques beside the logged one, in its unit: g_sin and g_cos of gravity, by sine and
-        cosine of the angle of the load.
+        Gains of additional torques, in the unit of the logged torque: `g_sin` multiplies −sin φ
+        and `g_cos` multiplies −cos φ, where φ is the load angle (gravity).
     """
 
     model: Model
@@ -72,11 +73,11 @@ class Axis:
 
     @property
     def usual(self) -> float | None:
-        """Usual error of a simulation [rad/s], or the noise if it is not known."""
+        """Usual error of a simulation [rad/s]; the noise if this error is unknown."""
         return self.noise if self.error is None else self.error
 
     def having(self, values: Mapping[str, float]) -> Axis:
-        """Return the axis with some nominal values replaced."""
+        """Return a copy of the axis with some nominal values replaced."""
         for name in values:
             if name not in self.model.parameters:
                 raise LogError(
@@ -88,7 +89,7 @@ class Axis:
         return replace(self, model=replace(self.model, nominal=nominal))
 
     def check_known(self) -> None:
-        """Refuse an axis of which nobody gave the values; LogError."""
+        """Raise a LogError if the nominal values of the axis are only a rough guess."""
         if not self.known:
             raise LogError(
                 f"model {self.model.name} has no nominal values: give the file that `flexaxis "
@@ -96,11 +97,12 @@ class Axis:
             )
 
     def check_rate(self, period: float) -> None:
-        """Refuse a log of another rate than that of the noise filter.
+        """Reject a log if its sampling rate differs from that of the noise filter.
 
         Raises
         ------
         LogError
+            If the rates differ.
         """
         if self.rate is not None and abs(self.rate * period - 1) > SAME_RATE:
             raise LogError(
@@ -129,12 +131,12 @@ class Axis:
 
 
 def find_axis(text: str) -> Axis:
-    """Return an axis by the name of a shipped model, or from a TOML file.
+    """Return an axis, given the name of a shipped model or the path of a TOML file.
 
     Raises
     ------
     LogError
-        If there is no such model or file, or the file is wrong.
+        If there is no such model or file, or if the file contains an error.
     """
     if text in MODELS:
         shipped = MODELS[text]
@@ -153,7 +155,7 @@ def find_axis(text: str) -> Axis:
 
 
 class _Keys(BaseModel):
-    """What a file has besides its model."""
+    """The keys of a file that do not define the model."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -180,17 +182,17 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
 
 
 def is_smooth(record: Record) -> bool:
-    """Return whether the torque of a record is a measured, smooth one."""
+    """Return whether the torque of a record is a measured, smooth signal."""
     return record.versions.get("torque") == "smooth"
 
 
 def usable(record: Record) -> NDArray[np.bool_]:
-    """Return where the output of a record can be used (N,): there, and past the burn-in."""
+    """Return the samples (N,) of a record whose output is valid and that follow the burn-in."""
     ok = np.ones(len(record.time), bool) if record.valid is None else record.valid.copy()
     ok[record.time - record.time[0] < record.burn_in] = False
     return ok
 
 
 def output_of(record: Record) -> str:
-    """Return which output of a record the estimators are to read."""
+    """Return the name of the output that estimators read: the increment if available, or speed."""
     return next(n for n in ("increment", "speed") if getattr(record, n) is not None)

@@ -1,9 +1,10 @@
-"""When a parameter changes: steps and drifts in a sequence of estimates, and within a record.
+"""Find steps and drifts of parameters in a sequence of estimates, and within a record.
 
-The estimates x of n windows or logs are a level, covariates and at most one change: a step at the
-place of the greatest likelihood ratio (M. Basseville and I. Nikiforov, *Detection of Abrupt
-Changes*, 1993, section 2.4), or a cubic. The F distribution of such ratios, with Bonferroni's bound
-for the number of places, limits the rate of false alarms to the stated one.
+The estimates of n windows or logs are modelled as the sum of a level, the effects of covariates
+and at most one change. The change is a cubic polynomial, or a step at the position with the
+greatest likelihood ratio (M. Basseville and I. Nikiforov, *Detection of Abrupt Changes*, 1993,
+section 2.4). A threshold from the F distribution, with Bonferroni's bound for the number of
+positions, keeps the probability of a false alarm below the chosen limit.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ Kind = Literal["constant", "step", "drift"]
 Look = Callable[[Array], tuple[Array, Array]]
 
 WINDOWS = 40  # number of windows of a record
-FALSE_ALARMS = 0.002  # probability of a change in a record without one
-SMALLEST = 0.02  # relative change that is reported
-STEPS, REACH = 6, 4.0  # largest number of steps of a fit, and largest factor on a parameter
-QUIET, USUAL = 0.25, 5.0  # quantile of the deviations of windows; factor above which one is dropped
-FEWEST = 8  # least number of values; fewer do not show their scatter
-SEEN = 0.25  # largest standard deviation of a relative step in the middle that would be seen
-EDGE = 3  # least number of values on each side of a step
-DEGREE = 3  # of the polynomial of a drift
+FALSE_ALARMS = 0.002  # probability that a change is reported in a record without a change
+SMALLEST = 0.02  # smallest relative change that is reported
+STEPS, REACH = 6, 4.0  # maximum number of evaluations of a fit; maximum factor on a parameter
+QUIET, USUAL = 0.25, 5.0  # quantile of the windows' deviations; factor on it: larger are dropped
+FEWEST = 8  # minimum number of values; the scatter of fewer values is unknown
+SEEN = 0.25  # maximum standard deviation of a relative step in the middle that can be detected
+EDGE = 3  # minimum number of values on each side of a step
+DEGREE = 3  # degree of the polynomial that describes a drift
 
 
 @dataclass(frozen=True)
@@ -41,19 +42,22 @@ class Explained:
     Attributes
     ----------
     kind : {"constant", "step", "drift"}
+        Kind of the change.
     begin, end : int
-        The first value after a step is `end`. A drift goes from one extreme to the other.
+        Indices of the extremes of the change, in order of time. `end` is the first value after a
+        step.
     size, deviation : float
         Size of the step, or of the drift from `begin` to `end`, and its standard deviation.
     level : float
         Value before the change, at the mean of the covariates.
     slopes, slope_deviations : ndarray (q,)
-        Change of the value per unit of each covariate, and standard deviation.
+        Change of the value per unit of each covariate, and its standard deviation.
     fitted : ndarray (n,)
+        Values that the level, the covariates and the change explain.
     left : float
-        Sum of squares of the residuals over their standard deviations.
+        Sum of squared residuals, each divided by its standard deviation.
     chance : float
-        Upper bound of the probability of such a change in a sequence without one.
+        Upper bound of the probability that noise alone produces such a change.
     """
 
     kind: Kind
@@ -72,15 +76,16 @@ class Explained:
 def explain(
     value: Array, deviation: Array, covariates: Array | None = None, *, false_alarms: float
 ) -> Explained:
-    """Explain a sequence by covariates and one change, if a change is significant.
+    """Fit a sequence with covariates, and with one change if that change is significant.
 
     Parameters
     ----------
     value, deviation : ndarray (n,)
-        Estimates in the order of time, and their claimed standard deviations.
+        Estimates in order of time, and their reported standard deviations.
     covariates : ndarray (n, q), optional
+        Covariates of each estimate.
     false_alarms : float
-        Upper bound of the probability of a change in a sequence without one.
+        Upper bound of the probability of reporting a change in a sequence without a change.
     """
     n = len(value)
     beside = np.empty((n, 0)) if covariates is None else covariates - covariates.mean(axis=0)
@@ -106,13 +111,13 @@ def explain(
         chances.append((len(gains) + 1) * float(f.sf(ratio, size, freedom)))  # Bonferroni's bound
     if min(chances) > false_alarms:
         return constant
-    # Bayesian information criterion; a step has two parameters, its place and its size
+    # Bayesian information criterion; a step has two parameters: its position and its size
     slow = n * np.log(step.left / drift.left) > (DEGREE - 2) * np.log(n)
     return replace(drift if slow else step, chance=min(chances))
 
 
 def _fitted(kind: Kind, shape: Array, base: Array, value: Array, weight: Array) -> Explained:
-    """Return the weighted least squares of a sequence by a base and the shape of a change."""
+    """Fit a sequence by weighted least squares with a base and the shape of a change."""
     design, q = np.hstack([base, shape]), base.shape[1]
     inverse = np.linalg.pinv(design * weight[:, None])
     beta = inverse @ (value * weight)
@@ -135,9 +140,11 @@ class Change:
     Attributes
     ----------
     name : str
+        Name of the parameter.
     kind : {"step", "drift"}
+        Kind of the change.
     time, end : float
-        Time of the step [s], to about one window; or begin and end of the drift.
+        Time of the step [s], accurate to about one window; or start and end of the drift [s].
     relative, deviation : float
         Size relative to the value before the change, and its standard deviation.
     """
@@ -151,7 +158,7 @@ class Change:
 
     @property
     def text(self) -> str:
-        """The change in words."""
+        """A clause that describes the change."""
         size = f"{100 * self.relative:+.1f} ± {100 * self.deviation:.1f} %"
         if self.kind == "step":
             return f"{self.name} changed by {size} at {self.time:.1f} s"
@@ -163,24 +170,28 @@ def changes_along(
 ) -> tuple[list[Change], list[str]]:
     """Find changes of parameters in a record, without a recursive estimator.
 
-    Each side of a step is fitted to its own samples, so that the size of a large step is right.
+    The samples before and after a step are fitted separately, so that the size of a large step is
+    accurate.
 
     Parameters
     ----------
     look : callable
-        Returns ε (N,) and its gradient ψ (N, p) of the usable samples at any θ.
+        ``look(theta)`` returns the errors ε (N,) of the usable samples and the gradient ψ (N, p)
+        of the prediction.
     time : ndarray (N,)
-        [s], of usable samples only.
+        Times of the usable samples [s].
     theta : ndarray (p,)
         Initial estimate.
     names : sequence of str
+        Names of the p parameters.
 
     Returns
     -------
     changes : list of Change
-        The most significant one, and others of its kind at the same time.
+        All drifts if the most significant change is a drift; else the steps at the time of the
+        most significant step.
     unseen : list of str
-        Parameters whose changes the record cannot show.
+        Parameters for which the record cannot show a change.
     """
     theta = _fitted_to(look, np.ones(len(time), bool), theta)
     error, psi = look(theta)
@@ -198,20 +209,23 @@ def changes_along(
 def changes_in(
     time: Array, error: Array, J: Array, names: Sequence[str]
 ) -> tuple[list[Change], list[str]]:
-    """Return changes, the most significant first, and parameters whose changes would not be seen.
+    """Return changes, the most significant first, and parameters for which none would be detected.
 
-    ε ≈ ψᵀ Δθ for a small change of the parameters: the local approach of M. Basseville and
-    I. Nikiforov, *Detection of Abrupt Changes* (1993), chapter 8. Least squares in each of forty
-    windows gives forty nearly independent Δθ, in which `explain` finds a step or a drift. Windows
-    without information, or with a motion that no value explains, are dropped.
+    For a small change Δθ of the parameters, ε ≈ ψᵀ Δθ: this is the local approach of M. Basseville
+    and I. Nikiforov, *Detection of Abrupt Changes* (1993), chapter 8. Least squares in each of
+    forty windows computes forty nearly independent estimates of Δθ, in which `explain` finds a step
+    or a drift. Windows that contain little information, or that no parameter values explain, are
+    dropped.
 
     Parameters
     ----------
     time, error : ndarray (N,)
-        [s], and ε, of usable samples only.
+        Times [s] and errors ε of the usable samples.
     J : ndarray (N, q)
-        Its gradient by relative changes, of the named parameters first.
+        Gradient of the prediction with respect to relative changes of the parameters; the first
+        columns belong to `names`.
     names : sequence of str
+        Names of the parameters in which changes are looked for.
     """
     edges, local, spread = _windows(time, error, J, len(names))
     if len(edges) < FEWEST:
@@ -233,7 +247,7 @@ def changes_in(
 
 
 def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array, Array]:
-    """Return ends (m, 2), estimate and deviation (m, p) of windows that show the parameters."""
+    """Return times (m, 2), estimates (m, p) and deviations (m, p) of the m informative windows."""
     rows = []
     for k in np.array_split(np.arange(len(time)), WINDOWS):
         if len(k) > 10 * J.shape[1]:
@@ -251,7 +265,7 @@ def _windows(time: Array, error: Array, J: Array, p: int) -> tuple[Array, Array,
 
 
 def _fitted_to(look: Look, inside: Flags, theta: Array) -> Array:
-    """Return the parameters (p,) of a stretch by a few steps of least squares."""
+    """Fit the parameters (p,) to the samples `inside` with a few steps of least squares."""
     fit = least_squares(
         lambda x: look(theta * x)[0][inside],
         np.ones(len(theta)),

@@ -1,4 +1,4 @@
-"""Checks of a log: its sampling, its units, and how torque and motion belong together."""
+"""Checks of a log: its sampling, its units, and the relation of torque and motion."""
 
 from __future__ import annotations
 
@@ -22,33 +22,35 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Told = Iterator[tuple[Kind, str, str]]
-"""Kind, words, and what to type."""
+"""Kind and text of each finding, and the option to type."""
 
-FASTEST = 1e4  # rad/s: milling spindles are slower
-MISSING, CLIPPED = 20.0, 1.0  # % of the samples: from there on, a problem
-WRAPS = 0.35  # of a turn per sample: above a half, the direction is ambiguous
-RUN, LEVELS = 3, 3  # samples at a limit in a row; levels of a torque that only switches
-SECONDS = 0.02  # s: a shorter period in ms would be a rate above 50 kHz
-WINDOW, USUAL = 7, 95.0  # samples, up to 3 of them outliers; percentile of usual values
-FAR, STEPS = 10.0, 5.0  # factors on usual distances from the median and usual moves
-COARSE = 0.05  # of the rms move per sample: least step of an encoder that is reported
-LATE = 0.3  # samples: least delay of a filtered speed after the slope of its angle
-SAME = 0.15  # largest relative difference from the factor of a unit
-STANDS = 0.5  # share of samples that equal the one before, of a held torque
+FASTEST = 1e4  # rad/s, maximum plausible motor speed; milling spindles are slower
+MISSING, CLIPPED = 20.0, 1.0  # % of the samples that are missing, or clipped: limits of a problem
+WRAPS = 0.35  # turns per sample, limit of a problem; above 0.5 the direction is ambiguous
+RUN, LEVELS = 3, 3  # consecutive samples at a limit; maximum number of levels of a switched torque
+SECONDS = 0.02  # s: if this period were in ms, the sampling rate would be 50 kHz
+WINDOW, USUAL = 7, 95.0  # samples in a window (at most 3 outliers); percentile of usual values
+FAR, STEPS = 10.0, 5.0  # factors on the usual distance from the median and on the usual move
+COARSE = 0.05  # minimum encoder step that is reported, relative to the rms move per sample
+LATE = 0.3  # samples: minimum delay of a filtered speed relative to the slope of the angle
+SAME = 0.15  # maximum relative difference between a measured ratio and the factor of a unit
+STANDS = 0.5  # fraction of samples of a held torque that equal the sample before
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """A log as it was sampled, and its record.
+    """A log as it was sampled, and the record that was made from it.
 
     Attributes
     ----------
     raw : Raw
+        Signals as sampled.
     record : Record
+        Record of the same signals on an even grid.
     remarks : tuple of str
-        What was done to the time stamps.
+        Corrections of the time stamps.
     """
 
     raw: Raw
@@ -57,25 +59,29 @@ class Evidence:
 
     @cached_property
     def valid(self) -> Flags:
-        """Where nothing is missing (N,)."""
+        """Whether each sample (N,) is complete."""
         valid = self.record.valid
         return np.ones(len(self.record.time), bool) if valid is None else valid
 
     @cached_property
     def speed(self) -> Array:
-        """Motor speed (N,) [rad/s]."""
+        """Motor speed (N,), or increment of the motor angle per sample period [rad/s]."""
         return np.asarray(getattr(self.record, output_of(self.record)))
 
     @cached_property
     def motion(self) -> tuple[Array, float]:
-        """Angle or speed where it is known, and the turn at which an angle was unwrapped or 0."""
+        """Known samples of the angle or speed, and the turn by which it was unwrapped, or 0."""
         known = self.raw.signals[self.raw.motion]
         known = known[np.isfinite(known)]
         return unwrapped(known) if self.raw.motion == "angle" else (known, 0.0)
 
 
 def examine(e: Evidence) -> tuple[Finding, ...]:
-    """Return the findings of all checks; outliers hide how torque and motion belong together."""
+    """Return the findings of all checks.
+
+    If there are outliers, the remaining checks are skipped, because outliers hide the relation of
+    torque and motion.
+    """
     findings = list[Finding]()
     for (name, passed), check in CHECKS.items():
         own = [Finding(kind, text, name, command) for kind, text, command in check(e)]
@@ -86,7 +92,7 @@ def examine(e: Evidence) -> tuple[Finding, ...]:
 
 
 def time_stamps(e: Evidence) -> Told:
-    """Yield the rate, what was done to the stamps, and what is missing."""
+    """Yield a finding on the sampling rate, corrected time stamps and missing samples."""
     missing, rate = 100 * float(np.mean(~e.valid)), 1 / e.record.period
     texts = [f"{rate:.6g} Hz, {len(e.valid)} samples, {len(e.valid) / rate:.4g} s", *e.remarks]
     if len(gaps := np.diff(gaps_of(e.valid))):
@@ -99,7 +105,7 @@ def time_stamps(e: Evidence) -> Told:
 
 
 def wrapping(e: Evidence) -> Told:
-    """Yield whether turns were added, and whether it can be told how many."""
+    """Yield a finding if the angle was unwrapped, or moves too fast to be unwrapped."""
     angle, turn = e.motion
     fastest = float(np.abs(np.diff(angle)).max()) / (turn or np.inf)
     if fastest >= WRAPS:
@@ -113,7 +119,7 @@ def wrapping(e: Evidence) -> Told:
 
 
 def clipping(e: Evidence) -> Told:
-    """Yield whether the torque stands at its extreme value."""
+    """Yield a finding if the torque remains at its extreme value."""
     u = e.raw.signals["torque"]
     u = u[np.isfinite(u)]
     limit = np.sign((u == u.max()) * 1.0 - (u == u.min()))
@@ -128,9 +134,9 @@ def clipping(e: Evidence) -> Told:
 
 
 def clocks(e: Evidence) -> Told:
-    """Yield which signals are updated less often than the log has samples, or interpolated."""
+    """Yield a finding on signals that are repeated or interpolated between their updates."""
     every = {name: rhythm(e.raw.signals[name]) for name in ("torque", e.raw.motion)}
-    # a torque that is held for several samples does no harm
+    # a torque that is held for several samples is harmless
     slow = {n: k for n, (k, _, lines) in every.items() if k > 1 and (lines or n != "torque")}
     if slow:
         n = max(slow.values())
@@ -142,7 +148,7 @@ def clocks(e: Evidence) -> Told:
 
 
 def coarse(e: Evidence) -> Told:
-    """Yield the step of a coarse encoder, which is noise of the motion and no wrong model."""
+    """Yield a finding on the step of a coarse encoder, which is noise and not a model error."""
     name, values = e.raw.motion, e.motion[0]
     step = resolution(values)
     if step >= COARSE * float(np.sqrt(np.mean(np.diff(values) ** 2))):
@@ -152,7 +158,7 @@ def coarse(e: Evidence) -> Told:
 
 
 def units(e: Evidence) -> Told:
-    """Yield which units were assumed."""
+    """Yield a finding on the units that were assumed."""
     open_to_doubt = e.raw.signals.keys() | {"time"} if e.record.period >= SECONDS else e.raw.signals
     assumed = [n for n in SI if n != "torque" and n in open_to_doubt and n not in e.raw.unit]
     if assumed:
@@ -164,9 +170,10 @@ def units(e: Evidence) -> Told:
 
 
 def refuse_nonsense(raw: Raw) -> None:
-    """Raise a LogError for signals that must be in another unit.
+    """Raise a LogError if a signal is implausible in its unit.
 
-    A unit that the file or an option states is accepted if it is possible.
+    A unit that the file or an option states is rejected only if the ratio of the speed to the slope
+    of the angle shows that it is wrong.
     """
     if {"angle", "speed"} <= raw.signals.keys():
         ratio = abs(_beside(raw)[0])
@@ -200,7 +207,7 @@ def refuse_nonsense(raw: Raw) -> None:
 
 
 def _slope(raw: Raw) -> Array:
-    """Return the slope of the angle (N,), NaN beside what is missing."""
+    """Return the slope of the angle (N,) [rad/s]; NaN at missing samples and their neighbours."""
     angle = raw.signals["angle"].copy()
     known = np.isfinite(angle)
     angle[known] = unwrapped(angle[known])[0]
@@ -208,7 +215,7 @@ def _slope(raw: Raw) -> Array:
 
 
 def _beside(raw: Raw) -> tuple[float, float]:
-    """Return the ratio of a logged speed to the slope of the angle, and its delay [s]."""
+    """Return the ratio of a logged speed to the slope of the angle, and the speed's delay [s]."""
     slope, speed = _slope(raw)[:LONGEST], raw.signals["speed"][:LONGEST]
     known = np.isfinite(slope) & np.isfinite(speed)
     s = spectra(slope[known], speed[known], float(np.median(np.diff(raw.time))))
@@ -219,7 +226,7 @@ def _beside(raw: Raw) -> tuple[float, float]:
 
 
 def other_speed(e: Evidence) -> Told:
-    """Yield whether a logged speed is later than the slope of the angle beside it: a filter."""
+    """Yield a finding if a logged speed lags behind the slope of the angle, as after a filter."""
     late = _beside(e.raw)[1] if {"angle", "speed"} <= e.raw.signals.keys() else 0.0
     if late >= LATE * e.record.period:
         text = (
@@ -230,7 +237,7 @@ def other_speed(e: Evidence) -> Told:
 
 
 def outliers_of(e: Evidence) -> Told:
-    """Yield samples of the motion that are far from those before and after them."""
+    """Yield a finding on samples of the motion that are far from their neighbours."""
     name, far = e.raw.motion, outliers(e.motion[0])
     if far.any():
         known = np.isfinite(e.raw.signals[name])
@@ -246,11 +253,12 @@ def outliers_of(e: Evidence) -> Told:
 
 
 def outliers(x: Array) -> Flags:
-    """Return which samples (N,) of a motion are outliers: far off, and back within three samples.
+    """Return which samples (N,) of a motion are outliers: far away for at most three samples.
 
-    Hampel's filter: the distance from the median of seven samples, over what it usually is. It is
-    0 where the motion has one direction; where it turns, it is less than the axis moves in a
-    sample, which decides where the noise is low.
+    This is Hampel's filter: it compares the distance from the median of seven samples with the
+    usual distance. Without noise, this distance is 0 while the motion has one direction, and less
+    than a few moves per sample where it reverses. Therefore an outlier must also exceed five times
+    the usual move per sample.
 
     Examples
     --------
@@ -262,16 +270,17 @@ def outliers(x: Array) -> Flags:
     distance, moves = np.abs(x - median_filter(x, WINDOW, mode="nearest")), np.abs(np.diff(x))
     if not distance.any():
         return np.zeros(len(x), bool)
-    # an axis may rest most of the time, so only moves are used
+    # an axis may rest most of the time, so samples without a move are ignored
     step = float(np.percentile(moves[moves > 0], USUAL))
     return distance > max(FAR * float(np.percentile(distance, USUAL)), STEPS * step)
 
 
 def sign(e: Evidence) -> Told:
-    """Yield whether torque and motion have opposite signs.
+    """Yield a finding if torque and motion have opposite signs.
 
-    At the lower end of the excitation an axis is inertia and friction: its acceleration leads the
-    torque by 0 to 90°. Friction takes power and never gives it.
+    At the lower end of the excited frequencies, an axis behaves like an inertia with friction: its
+    acceleration leads the torque by 0 to 90°. Moreover, the mean power of the torque is positive,
+    because friction only dissipates power.
     """
     u, T = e.record.torque, e.record.period
     s = spectra(u[e.valid], e.speed[e.valid], T)
@@ -279,7 +288,7 @@ def sign(e: Evidence) -> Told:
     bottom = (s.frequency > 0) & (s.frequency >= low) & (s.frequency < low + 0.1 * (high - low))
     faster = s.cross * (np.exp(1j * s.omega * T) - 1)
     along = float((faster[bottom] * np.exp(-0.25j * np.pi)).sum().real)
-    # the torque k acts on the mean speed over [t_k, t_{k+1})
+    # torque k acts on [t_k, t_{k+1}), so its power is computed from the mean speed in that interval
     after = np.append(e.speed[1:], e.speed[-1])
     moving = after if e.raw.motion == "angle" else (e.speed + after) / 2
     if along < 0 and float(np.mean((u * moving)[e.valid])) < 0:
@@ -288,16 +297,16 @@ def sign(e: Evidence) -> Told:
 
 
 def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
-    """Return whether a torque is held or smooth between its samples, and why.
+    """Return whether a torque is held or smooth between its samples, and the reason.
 
-    A command jumps at each sample and stays; what is logged of it acts. A measured current goes on
-    changing between samples. To take one for the other is half a sample of delay.
+    A command jumps at each sample and is constant until the next one. A measured current also
+    changes between samples. Mistaking one kind for the other causes a delay of half a sample.
     """
     u = raw.signals["torque"][np.isfinite(raw.signals["torque"])][:LONGEST]
     if stated is not None:
         return stated, "as stated"
     if len(np.unique(u)) <= LEVELS or np.mean(np.diff(u) == 0) > STANDS:
-        return "held", "it switches, or stays and jumps"
+        return "held", "it switches between levels, or is constant between jumps"
     for kind, names in (("held", _COMMAND), ("smooth", _MEASURED)):
         if names.search(column):
             return kind, f"its column is called {column}; state another by --torque-is"
@@ -305,11 +314,11 @@ def torque_kind(raw: Raw, stated: str | None, column: str) -> tuple[str, str]:
 
 
 def torque(e: Evidence) -> Told:
-    """Yield how the torque was taken between its samples, and why."""
+    """Yield a finding on the assumed torque between samples, and the reason."""
     kind, because = e.record.versions["torque"], e.record.versions["torque_because"]
     text = f"{kind}: {because}; half a sample of delay depends on it"
     if e.raw.unit.get("torque") in ("V", "mV"):
-        text += ". It is a voltage: f_m then holds the friction by back-EMF as well"
+        text += ". It is a voltage: f_m then also includes the damping due to back-EMF"
     yield "info", text, ""
 
 
@@ -325,4 +334,4 @@ CHECKS: dict[tuple[str, str], Callable[[Evidence], Told]] = {
     ("signs of torque and motion", "the torque drives the motion"): sign,
     ("speed beside angle", ""): other_speed,
 }
-"""Each check by its name and what it means if it finds nothing."""
+"""The checks; each key is the name of a check and the text shown if the check finds nothing."""

@@ -1,4 +1,4 @@
-"""Findings on a log: their weight, their words and what to type; and the error of a useless log."""
+"""Findings about a log, each with its severity, text and remedy; the error for an unusable log."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flexaxis.sim.errors import FlexaxisError
 
 Kind = Literal["problem", "note", "info", "ok"]
 MARKS: dict[Kind, str] = {"problem": "✗", "note": "!", "info": "·", "ok": "✓"}
-"""Marks of kinds, in the order of their weight."""
+"""The mark of each kind of finding, the most severe first."""
 
 
 class LogError(FlexaxisError):
@@ -19,17 +19,18 @@ class LogError(FlexaxisError):
 
 @dataclass(frozen=True)
 class Finding:
-    """A sentence on a log or its estimates.
+    """A statement about a log or about the estimates from a log.
 
     Attributes
     ----------
     kind : {"problem", "note", "info", "ok"}
-        Whether it spoils estimates, should be known, is plain information, or is a passed check.
+        Severity: a problem that spoils estimates, a warning, information, or a passed check.
     text : str
+        Text of the finding.
     name : str
-        The check; empty where the text says it.
+        Name of the check; empty if the finding does not come from a check.
     command : str
-        What to type against it, or empty.
+        Command-line option that solves the problem, or an empty string.
     """
 
     kind: Kind
@@ -39,16 +40,16 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """The text with its name and with what to type."""
+        """The text with the name of the check and the option to type."""
         name = f"{self.name}: " if self.name else ""
         return f"{name}{self.text}" + (f". Type: {self.command}" if self.command else "")
 
 
 def ordered(every: Iterable[Finding]) -> list[Finding]:
-    """Return findings, the gravest first."""
+    """Return findings, the most severe first."""
     return sorted(every, key=lambda one: [*MARKS].index(one.kind))
 
 
 def texts_of(every: Iterable[Finding], *kinds: Kind) -> list[str]:
-    """Return the sentences of findings of some kinds."""
+    """Return the sentences of those findings that have one of the given kinds."""
     return [one.sentence for one in every if one.kind in kinds]

@@ -1,9 +1,9 @@
-"""Candidates: fits of a setup that simulate what is held out. The answer: the fit to the whole log.
+"""Candidates, which are fitted without held-out samples, and the answer, a fit to the whole log.
 
-Candidates minimise the error of the simulation. Where that leaves only noise, the model is right,
-and the answer minimises whitened prediction errors, which are the most certain. Where it leaves
-more, a noise model would hide what the model lacks, and the answer minimises the error of the
-simulation too.
+Candidates minimise the error of a simulation. If only noise remains, the model is adequate, and the
+answer minimises whitened prediction errors, because these estimates have the smallest variance. If
+more remains, a noise model would hide the deficiencies of the model, and the answer minimises the
+error of a simulation, too.
 """
 
 from __future__ import annotations
@@ -24,27 +24,29 @@ from flexaxis.experiments.logs.signals import noise_of
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-HELD_OUT = (2, 5, 8)  # of ten pieces of a record
-PARTS = 10  # of a held-out piece, over which errors are compared
-AGAIN = 0.2  # share of a stretch behind a gap that shows in which state it begins
-BEYOND_CHANCE = 2.0  # standard deviations of the difference of errors
-LEAST_GAIN = 0.01  # least relative fall of the error of a simulation that counts
-SURE = 3.0  # standard deviations from 0, below which a level of friction counts as 0
-RIGHT = 1.1  # error of a simulation over its noise, above which the model lacks something
-NOTHING = 1e-3  # share of the motion, below which an error does not count
-EXACT = 1e-9  # relative error of arithmetic, and of a log of that many digits
+HELD_OUT = (2, 5, 8)  # indices of the held-out pieces among ten pieces of a record
+PARTS = 10  # number of parts of a held-out piece in which errors are compared
+AGAIN = 0.2  # first fraction of a stretch after a gap; it is fitted to find the initial state
+BEYOND_CHANCE = 2.0  # minimum difference of errors, in standard deviations
+LEAST_GAIN = 0.01  # minimum relative decrease of the simulation error that is relevant
+SURE = 3.0  # minimum distance of a significant parameter from 0, in standard deviations
+RIGHT = 1.1  # maximum ratio of simulation error to noise for an adequate model
+NOTHING = 1e-3  # largest simulation error that is negligible, as a fraction of the motion
+EXACT = 1e-9  # relative error of the arithmetic, and of the printed digits of a log
 STEPS = 1e-3  # relative error of a law that is solved in steps: 0.24 % at 50 Hz
-SEARCHING: Mapping[str, Any] = {"most": 12, "near": 0.5}  # of a fit of which being near is enough
+SEARCHING: Mapping[str, Any] = {"most": 12, "near": 0.5}  # options of a fit with low accuracy
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A setup fitted to what is not held out.
+    """A setup and its fit to the samples that are not held out.
 
     Attributes
     ----------
     setup : Setup
+        Model and log.
     fitted : Fitted
+        Fit to the samples that are not held out.
     held : ndarray (N,) of bool
         Samples that are held out.
     """
@@ -55,12 +57,12 @@ class Candidate:
 
     @property
     def error(self) -> float:
-        """Standard deviation of the error of a simulation of what is held out."""
+        """Rms error of a simulation of the held-out samples [rad/s]."""
         return float(np.sqrt(np.mean(self.errors)))
 
     @cached_property
     def errors(self) -> Array:
-        """Mean squares of the errors of a simulation, in parts of what is held out."""
+        """Mean squared error of a simulation in each part of the held-out samples."""
         places = np.flatnonzero(self.held & self.setup.ok)
         number = len(HELD_OUT) * PARTS
         if len(places) < number or not np.isfinite(self.fitted.square):
@@ -70,23 +72,26 @@ class Candidate:
 
     @cached_property
     def lacks(self) -> bool:
-        """Whether a simulation leaves more than noise: the model lacks something."""
+        """Whether the simulation error exceeds the noise, so that the model is incomplete."""
         ok, log = self.setup.ok, self.setup.log
         noise = max(noise_of(self.fitted.residual[ok]), log.rounding)
         return bool(self.error > max(RIGHT * noise, NOTHING * float(np.std(log.y[ok]))))
 
     def better(self, other: Candidate) -> bool:
-        """Return whether another one simulates better, beyond chance and by a size that counts."""
+        """Return whether the other candidate has a significantly smaller error, by 1 % or more."""
         before, after = self.errors, other.errors
         if not np.isfinite(before).all() or not np.isfinite(after).all():
             return bool(np.isfinite(after).all())
         gain = before - after
         counts = np.sqrt(after.mean() / before.mean()) < 1 - LEAST_GAIN
-        # the variance of the difference from parts, as errors nearby are not independent
+        # errors of neighbouring samples are correlated, so the variance is computed from parts
         return bool(counts and gain.mean() > BEYOND_CHANCE * gain.std() / np.sqrt(len(gain)))
 
     def sure(self, *names: str) -> bool:
-        """Return whether a parameter or gain differs from 0 beyond its deviations, or is fixed."""
+        """Return whether any of the named parameters or gains differs significantly from 0.
+
+        The result is also True if none of them is identified.
+        """
         own = (*self.setup.names, *self.setup.beside)
         places = [own.index(name) for name in names if name in own]
         sd = deviations_of(self.setup, self.fitted)[places]
@@ -94,15 +99,15 @@ class Candidate:
 
 
 def candidate(setup: Setup, theta: Array, lag: float) -> Candidate:
-    """Return a setup fitted to what is not held out, from parameters and a delay [s]."""
+    """Fit a setup to the samples that are not held out, starting at parameters and a delay [s]."""
     held = held_out(setup)
     return Candidate(setup, setup.solve(theta, lag, without=held, **SEARCHING), held)
 
 
 def held_out(setup: Setup) -> Flags:
-    """Return which samples (N,) are left out of a fit, to be simulated by it.
+    """Return the samples (N,) that are not fitted, and on which the simulation is tested.
 
-    The first samples of a stretch are fitted, as they show in which state it begins.
+    The first samples of a stretch after a gap are fitted, because they determine its initial state.
     """
     held = np.isin(pieces(setup.log.ok), HELD_OUT)
     for begin, end in pairwise([*setup.begins[1:], len(held)]):
@@ -117,9 +122,11 @@ class Answer:
     Attributes
     ----------
     setup : Setup
+        Model and log.
     fitted : Fitted
+        Fit to all usable samples.
     deviations : ndarray (q,)
-        Standard deviations of its unknowns.
+        Standard deviations of the unknowns of the fit.
     """
 
     setup: Setup
@@ -128,17 +135,19 @@ class Answer:
 
     @property
     def stuck(self) -> list[str]:
-        """The parameters at a bound of the search."""
+        """The identified parameters that are at a bound of the search."""
         problem, z = self.fitted.problem, self.fitted.z
         at = (z <= problem.lower * (1 + 1e-9)) | (z >= problem.upper * (1 - 1e-9))
         return [name for name, side in zip(self.setup.names, at, strict=False) if side]
 
 
 def answer(best: Candidate) -> Answer:
-    """Return the fit to the whole log, in whitened errors unless the model lacks something.
+    """Fit the model of the best candidate to the whole log.
 
-    If it does, deviations include half of a step towards the fit in whitened errors. That fit is
-    the answer where the other one ends at a bound.
+    If the model is adequate, the fit minimises whitened errors. If the model is incomplete, the fit
+    minimises the simulation error, and the standard deviations include half of a step towards the
+    minimum of the whitened errors. If this fit ends at a bound, whitened errors are minimised
+    instead.
     """
     result = _answer(best, 0 if best.lacks else ROUNDS)
     if not best.lacks:
@@ -156,10 +165,11 @@ def _answer(best: Candidate, rounds: int) -> Answer:
 
 
 def deviations_of(setup: Setup, fitted: Fitted) -> Array:
-    """Return standard deviations (q,).
+    """Return the standard deviations (q,) of the unknowns of a fit.
 
-    The larger of what white residuals claim and the spread over pieces of the log; with the errors
-    of arithmetic, and of laws that are solved in steps.
+    Each standard deviation is the larger of two values: one is computed for white residuals, the
+    other from the scatter over pieces of the log. The numerical errors of arithmetic, of an
+    incomplete convergence, and of laws that are solved in steps are added.
     """
     free, spread = np.diag(fitted.covariance) > 0, np.zeros(len(fitted.z))
     spread[free] = jackknife(fitted.gradient[free], fitted.white, fitted.good)

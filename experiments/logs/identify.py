@@ -23,39 +23,42 @@ from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 
-GIVEN = ("k_T", "r")  # scale of the torque and gear ratio: no log of one axis determines them
+GIVEN = ("k_T", "r")  # torque scale and gear ratio, which no log of a single axis determines
 KINDS = ("auto", "none", *FRICTION)
 GRAVITY = ("auto", "none", "sine")
 LAWFUL = tuple(dict.fromkeys(n for roles in FRICTION.values() for n in roles.values()))
-"""Parameters that --friction may add."""
-HELD = 0.02  # samples about half a one, by which a held torque that is taken for smooth is late
-MOST = 500_000  # samples in a fit: the stretch with the greatest torque
+"""Parameters that the option --friction may add."""
+HELD = 0.02  # samples: maximum deviation from half a sample of the delay of a mistaken held torque
+MOST = 500_000  # maximum number of samples in a fit
 
 
 @dataclass(frozen=True)
 class Identification:
-    """The identification of an axis from a record, and how far it can be trusted.
+    """The result of the identification of an axis from a record.
 
     Attributes
     ----------
     axis : Axis
-        With the new nominal values, laws, delay, offset, whitening filter and noise.
+        Axis with the new nominal values, laws, delay, offset, whitening filter and noise.
     answer : Answer
-        The fit to the whole log, with standard deviations of all unknowns: parameters, gains of
-        torques beside the logged one, states, offset and delay.
+        Fit to the whole log, with standard deviations of all unknowns: parameters, gains of
+        additional torques, states, offset and delay.
     fit : float
-        100 (1 − |y − ŷ|/|y − mean y|) of a simulation of held-out pieces from the torque alone.
+        Fit 100 (1 − |y − ŷ|/|y − mean y|) [%] of a simulation of held-out pieces from the torque
+        alone.
     whole : Fit
-        Of a simulation of the whole log.
+        Fit of a simulation of the whole log.
     friction : str
-        Its law of dry friction, ``"none"`` without one, ``"as stated"`` for laws of the axis file.
+        Identified law of dry friction; ``"none"`` without such a law, ``"as stated"`` if the axis
+        file contains laws.
     tried : tuple of Tried
         Comparisons with simpler models.
     findings : tuple of Finding
+        Findings on the estimates.
     torque_unit : str
-        As in the log; empty if it is not stated.
+        Unit of the torque in the log; empty if the log does not state a unit.
     linear : bool
-        Whether the motion is linear and the torque a force.
+        Whether the axis is linear, so that the torque is a force.
     """
 
     axis: Axis
@@ -70,25 +73,25 @@ class Identification:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The identified parameters, then the gains of torques beside the logged one."""
+        """Names of the identified parameters, then of the gains of additional torques."""
         return (*self.answer.setup.names, *self.answer.setup.beside)
 
     @property
     def theta(self) -> Array:
-        """Their estimates (p,)."""
+        """Estimates (p,) of `names`."""
         return self.answer.fitted.z[: len(self.names)]
 
     @property
     def deviations(self) -> Array:
-        """Their standard deviations (p,)."""
+        """Standard deviations (p,) of `theta`."""
         return self.answer.deviations[: len(self.names)]
 
     @property
     def estimates(self) -> dict[str, tuple[float, float]]:
-        """Value and standard deviation by name, with ``delay`` [s] and ``offset``.
+        """Value and standard deviation of each parameter, of ``delay`` [s] and of ``offset``.
 
-        The offset is in the unit of the torque. The deviation of a delay is 0 if the delay was
-        given or is the least possible one.
+        The offset is in the unit of the torque. The standard deviation of the delay is 0 if the
+        delay was given, or if it is the smallest delay that the search allows.
         """
         setup = self.answer.setup
         z, sd = self.answer.fitted.z.tolist(), self.answer.deviations.tolist()
@@ -98,22 +101,22 @@ class Identification:
 
     @property
     def warnings(self) -> list[str]:
-        """Why the estimates cannot be used, one sentence each."""
+        """The reasons why the estimates cannot be used, one sentence per reason."""
         return texts_of(self.findings, "problem")
 
     @property
     def residual(self) -> Array:
-        """Y − ŷ (N,) of the simulation."""
+        """Error y − ŷ (N,) of the simulation [rad/s]."""
         return self.answer.fitted.residual
 
     @property
     def correlation(self) -> float:
-        """Largest correlation of the white residual with its past."""
+        """Largest correlation of the whitened residual with its past."""
         return correlation(self.answer.fitted.white[self.answer.fitted.good])
 
     @property
     def units(self) -> str:
-        """Units of the parameters; a log shows only their ratios to k_T."""
+        """Units of the parameters; a log determines only ratios of parameters to k_T."""
         unit, k_T = self.torque_unit, self.axis.model.nominal.get("k_T")
         if unit not in {"", "1", "A", "V"} and k_T in {None, 1.0}:  # it was read in N m, or N
             return "SI"
@@ -140,26 +143,30 @@ def identify(
     Parameters
     ----------
     record : Record
+        Record of the log.
     axis : Axis
-        The search starts at its nominal values.
+        Axis with the nominal values at which the search starts.
     free : sequence of str
-        Parameters to identify; by default all but k_T, r and those that are 0 in a known axis.
+        Parameters to identify; by default all except k_T, r and, if the nominal values are known,
+        parameters with the nominal value 0.
     fix : sequence of str
         Parameters to hold at their nominal values.
     levels : mapping of str to float
-        Values of parameters of the law of `friction`: starts, or constants if they are fixed.
+        Values of the parameters of the friction law: constants for parameters in `fix`, initial
+        values for the others.
     delay : float, optional
-        Known delay of the torque [s]; identified by default.
+        Known delay of the torque [s]; by default, the delay is identified.
     friction : {"auto", "none", "coulomb", "stribeck"}
-        Law of dry friction of the motor; ``"auto"`` adds one if held-out pieces of the record are
-        simulated better with it. Laws of the axis file are kept.
+        Law of dry friction of the motor; ``"auto"`` adds a law if this law improves the simulation
+        of held-out pieces of the record. Laws in the axis file are kept.
     gravity : {"auto", "none", "sine"}
-        Whether a torque by sine and cosine of the measured angle acts, too.
+        Additional torque that depends on the sine and cosine of the measured angle; ``"auto"`` adds
+        this torque if it improves the simulation of held-out pieces.
 
     Raises
     ------
     LogError
-        If a name is unknown, or the record cannot determine such a model.
+        If a name is unknown, or if the record cannot determine the model.
     """
     for option, value, known in (("friction", friction, KINDS), ("gravity", gravity, GRAVITY)):
         if value not in known:
@@ -237,7 +244,7 @@ def _result(search: Search, axis: Axis, record: Record, cut: bool) -> Identifica
 
 
 def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters to identify: those named, or all that a log can show."""
+    """Return the parameters to identify: the named ones, or all that a log can determine."""
     known = axis.model.parameters
     named = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
     axis.having(dict.fromkeys(named, 1.0))  # raises for unknown names
@@ -249,7 +256,7 @@ def free_names(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str
 
 
 def _check_rate(model: Model, period: float) -> None:
-    """Refuse a rate that cannot show the fastest mode."""
+    """Raise a LogError if the sampling rate is too low for the fastest mode of the model."""
     linear = replace(model, laws=())
     every = linear.parametrize(linear.parameters)
     modes = np.linalg.eigvals(every.matrices(every.theta)[0])

@@ -1,4 +1,4 @@
-"""From a log in any of the formats to a record on an even grid, with the findings of its checks."""
+"""Convert a log in any supported format to a record on an even grid, and check the log."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from flexaxis.sim.record import Record, load_record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-BURN_IN = 1.0  # s, if a log starts in the middle of a motion
-RESTING = 0.05  # of the standard deviation of the motion: below that, a log starts at rest
-FEWEST = 200  # samples
-CLOCKS = (2**32 * 1e-6, 86400.0, 2**32 * 1e-3, 2**16 * 1e-3)  # s, after which clocks restart
-MOST_GAPS = 10  # largest ratio of the samples of the grid to those of the log
-NEAR = 0.05  # of a period: closer stamps are on the grid
-SLOWEST = 1.01  # s, longest period; spectra are averaged over four seconds
-WITHIN = 2.05  # ticks: largest distance of rounded stamps from an even grid, both sides together
-JITTER = 5.0  # % of a period: from this scatter of the stamps on, there is a remark
-FARTHEST = 1.2  # largest ratio of moves in long and short steps if no row is missing
-WHOLE = 0.02  # largest relative difference of a new rate from an integer fraction of the old one
+BURN_IN = 1.0  # s, default burn-in of a log that starts in the middle of a motion
+RESTING = 0.05  # maximum initial speed of an axis at rest, relative to the std of the speed
+FEWEST = 200  # minimum number of samples
+CLOCKS = (2**32 * 1e-6, 86400.0, 2**32 * 1e-3, 2**16 * 1e-3)  # s, periods of clocks
+MOST_GAPS = 10  # maximum ratio of the number of samples of the grid to that of the log
+NEAR = 0.05  # maximum distance of time stamps from the grid that is ignored, in sampling periods
+SLOWEST = 1.01  # s, longest sampling period; spectra are averaged over pieces of four seconds
+WITHIN = 2.05  # ticks: maximum range of the differences between rounded stamps and an even grid
+JITTER = 5.0  # minimum scatter of the time stamps that is reported [% of a sampling period]
+FARTHEST = 1.2  # maximum ratio of moves in long steps to moves in short steps without missing rows
+WHOLE = 0.02  # maximum relative difference between a new rate and an integer fraction of the rate
 
 
 @dataclass(frozen=True)
@@ -50,27 +50,28 @@ class Imported:
 def import_log(
     path: Path, *, resample: float | None = None, burn_in: float | None = None, **tables: Any
 ) -> Imported:
-    """Read a log, check it and make a record of it; or load a record that flexaxis wrote.
+    """Read and check a log and convert it to a record, or load a record that flexaxis wrote.
 
-    Such a record takes a burn-in only. It has no checks: they are on the page of its import.
+    For a record, `burn_in` is the only allowed option, and no checks are made: the page of its
+    import contains them.
 
     Parameters
     ----------
     path : Path
-        CSV, MAT, HDF5 or NetCDF, see `read.open_log`; or a record.
+        A CSV, MAT, HDF5 or NetCDF file (see `read.open_log`), or a record.
     resample : float, optional
-        New rate [Hz], an integer fraction of that of the log.
+        New sampling rate [Hz], an integer fraction of the rate of the log.
     burn_in : float, optional
-        Time at the start that is not fitted [s]. By default 0 if the log starts at rest, else a
-        second, or a tenth of a short log.
+        Time at the start that is not fitted [s]. The default is 0 if the log starts at rest, else
+        1 s or a tenth of the log, whichever is shorter.
     **tables
-        As for `mapping_from`.
+        Attributes of `LogMap`, as for `mapping_from`.
 
     Raises
     ------
     LogError
-        If the log cannot be used, or an option is not for a record; the message begins with the
-        path.
+        If the log cannot be used, or if an option does not apply to a record. The message begins
+        with the path.
     """
     record = None
     with suppress(RecordError):
@@ -122,14 +123,15 @@ def _imported(path: Path, tables: Mapping[str, Any], resample: float | None) -> 
 
 
 def on_clock(raw: Raw) -> tuple[Raw, str]:
-    """Return a log with increasing time, and a remark on its stamps.
+    """Return the log with increasing time, and a remark on its time stamps.
 
-    The time continues where a clock restarts. Stamps coarser than the sampling become even.
+    If a clock restarts, the time is continued. If the time stamps are coarser than the sampling
+    period, they are replaced by evenly spaced stamps.
 
     Raises
     ------
     LogError
-        If there are too few samples, or time does not advance.
+        If there are too few samples, or if the time does not increase.
     """
     known = np.isfinite(raw.time)  # a row without time is a gap
     signals = {name: values[known] for name, values in raw.signals.items()}
@@ -157,10 +159,10 @@ def on_clock(raw: Raw) -> tuple[Raw, str]:
 
 
 def _coarse_tick(time: Array, signals: Mapping[str, Array]) -> float:
-    """Return the tick to which stamps of an even sampling are rounded [s]; 0 if they are not.
+    """Return the tick [s] to which the time stamps of an even sampling are rounded, or 0.
 
-    Stamps within a tick of an even grid may also be those of a log with missing rows. There, the
-    signals move farther over a longer step.
+    Time stamps within a tick of an even grid can also come from a log with missing rows. In such a
+    log, the signals change more in longer steps; then the function returns 0.
     """
     steps, tick = np.diff(time), resolution(time)
     grid = np.linspace(time[0], time[-1], len(time))
@@ -174,7 +176,7 @@ def _coarse_tick(time: Array, signals: Mapping[str, Array]) -> float:
 
 
 def without_interpolation(raw: Raw) -> tuple[Raw, str]:
-    """Return the samples that a log was interpolated from, if it was, and a remark on that."""
+    """Return the original samples of a log, and a remark if the log was interpolated."""
     n, first, lines = rhythm(raw.signals["torque"])
     if not lines or rhythm(raw.signals[raw.motion]) != (n, first, lines):
         return raw, ""
@@ -185,10 +187,10 @@ def without_interpolation(raw: Raw) -> tuple[Raw, str]:
 
 
 def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str]:
-    """Return the record of a log on an even grid, and a remark on its stamps.
+    """Return the record of a log on an even grid, and a remark on the log's time stamps.
 
-    Torques are means over [t_k, t_{k+1}). At a lower rate all signals pass the same low-pass
-    without phase shift, and then the torque is averaged: single samples of it would be aliased.
+    Torques are means over [t_k, t_{k+1}). If the rate is lowered, all signals pass the same
+    low-pass filter without phase shift, and then the torque is averaged over each new sample.
     """
     period, index = _grid(raw.time)
     if period > SLOWEST or (period >= 1 and "time" not in raw.unit):
@@ -206,7 +208,7 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
         values, at = logged[known], stamps[known]
         if name == "angle":
             values = unwrapped(values)[0]
-        if name == "torque" and not smooth:  # it acts until the next sample
+        if name == "torque" and not smooth:  # a held torque acts until the next sample
             at = time[index[known]]
         signals[name] = np.interp(time, at, values)
     if smooth:
@@ -235,10 +237,10 @@ def _on_grid(raw: Raw, *, smooth: bool, rate: float | None) -> tuple[Record, str
 
 
 def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
-    """Return the period, and the place of each sample on the grid."""
+    """Return the sampling period [s], and the index of each sample on the grid."""
     steps = np.diff(time)
     places = np.r_[0, np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1))]
-    # small errors of the median of jittered steps would add up, so the grid is fitted
+    # a small error of the median of jittered steps would accumulate, so the period is fitted
     period = float(linregress(places, time).slope)
     index = np.rint((time - time[0]) / period).astype(int)
     if (np.diff(index) <= 0).any() or index[-1] > MOST_GAPS * len(time):
@@ -254,7 +256,7 @@ def _record(time: Array, signals: dict[str, Any], valid: Flags) -> Record:
     period, increment = (time[-1] - time[0]) / (len(time) - 1), None
     if "angle" in signals:
         increment = np.diff(signals["angle"], prepend=signals["angle"][0]) / period
-        valid = valid & np.r_[True, valid[:-1]]  # an increment needs both of its ends
+        valid = valid & np.r_[True, valid[:-1]]  # an increment is the difference of two samples
     moving = signals["speed"] if increment is None else increment
     if not (valid.any() and np.ptp(signals["torque"][valid]) and np.ptp(moving[valid])):
         raise LogError(

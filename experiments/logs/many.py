@@ -1,4 +1,4 @@
-"""One axis in many logs: estimates of each log, the effect of covariates, and one change."""
+"""Many logs of one axis: estimates from each log, effects of covariates, and at most one change."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from flexaxis.experiments.logs.signals import log_of
 from flexaxis.sim.errors import FlexaxisError
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".log", ".dat", ".mat", ".h5", ".hdf5", ".nc")
-MADE = ("-imported", "-track", "-estimates")  # endings of files that flexaxis wrote
-SEEN = 0.1  # largest relative standard deviation in the first log of a parameter that is followed
-SURE = 3.0  # standard deviations: least effect of a covariate that is reported
-SMALLEST = 1e-3  # least relative change, and effect of a covariate, that is reported
+MADE = ("-imported", "-track", "-estimates")  # endings of the names of files that flexaxis wrote
+SEEN = 0.1  # maximum relative standard deviation in the first log of a parameter that is compared
+SURE = 3.0  # minimum effect of a covariate that is reported, in standard deviations
+SMALLEST = 1e-3  # minimum relative change, and relative effect of a covariate, that is reported
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,12 @@ class Many:
     Attributes
     ----------
     table : DataFrame
-        A row for each log: columns ``name`` and ``name_sd`` for each parameter, and covariates.
+        One row for each log. The columns are ``name`` and ``name_sd`` for each parameter, and the
+        covariates.
     explained : dict of str to Explained
-        By parameter, in units of the parameter.
+        Effects of the covariates and the change for each parameter, in the unit of the parameter.
     findings : list of Finding
-        A sentence for each parameter, and for each log that could not be used.
+        One finding for each parameter, and one for each log that could not be used.
     """
 
     table: pd.DataFrame
@@ -50,19 +51,19 @@ class Many:
 
     @property
     def status(self) -> int:
-        """1 if a parameter changed, or a log could not be used."""
+        """Exit status: 1 if a parameter changed or a log could not be used, else 0."""
         return int(any(one.kind != "ok" for one in self.findings))
 
 
 def find_logs(folder: Path) -> list[Path]:
-    """Return the logs of a folder in the order of their names, 9 before 10.
+    """Return the logs of a folder, sorted by name, with 9 before 10.
 
     Files that flexaxis wrote into the folder are skipped.
 
     Raises
     ------
     LogError
-        If there is none.
+        If the folder contains no log.
     """
     logs = [
         path
@@ -83,20 +84,20 @@ def identify_many(
     free: Sequence[str] = (),
     false_alarms: float = 0.01,
 ) -> Many:
-    """Estimate the parameters of an axis in each of many logs, and look for a change.
+    """Estimate the parameters of an axis from each of many logs, and look for a change.
 
     Parameters
     ----------
     logs : sequence of Path
-        In the order of time.
+        Paths of the logs, in order of time.
     axis : Axis
-        As identified, or a shipped model, which is then identified from the first log.
+        Identified axis, or a shipped model that is then identified from the first log.
     tables : mapping
-        How to read a log, as for `importing.import_log`.
+        Options for reading a log, as for `importing.import_log`.
     covariates : sequence of str
-        Columns of the logs; their mean over a log is used.
+        Names of columns of the logs; the mean of such a column in each log is a covariate.
     free : sequence of str
-        Parameters; by default those that the first log determines to 10 %.
+        Parameters to estimate; by default those that the first log determines to 10 %.
     false_alarms : float
         Probability that logs without a change show one in any parameter.
     """
@@ -139,7 +140,7 @@ def identify_many(
 
 
 def _sentence(name: str, one: Explained, table: pd.DataFrame, covariates: Sequence[str]) -> Finding:
-    """Return the sentence on a parameter."""
+    """Return the finding on one parameter."""
     level, first, last = abs(one.level), table.index[one.begin], table.index[one.end]
     text = f"{name} = {one.level:.4g}, no change"
     changed = one.kind != "constant" and abs(one.size) > SMALLEST * level

@@ -1,4 +1,4 @@
-"""Which column of a log is which signal, in which unit."""
+"""The mapping from the columns of a log to signals and their units."""
 
 from __future__ import annotations
 
@@ -30,27 +30,27 @@ MOTIONS = ("angle", "speed")
 
 
 class LogMap(BaseModel):
-    """How to read a log.
+    """Options for reading a log.
 
     Attributes
     ----------
     time, torque, angle, speed : str or None
-        Column of each signal; by default the one with such a name.
+        Name of the column of each signal; by default, columns are recognised by their names.
     rate : float or None
-        Sampling rate [Hz] of a log without time.
+        Sampling rate [Hz] of a log without a time column.
     scale : dict of str to float
-        Factor on a signal, after its unit; −1 turns a sign.
+        Factor of each signal, applied after the conversion of units; −1 reverses the sign.
     unit : dict of str to str
-        Unit of a signal that the file does not state, or states wrongly.
+        Unit of each signal for which the file states no unit or a wrong one.
     counts : float or None
-        Counts of the encoder per turn, for an angle in the unit ``counts``.
+        Encoder counts per turn, for an angle in the unit ``counts``.
     torque_is : {"held", "smooth"} or None
-        A command that is held until the next sample, or a measured, smooth signal such as a
-        current; None if not stated.
+        Kind of torque: a command that is held until the next sample, or a measured, smooth signal
+        such as a current; None if the kind is not stated.
     rows : str
-        Samples to take, from A to B − 1, as ``A:B``.
+        Range of samples to read, A to B − 1, in the format ``A:B``.
     header : int or None
-        Line of the names in a CSV, from 1.
+        Number of the line that contains the column names in a CSV file, counted from 1.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
@@ -70,16 +70,16 @@ class LogMap(BaseModel):
 
 @dataclass(frozen=True)
 class Raw:
-    """The signals of a log in SI, as they were sampled; NaN where a value is missing.
+    """The signals of a log in SI units, as they were sampled; missing values are NaN.
 
     Attributes
     ----------
     time : ndarray (N,)
-        [s].
+        Time [s].
     signals : dict of str to ndarray (N,)
         Torque [N m], and angle [rad] or speed [rad/s] or both.
     unit : dict of str to str
-        Units of the log, of signals whose unit is stated.
+        Units in the log of those signals that have a stated unit.
     """
 
     time: Array
@@ -88,23 +88,23 @@ class Raw:
 
     @property
     def motion(self) -> str:
-        """The signal that the estimators read: the angle if there is one."""
+        """The motion that is used: ``"angle"`` if the log contains an angle, else ``"speed"``."""
         return "angle" if "angle" in self.signals else "speed"
 
     @property
     def linear(self) -> bool:
-        """Whether the axis is linear: its motion is in m or in."""
+        """Whether the axis is linear: the unit of its motion is a length."""
         units = (self.unit.get(name, "") for name in MOTIONS)
         return any(re.match(r"([numck]?m|in)(/|$)", unit) for unit in units)
 
 
 def mapping_from(tables: Mapping[str, Any], *, source: object) -> LogMap:
-    """Return a mapping from nested tables, as read from TOML.
+    """Return a mapping from nested tables, such as those of a TOML file.
 
     Raises
     ------
     LogError
-        With a line for each key that is unknown or has a wrong value.
+        If a key is unknown or has a wrong value; the message has a line for each such key.
     """
     try:
         return LogMap(**tables)
@@ -114,12 +114,12 @@ def mapping_from(tables: Mapping[str, Any], *, source: object) -> LogMap:
 
 
 def pick(log: Log, mapping: LogMap) -> Raw:
-    """Return the signals of a log in SI.
+    """Return the signals of a log in SI units.
 
     Raises
     ------
     LogError
-        If a column is missing, lengths differ, or a unit is unknown.
+        If a column is missing, if columns differ in length, or if a unit is unknown.
     """
     chosen = _columns(log, mapping)
     begin, end = (int(part) if part else None for part in mapping.rows.split(":"))
@@ -153,9 +153,10 @@ def pick(log: Log, mapping: LogMap) -> Raw:
 
 
 def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
-    """Return the column of each signal: as stated, or by a name that means one.
+    """Return the column of each signal: the stated column, or a column with a known name.
 
-    If a motion is stated, no other one is taken; nor is a time beside a stated rate.
+    If the column of a motion is stated, no other motion is used. If a rate is stated, no time
+    column is looked for.
     """
     chosen = {name: column for name in SI if (column := getattr(mapping, name)) is not None}
     known = {*chosen, *(MOTIONS if chosen.keys() & MOTIONS else ())}
@@ -179,7 +180,7 @@ def _columns(log: Log, mapping: LogMap) -> dict[str, str]:
 
 
 def _unit(log: Log, name: str, column: str, mapping: LogMap) -> str:
-    """Return the unit of a signal: as stated, as in the file, or from the end of the name."""
+    """Return the unit of a signal: as stated, from the file, or from the end of the column name."""
     if stated := mapping.unit.get(name) or log.units.get(column):  # type: ignore[call-overload]
         return spelt(stated, name)
     if name == "angle" and mapping.counts:

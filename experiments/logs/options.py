@@ -1,4 +1,4 @@
-"""Options of the commands that read or write logs."""
+"""Command-line options of the commands that read or write logs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ LOG_OPTIONS: dict[str, str | tuple[str, dict[str, Any]]] = {
     "--rows A:B": "Read only samples A to B-1 (default: all).",
     "--rate HZ": ("Sampling rate [Hz] of a log without a time column (default: computed from the "
                   "time).", {"type": float}),
-    "--header LINE": ("Line of a CSV file that has the column names, counted from 1 (default: "
+    "--header LINE": ("Line of a CSV file that contains the column names, counted from 1 (default: "
                       "detected from the content).", {"type": int}),
     "--unit SIGNAL=UNIT": ("Unit of a signal, such as angle=deg (default: from the column's name, "
                            "else SI).", PAIRS),
@@ -69,11 +69,11 @@ READING = (
     "--map", "--time", "--torque", "--angle", "--speed", "--axis", "--rows", "--rate", "--header",
     "--unit", "--counts", "--scale", "--torque-is", "--resample", "--burn-in",
 )  # fmt: skip
-"""Options that say how to read a log."""
+"""Names of the options for reading a log."""
 
 
 def tables_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of `fx.import_log`; the command line overrides the file of ``--map``."""
+    """Return the arguments of `fx.import_log`; options override the file given by ``--map``."""
     from flexaxis.experiments.logs.findings import LogError
     from flexaxis.experiments.logs.mapping import mapping_from
     from flexaxis.sim.files import read_toml

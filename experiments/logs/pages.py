@@ -1,4 +1,4 @@
-"""Pages of logs: of an import, an identification, an estimator on a record, and many logs."""
+"""HTML pages of an import, an identification, an estimator on a record, and many logs."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from flexaxis.experiments.running.progress import LINE
 
 Array = NDArray[np.float64]
 
-MOST = 4000  # points of a curve
-GAPS = 200  # largest number of gaps that are shaded
-PIECE = 500  # samples of a simulation in a figure
+MOST = 4000  # maximum number of points of a curve
+GAPS = 200  # maximum number of gaps that are shaded
+PIECE = 500  # number of samples of a simulation in a figure
 SUREST = 3  # number of estimates in the first sentence of the page
 WRITTEN: dict[str, Any] = {"border": 0, "float_format": "{:.5g}".format}
-"""How pandas writes a table."""
+"""Options with which pandas writes a table as HTML."""
 
 
 @dataclass(frozen=True)
 class Chart:
-    """A figure with a title, words below it, and the series of each panel by its label."""
+    """A figure with a title, a caption (`words`), and the series of each panel by its label."""
 
     title: str
     words: str
@@ -48,22 +48,26 @@ class Chart:
     x: str = "time [s]"
 
     def draw(self, **options: Any) -> Figure:
-        """Draw it, as `reporting.figures.curves` does."""
+        """Draw the figure with `reporting.figures.curves`."""
         return curves(self.panels, x=self.x, **self.options, **options)
 
 
 @dataclass(frozen=True)
 class LogPage:
-    """Content of a page.
+    """The content of a page.
 
     Attributes
     ----------
     title : str
+        Title of the page.
     finding : Finding
-        The answer, in one sentence.
+        Main result, in one sentence.
     remarks : sequence of Finding
+        Further findings.
     charts : sequence of Chart
+        Figures of the page.
     table : DataFrame or None
+        Table of the page, if any.
     """
 
     title: str
@@ -83,14 +87,14 @@ class LogPage:
 
 
 def _line(x: Array, y: Array, label: str, role: Any = "data") -> Series:
-    """Return a curve of at most about `MOST` points: the extremes of each bin."""
+    """Return a curve of at most about `MOST` points, which are the extremes of bins."""
     bins = pd.Series(y).groupby(np.arange(len(y)) * (MOST // 2) // max(len(y), MOST // 2))
     k = np.unique(np.r_[bins.idxmin(), bins.idxmax()])
     return Series(x=x[k], y=y[k], label=label, role=role)
 
 
 def _gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
-    """Return spans to shade: samples that are not used."""
+    """Return the spans of samples that are not used, which the figure shades."""
     return [(float(time[a]), float(time[b - 1]), "not used") for a, b in gaps_of(ok)[:GAPS]]
 
 
@@ -112,7 +116,7 @@ def import_page(result: Imported, log: str) -> LogPage:
 def identification_page(
     result: Identification, period: float, other: Validation | None, title: str
 ) -> LogPage:
-    """Return the page of an identification, with its simulation of another log if there is one."""
+    """Return the page of an identification, and of its simulation of another log if available."""
     findings = findings_of(result, other)
     every = zip(result.names, result.theta, result.deviations, strict=True)
     sure = sorted((sd / abs(v), f"{name} = {v:.4g} ± {sd:.1g}") for name, v, sd in every if v)
@@ -133,7 +137,7 @@ def identification_page(
 
 
 def findings_of(result: Identification, other: Validation | None) -> list[Finding]:
-    """Return the findings on both logs, the most severe first."""
+    """Return the findings on the log and on the other log, the most severe first."""
     texts = [
         f"units: {result.units}",
         f"law of friction: {result.friction}",
@@ -149,7 +153,7 @@ def findings_of(result: Identification, other: Validation | None) -> list[Findin
 
 
 def content(result: Identification, other: Validation | None) -> dict[str, Any]:
-    """Return an identification as JSON."""
+    """Return the content of the JSON file of an identification."""
     every = findings_of(result, other)
     return {
         "estimates": {n: {"value": value, "sd": sd} for n, (value, sd) in result.estimates.items()},
@@ -165,7 +169,7 @@ def content(result: Identification, other: Validation | None) -> dict[str, Any]:
 
 
 def _compared(title: str, time: Array, y: Array, simulated: Array) -> Chart:
-    """Return the liveliest piece of a log with its simulation, and the error."""
+    """Return a figure of the liveliest piece of a log, its simulation, and the error."""
     piece = liveliest(y, PIECE)
     t, y, simulated = time[piece], y[piece], simulated[piece]
     panels = {
@@ -181,8 +185,9 @@ def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log:
     Parameters
     ----------
     result : Tracked
+        Estimates and findings.
     estimator : str
-        As typed.
+        Name of the estimator, as typed.
     problems : sequence of str
         Problems of the log.
     log : str
@@ -211,7 +216,7 @@ def track_page(result: Tracked, estimator: str, *, problems: Sequence[str], log:
 
 
 def many_page(result: Many, title: str) -> LogPage:
-    """Return the page of many logs: one figure, one table."""
+    """Return the page of many logs, with one figure and one table."""
     table, k = result.table, np.arange(1.0, len(result.table) + 1)
     panels = {}
     for name, one in result.explained.items():
