@@ -1,7 +1,7 @@
-"""Plants as data: MJCF models and the sources of their parameter values.
+"""MJCF models of the plants, and their parameter sets.
 
-Each model has a folder with its MJCF, a README, and further parameter sets as TOML with a source
-for each value. `model_files` returns the MJCF text and the other files of a model by name.
+Each model has a folder that contains its MJCF, a README, and further parameter sets as TOML files,
+which cite a source for each value. `model_files` returns the MJCF text and all files of a model.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ from importlib.resources import files
 from xml.etree.ElementTree import canonicalize
 
 DEFAULT = "three_mass"
-"""The paper's axis, the default model of a scenario."""
+"""Name of the paper's axis, which is the default model of a scenario."""
 
 _FOUND = {f.name for f in files(__package__).iterdir() if (f / f"{f.name}.xml").is_file()}
 MODEL_NAMES = (DEFAULT, *sorted(_FOUND - {DEFAULT}))
-"""Names of the models; each is a folder beside this file with an MJCF of the same name."""
+"""Names of the models. Each model is a folder next to this file, with an MJCF of the same name."""
 
 SHIPPED = {
     "three_mass": "29c0e25cfb28f417",
     "two_mass": "54100381ce3d6dc7",
 }
-"""Digests of the models as first published. A scenario with a changed model has another hash."""
+"""Digests of the models as first published. If a model changes, so do the hashes of scenarios."""
 
 
 @cache
 def model_digest(name: str) -> str:
-    """Return a digest (16 hex digits) of a model's MJCF; errors as from `model_files`.
+    """Return a digest (16 hex digits) of a model's MJCF; the errors are those of `model_files`.
 
-    The digest does not depend on comments, blanks or line endings.
+    The digest does not depend on comments, whitespace or line endings.
     """
     meant = canonicalize(model_files(name)[0], strip_text=True)
     return sha256(meant.encode()).hexdigest()[:16]
@@ -42,14 +42,14 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
     Parameters
     ----------
     name : str
-        One of `MODEL_NAMES`.
+        Name of the model, one of `MODEL_NAMES`.
 
     Returns
     -------
     xml : str
         The MJCF text of ``name/name.xml``.
     assets : dict of str to bytes
-        All files of the model's folder by name, in the form that MuJoCo needs for ``<include>``.
+        Contents of all files in the model's folder by file name, which MuJoCo's ``<include>`` uses.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
         near = get_close_matches(name, MODEL_NAMES, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"unknown model {name!r}; models are {', '.join(MODEL_NAMES)}.{hint}")
-    # Read through the import system, which also works from a wheel or a zip file.
+    # Use the import system to read the files, so that a package in a zip file works too.
     folder = files(__package__) / name
     assets = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
     return assets[f"{name}.xml"].decode(), assets

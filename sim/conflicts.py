@@ -1,4 +1,4 @@
-"""Check a scenario and report every mistake: first in single keys, then conflicts between keys."""
+"""Check a scenario and report mistakes: first errors in single keys, then conflicts of keys."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from flexaxis.sim.scenario import Scenario
 
 Problem = tuple[str, str]
-"""Key, such as ``fault[0].at``, and the message about it."""
+"""Dotted key, such as ``fault[0].at``, and the message about that key."""
 
 OF_THE_GEAR = ("backlash", "stiffening", "gear_friction", "load_friction")
-"""Tables that act on the gear spring."""
+"""Names of the tables that require a gear spring."""
 
 _KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}
 
-# TOML terms for pydantic's messages that use Python terms.
+# These messages use TOML terms and replace messages of pydantic that use Python terms.
 _WORDS = {
     "dict_type": "must be a table",
     "model_type": "must be a table",
@@ -54,26 +54,27 @@ _WORDS = {
 def problems(error: ValidationError, top: type[Scenario]) -> list[str]:
     """Return one line for each problem of a scenario.
 
-    Conflicts between keys are reported when every key is valid on its own.
+    Conflicts between keys are reported only if each key is valid on its own.
     """
     lines = [f"{key}: {text}" for key, text in explain(error, top)]
     for item in error.errors():
-        if not item["loc"]:  # raised by `Scenario` about conflicts
+        if not item["loc"]:  # this error is about conflicts between keys
             lines += str(item["ctx"]["error"]).splitlines()
     return lines
 
 
 def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
-    """Yield pydantic's errors for individual keys of a table of type `top`."""
+    """Yield key and message of each pydantic error about a single key in a table of type `top`."""
     for item in error.errors():
         if item["loc"]:
             yield _key(item["loc"]), _text(item, top)
 
 
 def _key(loc: Iterable[int | str]) -> str:
-    """Return the dotted key of a pydantic location: ``fault[0].at`` for ("fault", 0, "step", "at").
+    """Convert a pydantic location to a dotted key.
 
-    The `kind` of a table, here "step", is left out.
+    For example, ("fault", 0, "step", "at") becomes ``fault[0].at``: the `kind` of a table, here
+    "step", is left out.
     """
     key = ""
     for part in loc:
@@ -114,7 +115,10 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
 
 
 def conflicts(scenario: Scenario) -> Iterator[Problem]:
-    """Yield values of the right type that contradict each other or do not fit this plant."""
+    """Yield a problem for each value that contradicts another value or is not valid for the plant.
+
+    All values must already have the right type.
+    """
     yield from _rate_problems(scenario)
     yield from _axis_problems(scenario)
     yield from estimated_problems(scenario.identify, scenario)
@@ -132,7 +136,7 @@ def conflicts(scenario: Scenario) -> Iterator[Problem]:
 
 
 def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield keys that are incompatible with the sampling period."""
+    """Yield a problem for each key that is incompatible with the sampling period."""
     period, controller, delay = scenario.period, scenario.controller, scenario.delay
     if abs(period / TICK - round(period / TICK)) >= 1e-6:
         words = f"needs a sampling period of whole milliseconds, not {1000 * period:g} ms"
@@ -141,12 +145,12 @@ def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
                 yield key, words
     for key, text in getattr(scenario.excitation, "sampling_problems", lambda period: ())(period):
         yield f"excitation.{key}", text
-    if period == PERIOD:  # older than this check: these scenarios are allowed to become unstable
+    if period == PERIOD:  # scenarios with this period are older than the check and may be unstable
         return
     late = delay.measurement if scenario.feedback == "measured" else 0
     try:
         axis = scenario.nominal
-    except ParameterError:  # reported by `_axis_problems`
+    except ParameterError:  # `_axis_problems` reports this error
         return
     ticks = delay.torque_ticks
     if problem := loop_problem(axis, controller, period, torque_ticks=ticks, late=late):
@@ -154,7 +158,7 @@ def _rate_problems(scenario: Scenario) -> Iterator[Problem]:
 
 
 def _axis_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield entries of preset, parameters and tables that the model does not have."""
+    """Yield a problem for each preset, parameter or table that is not valid for the model."""
     names, known = parameter_names(scenario.model), presets(scenario.model)
     if scenario.preset not in known:
         yield "preset", unknown("preset", scenario.preset, known)
@@ -175,18 +179,18 @@ def estimated_problems(
     key: str = "identify",
     besides: Sequence[str] = LAW_NAMES,
 ) -> Iterator[Problem]:
-    """Yield why some of the named parameters cannot be estimated in a scenario.
+    """Yield a problem for each named parameter that cannot be estimated in a scenario.
 
     Parameters
     ----------
     names : iterable of str
-        Parameters to estimate, from a scenario's `identify` or from an estimator.
+        Names of the parameters to estimate, from the `identify` of a scenario or of an estimator.
     scenario : Scenario
-        Scenario in which they are to be estimated.
+        Scenario in which the parameters are to be estimated.
     key : str
-        Key that messages show for the names.
+        Key of `names`, which the messages quote.
     besides : sequence of str
-        Allowed names in addition to the parameters of the axis and their inverses.
+        Names that are allowed in addition to the parameters of the axis and their inverses.
     """
     known, seen = parameter_names(scenario.model), dict[str, str]()
     for i, name in enumerate(names):
@@ -206,7 +210,7 @@ def estimated_problems(
 
 
 def _law_problem(name: str, scenario: Scenario) -> str | None:
-    """Return why this plant does not have the named law parameter, or None if it does."""
+    """Return a message if the plant has no unique law parameter `name`, or None if it has one."""
     having = [key for key, names in LAW_PARAMETERS.items() if name in names]
     tables = [key for key in having if key in scenario.tables]
     if having and not tables:
@@ -234,7 +238,7 @@ def _change_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
     yield from _span_problems(change, scenario.period)
     yield from _changed_problems(change, scenario)
     index, until = scenario.grid.index, getattr(change, "until", None)
-    # a profile still has the value before the fault at its onset
+    # the onset of a profile is the last sample with the old value
     if index(change.at) + isinstance(change, Profile) >= scenario.samples:
         end = f"the end of the run at {scenario.duration:g} s"
         yield "at", f"the onset at {change.at:g} s is not before {end}"
@@ -243,7 +247,7 @@ def _change_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
-    """Yield the times of a fault or nuisance that are shorter than one sample."""
+    """Yield a problem for each time of a fault or nuisance that is shorter than one sample."""
     for key, about in type(change).model_fields.items():
         if A_SAMPLE in about.metadata and getattr(change, key) < period:
             text = f"must be at least one sample, {period:g} s, not {getattr(change, key):g}"
@@ -256,7 +260,7 @@ def _span_problems(change: Fault, period: float) -> Iterator[Problem]:
 
 
 def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
-    """Yield why a parameter cannot change, or cannot change by this factor."""
+    """Yield a problem if the parameter cannot change, or cannot change by this factor."""
     known, parameter = changeable(parameter_names(scenario.model)), change.parameter
     law = meant(parameter)
     text = _law_problem(law, scenario) if parameter == law or law not in scenario.laws else None
@@ -279,7 +283,7 @@ def _changed_problems(change: Fault, scenario: Scenario) -> Iterator[Problem]:
 
 
 def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
-    """Yield pauses after the end of the run, and an `onset_spread` that is too large for it."""
+    """Yield a problem for each pause after the end of the run and if `onset_spread` is too big."""
     duration, spread = scenario.duration, scenario.onset_spread
     pauses = getattr(scenario.excitation, "pause", ())
     for i, (begin, _) in enumerate(pauses):
@@ -290,7 +294,8 @@ def _pause_problems(scenario: Scenario) -> Iterator[Problem]:
             )
     times = [time for pause in pauses for time in pause]
     for fault in scenario.fault:
-        lines = getattr(fault, "points", ())[:-1]  # each line begins where the previous one ends
+        # each segment of a profile begins at the end of the previous segment
+        lines = getattr(fault, "points", ())[:-1]
         times += [fault.at, *(fault.at + time for time, _ in lines)]
     if spread is None or not times:
         return

@@ -7,15 +7,15 @@ from difflib import get_close_matches
 
 
 class FlexaxisError(ValueError):
-    """A user's mistake or a failed run, reported in one clear message."""
+    """Base class of all errors that report a user's mistake or a failed run."""
 
 
 class ParameterError(FlexaxisError):
-    """A physical parameter is unknown or has an impossible value."""
+    """A parameter is unknown, or its value is physically impossible."""
 
 
 class ScenarioError(FlexaxisError):
-    """A scenario is wrong; the message has one line for each problem.
+    """A scenario is invalid; the message contains one line for each problem.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class ScenarioError(FlexaxisError):
 
     def __init__(self, *problems: str) -> None:
         super().__init__("\n".join(problems))
-        # Derived from the message, because pickle calls the class with the message alone.
+        # `problems` is derived from the message, because pickle passes only the message.
         self.problems = tuple(str(self).splitlines())
 
 
@@ -39,7 +39,7 @@ class SimulationError(FlexaxisError):
     Attributes
     ----------
     run : int
-        Row of the batch that failed.
+        Index of the failed run in the batch.
     time : float
         Simulated time at the end of the failed step [s].
     reason : str
@@ -47,7 +47,7 @@ class SimulationError(FlexaxisError):
     """
 
     def __init__(self, message: str, run: int, time: float, reason: str) -> None:
-        super().__init__(message, run, time, reason)  # pickle needs all arguments
+        super().__init__(message, run, time, reason)  # pickle requires all arguments
         self.run, self.time, self.reason = run, time, reason
 
     def __str__(self) -> str:
@@ -55,7 +55,7 @@ class SimulationError(FlexaxisError):
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return a hint that names the most similar known word, or an empty string.
+    """Return a hint with the most similar known word, or "" if no known word is similar.
 
     Examples
     --------
@@ -65,7 +65,8 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     ''
     """
     spelt = {name.lower(): name for name in known}
-    near = get_close_matches(str(word).lower(), spelt, n=1)  # a file may contain a number here
+    # in a file, `word` may be a number
+    near = get_close_matches(str(word).lower(), spelt, n=1)
     return f" Did you mean {spelt[near[0]]!r}?" if near else ""
 
 

@@ -1,4 +1,4 @@
-"""Write files atomically, and read files with one-line error messages."""
+"""Write files atomically, and read files; each error has a one-line message."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from typing import Any
 import tomli_w
 
 Refusal = Callable[[str], Exception]
-"""Function or class that makes an exception, such as ``ScenarioError``, from its message."""
+"""Exception class, such as ``ScenarioError``, or a function that returns an exception."""
 
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 _SHORT.maxlevel = 3
 
 toml_text: Callable[[dict[str, Any]], str] = partial(tomli_w.dumps, multiline_strings=True)
-"""Function that returns nested dictionaries as TOML text."""
+"""Function that converts nested dictionaries to TOML text."""
 
 
 @contextmanager
 def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path; the file written there replaces `path` at the end.
+    """Yield a temporary path, and replace `path` by the file at the temporary path at the end.
 
-    The temporary path is in a hidden folder next to `path`. If anything fails, the error is raised
-    and the old file stays unchanged.
+    The temporary file is in a hidden folder in the folder of `path`. If an exception occurs, the
+    exception is raised again and the old file remains unchanged.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def shown(value: object) -> str:
-    """Return the repr of a value for a message, shortened if it is long.
+    """Return the repr of a value for a message; a long repr is shortened.
 
     Examples
     --------
@@ -74,12 +74,12 @@ def shown(value: object) -> str:
 
 
 def read_toml(path: Path, refuse: Refusal) -> dict[str, Any]:
-    """Return the tables of a TOML file; raise `refuse` if it cannot be read."""
+    """Return the tables of a TOML file; raise `refuse` if the file cannot be read."""
     return toml_tables(read_text(path, refuse), source=str(path), refuse=refuse)
 
 
 def read_text(path: Path, refuse: Refusal) -> str:
-    """Return the text of a file; raise `refuse` if it cannot be read."""
+    """Return the text of a file; raise `refuse` if the file cannot be read."""
     try:
         return path.read_text(encoding="utf-8-sig")  # some editors write a byte-order mark
     except OSError as error:
@@ -89,7 +89,7 @@ def read_text(path: Path, refuse: Refusal) -> str:
 
 
 def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
-    """Return the tables of a TOML text; messages call it `source`."""
+    """Return the tables of a TOML text; error messages name the text by `source`."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -97,7 +97,7 @@ def toml_tables(text: str, *, source: str, refuse: Refusal) -> dict[str, Any]:
 
 
 def json_value(text: str | bytes, *, source: str, refuse: Refusal) -> Any:
-    """Return the value of a JSON text; messages call it `source`."""
+    """Return the value of a JSON text; error messages name the text by `source`."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""Identity of a scenario: its hash, the key of its random numbers and the hash of its records."""
+"""Hashes of a scenario: of its content, of its random numbers and of its records."""
 
 from __future__ import annotations
 
@@ -14,10 +14,14 @@ from flexaxis.models_mjcf import DEFAULT, SHIPPED, model_digest
 from flexaxis.sim.timing import PERIOD
 
 PLANT, CONTENT = "plant", "content"
-"""Values of `streams`: a key from the keys that affect plant and sensors, or from all content."""
+"""Values of `streams`.
+
+With "plant", the key of the random numbers depends only on the part of the scenario that affects
+plant and sensors; with "content", it depends on the whole content.
+"""
 
 _WORDS = frozenset({"name", "card", "group", "difficulty", "preset"})
-# Keys that only concern estimation and scoring; they do not affect the simulated axis.
+# Keys that do not affect the simulated axis, because they concern only estimation and scoring.
 _NOT_SEEN = _WORDS | {"identify", "start", "known", "output", "burn_in", "streams"}
 
 
@@ -36,9 +40,9 @@ Streams = Annotated[str, AfterValidator(_a_key)]
 def content_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 (64 hex digits) of a resolved scenario without its descriptive keys.
 
-    ``streams = "content"``, the period of 5 ms and the paper's axis are left out, because scenarios
-    with these values are older than the keys. The MJCF is included if it differs from the
-    published one.
+    The keys `streams`, `period` and `model` are left out if their values are "content", 5 ms and
+    the paper's axis, because scenarios with these values are older than the keys. The digest of the
+    MJCF is included if it differs from the published digest.
     """
     without = _WORDS | ({"streams"} if resolved["streams"] == CONTENT else set())
     return _digest({k: v for k, v in _told_apart(resolved).items() if k not in without})
@@ -58,19 +62,23 @@ def stream_key(resolved: Mapping[str, Any]) -> str:
 def record_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 (64 hex digits) of everything that determines a record except the seed.
 
-    Scenarios share this hash if they differ only in what estimators know or estimate and use the
-    same key for the random streams.
+    Two scenarios have the same record hash if they have the same key of the random streams and
+    differ only in keys that concern estimation and scoring.
     """
     return _digest(_seen(resolved) | {"key": stream_key(resolved)})
 
 
 def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the part of a scenario that affects plant and sensors."""
+    """Return the keys and values of a scenario that affect plant and sensors."""
     return {key: value for key, value in _told_apart(resolved).items() if key not in _NOT_SEEN}
 
 
 def _told_apart(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a resolved scenario without its oldest defaults, plus the digest of a changed MJCF."""
+    """Return a resolved scenario in the form that is hashed.
+
+    The default values of `period` and `model` are left out. If the MJCF differs from the published
+    file, its digest is added.
+    """
     usual, model = {"period": PERIOD, "model": DEFAULT}, resolved["model"]
     content = {key: value for key, value in resolved.items() if usual.get(key) != value}
     digest = model_digest(model)

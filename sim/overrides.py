@@ -1,4 +1,4 @@
-"""Set dotted keys of a scenario, such as ``fault[0].factor``, and build names from them."""
+"""Set dotted keys of a scenario, such as ``fault[0].factor``, and append them to its name."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str
     Raises
     ------
     ScenarioError
-        If a key does not exist; the message names source and key.
+        If a key does not exist. The message contains `source` and the key.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def _keys(content: Any, key: str = "") -> list[str]:
 
 
 def suffix(changes: Mapping[str, Any]) -> str:
-    """Return the suffix that overridden keys add to the name of a scenario.
+    """Return the suffix that is appended to the name of a scenario with overridden keys.
 
     Examples
     --------
@@ -62,5 +62,5 @@ def suffix(changes: Mapping[str, Any]) -> str:
 
 def _compact(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value, default=str).replace(" ", "")
-    # a name is a single word and may become a file name
+    # the name of a scenario must be a single word and may be used as a file name
     return "".join(c if c.isprintable() and c not in " /\\" else "|" for c in text)

@@ -1,4 +1,4 @@
-"""Parameters of an axis as named in its MJCF, presets, and parameters of nonlinear laws."""
+"""Names, units and nominal values of the parameters of an axis and of nonlinear laws."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ _UNITS = {
 
 @cache
 def nominal_numbers(model: str) -> Mapping[str, float]:
-    """Return the parameters of a plant with the values of its MJCF, in order.
+    """Return the names and nominal values of a model's parameters, which are read from its MJCF.
 
-    The torque constant ``k_T`` is `gear` of the motor. Each body has an inertia ``J_m`` and a
-    friction ``f_m``, and each tendon a stiffness ``k_g`` and a damping ``d_g``; the subscript is
-    the first letter of its name, and a single tendon has no subscript. The gear ratio ``r`` is the
-    coefficient of the motor in the first tendon and is left out if it is 1.
+    The torque constant ``k_T`` is the attribute `gear` of the motor. Each body has an inertia such
+    as ``J_m`` and a friction such as ``f_m``. Each tendon has a stiffness such as ``k_g`` and a
+    damping such as ``d_g``. The subscript is the first letter of the name of the body or tendon;
+    the subscript is left out if there is only one tendon. The gear ratio ``r`` is the coefficient
+    of the motor in the first tendon; the gear ratio is left out if it is 1.
 
-    The MJCF is a chain of bodies called motor, gear, arm or load, with a tendon between neighbours.
-    The names of the tendons start with different letters.
+    The MJCF must describe a chain of bodies called motor, gear, arm or load, with a tendon between
+    neighbours. The names of the tendons must start with different letters.
     """
     root = ElementTree.fromstring(model_files(model)[0])
     bodies, tendons = [*root.iter("body")], root.findall("tendon/fixed")
@@ -37,7 +38,8 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
         element = owner.find(path)
         if element is None or not (text := element.get(key)):
             raise ParameterError(f"model {model}: {owner.get('name')} in its MJCF has no {key}.")
-        return float(text.split()[2 * (key == "diaginertia")])  # third entry: about the z axis
+        # the third inertia is the one about the z axis
+        return float(text.split()[2 * (key == "diaginertia")])
 
     values = {"k_T": number(root, "actuator/motor", "gear")}
     for kind, owners, path, key in (
@@ -55,7 +57,7 @@ def nominal_numbers(model: str) -> Mapping[str, float]:
 
 
 def parameter_names(model: str = DEFAULT) -> tuple[str, ...]:
-    """Return the names of a plant's parameters in the order used by all arrays."""
+    """Return the names of a model's parameters in the order of the columns of all arrays."""
     return tuple(nominal_numbers(model))
 
 
@@ -66,20 +68,20 @@ def model_with(names: Iterable[str]) -> str | None:
 
 
 PARAMETER_NAMES = parameter_names()
-"""Parameters of the paper's axis."""
+"""Names of the parameters of the paper's axis."""
 
 PARAMETER_UNITS = {
     name: _UNITS.get(name, _UNITS[name[0]])
     for model in MODEL_NAMES
     for name in parameter_names(model)
 }
-"""Units of the parameters of all models; parameters of the paper's axis come first."""
+"""Units of the parameters of all models, by name; parameters of the paper's axis come first."""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
-"""Parameters that are estimated by default: the three of the paper."""
+"""Parameters that are estimated by default, as in the paper."""
 
 DATA_SHEET = {"poles": "1", "torque_limit": "N m", "noise": "unit of the output"}
-"""Further data-sheet values of an axis with their units: cogging periods per motor revolution, the
+"""Units of further data-sheet values: the number of cogging periods per motor revolution, the
 torque limit of the drive, and the standard deviation of the measurement noise."""
 
 MAY_BE_ZERO = frozenset(name for name in PARAMETER_UNITS if name[0] in "df")
@@ -97,21 +99,23 @@ LAW_UNITS = {
     "kappa": "1/rad^2",
     "gap": "rad",
 }
-"""Units of the parameters of nonlinear laws, in the order of their columns after the axis.
+"""Units of the parameters of nonlinear laws, by name.
 
-They are the Coulomb friction, the excess breakaway torque, the Stribeck speed, stiffness and
-damping of the bristles, the two rates of the static curve, the ratio of cubic to linear stiffness
-of the gear spring, and the backlash gap on the arm side.
+The parameters are the Coulomb friction, the excess of the breakaway torque over the Coulomb
+friction, the Stribeck speed, the stiffness and damping of the bristles, the two inverse speeds of
+the static friction curve, the ratio of cubic to linear stiffness of the gear spring, and the width
+of the backlash gap on the arm side. In a record, their columns follow those of the axis in this
+order.
 """
 
 LAW_NAMES = tuple(LAW_UNITS)
 """Names of the parameters of nonlinear laws in the order of their columns."""
 
 LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
-"""Law parameters that may become zero during a run."""
+"""Names of the law parameters that may become zero during a run."""
 
 ESTIMATED_ONLY = ("c_sin", "c_cos")
-"""Parameters that an estimator may have but no record contains (cogging with unknown phase)."""
+"""Parameters that an estimator may estimate but no record contains (cogging of unknown phase)."""
 
 LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "friction": ("f_c",),
@@ -122,18 +126,18 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "backlash": ("gap",),
     "stiffening": ("kappa",),
 }
-"""Parameters of each scenario table that defines a nonlinear law, in the order of its keys.
+"""Names of the law parameters that each scenario table defines, by table.
 
-The table's `law` returns their values. If two tables have a parameter of the same name, it belongs
-to the first.
+The attribute `law` of the table contains their values. If a scenario has several tables with a
+parameter of the same name, the first table defines its value.
 """
 
 FIXED = {"gap": "backlash", "kappa": "stiffening"}
-"""Parameters that cannot change during a run, and the table that each belongs to."""
+"""Parameters that cannot change during a run, and the table that defines each of them."""
 
 
 def parameter_problem(name: str, value: float) -> str | None:
-    """Return why a value of a parameter is not physical, or None if it is physical.
+    """Return a message if the value of a parameter is not physical, or None if it is physical.
 
     Examples
     --------
@@ -153,9 +157,9 @@ def parameter_problem(name: str, value: float) -> str | None:
 
 
 class AxisParameters(Frozen):
-    """Physical parameters of an axis by name, in SI units; each is also an attribute.
+    """Physical parameters of an axis by name, in SI units; each parameter is also an attribute.
 
-    Motor quantities are on the motor side, quantities of the other masses on the arm side.
+    Values of the motor refer to the motor side, and values of the other masses to the arm side.
 
     Parameters
     ----------
@@ -164,12 +168,12 @@ class AxisParameters(Frozen):
         constants k and damping coefficients d of the couplings, viscous frictions f, and the gear
         ratio r (gear angle over motor angle); see `nominal_numbers`.
     **more : float
-        Parameters as keywords, which replace or complete `values`.
+        Parameters as keyword arguments, which take precedence over `values`.
 
     Raises
     ------
     ParameterError
-        If the names are not exactly the parameters of a model, or a value is not physical.
+        If the names are not exactly the parameters of a model, or if a value is not physical.
     """
 
     __slots__ = ()
@@ -195,7 +199,7 @@ class AxisParameters(Frozen):
         return hash(tuple(self.items()))
 
     def as_dict(self) -> dict[str, float]:
-        """Return the values by name."""
+        """Return the parameters as an ordinary dictionary, by name."""
         return dict(self)
 
     def replace(self, **changes: float) -> AxisParameters:
@@ -216,8 +220,8 @@ class AxisParameters(Frozen):
 def presets(model: str = DEFAULT) -> Mapping[str, Mapping[str, float]]:
     """Return the named parameter sets of a model.
 
-    The preset "n1" has the values of the MJCF. Each table of a TOML file in the model's folder is
-    another preset.
+    The preset "n1" contains the values of the MJCF. Each table of a TOML file in the model's folder
+    is another preset.
     """
     texts = [text for name, text in sorted(model_files(model)[1].items()) if name.endswith(".toml")]
     tables = [tomllib.loads(text.decode()) for text in texts]
@@ -244,7 +248,7 @@ def preset(name: str, model: str = DEFAULT) -> AxisParameters:
 
 
 def meant(parameter: str) -> str:
-    """Return the standard name of a fault's parameter: ``coulomb`` is an alias of f_c.
+    """Return the standard name of the parameter of a fault: ``coulomb`` is an alias of f_c.
 
     Examples
     --------

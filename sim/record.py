@@ -1,4 +1,4 @@
-"""A record: the measurements of one run, the true values if known, and their origin."""
+"""A record: the measured signals of one run, the true values if known, and their origin."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-ROUNDING = 2e-7  # relative deviation from a whole rate; no real clock is this exact
+ROUNDING = 2e-7  # tolerance for an integer sampling rate (relative); no real clock is so exact
 
 OUTPUTS = ("speed", "increment", "angle")
 """Output signals; a record needs at least one of them."""
@@ -40,7 +40,7 @@ SIGNALS = {
     "true_angle_a": ("rad", "arm angle"),
     "true_angle_l": ("rad", "load angle"),
 }
-"""Unit and meaning of each signal (N,), by name."""
+"""Unit and description of each signal (N,), by name."""
 
 _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
     "scenario": json.loads,
@@ -53,10 +53,10 @@ _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Record:
-    """One run, sampled at times t_k.
+    """The signals of one run, sampled at times t_k.
 
-    Output k is measured at t_k, before torque k acts on [t_k, t_{k+1}). Only time, torque and one
-    of speed, increment and angle are required; fields that a measured log lacks are None.
+    Output k is measured at t_k, and torque k acts on [t_k, t_{k+1}). The fields `time` and `torque`
+    and one of `speed`, `increment` and `angle` are required; the others may be None.
 
     Attributes
     ----------
@@ -65,27 +65,27 @@ class Record:
     torque : ndarray (N,)
         Torque command [N m].
     angle, speed, increment : ndarray (N,), optional
-        Motor angle [rad], motor speed [rad/s] and difference of motor angles over the period
-        [rad/s], as measured.
+        Measured motor angle [rad], measured motor speed [rad/s], and difference of successive
+        measured motor angles divided by the period [rad/s].
     true_speed, true_angle_m, true_angle_g, true_angle_a, true_angle_l : ndarray (N,), optional
-        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad], as far as the
-        plant has these masses.
+        True motor speed [rad/s], and true angles of motor, gear, arm and load [rad]; None for a
+        mass that the plant does not have.
     true_parameters : ndarray (N, P), optional
-        True parameters that act on [t_k, t_{k+1}), one column per name in `parameter_names`.
+        True parameters that act on [t_k, t_{k+1}); column i contains `parameter_names[i]`.
     parameter_names : tuple of str
-        Names of the P parameters: first the plant's, then those of its nonlinear laws.
+        Names of the P parameters: first those of the plant, then those of its nonlinear laws.
     valid : ndarray (N,) of bool, optional
         False where a sample is missing; None if no sample is missing.
     scenario : dict
-        The resolved scenario, including its name; empty if unknown.
+        Resolved scenario, including its name; empty if unknown.
     hash : str
         Content hash of the scenario.
     seed : int, optional
         Seed of the run.
     burn_in : float
-        Time from the start that is not scored [s].
+        Length of the initial part of the run that is not scored [s].
     versions : dict
-        Versions of the programs that made the record.
+        Versions of the programs that made the record, by name.
 
     Raises
     ------
@@ -131,12 +131,12 @@ class Record:
         """Sampling period [s]."""
         span = self.time[-1] - self.time[0]
         mean = float(span / (len(self.time) - 1))
-        # The period of a simulated grid is exact; a mean over the grid has rounding errors.
+        # The period of a simulated grid is exact, but the mean over the grid has rounding errors.
         whole = rate(mean)
         return 1 / whole if whole and abs(mean * whole - 1) < ROUNDING else mean
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return an xarray Dataset with dimensions time and parameter, as `save` writes it."""
+        """Return the xarray Dataset that `save` writes; its dimensions are time and parameter."""
         import xarray
 
         data: dict[str, Any] = {
@@ -162,7 +162,7 @@ class Record:
         Parameters
         ----------
         path : path-like
-            File to write, usually with the extension ``.nc``.
+            Path of the file, usually with the extension ``.nc``.
 
         Returns
         -------
@@ -175,7 +175,8 @@ class Record:
             If the folder does not exist or cannot be written.
         """
         path, data = Path(path), self.to_xarray()
-        # Constant columns compress well. Into memory first: HDF5 aborts the process on a full disk.
+        # Constant columns compress well. The file is first written to memory, because HDF5 aborts
+        # the process if the disk is full.
         packed = {"true_parameters": {"zlib": True, "complevel": 1}}
         encoding = packed if self.true_parameters is not None else {}
         content = data.to_netcdf(engine="h5netcdf", encoding=encoding)
@@ -193,13 +194,14 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     Parameters
     ----------
     path : path-like
-        File written by `Record.save`, or your own file with the variables ``time``, ``torque`` and
-        ``speed``, ``increment`` or ``angle`` on a dimension ``time``.
+        Path of a file written by `Record.save`, or of another file with the variables ``time``,
+        ``torque``, and at least one of ``speed``, ``increment`` and ``angle``, all of them with the
+        dimension ``time``.
 
     Returns
     -------
     Record
-        The record; fields that the file lacks are None.
+        The record. Fields without a variable in the file have their default, in most cases None.
 
     Raises
     ------
@@ -212,7 +214,8 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     if not path.is_file():
         raise RecordError(f"{path}: no such file.")
     try:
-        # Plain HDF5, for example from MATLAB, has no named dimensions and is accepted too.
+        # Plain HDF5 files, for example from MATLAB, are accepted although they have no named
+        # dimensions.
         with xarray.open_dataset(
             path, engine="h5netcdf", phony_dims="sort", decode_cf=False
         ) as file:
@@ -220,12 +223,12 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
     except Exception as error:
-        # The HDF5 stack raises many exceptions for a broken file, without a common base class.
+        # The HDF5 libraries raise many types of exceptions, which have no common base class.
         raise RecordError(f"{path}: not a NetCDF-4 file, or broken ({error}).") from error
 
 
 def _fields(file: xarray.Dataset) -> dict[str, Any]:
-    """Return the fields of a record from an open file."""
+    """Read the fields of a record from an open file."""
     for name in ("time", "torque"):
         if name not in file.variables:
             present = ", ".join(map(str, file.variables)) or "none"
@@ -240,7 +243,7 @@ def _fields(file: xarray.Dataset) -> dict[str, Any]:
 
 
 def _parameters(file: xarray.Dataset) -> dict[str, Any]:
-    """Return the true parameters with columns in our standard order, and their names."""
+    """Read the true parameters and their names, and sort the columns into our standard order."""
     if "parameter" not in file.variables:
         raise RecordError("variable 'parameter' with the names of the columns is missing.")
     names = [str(name) for name in file["parameter"].values]
@@ -256,7 +259,7 @@ def _parameters(file: xarray.Dataset) -> dict[str, Any]:
 
 
 def _check(record: Record) -> None:
-    """Raise a RecordError if the record is useless or misleading."""
+    """Raise a RecordError if a signal is missing, has a wrong shape or contains invalid values."""
     if all(getattr(record, name) is None for name in OUTPUTS):
         raise RecordError(f"a record needs one of {', '.join(OUTPUTS)}; this one has none.")
     samples = np.size(record.time)

@@ -1,4 +1,4 @@
-"""A scenario: everything that defines a run except its seed, as TOML and as a frozen object."""
+"""A scenario: everything that defines a run except its seed."""
 
 from __future__ import annotations
 
@@ -46,53 +46,56 @@ def _a_model(name: str) -> str:
 
 
 class Scenario(Config):
-    """Definition of a run: axis, excitation, loop, sensors and faults over time.
+    """Definition of a run: axis, reference, control loop, sensors and faults.
 
-    Create a scenario with `load_scenario`, `parse_scenario` or `Scenario.override`, which report
-    all wrong keys at once, or else all conflicts between keys. docs/scenarios.md explains each key.
+    Create a scenario with `load_scenario`, `parse_scenario` or `Scenario.override`. These functions
+    report all invalid keys at once; if every key is valid, they report all conflicts between keys.
+    docs/scenarios.md explains each key.
 
     Attributes
     ----------
     name : str
-        Name of the scenario. A scenario with other content gets another name.
+        Name of the scenario. Scenarios with different content should have different names.
     duration : float
         Length of the run [s].
     card, group : str, optional
-        Description of what the scenario tests, and its group in the catalogue.
+        Description of what the scenario tests, and group of the scenario in the catalogue.
     difficulty : {"easy", "medium", "hard"}, optional
         Difficulty for a good estimator.
     period : float
         Sampling period T [s] of controller and signals; 1/T is an integer.
     substeps : int, optional
-        Steps of the simulation per 5 ms, to use more than the nonlinear laws of the axis require.
+        Lower limit of the number of simulation steps per 5 ms. By default, the nonlinear effects of
+        the axis determine the number.
     model, preset : str
-        Plant, one of `flexaxis.models_mjcf.MODEL_NAMES`, and the name of one of its parameter sets.
+        Name of the plant, one of `flexaxis.models_mjcf.MODEL_NAMES`, and name of one of its
+        parameter sets.
     parameters : dict of str to float
-        Values that replace those of the preset [SI units].
+        Parameter values that replace those of the preset [SI units].
     identify : tuple of str
-        Parameters to estimate, including inverses such as ``"1/J_a"``.
+        Names of the parameters to estimate, including inverses such as ``"1/J_a"``.
     start : float
-        Initial estimate of these parameters over their nominal value.
+        Ratio of the initial estimate of each identified parameter to its nominal value.
     known : dict of str to float, optional
-        Values that estimators know: a factor on the true value for other parameters, the value
-        itself for those in `DATA_SHEET`. With `spread`, each seed draws an error for every
-        parameter that is not estimated (`drawn`).
+        Values that estimators know. For a name in `DATA_SHEET`, the value itself; for a parameter
+        that is not estimated, the ratio of the known value to the true value. If the key `spread`
+        is set, each seed draws a random error for every parameter that is not estimated (`drawn`).
     output : {"speed", "increment", "angle"}
-        Signal that the estimators read.
+        Output signal that the estimators use.
     burn_in : float
-        Time from the start that is not scored [s].
+        Length of the initial part of the run that is not scored [s].
     streams : str
-        Key of the random numbers: "plant" (the part of the scenario that affects plant and
-        sensors), "content" (the whole scenario), or the `key` of another scenario, to share its
-        random numbers.
+        Part of the scenario that determines the random numbers: "plant" (the part that affects
+        plant and sensors) or "content" (the whole scenario). The `key` of another scenario makes
+        both scenarios use the same random numbers.
     feedback : {"clean", "measured"}
-        Whether the controller reads the true motor angle or the measured one.
+        Whether the controller reads the true motor angle or the measured motor angle.
     delay, noise, encoder, controller, excitation, fault
-        Tables for sensors, control loop, reference and faults.
+        Tables of the sensors, the control loop, the reference and the faults.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
-        Tables for effects beyond the linear model: filter, friction, gear and drive.
+        Tables of effects that the linear model does not describe: filter, friction, gear and drive.
     onset_spread : float, optional
-        Largest shift of faults and pauses, drawn by seed [s] (`drawn`).
+        Largest random shift of faults and pauses [s]; the shift depends on the seed (`drawn`).
     nuisance : tuple of Fault, optional
         Changes of true parameters that do not count as faults; an alarm on them is a false alarm.
     """
@@ -141,7 +144,7 @@ class Scenario(Config):
         return self
 
     def drawn(self, seed: int) -> Scenario:
-        """Return the scenario with the values drawn for a seed; see `sim.tables.events.drawn`."""
+        """Return the scenario with the random values of a seed; see `sim.tables.events.drawn`."""
         return drawn(self, seed) if self.onset_spread or self.spread else self
 
     @property
@@ -151,7 +154,7 @@ class Scenario(Config):
 
     @property
     def grid(self) -> Grid:
-        """The samples of the run."""
+        """Sampling grid of the run."""
         return Grid.first(self.samples, self.period)
 
     @property
@@ -161,14 +164,15 @@ class Scenario(Config):
 
     @cached_property
     def nominal(self) -> AxisParameters:
-        """Parameters before any fault."""
+        """Parameters of the axis before any fault."""
         return preset(self.preset, self.model).replace(**self.parameters)
 
     @property
     def tables(self) -> dict[str, Any]:
-        """The tables of axis, loop and sensors that are in use, by key.
+        """The tables of axis, control loop and sensors that this scenario uses, by key.
 
-        Each has `exact` (whether the linear model describes the logged signals) and `in_words`.
+        Each table has the attributes `exact` (whether the linear model still describes the logged
+        signals) and `in_words` (a description).
         """
         return {k: v for k, v in self if isinstance(v, Config) and k != "excitation"}
 
@@ -187,18 +191,18 @@ class Scenario(Config):
 
     @property
     def linear(self) -> bool:
-        """Whether the linear model with the values known to estimators describes the records."""
+        """Whether the linear model, with the values that estimators know, describes the records."""
         exact = all(table.exact for table in self.tables.values())
         return exact and not (self.known_factors or self.spread)
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the logarithm of the drawn factors on known values."""
+        """Standard deviation of the logarithms of the random factors on known parameters."""
         return (self.known or {}).get("spread", 0.0)
 
     @property
     def known_factors(self) -> dict[str, float]:
-        """Wrong parameter values that estimators use, as factors on the true values, by name."""
+        """Ratios of the known values (with their errors) to the true parameter values, by name."""
         besides = (*DATA_SHEET, "spread")
         return {name: x for name, x in (self.known or {}).items() if name not in besides}
 
@@ -209,20 +213,20 @@ class Scenario(Config):
 
     @cached_property
     def laws(self) -> dict[str, float]:
-        """Parameters of the plant's nonlinear laws before any fault."""
+        """Parameters of the plant's nonlinear laws before any fault, by name."""
         values: dict[str, float] = {}
-        for table in self.nonlinear.values():  # the first table with a name takes precedence
+        for table in self.nonlinear.values():  # the first table that defines a name has precedence
             values = table.law | values
         return Frozen({name: float(values[name]) for name in LAW_NAMES if name in values})
 
     @cached_property
     def initial(self) -> dict[str, float]:
-        """The P parameters before any fault: those of the plant, then those of its laws."""
+        """Parameters before any fault, by name: those of the plant, then those of its laws."""
         return Frozen(self.nominal.as_dict() | self.laws)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters."""
+        """Names of the P parameters: those of the plant, then those of its laws."""
         return tuple(self.initial)
 
     @property
@@ -236,20 +240,20 @@ class Scenario(Config):
         return np.column_stack([changed(x, n, changes, self.grid) for n, x in self.initial.items()])
 
     def excited(self) -> NDArray[np.bool_]:
-        """Return whether the reference moves at each sample (N,)."""
+        """Return a boolean array (N,): whether the reference moves at each sample."""
         return self.excitation.excited(self.grid)
 
     def events(self) -> tuple[Event, ...]:
-        """Return the changes of the true parameters, in order of time.
+        """Return the changes of the true parameters caused by faults, in order of time.
 
-        A ramp is one event at its onset; an intermittent fault is one event at each switch. If
-        changes of one parameter overlap, each event has the size of its own fault alone.
+        A ramp is one event at its onset; an intermittent fault is one event at each jump. If
+        changes of the same parameter overlap, the size of each event is that of its own fault.
         """
         return find_events(self.fault, self.nuisance or (), self.grid, self.initial)
 
     @cached_property
     def hash(self) -> str:
-        """Identity of the scenario: SHA-256 of its content without name and description."""
+        """SHA-256 of the scenario's content without its name and description: 64 hex digits."""
         return identity.content_hash(self.resolved())
 
     @cached_property
@@ -263,27 +267,28 @@ class Scenario(Config):
         return identity.record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
-        """Return the scenario with all defaults and all parameter values filled in.
+        """Return all keys and values of the scenario, including defaults and all parameter values.
 
-        Keys with the value None are left out, so that new features do not change old hashes.
+        Keys with the value None are left out, so that new optional keys do not change old hashes.
         """
         content = self.model_dump(mode="json", exclude_none=True)
         return content | {"parameters": self.nominal.as_dict()}
 
     def to_toml(self) -> str:
-        """Return `resolved` as TOML, which parses to the same scenario."""
+        """Return `resolved` as TOML text; `parse_scenario` converts it into the same scenario."""
         return toml_text(self.resolved())
 
     def override(self, changes: Mapping[str, Any], *, inherit: bool = False) -> Scenario:
-        """Return the scenario with some keys changed and the changes appended to its name.
+        """Return a scenario with some keys changed; the changes are appended to its name.
 
         Parameters
         ----------
         changes : mapping of str to value
             New values by dotted key, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
         inherit : bool
-            Whether to keep the random numbers of this scenario. If the changes would give others
-            and do not set `streams`, `streams` is set to this scenario's `key`.
+            Whether to keep the random numbers of this scenario. If the changes would lead to
+            different random numbers and do not set `streams`, then `streams` is set to the `key` of
+            this scenario.
 
         Raises
         ------
@@ -296,7 +301,7 @@ class Scenario(Config):
         set_keys(content, changes, source=self.name)
         friction = content.get("friction") or {}  # a change to None removes the table
         if friction.get("coulomb") == 0 and len(friction) <= 2:
-            del content["friction"]  # 0 in a sweep means no friction; the other key is the kind
+            del content["friction"]  # in a sweep, the value 0 means no friction
         if "name" not in changes:
             content["name"] = self.name + suffix(changes)
         other = scenario_from(content, source=self.name)
@@ -306,19 +311,19 @@ class Scenario(Config):
 
 
 def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
-    """Return a scenario from nested keys and values.
+    """Make a scenario from nested dictionaries of keys and values.
 
     Parameters
     ----------
     content : mapping
         Keys and values as read from a TOML file.
     source : str
-        Name of the scenario's origin for messages.
+        Name of the file or other origin of the keys, for error messages.
 
     Raises
     ------
     ScenarioError
-        If a key is wrong; each line of the message names source, key and problem.
+        If a key is invalid. Each line of the message contains the source, a key and its problem.
     """
     try:
         return Scenario.model_validate(dict(content))
@@ -328,10 +333,10 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
-    """Return a scenario from TOML text; errors as from `scenario_from`."""
+    """Make a scenario from TOML text; the errors are those of `scenario_from`."""
     return scenario_from(toml_tables(text, source=source, refuse=ScenarioError), source=source)
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
-    """Return a scenario from a TOML file; errors as from `scenario_from`."""
+    """Read a scenario from a TOML file; the errors are those of `scenario_from`."""
     return parse_scenario(read_text(Path(path), ScenarioError), source=str(path))

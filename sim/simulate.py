@@ -1,4 +1,4 @@
-"""Simulate a scenario: the plant in its closed loop, for a batch of seeds at once."""
+"""Simulate a scenario, which includes the plant and the control loop, for a batch of seeds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def simulate(
     *,
     repeat: int = 0,
 ) -> list[Record]:
-    """Run a scenario once for each seed, all in one batch.
+    """Simulate a scenario once for each seed, in one batch.
 
     A record depends only on scenario, seed and repeat, not on the other seeds or their order.
 
@@ -39,9 +39,10 @@ def simulate(
     scenario : Scenario
         Scenario to simulate.
     seeds : sequence of int
-        Seeds of the runs, each at least 0.
+        Seeds of the runs, integers of at least 0.
     repeat : int
-        Number of the repetition: the same excitation and faults with different noise.
+        Number of the repetition. Repetitions of a run have the same excitation and faults, but
+        different noise.
 
     Returns
     -------
@@ -51,7 +52,8 @@ def simulate(
     Raises
     ------
     SimulationError
-        If the engine warns or a state is not finite; the message names scenario, seed and time.
+        If the physics engine issues a warning, or if a state is not finite. The message contains
+        the scenario, the seed and the time.
     """
     seeds = [int(seed) for seed in seeds]
     if not seeds or min(seeds) < 0:
@@ -80,32 +82,34 @@ def tracked(
     *,
     samples: int | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Run several scenarios with the reference and noise of one seed and an estimator in each loop.
+    """Simulate several scenarios, each with an estimator in its loop.
+
+    All runs have the same reference and the same noise, those of one seed.
 
     Parameters
     ----------
     scenario : Scenario
-        Scenario that supplies the random numbers and the reference.
+        Scenario that determines the random numbers.
     runs : sequence of Scenario
-        One scenario per run; they differ only in their faults.
+        Scenario of each run; the scenarios differ only in their faults.
     seed : int
         Seed of the random numbers.
     followers : sequence of Follower or None
-        Estimator whose estimates each run feeds forward, or None.
+        Estimator of each run, which supplies the estimates for the feed-forward, or None.
     samples : int, optional
-        Number N of samples to simulate; by default all.
+        Number N of simulated samples; by default all samples of the scenario.
 
     Returns
     -------
     error : ndarray (N, R)
         Reference minus true motor angle [rad].
     limited : ndarray (R,)
-        Number of samples in which a limit acted on the feed-forward.
+        Number of samples in which a limit acted on the feed-forward, for each run.
 
     Raises
     ------
     SimulationError
-        As from `simulate`.
+        If the physics engine issues a warning, or if a state is not finite.
     """
     seeds, grid = [seed] * len(runs), scenario.grid
     one = runs[0].excitation.reference(grid, stream(scenario.key, seed, "excitation"))
@@ -125,7 +129,7 @@ def _white(scenario: Scenario, seeds: list[int], repeat: int, purpose: str) -> A
 
 @contextmanager
 def _named(scenario: Scenario, seeds: list[int]) -> Iterator[None]:
-    """Add scenario and seed to the message of a simulation that fails."""
+    """Add the scenario and the seed to the error message of a failed simulation."""
     try:
         yield
     except SimulationError as error:
@@ -155,7 +159,7 @@ def _records(scenario: Scenario, seeds: list[int], truth: Truth, read: list[Arra
 
 
 def record_of(scenario: Scenario, seed: int, signals: Mapping[str, Any]) -> Record:
-    """Return the record of a run from its signals."""
+    """Make the record of a run from its signals (N,), by name."""
     run = scenario.drawn(seed)
     return Record(
         time=scenario.times,
@@ -178,5 +182,5 @@ def versions() -> dict[str, str]:
 
 
 def made_with(scenario: Scenario) -> dict[str, str]:
-    """Return what the bits of a record depend on: versions, and the digest of the MJCF."""
+    """Return the software versions and the digest of the MJCF, on which a record's bits depend."""
     return versions() | {"mjcf": model_digest(scenario.model)}

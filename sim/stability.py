@@ -1,7 +1,7 @@
-"""Check before a simulation whether the loop is stable on the nominal linear axis.
+"""Check before a simulation whether the closed loop with the nominal linear axis is stable.
 
-The check uses the equations of motion, M q̈ + D q̇ + K q = k_T u for the angles q of the masses,
-with the controller, period and delays of a scenario.
+The check uses the equations of motion M q̈ + D q̇ + K q = k_T u, in which q are the angles of the
+masses, and the controller, the period and the delays of a scenario.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from flexaxis.sim.timing import TICK
 
 Array = NDArray[np.float64]
 
-GROWTH = 1e-6  # relative growth of a mode per sample that still counts as rounding
+GROWTH = 1e-6  # tolerance for rounding errors: relative growth of a mode per sample
 
 
 def loop_problem(
@@ -58,10 +58,11 @@ def loop_problem(
 def _radius(
     parameters: AxisParameters, config: ControllerConfig, period: float, torque: int, late: int
 ) -> float:
-    """Return the largest growth factor of a mode of the closed loop per sample.
+    """Return the factor by which the fastest-growing mode of the closed loop grows per sample.
 
-    The loop is advanced by one sample from each unit vector of the joint state of controller, plant
-    and delays. This gives the transition matrix, and its largest eigenvalue is the result.
+    The joint state consists of the states of the controller, the plant and the delays. The function
+    simulates one sample from each unit vector of the joint state, which yields the transition
+    matrix. The result is the largest absolute eigenvalue of this matrix.
     """
     if config.rate:
         period = TICK
@@ -83,10 +84,10 @@ def _radius(
 
 
 def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
-    """Return F (2n, 2n) and g (2n,) of x[k+1] = F x[k] + g u[k] for angles and speeds x.
+    """Return F (2n, 2n) and g (2n,) of the discrete model x[k+1] = F x[k] + g u[k].
 
-    The torque u is held over the sample. On a linear axis, each Runge-Kutta step of the engine is a
-    Taylor series of fourth order.
+    The state x contains the angles and the speeds; the torque u is constant over the sample. On a
+    linear axis, a Runge-Kutta step of the engine equals a Taylor series of fourth order.
     """
     steps = substeps([], period)
     A = _continuous(parameters) * (period / steps)
@@ -99,13 +100,16 @@ def _sampled(parameters: AxisParameters, period: float) -> tuple[Array, Array]:
 
 
 def _continuous(parameters: AxisParameters) -> Array:
-    """Return the continuous system matrix (2n + 1, 2n + 1) for angles, speeds and held torque."""
+    """Return the continuous-time system matrix (2n + 1, 2n + 1).
+
+    The state consists of the n angles, the n speeds and the torque, which is constant.
+    """
     J, k, d, f = (
         np.array([value for name, value in parameters.items() if name[0] == kind and name != "k_T"])
         for kind in "Jkdf"
     )
     n = len(J)
-    twists = np.eye(n)[:-1] - np.eye(n)[1:]  # twists of the springs as functions of the angles
+    twists = np.eye(n)[:-1] - np.eye(n)[1:]  # matrix that maps the angles to the spring twists
     twists[0, 0] = parameters.get("r", 1.0)
     K, D = twists.T * k @ twists, twists.T * d @ twists + np.diag(f)
     A = np.zeros((2 * n + 1, 2 * n + 1))

@@ -1,4 +1,4 @@
-"""Random numbers keyed by their purpose, independent of the order of the draws."""
+"""Random numbers that depend on their purpose, and not on the order in which they are drawn."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 
 
 def stream(key: str, seed: int, purpose: str) -> np.random.Generator:
-    """Return the random stream for one purpose in one run.
+    """Return the random number generator for one purpose in one run.
 
-    Streams with different (key, seed, purpose) are independent. The same key, seed and purpose
-    give the same numbers on any worker and in any order.
+    Generators with different (key, seed, purpose) are independent. Generators with the same key,
+    seed and purpose produce the same numbers in every process and in any order.
 
     Parameters
     ----------
@@ -20,12 +20,12 @@ def stream(key: str, seed: int, purpose: str) -> np.random.Generator:
     seed : int
         Seed of the run.
     purpose : str
-        What the numbers are used for, for example ``"noise.speed"``.
+        Purpose of the numbers, for example ``"noise.speed"``.
 
     Notes
     -----
-    The generator is Philox 4x64 (Salmon et al., 2011). Its key is the first 128 bits of the SHA-256
-    of key, seed and purpose.
+    The generator is Philox 4x64 (Salmon et al., 2011). The key of Philox is the first 128 bits of
+    the SHA-256 of `key`, `seed` and `purpose`.
     """
     digest = sha256(f"{key}/{seed}/{purpose}".encode()).digest()
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest[:16], "big")))

@@ -1,4 +1,4 @@
-"""The sampling grid of a run: t_k = k T."""
+"""The sampling times of a run, t_k = k T."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ SHORTEST, LONGEST = 0.001, 0.01
 """Limits of the sampling period of a scenario [s].
 
 A period below the engine's step of 1 ms adds no information about the linear axis. With a period
-above 10 ms, the modes of the nominal axes (up to 24 Hz) come close to half the sampling rate.
+above 10 ms, the natural frequencies of the nominal axes (up to 24 Hz) are close to half the
+sampling rate.
 """
 
 TICK = 0.001
-"""Time step between samples [s]; inner loops and short delays run in multiples of it."""
+"""Time step within a sample [s]: the period of inner loops and the resolution of torque delays."""
 
 
 def rate(period: float) -> int:
-    """Return the number of samples per second."""
+    """Return the number of samples per second, given the sampling period [s]."""
     return round(1 / period)
 
 
@@ -33,7 +34,7 @@ def sample_index(time: float, period: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Samples of a run, at which time-varying values are evaluated.
+    """The samples at which time-varying parameters and references are evaluated.
 
     Attributes
     ----------
@@ -55,7 +56,7 @@ class Grid:
     def times(self) -> NDArray[np.float64]:
         """Times (M,) of the samples [s].
 
-        Computed as k divided by the rate rather than as k times T, so that
+        The times are computed as k divided by the sampling rate, and not as k times T, so that
         ``Grid.first(N, .005).times[2060]`` is exactly the float ``10.3``.
         """
         return self.k / rate(self.period)
@@ -66,7 +67,7 @@ class Grid:
 
 
 def checked_period(period: float) -> float:
-    """Return a sampling period [s]; raise a ValueError if it is invalid.
+    """Return a sampling period [s], or raise a ValueError if the period is invalid.
 
     Examples
     --------

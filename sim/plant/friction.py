@@ -1,9 +1,9 @@
-"""Friction laws that MuJoCo lacks, as one compiled callback.
+"""Friction laws that MuJoCo does not provide, implemented as one compiled callback.
 
-MuJoCo has a single callback per process and calls it whenever it computes passive forces. Our
-callback looks for rows of friction parameters among the custom numbers of the model (see
-`sim/tables/friction.py`); a batch has its own rows for each run. Models without such rows are not
-affected.
+MuJoCo allows a single callback for passive forces per process, and calls the function whenever it
+computes these forces. Our callback looks for rows of friction parameters among the custom numbers
+of the model (see `sim/tables/friction.py`). Each run of a batch has its own rows. The callback does
+not affect models without such rows.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flexaxis.sim.tables.friction import COMPILED_LAWS, MARK, WIDTH
 
 _LOCK = Lock()
 _SEARCHED = 1 << 18  # number of bytes to search at the start of an engine structure
-_NUMBERS = 7919  # number of custom numbers in the probe model, unlike any other size in it
+_NUMBERS = 7919  # number of custom numbers in the probe model; no other size in it is equal
 
 
 def install() -> None:
@@ -64,7 +64,7 @@ def _layout() -> tuple[int, ...]:
 
 
 def _find(structure: Any, value: int) -> int:
-    """Return the index of the first 8-byte word of an engine structure that equals a value."""
+    """Return the index of the first 8-byte word in an engine structure that equals `value`."""
     words = (ctypes.c_int64 * (_SEARCHED // 8)).from_address(structure._address)
     for i in range(len(words)):
         if words[i] == value:
@@ -92,7 +92,7 @@ def _compiled() -> Any:
 
         return types.CPointer(types.float64)(types.int64), convert
 
-    values: Any = intrinsic(pointer)  # returns the numbers at an address
+    values: Any = intrinsic(pointer)  # converts an address to a pointer to floats
     words = types.CPointer(types.int64)
 
     @cfunc(types.void(words, words), error_model="numpy")
@@ -110,8 +110,9 @@ def _compiled() -> Any:
 
 
 def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
-    """Return a function that evaluates the law of a row at the current motion."""
-    from numba.extending import register_jitable  # not njit, which NUMBA_DISABLE_JIT turns off
+    """Return a function that computes the friction torque using the law that a row selects."""
+    # `register_jitable` instead of `njit`, because NUMBA_DISABLE_JIT turns `njit` off
+    from numba.extending import register_jitable
 
     this = register_jitable(laws[0])
     if len(laws) == 1:

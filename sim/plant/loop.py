@@ -1,4 +1,4 @@
-"""The closed loop around the plant, sample by sample, for a batch of runs at once."""
+"""Simulate the closed loop around the plant, sample by sample, for a batch of runs."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class Truth:
     Attributes
     ----------
     torque : ndarray (N, R)
-        Torque as logged [N m].
+        Logged torque [N m].
     speed : ndarray (N, R)
-        Motor speed [rad/s].
+        True motor speed [rad/s].
     angles : ndarray (N, R, n)
-        Angles of the n masses [rad].
+        True angles of the n masses [rad].
     limited : ndarray (R,)
-        Number of samples in which a limit acted on the feed-forward.
+        Number of samples in which a limit acted on the feed-forward, for each run.
     """
 
     torque: Array
@@ -50,7 +50,7 @@ def closed_loop(
     *,
     followers: Sequence[Follower | None] = (),
 ) -> Truth:
-    """Simulate the loop.
+    """Simulate the closed loop of a batch of R runs.
 
     Parameters
     ----------
@@ -59,15 +59,16 @@ def closed_loop(
     reference : ndarray (N, R)
         Desired motor angle [rad].
     white : callable
-        Function that returns the noise on the torque, and on the sensors if the controller reads
-        them.
+        Function that takes the purpose of the noise and returns white noise (N, R) of standard
+        deviation 1. It is used for the torque, and for the sensor signals that the loop reads.
     followers : sequence of Follower or None
-        Estimator of each run, if the controller has a feed-forward; by default there is none.
+        Estimator of each run, used only if the controller has a feed-forward. By default, no run
+        has an estimator.
 
     Raises
     ------
     SimulationError
-        If the engine warns or a state is not finite.
+        If the physics engine issues a warning, or if a state is not finite.
     """
     samples, runs = reference.shape
     scenario, changes = scenarios[0], Changes(scenarios)
@@ -99,7 +100,7 @@ def closed_loop(
 
 
 class Changes:
-    """Changes of the plant's parameters over time, with one scenario per run."""
+    """Changes of the plant's parameters over time; each run has its own scenario."""
 
     def __init__(self, scenarios: Sequence[Scenario]) -> None:
         known = {s.hash: s.true_parameters() for s in scenarios}
@@ -121,12 +122,12 @@ class Changes:
 
 
 def _changing(values: Array) -> set[int]:
-    """Return the samples at which any of the values (N, …) changes."""
+    """Return the indices of the samples at which any of the values (N, …) changes."""
     return {int(k) for k in np.flatnonzero(np.diff(values, axis=0).any(axis=(1, 2))) + 1}
 
 
 def plant_of(scenario: Scenario, runs: int = 1, ticks: int = 1) -> Plant:
-    """Return the plant of a scenario, at rest and without a fault.
+    """Return the plant of a scenario, at rest and with the parameter values before any fault.
 
     Parameters
     ----------
@@ -148,14 +149,15 @@ def plant_of(scenario: Scenario, runs: int = 1, ticks: int = 1) -> Plant:
 
 
 class _Drive:
-    """Controller and plant over one sample, including inner loop and delays.
+    """The controller and the plant, including the inner loop and the delays.
 
     Attributes
     ----------
     disturbance : ndarray (R,) or None
-        Torque added to the commands in this sample [N m]; it is not logged.
+        Torque that is added to the commands of this sample [N m]; the log does not contain it.
     feed : callable or None
-        Function that adds the feed-forward to the feedback command (R,) of this sample [N m].
+        Function that takes the feedback command (R,) of this sample [N m] and returns the command
+        including the feed-forward.
     """
 
     def __init__(self, scenario: Scenario, runs: int) -> None:
@@ -171,7 +173,10 @@ class _Drive:
         self.plant = plant_of(scenario, runs, self._ticks)
 
     def advance(self, target: Array, next_target: Array, angle: Array) -> Array:
-        """Simulate one sample from the angle (R,) read at its start; return the logged torque."""
+        """Simulate one sample and return the logged torque (R,) [N m].
+
+        `angle` (R,) [rad] is the motor angle that the controller reads at the start of the sample.
+        """
         commands = []
         for tick in range(self._ticks):
             if tick % self._every == 0:

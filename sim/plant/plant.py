@@ -1,4 +1,4 @@
-"""The axis in MuJoCo: a batch of runs, stepped at the sampling rate, with variable parameters."""
+"""Simulate the axis in MuJoCo: a batch of runs with parameters that can change at each sample."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from flexaxis.sim.tables.nonlinear import Nonlinearity, Place
 
 Array = NDArray[np.float64]
 
-# Only the first of an actuator's six transmission ratios acts on a hinge. All three inertias of a
-# body are kept equal, so that they are physically possible.
+# Only the first of an actuator's six transmission ratios acts on a hinge. The three principal
+# inertias of a body are kept equal, so that they are physically possible.
 _FIELDS = {
     "J": "body_inertia", "k": "tendon_stiffness", "d": "tendon_damping", "f": "dof_damping",
 }  # fmt: skip
@@ -33,8 +33,8 @@ _KINDS = {"dof": "joint", "actuator": "actuator"}
 def quiet() -> Iterator[None]:
     """Keep the engine from printing warnings or writing them to a file in the user's folder.
 
-    The engine still counts warnings, and `Plant.step` turns them into errors. The setting is global
-    to the process.
+    The engine still counts its warnings, and `Plant.step` turns them into errors. The setting
+    applies to the whole process.
     """
     before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
     silent.logto_console = silent.logto_file = False
@@ -48,28 +48,29 @@ def quiet() -> Iterator[None]:
 class Plant:
     """A batch of simulated axes; the torque is held constant over each sample.
 
-    All runs start at rest at angle zero. A run gives the same bits in a batch of any size.
+    All runs start at rest at angle zero. The results of a run are bitwise the same in a batch of
+    any size.
 
     Parameters
     ----------
     parameters : sequence of AxisParameters, or ndarray (R, P)
         Parameters of each run.
     model : str
-        One of `flexaxis.models_mjcf.MODEL_NAMES`.
+        Name of the model, one of `flexaxis.models_mjcf.MODEL_NAMES`.
     period : float
-        Time between two calls of `step` [s].
+        Simulated time per call of `step` [s].
     substeps : int
-        Steps of the fourth-order Runge-Kutta method per period.
+        Number of steps of the fourth-order Runge-Kutta method per period.
     nonlinear : sequence of Nonlinearity
-        Effects beyond the linear model; see `flexaxis.sim.tables.nonlinear`.
+        Nonlinear effects of the axis; see `flexaxis.sim.tables.nonlinear`.
 
     Attributes
     ----------
     angles, speeds : ndarray (R, n)
-        Current angles and speeds of the n masses [rad, rad/s]. They are views of the engine's
-        state and change with each step; copy them to keep the values.
+        Current angles and speeds of the n masses [rad, rad/s]. These arrays are views of the
+        engine's state and change with each step; copy the arrays to keep their values.
     angle_m, speed_m : ndarray (R,)
-        Current angle and speed of the motor [rad, rad/s], also views.
+        Current angle and speed of the motor [rad, rad/s]; these arrays are views too.
 
     Raises
     ------
@@ -106,15 +107,15 @@ class Plant:
         self.set_parameters(parameters)
 
     def set_parameters(self, parameters: Sequence[AxisParameters] | Array) -> None:
-        """Change the parameters of the runs from now on; angles and speeds stay the same.
+        """Change the parameters of the runs from now on, without changing angles and speeds.
 
-        A body whose inertia changes keeps its speed and not its momentum, as when it picks up or
-        drops a load that moves at the same speed.
+        If the inertia of a body changes, the body keeps its speed, and its momentum changes. This
+        corresponds to picking up or dropping a load that moves at the same speed.
 
         Parameters
         ----------
         parameters : sequence of AxisParameters, or ndarray (R, P)
-            New parameters of each run. Only values that differ are written.
+            New parameters of each run. Only parameters with a new value are written to the engine.
 
         Raises
         ------
@@ -143,9 +144,10 @@ class Plant:
         Parameters
         ----------
         name : str
-            Parameter of a law in `nonlinear`; if several laws have it, the first one changes.
+            Name of a parameter of a law in `nonlinear`. If several laws have a parameter of this
+            name, the parameter of the first law changes.
         values : float or ndarray (R,)
-            New value, either for all runs or per run.
+            New value for all runs, or one new value per run.
         """
         next(law for law in self._laws if name in law.values).set(name, values)
 
@@ -155,12 +157,12 @@ class Plant:
         Parameters
         ----------
         torque : ndarray (R,)
-            Command of each run [N m].
+            Torque command of each run [N m].
 
         Raises
         ------
         SimulationError
-            If the engine warns, or a state is no longer finite.
+            If the engine issues a warning, or if a state is not finite.
         """
         if self._called:
             friction.install()  # the user may have replaced the callback
@@ -171,7 +173,7 @@ class Plant:
             self._fail()
 
     def _fail(self) -> None:
-        """Raise the error of the first run that failed."""
+        """Raise a SimulationError for the first run that failed."""
         counts = self._batch.warning[:, :, 1]
         bad = counts.any(axis=1) | ~np.isfinite(self._batch.state).all(axis=1)
         run = int(np.flatnonzero(bad)[0])
@@ -190,15 +192,16 @@ def _compile(model: str, timestep: float, nonlinear: Sequence[Nonlinearity]) -> 
     for feature in nonlinear:
         feature.build(spec)
     if not any(isinstance(feature, FrictionConfig) for feature in nonlinear):
-        # Only Coulomb friction is a constraint; the search for constraints takes 1/12 of a step.
+        # Only Coulomb friction is a constraint. Without it, skip the search for constraints, which
+        # takes 1/12 of the computing time of a step.
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return spec.compile()
 
 
 def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
-    """Yield the engine's array (R, ...) for each parameter.
+    """Yield the engine's array (R, ...) that contains each parameter.
 
-    Parameters of one kind are in the order of the bodies or tendons.
+    The order of the parameters of one kind is the order of the bodies or tendons.
     """
     seen = Counter({"J": 1})  # the first body is the world
     for name in names:
@@ -212,10 +215,10 @@ def _parameter_places(batch: Any, names: Sequence[str]) -> Iterator[Array]:
 
 
 def _place(batch: Any, model: Any, place: Place) -> Array:
-    """Return the engine's array (R, ...) at a place."""
+    """Return the engine's array (R, ...) that contains the number at `place`."""
     values: Array = batch.expand(place.field)
     match place.field:
-        case "numeric_data":  # all custom numbers, concatenated
+        case "numeric_data":  # this field contains all custom numbers, concatenated
             return values[:, model.numeric_adr[model.numeric(place.owner).id] + place.column]
     kind = _KINDS[place.field.split("_", maxsplit=1)[0]]
     rows = values[:, getattr(model, kind)(place.owner).id]
@@ -223,7 +226,7 @@ def _place(batch: Any, model: Any, place: Place) -> Array:
 
 
 class _LawInEngine:
-    """A nonlinear law in the engine: its parameter values and their places in the engine."""
+    """A nonlinear law of the plant: its parameter values and their places in the engine."""
 
     def __init__(self, batch: Any, model: Any, law: Nonlinearity) -> None:
         self.values: dict[str, float | Array] = dict(law.law)

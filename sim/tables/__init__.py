@@ -1,5 +1,6 @@
 """The tables of a scenario file, with their checks.
 
-Each class holds the keys of one table and implements their effect on a run: faults and events,
-references, controller gains, sensors and friction laws. Nothing here runs the physics engine.
+Each class contains the keys of one table and implements their effect on a run. There are tables for
+faults, references, the controller, sensors and friction laws. No module of this package runs the
+physics engine.
 """

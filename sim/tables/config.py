@@ -1,4 +1,4 @@
-"""Base class and value types of all scenario tables: frozen, strict, without unknown keys."""
+"""Base class and value types of all scenario tables."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 
 class Config(BaseModel):
-    """A table of a scenario: immutable, with strict types and without unknown keys."""
+    """A table of a scenario: immutable, with strictly checked types; unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Frozen(dict[str, float]):
-    """An immutable dict of numbers, so that the hash of an object that contains it stays valid."""
+    """An immutable dict of numbers; a hash computed from the numbers therefore remains valid."""
 
     __slots__ = ()
 
@@ -30,10 +30,10 @@ class Frozen(dict[str, float]):
 
 Values = Annotated[dict[str, float], AfterValidator(Frozen)]
 LARGEST = 1e9
-"""Largest value of any quantity in SI units; a larger value is a mistake in the unit."""
+"""Largest allowed value of any quantity in SI units; a larger value is likely in a wrong unit."""
 
 Word = Annotated[str, Field(pattern=r"^[^\s/\\\p{Cc}\p{Cf}]+$")]
-"""A name that is safe as a file name and contains no control characters for terminals."""
+"""A name without blanks, slashes and control characters, which can be used as a file name."""
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]

@@ -1,4 +1,4 @@
-"""The controller, which computes a torque command from reference and motor angle."""
+"""The controller, which computes the torque command from the reference and the motor angle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexaxis.sim.tables.feed_forward import AdaptConfig
 
 
 class ControllerConfig(Config):
-    """Gains and rate of the controller; the table ``[controller]`` of a scenario.
+    """The table ``[controller]`` of a scenario: gains, rate and feed-forward of the controller.
 
     Attributes
     ----------
@@ -26,15 +26,15 @@ class ControllerConfig(Config):
     Ki : float
         Integral gain [1/s].
     tau : float
-        Time constant of the low-pass on the speed error [s]; 0 means no filter.
+        Time constant of the low-pass filter of the speed error [s]; 0 means no filter.
     rate : {1000}, optional
-        Rate of an inner loop [Hz]; by default the loop runs at the sampling rate. The reference is
-        interpolated linearly between samples.
+        Rate of an inner control loop [Hz]; by default the controller runs at the sampling rate. An
+        inner loop interpolates the reference linearly between samples.
     log : {"mean", "sample"}, optional
-        Torque to log for an inner loop: its mean over each sample (default), or its value at the
-        start of the sample.
+        Logged torque of an inner loop: the mean of its commands over each sample (default), or its
+        command at the start of the sample.
     adapt : AdaptConfig, optional
-        Feed-forward, which uses the estimates of an estimator if there is one.
+        Settings of the feed-forward, which uses the estimates of an estimator if a run has one.
     """
 
     Kp: NotNegative = 4.0
@@ -60,16 +60,16 @@ class ControllerConfig(Config):
 
     @property
     def exact(self) -> bool:
-        """Whether the logged torque is the one that acts over the whole sample."""
+        """Whether the logged torque acts unchanged over the whole sample."""
         return self.rate is None
 
     def logged(self, commands: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return the torque (R,) [N m] to log for the commands (R,) of one sample [N m]."""
+        """Return the logged torque (R,) [N m], given the commands (R,) of one sample [N m]."""
         inner = self.rate is not None and self.log != "sample"
         return np.asarray(np.mean(commands, axis=0)) if inner else commands[0]
 
     def in_words(self) -> str:
-        """Return the rate of an inner loop or the feed-forward in words."""
+        """Return a description of the inner loop or the feed-forward, for messages and tables."""
         if self.adapt:
             return "loop with feed-forward"
         if self.rate is None:
@@ -89,12 +89,12 @@ class Controller:
         I_k &= I_{k-1} + T K_i s_k \\
         u_k &= K_v (s_k + I_k)
 
-    It starts at rest, :math:`e_{-1} = v_{-1} = I_{-1} = 0`.
+    The controller starts at rest, :math:`e_{-1} = v_{-1} = I_{-1} = 0`.
 
     Parameters
     ----------
     config : ControllerConfig
-        The gains.
+        Gains and time constant of the controller.
     runs : int
         Number of runs R.
     period : float
@@ -103,10 +103,11 @@ class Controller:
     Attributes
     ----------
     state : ndarray (3, R)
-        :math:`e_{k-1}, v_{k-1}, I_{k-1}`.
+        State before sample k: :math:`e_{k-1}, v_{k-1}, I_{k-1}`.
     """
 
-    # Only elementwise sums and products, so the bits do not depend on the number of runs.
+    # The controller uses only elementwise operations, so that the bits of its results do not depend
+    # on the number of runs.
     def __init__(self, config: ControllerConfig, runs: int, *, period: float) -> None:
         pole = math.exp(-period / config.tau) if config.tau > 0 else 0.0
         self._pole, self._rate = pole, (1 - pole) / period
@@ -116,7 +117,7 @@ class Controller:
     def torque(
         self, reference: NDArray[np.float64], angle: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the torque command (R,) [N m] for this sample, and advance the controller.
+        """Return the torque command (R,) [N m] for this sample, and update the controller's state.
 
         Parameters
         ----------

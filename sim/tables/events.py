@@ -1,4 +1,4 @@
-"""Changes during a run: parameter values over time, events, and values drawn by seed."""
+"""Changes of parameters during a run, and values of a scenario that are drawn for each seed."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class Event:
     parameter : str
         Name of the parameter.
     index : int
-        First sample with a changed value.
+        Index of the first sample with a changed value.
     before, after : float
-        Value before the change and after its completion, without the effect of other changes of
-        the same parameter (see `find_events`).
+        Values of the parameter before the change and after its completion, without the effect of
+        other changes of the same parameter that occur meanwhile (see `find_events`).
     """
 
     parameter: str
@@ -43,7 +43,10 @@ class Event:
 
 
 def changed(nominal: float, name: str, changes: Iterable[Fault], grid: Grid) -> Array:
-    """Return a parameter (N,) over time: its nominal value times the factors of all its changes."""
+    """Return a parameter (N,) over time: its nominal value times the factors of its changes.
+
+    `changes` may contain changes of other parameters; only those of the parameter `name` count.
+    """
     factors = (change.factor_at(grid) for change in changes if meant(change.parameter) == name)
     return math.prod(factors, start=np.full(len(grid.k), nominal))
 
@@ -56,21 +59,22 @@ def find_events(
 ) -> tuple[Event, ...]:
     """Return the changes caused by faults, in order of time.
 
-    An event is the joint effect of the faults that begin in one sample on one parameter. `before`
-    is the true value in the previous sample. `after` is the value after these faults have settled,
-    computed as if every other change of the parameter (fault or nuisance) kept its factor of the
-    previous sample. So after/before is the factor of the fault, even during a ramp or a drift.
+    An event is the joint effect of all faults of one parameter that begin at the same sample.
+    `before` is the true value at the previous sample. `after` is the value after these faults are
+    complete, computed as if every other change of the parameter (fault or nuisance) kept the factor
+    that it had at the previous sample. Therefore after/before is the factor of the fault, even if
+    another change of the parameter is in progress.
 
     Parameters
     ----------
     faults : sequence of Fault
-        Faults to score; faults on one parameter in the same sample form one event.
+        Faults that are scored.
     nuisances : sequence of Fault
         Other changes of the true parameters, which are not scored.
     grid : Grid
         Samples of the run.
     nominal : mapping of str to float
-        Parameter values before any fault, which the factors multiply.
+        Parameter values before any fault, by name.
     """
     changes = (*faults, *nuisances)
     settled: dict[tuple[int, str], dict[int, int]] = {}
@@ -95,9 +99,9 @@ def find_events(
 
 
 def drawn(scenario: Scenario, seed: int) -> Scenario:
-    """Return the scenario of one seed, with drawn onsets and drawn errors of known values.
+    """Return the scenario of one seed, with random onsets and random errors of known values.
 
-    The result keeps the name and the random numbers of the scenario but has its own hash.
+    The result has the same name and the same random numbers as `scenario`, but its own hash.
     """
     runs: dict[int, Scenario] = scenario.__dict__.setdefault("_drawn", {})
     if seed not in runs:
@@ -111,9 +115,9 @@ def drawn(scenario: Scenario, seed: int) -> Scenario:
 def _known(scenario: Scenario, seed: int) -> dict[str, float]:
     """Return the table `known` of a scenario for one seed, without its `spread`.
 
-    Each parameter has its own factor exp(spread z) with a standard normal z, except the identified
-    parameters and the gear ratio, which is exact. The plant does not change, and each factor is
-    independent of the others.
+    Every parameter that is not identified gets its own random factor exp(spread z) with a standard
+    normal z; only the gear ratio is known exactly. The factors are independent of each other and do
+    not change the plant.
     """
     exact = {"r", *DATA_SHEET, *(name.removeprefix("1/") for name in scenario.identify)}
     known = dict.fromkeys(sorted(scenario.nominal.keys() - exact), 1.0) | scenario.known_factors
@@ -124,17 +128,17 @@ def _known(scenario: Scenario, seed: int) -> dict[str, float]:
 
 
 def first_onset(scenario: Scenario) -> int:
-    """Return the onset sample of the first fault; a fault with factor 1 counts too."""
+    """Return the sample at which the first fault begins; a fault with factor 1 counts too."""
     return min(scenario.grid.index(fault.at) for fault in scenario.fault)
 
 
 def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
-    """Return the keys of a scenario that change with the drawn onset, with their new values.
+    """Return the new values of the keys that depend on the random onset, by dotted key.
 
-    All faults and pauses shift by the same time, so the intervals between them stay the same;
-    nuisances do not shift. The shift is drawn uniformly from the samples within `onset_spread`. If
-    the reference moves (or rests) at the nominal time of the first fault, it also moves (or rests)
-    at the shifted time.
+    All faults and pauses shift by the same time, so the intervals between them do not change.
+    Nuisances do not shift. The shift is drawn uniformly from -`onset_spread` to +`onset_spread` in
+    steps of one sample. If the reference moves (or rests) at the nominal time of the first fault,
+    the reference also moves (or rests) at the shifted time.
 
     Parameters
     ----------

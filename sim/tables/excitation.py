@@ -16,15 +16,15 @@ from flexaxis.sim.timing import Grid, sample_index
 Array = NDArray[np.float64]
 
 
-# Arrays in TOML become tuples.
+# Scenario files contain TOML arrays, which are converted to tuples.
 Interval = Annotated[tuple[NotNegative, float], Field(strict=False)]
 
 
 class Multisine(Config):
-    """Sum of sinusoids: all DFT lines in a band, with equal amplitudes and random phases.
+    """A sum of sinusoids: all DFT lines in a band, with equal amplitudes and random phases.
 
-    During a pause the reference keeps its last value and the clock of the signal stops, so the
-    signal resumes without a jump.
+    During a pause the reference keeps its last value, and the clock of the signal stops. The signal
+    therefore resumes without a jump.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Multisine(Config):
     period : float
         Period of the signal [s]; its inverse is the spacing of the lines.
     rms : float
-        Root mean square of the reference over one period [rad on the motor side].
+        Root mean square of the reference in one period [rad on the motor side].
     pause : tuple of (float, float)
         Start and end of each pause [s].
     """
@@ -65,7 +65,7 @@ class Multisine(Config):
         return self
 
     def _lines(self) -> range:
-        """Return the indices of the DFT lines in the band, without line 0 (the mean)."""
+        """Return the indices of the DFT lines in the band, excluding line 0 (the mean)."""
         slack = 1e-9  # tolerance for rounding: 0.1 Hz at 10 s is line 1
         first = max(1, int(np.ceil(self.low * self.period - slack)))
         return range(first, int(np.floor(self.high * self.period + slack)) + 1)
@@ -78,7 +78,7 @@ class Multisine(Config):
             yield "period", f"must be a whole number of samples of {1000 * period:g} ms"
 
     def one_period(self, rng: np.random.Generator, period: float) -> Array:
-        """Return one period of the signal, sampled every `period` s [rad]; phases from `rng`."""
+        """Return one period of the signal [rad], sampled every `period` s, with random phases."""
         lines, samples = self._lines(), sample_index(self.period, period)
         spectrum = np.zeros(samples // 2 + 1, dtype=complex)
         spectrum[lines] = np.exp(2j * np.pi * rng.random(len(lines)))
@@ -86,31 +86,32 @@ class Multisine(Config):
         return signal * (self.rms / np.sqrt(np.mean(signal**2)))
 
     def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
-        """Return the reference (N,) [rad] at the samples; it is 0 until the first excited one."""
+        """Return the reference (N,) [rad] at the samples; an initial pause has the value 0."""
         signal = self.one_period(rng, grid.period)
         clock = np.cumsum(self.excited(grid)) - 1
         return np.where(clock < 0, 0.0, signal[clock % signal.size])
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return whether the reference moves at each sample (N,)."""
+        """Return a boolean array (N,): whether the reference moves at each sample."""
         moves = np.ones(grid.k.size, dtype=bool)
         for begin, end in self.pause:
             moves &= (grid.k < grid.index(begin)) | (grid.k >= grid.index(end))
         return moves
 
     def in_words(self) -> str:
-        """Return the reference in words."""
+        """Return a description of the reference, for messages and tables."""
         pauses = "".join(f", paused {begin:g} to {end:g} s" for begin, end in self.pause)
         return f"multisine {self.low:g} to {self.high:g} Hz{pauses}"
 
 
 class Moves(Config):
-    """Minimum-jerk moves from point to point with a rest after each, as in a work cycle.
+    """Minimum-jerk moves from point to point with a rest after each move, as in a work cycle.
 
     Attributes
     ----------
     reach : float
-        Targets are drawn uniformly from ±reach [rad on the motor side]; the first move starts at 0.
+        Largest absolute value of a target [rad on the motor side]. The targets are drawn uniformly
+        from ±reach; the first move starts at 0.
     move : float
         Duration of each move [s].
     dwell : float
@@ -131,22 +132,22 @@ class Moves(Config):
         return (1 - part) * targets[cycle] + part * targets[cycle + 1]
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return whether the reference moves at each sample (N,)."""
+        """Return a boolean array (N,): whether the reference moves at each sample."""
         return self._clock(grid)[1] < 1
 
     def in_words(self) -> str:
-        """Return the reference in words."""
+        """Return a description of the reference, for messages and tables."""
         return f"moves of {self.move:g} s within {self.reach:g} rad, with rests of {self.dwell:g} s"
 
     def _clock(self, grid: Grid) -> tuple[NDArray[np.int64], Array]:
-        """Return the index of the move (N,) at each sample, and the elapsed fraction of it (N,)."""
+        """Return, for each sample, the index of the move (N,) and its elapsed fraction (N,)."""
         length = grid.index(self.move)
         cycle, since = np.divmod(grid.k, length + grid.index(self.dwell))
         return cycle, np.minimum(since / length, 1.0)
 
 
 class Standstill(Config):
-    """A reference of zero: the axis is held where it is."""
+    """A reference that is zero throughout the run: the axis is held at its initial position."""
 
     kind: Literal["standstill"] = "standstill"
 
@@ -155,11 +156,11 @@ class Standstill(Config):
         return np.zeros(len(grid.k))
 
     def excited(self, grid: Grid) -> NDArray[np.bool_]:
-        """Return whether the reference moves at each sample (N,): always False."""
+        """Return a boolean array (N,) that is False at all samples, because the axis is at rest."""
         return np.zeros(len(grid.k), dtype=bool)
 
     def in_words(self) -> str:
-        """Return the reference in words."""
+        """Return a description of the reference, for messages and tables."""
         return "standstill"
 
 

@@ -18,21 +18,24 @@ Array = NDArray[np.float64]
 
 
 def changeable(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the parameters that can change during a run: all names except r, and all laws'."""
+    """Return the parameters that can change during a run.
+
+    They are all `names` except the gear ratio r, and all parameters of nonlinear laws.
+    """
     return (*(name for name in names if name != "r"), *LAW_NAMES)
 
 
 Parameter = str
-"""Name of a `changeable` parameter; the scenario checks it."""
+"""Name of a `changeable` parameter; `Scenario` checks the name."""
 
-# A factor above 100 is likely a percentage, or a value instead of a factor.
+# A number above 100 is likely a percentage or a parameter value, and not a factor.
 Factor = Annotated[float, Field(ge=0, le=100)]
 Point = Annotated[
     tuple[Positive, Annotated[float, Field(ge=0, le=1)]],
     Field(strict=False),  # arrays in TOML become tuples
 ]
 A_SAMPLE = "a sample at least"
-"""Marks times that must be at least one sample; shorter ones would round to sample 0."""
+"""Marks times that must be at least one sample; shorter times would be rounded to sample 0."""
 
 Span = Annotated[Positive, A_SAMPLE]
 
@@ -45,14 +48,15 @@ def _change(fault: Fault, share: float = 1.0) -> str:
 
 
 class Step(Config):
-    """A parameter jumps to a new value and keeps it.
+    """A parameter jumps to a new value and then remains constant.
 
     Attributes
     ----------
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample; that sample has the new value.
+        Time of the onset [s], rounded to a sample. The parameter has the new value from that sample
+        on.
     factor : float
         Ratio of the new value to the previous one.
     """
@@ -76,14 +80,14 @@ class Step(Config):
 
 
 class Ramp(Config):
-    """A parameter changes linearly over some time and then keeps its value.
+    """A parameter changes linearly to a new value and then remains constant.
 
     Attributes
     ----------
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample; that sample has the first changed value.
+        Time of the onset [s], rounded to a sample. That sample is the first with a changed value.
     over : float
         Time from the onset to the final value [s].
     factor : float
@@ -97,7 +101,7 @@ class Ramp(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) at the samples: the mean of the ramp over each sample."""
+        """Return the factor (N,) of each sample: the mean of the ramp over the sample."""
         k = grid.k - grid.index(self.at)
         done = np.where(k < 0, 0.0, np.minimum((k + 0.5) / grid.index(self.over), 1.0))
         return 1.0 + done * (self.factor - 1.0)
@@ -120,7 +124,7 @@ class Thermal(Config):
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample; that sample has the first changed value.
+        Time of the onset [s], rounded to a sample. That sample is the first with a changed value.
     time_constant : float
         Time after which 63 % of the change is complete [s].
     factor : float
@@ -134,7 +138,7 @@ class Thermal(Config):
     factor: Factor
 
     def factor_at(self, grid: Grid) -> Array:
-        """Return the factor (N,) at the samples: the mean of the curve over each sample."""
+        """Return the factor (N,) of each sample: the mean of the curve over the sample."""
         k = np.maximum(grid.k - grid.index(self.at), -1)
         decay = np.exp(-grid.period / self.time_constant)
         left = decay**k * (1 - decay) * self.time_constant / grid.period
@@ -160,11 +164,11 @@ class Intermittent(Config):
     at : float
         Time of the first onset [s], rounded to a sample.
     on, off : float
-        Alternating durations with and without the fault [s], rounded to samples.
+        Durations with and without the fault [s], which alternate; both are rounded to samples.
     factor : float
         Ratio of the value during the fault to the value without it.
     until : float, optional
-        Time at which the fault disappears for good [s]; by default the end of the run.
+        Time after which the fault does not return [s]; by default the end of the run.
     """
 
     kind: Literal["intermittent"] = "intermittent"
@@ -180,7 +184,7 @@ class Intermittent(Config):
         return np.where(self._faulty(grid, grid.k), self.factor, 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return (first changed sample, first settled sample) of each switch within `grid`."""
+        """Return (first changed sample, first settled sample) of each jump within `grid`."""
         switched = self._faulty(grid, grid.k) != self._faulty(grid, grid.k - 1)
         return [(int(index), int(index)) for index in grid.k[switched]]
 
@@ -196,17 +200,19 @@ class Intermittent(Config):
 
 
 class Profile(Config):
-    """A parameter follows a piecewise linear profile, for example one from measurements.
+    """A parameter follows a piecewise linear profile, for example a measured one.
 
     Attributes
     ----------
     parameter : str
         Name of a `changeable` parameter.
     at : float
-        Time of the onset [s], rounded to a sample, which still has the old value.
+        Time of the onset [s], rounded to a sample. At that sample the parameter still has its old
+        value.
     points : tuple of (float, float)
-        Time since the onset [s], rounded to distinct samples, and the completed fraction of the
-        change, from 0 to 1. The value stays constant after the last point.
+        Time since the onset [s] and completed fraction of the change (0 to 1) at each corner of the
+        profile. The times are rounded to samples, which must differ. After the last point the
+        parameter remains constant.
     factor : float
         Ratio of the value after the complete change to the value before the onset.
     """
@@ -235,7 +241,7 @@ class Profile(Config):
         return 1.0 + np.interp(grid.k, index, share) * (self.factor - 1.0)
 
     def onsets(self, grid: Grid) -> list[tuple[int, int]]:
-        """Return (first changed sample, first settled sample) of each segment with a change."""
+        """Return (first changed sample, first settled sample) of each segment that is not flat."""
         index, share = self._knots(grid)
         lines = zip(pairwise(index), pairwise(share), strict=True)
         return [(first + 1, last) for (first, last), (old, new) in lines

@@ -1,4 +1,4 @@
-"""Feed-forward of the controller, from estimated or nominal parameters."""
+"""Feed-forward of the controller, computed from estimated or nominal parameters."""
 
 from __future__ import annotations
 
@@ -14,33 +14,34 @@ from flexaxis.sim.tables.config import Config, Positive
 Array = NDArray[np.float64]
 
 USED = ("k_T", "f_m", "f_c", "r")
-"""Parameters that the feed-forward uses in addition to the inertias."""
+"""Names of the parameters that the feed-forward uses in addition to the inertias."""
 
 
 Follower = Any
 """An estimator in the loop, as defined in `flexaxis.estimators.protocol`.
 
-It has `names` and `output`, and ``step(u, y)`` takes u[k] and y[k] and returns θ[k]. The command of
-the next sample is the first that uses θ[k].
+An estimator has the attributes `names` and `output`. Its method ``step(u, y)`` takes u[k] and y[k]
+and returns the estimates θ[k]. The command of sample k + 1 is the first command that uses θ[k].
 """
 
 
 class AdaptConfig(Config):
-    """Feed-forward of the controller; the table ``[controller.adapt]`` of a scenario.
+    """The table ``[controller.adapt]`` of a scenario: terms and limits of the feed-forward.
 
     Attributes
     ----------
     friction, inertia, torque : bool
-        Whether to feed forward the friction of the desired motion, to feed forward the torque for
-        its acceleration, and to divide commands by the torque constant.
+        Whether to feed forward the friction of the desired motion, whether to feed forward the
+        torque for the desired acceleration, and whether to divide the command by the estimated
+        torque constant.
     smooth : float
         Speed v₀ below which the sign of the desired speed is smoothed [rad/s].
     limit : float
-        Estimates are clipped to nominal/limit … limit × nominal. A parameter whose nominal value is
-        0 is not fed forward.
+        Factor that limits the estimates: they are clipped to nominal/limit … limit × nominal. A
+        parameter with the nominal value 0 is not fed forward.
     gain : float
-        The same limit for the torque constant. It also scales the loop gain, so it must be smaller
-        than the gain margin.
+        Factor that limits the estimate of the torque constant in the same way. The estimated torque
+        constant scales the loop gain, so this factor must be smaller than the gain margin.
     """
 
     friction: bool = True
@@ -61,11 +62,12 @@ class AdaptConfig(Config):
         Parameters
         ----------
         feedback : ndarray (R,)
-            Command of the controller for the nominal torque constant k_T0 [N m].
+            Command of the feedback controller, given the nominal torque constant k_T0 [N m].
         motion : (ndarray (R,), ndarray (R,))
             Desired speed v [rad/s] and acceleration a [rad/s²].
         of : mapping of str to float or ndarray (R,)
-            Values of the parameters `USED`, of the inertias in their order, and of ``"k_T0"``.
+            Values of the parameters in `USED`, of the inertias (motor first), and of ``"k_T0"``, by
+            name.
         """
         speed, acceleration = motion
         torque = of["k_T0"] * feedback
@@ -78,25 +80,26 @@ class AdaptConfig(Config):
 
 
 class FeedForward:
-    """The feed-forward of a batch of runs, each with its own estimates.
+    """The feed-forward of a batch of R runs; each run uses its own estimates.
 
     Parameters
     ----------
     config : AdaptConfig
         Terms and limits of the feed-forward.
     nominal : mapping of str to float
-        Parameters of the axis before any fault; a run without an estimator uses them throughout.
+        Parameters of the axis before any fault, by name. A run without an estimator uses these
+        values throughout.
     reference : ndarray (N, R)
         Desired motor angle [rad].
     period : float
         Sampling period T [s].
     followers : sequence of Follower or None
-        Estimator of each run, or None.
+        Estimator of each run, or None for a run without an estimator.
 
     Attributes
     ----------
     limited : ndarray (R,)
-        Number of samples in which an estimate exceeded a limit or was not finite.
+        Number of samples of each run in which an estimate exceeded a limit or was not finite.
     """
 
     def __init__(
@@ -122,13 +125,13 @@ class FeedForward:
         self.limited = np.zeros(runs, int)
 
     def command(self, k: int, feedback: Array) -> Array:
-        """Return the command (R,) [N m] in sample k, from the latest estimates."""
+        """Return the torque command (R,) [N m] of sample k, using the latest estimates."""
         before, after = self._speed[k], self._speed[k + 1]
         motion = after, (after - before) / self._period
         return self._config.command(feedback, motion, self._values | {"k_T0": self._k_T0})
 
     def learn(self, k: int, torque: Array, angle: Array, speed: Array) -> None:
-        """Pass the command and the measurement (R,) of sample k to each estimator."""
+        """Pass the torque (R,) and the measured output (R,) of sample k to the estimators."""
         increment = (angle - self._angle) / self._period if k else np.zeros_like(angle)
         self._angle = angle.copy()
         read = {"speed": speed, "angle": angle, "increment": increment}
@@ -139,7 +142,7 @@ class FeedForward:
                 self._use(run, dict(zip(follower.names, theta, strict=True)))
 
     def _use(self, run: int, theta: Mapping[str, float]) -> None:
-        """Clip the estimates to their limits and count the sample if any was clipped."""
+        """Clip the estimates to their limits, and count the sample if an estimate was clipped."""
         beyond = False
         for name, estimate in theta.items():
             parameter = name.removeprefix("1/")

@@ -1,10 +1,10 @@
 r"""Friction laws of the motor; each class is a table of a scenario.
 
-MuJoCo has Coulomb and LuGre friction. The other laws are compiled callbacks
-(`sim/plant/friction.py`); their tables contain the law itself as a plain function, `torque`. To add
-a law, write a table here, add its name to `COMPILED_LAWS` and add a key to `Scenario`. These laws
-use :math:`\tanh(v/v_0)` in place of the sign of the speed v, with the key `smooth` for v₀, so the
-motor creeps instead of sticking.
+MuJoCo implements Coulomb and LuGre friction. The other laws are computed in a compiled callback
+(`sim/plant/friction.py`), and each of their classes defines its law in a static method, `torque`.
+To add a law, write a class in this module, add the class to `COMPILED_LAWS` and add a key to
+`Scenario`. The compiled laws use a smooth function such as :math:`\tanh(v/v_0)` in place of the
+sign of the speed v, so the motor creeps instead of sticking. The key `smooth` is v₀.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from flexaxis.sim.tables.config import NotNegative, Positive
 from flexaxis.sim.tables.nonlinear import Nonlinearity, Place, passive
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
-"""First number of each row of parameters, which marks the row as ours."""
+"""First number of each row of parameters; it distinguishes our rows from other custom numbers."""
 
 WIDTH = 12
 """Length of a row: mark, index of the law in `COMPILED_LAWS`, and up to ten parameters."""
@@ -29,11 +29,11 @@ Row = Sequence[float]
 
 
 class _CompiledLaw(Nonlinearity):
-    """A law that the engine calls as a callback, with its values in a row of custom data."""
+    """A law that the callback computes, using parameter values in a row of custom numbers."""
 
     substeps: ClassVar[int] = 20  # the speed can change sign within 1 ms; error 6e-5 in the loop
     parameters: ClassVar[tuple[str, ...]]
-    """Keys that are parameters of a law in a record."""
+    """Keys of the table that are also true parameters in a record."""
 
     def build(self, spec: Any) -> None:
         """Add the law to an `MjSpec`."""
@@ -47,7 +47,7 @@ class _CompiledLaw(Nonlinearity):
         return {name: getattr(self, name) for name in self.parameters}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the engine's numbers for these parameters, by their place in the engine."""
+        """Return the numbers that the engine uses for the parameters `law`, by their place."""
         keys, owner = [*type(self).model_fields], type(self).__name__
         at = {name: Place("numeric_data", owner, 2 + keys.index(name)) for name in law}
         return {at[name]: value for name, value in law.items()}
@@ -59,7 +59,8 @@ class FrictionConfig(Nonlinearity):
     Attributes
     ----------
     coulomb : float
-        Coulomb friction [N m]; it opposes the motion and holds a resting motor up to this torque.
+        Coulomb friction [N m]. It opposes the motion of a moving motor, and holds a motor at rest
+        against torques up to this value.
     """
 
     substeps: ClassVar[int] = 20  # a switch is located to within one step; error 7e-4
@@ -78,11 +79,11 @@ class FrictionConfig(Nonlinearity):
         return {"f_c": self.coulomb}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the engine's numbers for these parameters, by their place in the engine."""
+        """Return the numbers that the engine uses for the parameters `law`, by their place."""
         return {Place("dof_frictionloss", "motor"): law["f_c"]}
 
     def in_words(self) -> str:
-        """Return the law and its size in words."""
+        """Return a description of the law, for messages and tables."""
         return f"Coulomb friction of {self.coulomb:g} N m"
 
 
@@ -96,7 +97,8 @@ class LuGreConfig(Nonlinearity):
         F = \sigma_0 z + \sigma_1 \dot z, \quad \dot z = v - \sigma_0 |v| z / g(v), \quad
         g(v) = F_c + (F_s - F_c) e^{-(v/v_s)^2}
 
-    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425). f_m is the viscous part.
+    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425). The axis parameter f_m is the
+    coefficient of viscous friction, which is added.
 
     Attributes
     ----------
@@ -132,7 +134,7 @@ class LuGreConfig(Nonlinearity):
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the law by name; f_s is the excess of the breakaway torque over f_c."""
+        """Parameters of the law by name; f_s is the breakaway torque minus f_c."""
         return {
             "f_c": self.coulomb,
             "f_s": self.static - self.coulomb,
@@ -142,7 +144,7 @@ class LuGreConfig(Nonlinearity):
         }
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the engine's numbers for these parameters, by their place in the engine."""
+        """Return the numbers that the engine uses for the parameters `law`, by their place."""
         return {
             Place("actuator_biasprm", "lugre", 3): law["f_c"],
             Place("actuator_biasprm", "lugre", 4): law["f_c"] + law["f_s"],
@@ -152,7 +154,7 @@ class LuGreConfig(Nonlinearity):
         }
 
     def in_words(self) -> str:
-        """Return the law and its size in words."""
+        """Return a description of the law, for messages and tables."""
         return f"LuGre friction of {self.coulomb:g} N m, {self.static:g} N m to break away"
 
 
@@ -162,18 +164,19 @@ class StaticFrictionConfig(_CompiledLaw):
     .. math:: \tau = (F_c + F_{cs} / \cosh(\alpha v)) \tanh(\beta v)
 
     (E. Wernholt and S. Gunnarsson, *Nonlinear identification of a physically parameterized robot
-    model*, SYSID 2006). f_m is the viscous part.
+    model*, SYSID 2006). The axis parameter f_m is the coefficient of viscous friction, which is
+    added.
 
     Attributes
     ----------
     f_c : float
         Coulomb torque F_c at high speed [N m].
     f_s : float
-        Excess torque F_cs at low speed [N m].
+        Additional torque F_cs at low speed [N m].
     alpha : float
-        Inverse α of the speed at which the excess decays [s/rad].
+        Inverse α of the speed above which the additional torque decays [s/rad].
     beta : float
-        Inverse β of the speed at which the friction builds up [s/rad].
+        Inverse β of the speed within which the friction builds up [s/rad].
     """
 
     parameters: ClassVar[tuple[str, ...]] = ("f_c", "f_s", "alpha", "beta")
@@ -184,12 +187,12 @@ class StaticFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque, positive against the motion [N m]."""
+        """Return the friction torque [N m]; a positive torque opposes a positive speed."""
         peak = row[3] / math.cosh(row[4] * speed)
         return (row[2] + peak) * math.tanh(row[5] * speed)
 
     def in_words(self) -> str:
-        """Return the law and its size in words."""
+        """Return a description of the law, for messages and tables."""
         return f"a friction curve with F_c = {self.f_c:.3g} N m, F_cs = {self.f_s:.3g} N m"
 
 
@@ -198,8 +201,8 @@ class LoadFrictionConfig(_CompiledLaw):
 
     .. math:: \tau = (f_c + \mu |\tau_g|) \tanh(v/v_0)
 
-    with the torque of the gear spring on the motor side, :math:`\tau_g = r k_g x_1` on the linear
-    axis.
+    Here :math:`\tau_g` is the torque of the gear spring on the motor side; if the spring is linear,
+    :math:`\tau_g = r k_g x_1`.
 
     Attributes
     ----------
@@ -218,40 +221,42 @@ class LoadFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque, positive against the motion [N m]."""
+        """Return the friction torque [N m]; a positive torque opposes a positive speed."""
         return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
 
     def in_words(self) -> str:
-        """Return the law and its size in words."""
+        """Return a description of the law, for messages and tables."""
         return f"dry friction of {self.f_c:g} N m and {100 * self.load:g} % of the load"
 
 
 class GearFrictionConfig(_CompiledLaw):
-    r"""Friction of a geared drive, partly proportional to the torques at the gear.
+    r"""Friction of a geared drive, which depends on the motor torque and on the gear torque.
 
     .. math::
 
         \tau = [f_c + |\mu_e \tau_g - \mu_m u|
                 + (f_s + |\mu_{es} \tau_g - \mu_{ms} u|) e^{-|v/v_s|^\alpha}] \tanh(v/v_0)
 
-    with the motor torque u and the torque τ_g of the gear spring on the motor. This is model M5 of
-    M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction models for the physics
-    simulation of servo actuators*, arXiv:2410.08650, with tanh in place of the sign. f_m is the
-    viscous part. Because u and τ_g have separate coefficients, the friction of a driving motor
-    differs from that of a driven one.
+    Here u is the motor torque, and τ_g is the torque of the gear spring on the motor side. This is
+    model M5 of M. Duclusaud, G. Passault, V. Padois and O. Ly, *Extended friction models for the
+    physics simulation of servo actuators*, arXiv:2410.08650, with tanh in place of the sign. The
+    axis parameter f_m is the coefficient of viscous friction, which is added. Because u and τ_g
+    have separate coefficients, the friction is different when the motor drives the load and when
+    the load drives the motor.
 
     Attributes
     ----------
     f_c, f_s : float
-        Coulomb torque at high speed and excess at low speed, both without load [N m].
+        Coulomb torque at high speed, and additional torque at low speed, both without load [N m].
     motor, external : float
-        Ratios μ_m and μ_e of friction torque to motor torque and to spring torque.
+        Coefficients μ_m of the motor torque and μ_e of the spring torque.
     motor_slow, external_slow : float
-        The same ratios μ_ms and μ_es for the excess at low speed.
+        Coefficients μ_ms of the motor torque and μ_es of the spring torque in the additional
+        friction at low speed.
     v_s : float
-        Stribeck speed at which the excess decays [rad/s].
+        Stribeck speed above which the additional friction decays [rad/s].
     alpha : float
-        Exponent of the decay.
+        Exponent α of the decay.
     smooth : float
         Speed v₀ below which the sign of the speed is smoothed [rad/s].
     """
@@ -269,14 +274,14 @@ class GearFrictionConfig(_CompiledLaw):
 
     @staticmethod
     def torque(row: Row, speed: float, load: float, motor: float) -> float:
-        """Return the friction torque, positive against the motion [N m]."""
+        """Return the friction torque [N m]; a positive torque opposes a positive speed."""
         fast = row[2] + abs(row[5] * load - row[4] * motor)
         slow = row[3] + abs(row[7] * load - row[6] * motor)
         left = math.exp(-(abs(speed / row[8]) ** row[9]))
         return (fast + slow * left) * math.tanh(speed / row[10])
 
     def in_words(self) -> str:
-        """Return the law and its size in words."""
+        """Return a description of the law, for messages and tables."""
         dry = f"{self.f_c:.2g} N m ({self.f_c + self.f_s:.2g} at low speed)"
         shares = f"{100 * self.motor:.2g} % of the motor's torque, {100 * self.external:.2g} %"
         return f"gear friction of {dry}, {shares} of the load"
@@ -287,4 +292,4 @@ COMPILED_LAWS: tuple[Any, ...] = (
     LoadFrictionConfig,
     GearFrictionConfig,
 )
-"""Laws that are compiled as callbacks; a row refers to its law by the index in this tuple."""
+"""Laws that the compiled callback computes; a row contains the index of its law in this tuple."""

@@ -1,9 +1,9 @@
 """Nonlinear effects of an axis; each class is a table of a scenario.
 
-Every table adds its effect to the MuJoCo model of the plant (`build`), states that the linear model
-does not describe it (`exact`), and gives the number of simulation steps that it needs (`substeps`).
-With these steps the motor speed agrees with an independent solution to 1e-5 of its rms, or to 1e-3
-with stick-slip friction.
+Every class adds its effect to the MuJoCo model of the plant (`build`), declares whether the linear
+model describes the effect exactly (`exact`), and specifies the number of simulation steps that the
+effect requires (`substeps`). With this number of steps, the motor speed agrees with an independent
+solution to 1e-5 of its rms, or to 1e-3 if the effect is stick-slip friction.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from pydantic import Field
 
 from flexaxis.sim.tables.config import Config, Positive
 
-SPAN = 0.005  # time that `substeps` steps take [s]
+SPAN = 0.005  # simulated time of `substeps` steps [s]
 LINEAR_SUBSTEPS = 5
 _NO_INPUT = 16  # MuJoCo's mjINPUT_NONE: an actuator without a command
 
 
 class Place(NamedTuple):
-    """Location of a number in the engine: field of the model, named object, optional column."""
+    """Location of a number in the engine: field of the model, name of the object, and column."""
 
     field: str
     owner: str
@@ -34,8 +34,10 @@ class Nonlinearity(Config):
 
     Attributes
     ----------
+    exact : bool
+        Whether the linear model describes the effect exactly (False for all nonlinear effects).
     substeps : int
-        Number of engine steps per 5 ms that the effect needs.
+        Number of engine steps per 5 ms that the effect requires.
     """
 
     exact: ClassVar[bool] = False
@@ -47,21 +49,21 @@ class Nonlinearity(Config):
 
     @property
     def law(self) -> dict[str, float]:
-        """Parameters of the effect that a record contains, by name."""
+        """True parameters of the effect that a record contains, by name."""
         return {}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return the engine's numbers for these parameters, by their place in the engine.
+        """Return the numbers that the engine uses for the parameters `law`, by their place.
 
-        The result is empty if the parameters cannot change during a run.
+        The dictionary is empty if the parameters cannot change during a run.
         """
         return {}
 
 
 def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
-    """Return the number of engine steps per period [s] that is fine enough for all features.
+    """Return the number of engine steps per `period` [s] that all features together require.
 
-    ``least`` is a lower limit for the number of steps per 5 ms.
+    ``least`` is a lower limit of the number of steps per 5 ms.
 
     Examples
     --------
@@ -78,9 +80,9 @@ class CoggingConfig(Nonlinearity):
     Attributes
     ----------
     amplitude : float
-        Largest torque [N m].
+        Amplitude of the cogging torque [N m].
     poles : int
-        Periods per revolution of the motor.
+        Number of cogging periods per revolution of the motor.
     """
 
     amplitude: Positive
@@ -91,7 +93,7 @@ class CoggingConfig(Nonlinearity):
         passive(spec, "cogging", cogging=[self.amplitude, self.poles, 0.0])
 
     def in_words(self) -> str:
-        """Return the effect and its size in words."""
+        """Return a description of the effect, for messages and tables."""
         return f"cogging of {self.amplitude:g} N m, {self.poles} periods per revolution"
 
 
@@ -102,7 +104,7 @@ class BacklashConfig(Nonlinearity):
     ----------
     gear : float
         Width of the gap within which the gear spring exerts no torque [rad on the arm side]. The
-        damper of the gear acts within the gap too.
+        damper of the gear also acts within the gap.
     """
 
     substeps: ClassVar[int] = 20
@@ -118,19 +120,19 @@ class BacklashConfig(Nonlinearity):
         return {"gap": self.gear}
 
     def in_words(self) -> str:
-        """Return the effect and its size in words."""
+        """Return a description of the effect, for messages and tables."""
         return f"backlash of {self.gear:g} rad at the gear"
 
 
 class StiffeningConfig(Nonlinearity):
     """A gear spring that stiffens with its twist x: torque k_g (x + gear · x³).
 
-    Both terms are proportional to k_g, so a fault of k_g scales the whole law.
+    Both terms are proportional to k_g, so a fault of k_g changes both by the same factor.
 
     Attributes
     ----------
     gear : float
-        Ratio of the cubic to the linear coefficient [1/rad² on the arm side].
+        Ratio of the cubic coefficient to the linear coefficient [1/rad² on the arm side].
     """
 
     gear: Positive
@@ -146,17 +148,18 @@ class StiffeningConfig(Nonlinearity):
         return {"kappa": self.gear}
 
     def in_words(self) -> str:
-        """Return the effect and its size in words."""
+        """Return a description of the effect, for messages and tables."""
         return f"gear spring stiffening by {self.gear:g}/rad²"
 
 
 class SaturationConfig(Nonlinearity):
-    """A torque limit of the drive; the log still contains the unlimited command.
+    """A torque limit of the drive; the log contains the command before the limit is applied.
 
     Attributes
     ----------
     torque : float
-        Limit of the absolute value of the command [N m]; k_T multiplies the limited command.
+        Limit of the absolute value of the command [N m]. The torque constant k_T multiplies the
+        limited command.
     """
 
     torque: Positive
@@ -166,12 +169,15 @@ class SaturationConfig(Nonlinearity):
         spec.actuator("motor").forcerange = [-self.torque, self.torque]
 
     def in_words(self) -> str:
-        """Return the effect and its size in words."""
+        """Return a description of the effect, for messages and tables."""
         return f"torque limited to {self.torque:g} N m"
 
 
 def passive(spec: Any, name: str, **law: list[float]) -> None:
-    """Add a DC motor without current to the joint, because the engine models friction there."""
+    """Add a DC motor without current to the motor joint.
+
+    The engine's DC motor implements LuGre friction and cogging, which `law` specifies.
+    """
     motor = spec.add_actuator(name=name, target="motor")
     motor.trntype = spec.actuator("motor").trntype
     motor.set_to_dcmotor(motorconst=[0.0, 0.0], resistance=1.0, ctrlspec=_NO_INPUT, **law)

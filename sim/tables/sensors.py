@@ -1,8 +1,9 @@
-"""Sensors between the axis and its log: delay, noise, encoder and filter, one stage each.
+"""Sensors, which turn the true motion into logged signals: delay, noise, encoder and filter.
 
-Every table has a `stage` that changes a signal, and states whether the linear model still describes
-the result (`exact`). A signal passes through all stages in the order of the keys of `Scenario`.
-The log contains the result; the controller reads it only with measured feedback.
+Every table has a `stage` that changes a signal, and declares whether the linear model still
+describes the changed signal (`exact`). A signal passes through all stages in the order of the keys
+of `Scenario`. The log contains the output of the last stage. The controller reads that output only
+if its feedback is "measured"; otherwise the controller reads the true angle.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ Stage = Callable[[Array], Array]
 """Function that takes the next n samples (n, R) of a signal and returns the processed samples."""
 
 White = Callable[[str], Array]
-"""Function that returns white noise (N, R) of standard deviation 1 for a purpose, for example
-"noise.speed"."""
+"""Function that takes the purpose of the noise, for example "noise.speed", and returns white noise
+(N, R) of standard deviation 1."""
 
 
 @runtime_checkable
@@ -37,7 +38,10 @@ class Sensor(Protocol):
     """A scenario table with a `stage` that processes measured signals."""
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the stage for a signal with this period [s]; the signal is 0 before the run."""
+        """Return the stage that processes a signal with the sampling period `period` [s].
+
+        The signal is assumed to be 0 before the run.
+        """
 
 
 def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: float) -> Stage:
@@ -50,15 +54,15 @@ def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: 
     signal : {"angle", "speed"}
         Signal to measure.
     white : callable
-        Function that returns the noise of the whole run for a purpose.
+        Function that takes the purpose of the noise and returns the noise of the whole run.
     period : float
         Sampling period T [s].
 
     Returns
     -------
     callable
-        Function that takes the next samples (n, R) and returns the readings. A whole run at once
-        and one sample at a time give the same bits.
+        Function that takes the next samples (n, R) of the true signal and returns the measured
+        samples. Processing a whole run at once or sample by sample gives bitwise the same result.
     """
     stages = [sensor.stage(signal, white, period) for sensor in sensors]
     return lambda values: reduce(lambda passed, stage: stage(passed), stages, values)
@@ -69,18 +73,19 @@ def _unchanged(values: Array) -> Array:
 
 
 class NoiseConfig(Config):
-    """White noise; the table ``[noise]`` of a scenario.
+    """The table ``[noise]`` of a scenario: levels of the white noise.
 
     Attributes
     ----------
     speed : float
-        Standard deviation on the motor speed [rad/s].
+        Standard deviation of the noise of the measured motor speed [rad/s].
     angle : float
-        Standard deviation on the motor angle, before the encoder rounds it [rad].
+        Standard deviation of the noise that is added to the motor angle before the encoder rounds
+        the angle [rad].
     torque : float, optional
-        Standard deviation of a disturbance torque that is added to the command and drawn anew for
-        each sample [N m]. The log contains only the command, so this is an error in the input and
-        not output noise.
+        Standard deviation of a disturbance torque that is added to the command, with an independent
+        value in each sample [N m]. The log contains only the command, so the disturbance is an
+        error of the input and not output noise.
     """
 
     speed: NotNegative = 0.1
@@ -89,7 +94,7 @@ class NoiseConfig(Config):
 
     @property
     def exact(self) -> bool:
-        """Whether the logged torque is the acting torque."""
+        """Whether the logged torque equals the torque that acts on the motor."""
         return self.torque is None
 
     def on_torque(self, white: White) -> Array | None:
@@ -102,19 +107,19 @@ class NoiseConfig(Config):
         return _added(deviation * white(f"noise.{signal}")) if deviation else _unchanged
 
     def in_words(self) -> str:
-        """Return the noise levels in words."""
+        """Return a description of the noise levels, for messages and tables."""
         deviations = [(self.speed, "rad/s on the speed"), (self.angle, "rad on the angle"),
                  (self.torque, "N m on the acting torque")]  # fmt: skip
         return "; ".join(f"noise of {value:g} {words}" for value, words in deviations if value)
 
 
 class EncoderConfig(Config):
-    """Resolution of the motor angle; the table ``[encoder]`` of a scenario.
+    """The table ``[encoder]`` of a scenario: resolution of the measured motor angle.
 
     Attributes
     ----------
     counts : int
-        Counts per revolution of the motor (65536 for 16 bits); 0 is an ideal encoder.
+        Number of counts per revolution of the motor (65536 for 16 bits); 0 means an ideal encoder.
     """
 
     exact: ClassVar[bool] = True  # the bounds include the rounding of the encoder
@@ -138,17 +143,17 @@ class EncoderConfig(Config):
         return lambda values: np.rint(values / step) * step
 
     def in_words(self) -> str:
-        """Return the resolution in words."""
+        """Return a description of the resolution, for messages and tables."""
         return f"encoder of {self.counts} counts" if self.counts else ""
 
 
 class DelayConfig(Config):
-    """Delays of the signals; the table ``[delay]`` of a scenario.
+    """The table ``[delay]`` of a scenario: delays of the signals.
 
     Attributes
     ----------
     measurement : int
-        Delay of angle and speed [samples].
+        Delay of the measured angle and speed [samples].
     torque : float, optional
         Time from a torque command to its effect [s], a multiple of 1 ms. The log contains the
         torque at the time of the command.
@@ -170,11 +175,11 @@ class DelayConfig(Config):
         return not (self.measurement or self.torque)
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
-        """Return the stage that delays a measured signal; the torque is logged without delay."""
+        """Return the stage that delays a measured signal."""
         return _late(self.measurement) if self.measurement else _unchanged
 
     def in_words(self) -> str:
-        """Return the delays in words."""
+        """Return a description of the delays, for messages and tables."""
         words = [f"measurement delayed by {self.measurement} samples"] if self.measurement else []
         words += [f"torque delayed by {1000 * self.torque:g} ms"] if self.torque else []
         return "; ".join(words)
@@ -186,12 +191,13 @@ class DelayConfig(Config):
 
 
 class FilterConfig(Config):
-    """Low-pass filter of the logged speed; the table ``[filter]`` of a scenario.
+    """The table ``[filter]`` of a scenario: low-pass filter of the logged speed.
 
     Attributes
     ----------
     speed : float
-        Time constant of a first-order low-pass on the measured speed, including its noise [s].
+        Time constant of the first-order low-pass filter of the measured speed [s]. The filter acts
+        on the sum of speed and noise.
     """
 
     exact: ClassVar[bool] = False
@@ -202,7 +208,7 @@ class FilterConfig(Config):
         return _low_pass(self.speed, period) if signal == "speed" else _unchanged
 
     def in_words(self) -> str:
-        """Return the time constant in words."""
+        """Return a description of the filter, for messages and tables."""
         return f"speed filtered by a low-pass of {1000 * self.speed:g} ms"
 
 
@@ -233,7 +239,7 @@ def _added(noise: Array) -> Stage:
 
 
 def _low_pass(time_constant: float, period: float) -> Stage:
-    """Return the stage f[k] = a f[k−1] + (1−a) s[k] with a = exp(−T/τ), starting at rest."""
+    """Return the low-pass stage f[k] = a f[k−1] + (1−a) s[k], with a = exp(−T/τ) and f[−1] = 0."""
     pole = math.exp(-period / time_constant)
     last: Array | float = 0.0
 
@@ -248,5 +254,5 @@ def _low_pass(time_constant: float, period: float) -> Stage:
 
 
 def angle_increment(angle: Array, *, period: float) -> Array:
-    """Return the rate (φ[k] − φ[k−1])/T of a sampled angle (N, ...) [rad/s], 0 at k = 0."""
+    """Return (φ[k] − φ[k−1])/T [rad/s] of a sampled angle φ (N, ...) [rad], with 0 at k = 0."""
     return np.diff(angle, axis=0, prepend=angle[:1]) / period
