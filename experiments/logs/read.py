@@ -1,4 +1,4 @@
-"""Opens a log of any format: names and units of its columns, and their numbers on demand."""
+"""Open a log in any format: the names and units of its columns, and their numbers on demand."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from flexaxis.sim.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
-PROBE = 1 << 17  # bytes at the beginning of a file, which show its layout
-COMPARED = 200  # lines of them that are compared
+PROBE = 1 << 17  # number of bytes at the beginning of a file from which its layout is detected
+COMPARED = 200  # maximum number of lines from which the layout is detected
 COMMENTS = ("#", "%", "//")
 MISSING = ["", "-", "--", "na", "n/a", "null", "none", "N.A."]
 _UNIT = re.compile(r"(?P<name>.*?)\s*(?:[\[(]|\s/\s|\sin\s)\s*(?P<unit>[^\])]*?)\s*[\])]?")
@@ -33,16 +33,17 @@ _UNIT = re.compile(r"(?P<name>.*?)\s*(?:[\[(]|\s/\s|\sin\s)\s*(?P<unit>[^\])]*?)
 
 @dataclass(frozen=True)
 class Log:
-    """Columns of a file.
+    """The columns of a file.
 
     Attributes
     ----------
     names : tuple of str
+        Names of the columns.
     source : callable
-        ``source(names, rows)`` returns columns (N,) by name, NaN where a value is missing. It
-        raises a LogError for a column that does not hold numbers.
+        ``source(names, rows)`` returns a dict of columns (N,); missing values are NaN. The function
+        raises a LogError if a column does not consist of numbers.
     units : dict of str to str
-        Units that the file states, by column.
+        Units of those columns for which the file states a unit.
     """
 
     names: tuple[str, ...]
@@ -51,17 +52,17 @@ class Log:
 
     @property
     def listed(self) -> str:
-        """The names for a message, the first of very many."""
+        """The names of the columns for a message; a long list is shortened."""
         return shorten(", ".join(self.names), 600, placeholder=" …")
 
     def read(self, names: Sequence[str], rows: slice = slice(None)) -> dict[str, Array]:
-        """Return columns (N,) by name.
+        """Return a dict of columns (N,).
 
         Raises
         ------
         LogError
-            If a column does not exist or does not hold numbers. No column of another joint is
-            suggested: its digits differ.
+            If a column does not exist or does not consist of numbers. The message only suggests
+            names with the same digits, so that it never suggests the column of another joint.
         """
         for name in names:
             if name not in self.names:
@@ -78,16 +79,18 @@ def open_log(path: Path, header: int | None = None) -> Log:
     Parameters
     ----------
     path : Path
-        CSV (``,``, ``;``, ``|``, tab or blanks between the columns, decimal points or commas,
-        UTF-8, UTF-16 or Latin-1), MAT or HDF5, and so NetCDF-4. A matrix gives columns
-        ``name[0]``, ``name[1]``, …; structures and groups give ``outer.inner``.
+        A CSV file (separated by ``,``, ``;``, ``|``, tabs or blanks; with decimal points or commas;
+        in UTF-8, UTF-16 or Latin-1), a MAT file, or an HDF5 file, such as NetCDF-4. Columns of a
+        matrix are named ``name[0]``, ``name[1]``, …; columns of structures and groups are named
+        ``outer.inner``.
     header : int, optional
-        Line of the names in a CSV, from 1; by default the content shows it.
+        Number of the line that contains the column names in a CSV file, counted from 1; by default
+        this line is detected from the content.
 
     Raises
     ------
     LogError
-        If the file cannot be read or holds no columns of numbers.
+        If the file cannot be read or contains no columns of numbers.
     """
     try:
         with path.open("rb") as file:
@@ -103,7 +106,7 @@ def open_log(path: Path, header: int | None = None) -> Log:
             return _csv(path, start, header)
     except (LogError, MemoryError):
         raise
-    except Exception as error:  # scipy and h5py raise whatever damaged bytes lead to
+    except Exception as error:  # for damaged files, scipy and h5py raise many kinds of exceptions
         reason = getattr(error, "strerror", None) or f"{error}; is it damaged?"
         raise LogError(f"cannot be read: {reason}") from error
     if not columns:
@@ -112,9 +115,12 @@ def open_log(path: Path, header: int | None = None) -> Log:
 
 
 def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Array]]:
-    """Yield the columns of nested structures; those of an array of structures have their names."""
+    """Yield the names and values of columns of nested structures.
+
+    The elements of an array of structures are named by their ``Name`` or ``label``, or numbered.
+    """
     for name, item in content.items():
-        if name.startswith(("__", "#")):  # what scipy adds, and the inside of MATLAB's cells
+        if name.startswith(("__", "#")):  # keys that scipy adds, and the content of MATLAB's cells
             continue
         inner = item if isinstance(item, Mapping) else {}
         if isinstance(item, list) or getattr(item, "dtype", np.dtype(float)).kind == "O":
@@ -130,10 +136,10 @@ def _flattened(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[s
 
 
 def _csv(path: Path, start: bytes, header: int | None) -> Log:
-    """Open a table of text; the layout is the one that cuts most lines into numbers."""
+    """Open a text table with the layout that splits most lines into numbers."""
     encoding = _encoding(start)
     lines = start.decode(encoding, "replace").splitlines()
-    lines = lines[:-1] if len(start) == PROBE else lines  # the last one may be cut off
+    lines = lines[:-1] if len(start) == PROBE else lines  # the last line may be incomplete
     kept = [k for k, x in enumerate(lines) if x.strip() and not x.lstrip().startswith(COMMENTS)]
     kept = kept[:COMPARED]
     layouts = [
@@ -160,13 +166,13 @@ def _csv(path: Path, start: bytes, header: int | None) -> Log:
                 comment=next((x[0] for x in lines if x.startswith(COMMENTS[:2])), None),
                 low_memory=False,
             )[part]  # fmt: skip
-        except ValueError as error:  # of the parser, too
+        except ValueError as error:  # errors of the parser are ValueErrors, too
             raise LogError(
                 f"{str(error).strip().splitlines()[-1]}; two logs in one file, or a separator "
                 "inside a number?"
             ) from error
         whole = len(table) < 2 or table.iloc[-1].notna().all()
-        table = table if whole else table[:-1]  # a line that was cut off as the log ended
+        table = table if whole else table[:-1]  # the last line of a log may be incomplete
         return {name: _numbers(name, table[name]) for name in chosen}
 
     return Log(tuple(names), source, units)
@@ -187,23 +193,27 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def _tried(lines: Sequence[str], separator: str | None, decimal: str) -> tuple[float, int, int]:
-    """Return how well a layout cuts lines into numbers, the cells of a row, and the first row."""
+    """Return the score of a layout, its number of cells per row, and its first row of numbers.
+
+    The score is greater, the more lines and cells the layout splits into numbers.
+    """
     cells = [_cells(line, separator) for line in lines]
     width = mode(map(len, cells))
     table = pd.DataFrame([(row + [""] * width)[:width] for row in cells])
     points = table.replace(",", ".", regex=True) if decimal == "," else table
     numbers = points.apply(pd.to_numeric, errors="coerce").notna()
-    numeric = numbers[len(numbers) // 2 :].mean() > 0.5  # columns, as seen below any head
+    numeric = numbers[len(numbers) // 2 :].mean() > 0.5  # the second half is below any header
     rows = (numbers | table.isin(MISSING)).loc[:, numeric].all(axis=1) & numbers.any(axis=1)
     first = int(np.argmax(rows))
     return (2 * numeric.mean() - 1) * rows[first:].mean(), width, first
 
 
 def _head(lines: Sequence[str], separator: str | None, width: int, header: int | None) -> list[str]:
-    """Return the names of the columns, each with its unit if a line of units is below them.
+    """Return the names of the columns, each with its unit if a line of units follows the names.
 
-    Names are in the last line above the rows, or in a comment, as numpy writes them. In a block of
-    lines with the same key in front of every signal, as TwinCAT writes, the first has them.
+    The names are in the last line above the rows, or in a comment, as numpy writes them. TwinCAT
+    writes a block of lines in which a key precedes every signal; there the first line contains the
+    names.
     """
     if header is not None:
         return _cells(lines[header - 1], separator)
@@ -228,7 +238,7 @@ def _head(lines: Sequence[str], separator: str | None, width: int, header: int |
 
 
 def names_and_units(head: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Return the names of columns, each once, and the known units that follow them.
+    """Return unique names of columns, and the known units that follow the names.
 
     Examples
     --------
@@ -248,7 +258,7 @@ def names_and_units(head: Sequence[str]) -> tuple[list[str], dict[str, str]]:
 
 
 def _numbers(name: str, column: pd.Series[Any]) -> Array:
-    """Return a column as numbers; stamps of date and time as seconds from the first."""
+    """Return a column as numbers; date-and-time stamps become seconds since the first stamp."""
     if pd.api.types.is_numeric_dtype(column):
         return column.to_numpy(float)
     texts = column.astype("string").str.strip()
@@ -258,7 +268,7 @@ def _numbers(name: str, column: pd.Series[Any]) -> Array:
             return (stamps - stamps.iloc[0]).dt.total_seconds().to_numpy(float)
     numbers = pd.to_numeric(texts.str.replace(",", "."), errors="coerce")
     bad = (numbers.isna() & texts.notna()).to_numpy(bool)
-    if not bad.any():  # of the rows that were asked for
+    if not bad.any():
         return numbers.to_numpy(float)
     row = column.index[np.argmax(bad)]
     raise LogError(

@@ -1,7 +1,7 @@
-"""Where a fit starts, and what a log asks for beside its linear model.
+"""Find initial values of a fit, and effects of a log that its linear model does not describe.
 
-Starts come from frequency responses of the log. Dry friction and gravity are added where held-out
-pieces are simulated better with them.
+Initial values are computed from frequency responses of the log. Dry friction and gravity are added
+if they improve the simulation of held-out pieces.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ FRICTION: Mapping[str, Mapping[str, str]] = {
     "coulomb": {"coulomb": "f_c"},
     "stribeck": {"coulomb": "f_c", "breakaway": "f_s", "alpha": "alpha", "beta": "beta"},
 }
-"""Laws of dry friction of the motor: roles, and parameters of those names."""
-STIFF = 100.0  # rad a sample, at which bristles swing that stand for Coulomb friction
-LEVEL, BREAKAWAY = 3.0, 5.0  # of the rms torque, up to which f_c and f_s may come
-LEVELS = 0.01, 0.07  # of that, to start from
+"""Laws of dry friction of the motor: the roles of each law, and the parameters in these roles."""
+STIFF = 100.0  # rad per sample, natural frequency of the bristles that represent Coulomb friction
+LEVEL, BREAKAWAY = 3.0, 5.0  # upper bounds of f_c and f_s, relative to the rms torque
+LEVELS = 0.01, 0.07  # initial values, relative to these bounds
 SHAPES = {"alpha": (10.0, 1.0, 50.0), "beta": (20.0, 1.0, 100.0)}
-"""Start and bounds of the shape of Stribeck's hump, over the rms speed."""
-WINDOW = 0.05  # s, over which momentum and impulse are compared
-TURN = 0.5  # rad of the load, below which gravity is nearly constant
-EARLY = 4.0  # samples, by which a torque may act before it is logged
-ENOUGH, STEPS, NEAR = 4000, 6, 0.5  # samples, steps and distance that show the best start
-RUNGS, FASTEST = 6, 1.0  # resonances that are tried, up to so many rad a sample
+"""Initial value and bounds of the parameters of Stribeck's hump, multiplied by the rms speed."""
+WINDOW = 0.05  # s, interval over which changes of momentum are compared with impulses
+TURN = 0.5  # rad, minimum range of the load angle; in a smaller range gravity is nearly constant
+EARLY = 4.0  # samples, maximum time by which a torque may act before it is logged
+ENOUGH, STEPS, NEAR = 4000, 6, 0.5  # samples, steps and accuracy of a fit that tests initial values
+RUNGS, FASTEST = 6, 1.0  # number of resonances that are tried, and the highest [rad per sample]
 
 Place = tuple[Array, float]
 
@@ -56,10 +56,11 @@ class Tried:
     Attributes
     ----------
     name : str
-        In words.
+        Name of the added effect.
     before, after : float
-        Standard deviations of the error of a simulation of held-out pieces, without and with it.
+        Rms errors of a simulation of held-out pieces [rad/s], without and with the effect.
     taken : bool
+        Whether the effect is included in the model.
     """
 
     name: str
@@ -70,20 +71,25 @@ class Tried:
 
 @dataclass
 class Search:
-    """The search for what a log asks for.
+    """The search for the model that describes a log.
 
     Attributes
     ----------
     setup : Setup
-        The axis as stated.
+        Model as stated, and the log.
     known : bool
-        Whether somebody gave its nominal values; if not, they are a rough guess of their size.
+        Whether the nominal values are given or identified; if not, they are a rough guess.
     friction : {"auto", "none", "coulomb", "stribeck"}
+        Law of dry friction; ``"auto"`` adds a law if the log requires it.
     gravity : {"auto", "none", "sine"}
+        Torque of gravity; ``"auto"`` adds this torque if the log requires it.
     levels : mapping of str to float
-        Values of parameters of the law of friction: starts, or constants if fixed.
+        Values of parameters of the friction law: constants for parameters in `fix`, initial values
+        for the others.
     fix : tuple of str
+        Parameters to hold at their nominal values.
     tried : list of Tried
+        Comparisons with simpler models.
     """
 
     setup: Setup
@@ -95,7 +101,7 @@ class Search:
     tried: list[Tried] = field(default_factory=list)
 
     def result(self) -> Candidate:
-        """Return what the log asks for, or what was stated."""
+        """Return the fit of the model that describes the log best, or of the stated model."""
         if not self.known:
             guess = rough_guess(self.setup.model, self._seen) if self._seen else self._rigid
             self.setup = self.setup.having({n: guess[n] for n in self.setup.names if n in guess})
@@ -104,7 +110,7 @@ class Search:
 
     @cached_property
     def _rigid(self) -> dict[str, float]:
-        """Rough parameters of a rigid axis, from its momentum; none of any other."""
+        """Rough parameters of a rigid axis, from its momentum; empty for any other axis."""
         log, names = self.setup.log, self.setup.names
         window = max(round(WINDOW / log.period), 1)
         impulse = log.period * np.convolve(log.u, np.ones(window), "valid")
@@ -114,7 +120,7 @@ class Search:
         return {n: float(values[n]) for n in names} if {*names} <= {*values} else {}
 
     def _rubbed(self, best: Candidate) -> Candidate:
-        """Return it with dry friction where that is stated, or simulates better."""
+        """Return a candidate with dry friction if friction is stated or simulates better."""
         kind, model = self.friction, self.setup.model
         able = "speed_motor" in model.states and "J_m" in model.parameters
         if kind in FRICTION and not (able or model.laws):
@@ -140,13 +146,17 @@ class Search:
         return self._taken("Stribeck's hump", dry, candidate(*self._law(dry, "stribeck")), "f_s")
 
     def _taken(self, name: str, best: Candidate, other: Candidate, *sure: str) -> Candidate:
-        """Return the other one where it simulates better and is sure, else the first; note it."""
+        """Compare two candidates, add the comparison to `tried`, and return the better candidate.
+
+        The other candidate is returned only if one of the parameters `sure` differs significantly
+        from 0.
+        """
         taken = best.better(other) and other.sure(*sure)
         self.tried.append(Tried(name, best.error, other.error, taken))
         return other if taken else best
 
     def _falling(self, best: Candidate) -> Candidate:
-        """Return it with gravity where that is stated, or simulates better."""
+        """Return a candidate with gravity if gravity is stated or simulates better."""
         log, asked = self.setup.log, self.gravity == "sine"
         if not asked and (self.gravity == "none" or np.ptp(log.angle[log.ok]) < TURN):
             return best
@@ -155,7 +165,7 @@ class Search:
         return other if asked else self._taken("gravity", best, other, *columns)
 
     def _law(self, best: Candidate, kind: str) -> tuple[Setup, Array, float]:
-        """Return its setup with a law of friction, and parameters and delay [s] to start from."""
+        """Return a setup with a friction law, and the initial parameters and delay [s]."""
         (theta, lag), log = _place(best), self.setup.log
         values = dict(zip(best.setup.names, theta.tolist(), strict=True))
         setup, roles = best.setup.having(values), dict[str, str | float](FRICTION[kind])
@@ -181,7 +191,7 @@ class Search:
         return setup, setup.start, lag
 
     def _early(self, best: Candidate) -> Candidate:
-        """Return it with a torque that acts before it is logged, where the fit pulls that way."""
+        """Return a candidate with a torque that acts before it is logged if the fit requires it."""
         fitted, setup = best.fitted, best.setup
         if setup.log.smooth or setup.delay is not None or fitted.z[-1] > setup.earliest:
             return best
@@ -193,34 +203,40 @@ class Search:
         return self._taken("a torque that acts before it is logged", best, other)
 
     def _first_places(self) -> list[Place]:
-        """Return parameters and delays [s] to start the linear model from; LogError if none."""
+        """Return initial parameters and delays [s] of the linear model.
+
+        Raises
+        ------
+        LogError
+            If no initial values can be found.
+        """
         setup = self.setup
         places = self._places(setup) + self._places(setup, floor=0.0)[:1]
         if not places:
-            self._response()  # raises the error
+            self._response()  # raises the LogError
         if not self.known and (seen := self._seen) is not None:
-            # slow motion shows a spring below its resonance, where no peak says where to start
+            # a log of slow motion shows no peak at the resonance, so several resonances are tried
             for resonance in np.geomspace(seen.omega[0], FASTEST / setup.log.period, RUNGS):
                 rung = setup.having(rough_guess(setup.model, seen, resonance))
-                if not np.array_equal(rung.start, setup.start):  # an axis without a resonance
+                if not np.array_equal(rung.start, setup.start):  # equal without a resonance
                     places.append((rung.start, 0.0))
         return places
 
     @cached_property
     def _seen(self) -> Spectra | None:
-        """The frequency response, where the torque explains the motion."""
+        """The frequency response if the torque explains the motion, else None."""
         with suppress(LogError):
             return self._response()
         return None
 
     def _response(self, level: float = 0.0, floor: float = STRONG) -> Spectra:
-        """Return the frequency response from the torque less some dry friction."""
+        """Return the frequency response from the torque minus dry friction of a given level."""
         log = self.setup.log
         u = log.u - level * np.sign(log.y)
         return measured_response(u[log.ok], log.y[log.ok], period=log.period, floor=floor)
 
     def _places(self, setup: Setup, level: float = 0.0, floor: float = STRONG) -> list[Place]:
-        """Return parameters and delays [s] to start from."""
+        """Return initial parameters and delays [s]."""
         places = list[Place]()
         linear = replace(setup.model, laws=())
         own = tuple(name for name in setup.names if name in linear.parameters)
@@ -238,7 +254,7 @@ class Search:
         return places
 
     def _explored(self, setup: Setup, places: Sequence[Place]) -> Candidate:
-        """Return a setup fitted from the best of some places, which a part of the log shows."""
+        """Fit a setup, starting at the initial values that fit a part of the log best."""
         part = setup.part(ENOUGH)
         fits = (part.solve(*place, most=STEPS, near=NEAR) for place in places)
         best = min(fits, key=lambda fitted: fitted.square)

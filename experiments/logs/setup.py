@@ -1,4 +1,4 @@
-"""One model of a log: what is identified, within which bounds, and the fit of it."""
+"""A model of a log, with its identified parameters, their bounds, and the fit."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from flexaxis.experiments.logs.signals import CLEAR, Log, noise_of
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-REACH = 1e3  # times its start, up or down, to the bounds of a parameter of the linear model
-LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are tried
-EARLIEST = -2.0  # samples, of a smooth torque
-SETTLING = 4  # steps to the states that stretches begin in, where parameters are known
-FAR = 100.0  # times the greatest output, up to which a state may come
+REACH = 1e3  # factor from the initial value of a linear model's parameter to either of its bounds
+LATEST = 0.01, 4  # s, and samples: the maximum delay is the greater of the two
+EARLIEST = -2.0  # samples, minimum delay of a smooth torque
+SETTLING = 4  # number of steps in which the initial states of stretches are fitted
+FAR = 100.0  # bound of the initial states, relative to the greatest output
 
 
 @dataclass(frozen=True)
@@ -33,18 +33,19 @@ class Setup:
     Attributes
     ----------
     log : Log
+        Signals to which the model is fitted.
     model : Model
-        Its nominal values are the start.
+        Model; its nominal values are the initial values of the fit.
     names : tuple of str
-        Identified parameters.
+        Names of the identified parameters.
     delay : float or None
-        Known delay of the torque [s].
+        Known delay of the torque [s]; None if the delay is identified.
     box : mapping of str to (float, float)
-        Bounds of parameters, where they are not `REACH` about the start.
+        Bounds of those parameters that do not have the default bounds (see `REACH`).
     beside : mapping of str to ndarray (N,)
-        Torques that act in proportion to a gain of that name.
+        Additional torques, each multiplied by an identified gain of the same name.
     early : float
-        Samples by which a held torque may act before it is logged.
+        Number of samples by which a held torque may act before it is logged.
     """
 
     log: Log
@@ -57,9 +58,10 @@ class Setup:
 
     @cached_property
     def begins(self) -> list[int]:
-        """Samples at which stretches begin, each with its own state: the log, and after gaps.
+        """Indices at which stretches with an unknown initial state begin: the start and after gaps.
 
-        Of soft bristles and of an angle nothing shows the state after a gap.
+        The state of soft bristles and an angle after a gap cannot be determined. A model with such
+        states has a single stretch.
         """
         bends = any(isinstance(law.parameters.get("stiffness"), str) for law in self.model.laws)
         turns = any(name.startswith("angle") for name in self.model.states)
@@ -67,13 +69,17 @@ class Setup:
 
     @property
     def _later(self) -> int:
-        """Samples behind a gap in which its torque may still act."""
+        """Number of samples after a gap in which the unknown torque of the gap may still act."""
         latest = self.latest if self.delay is None else max(self.delay, 0.0)
         return int(np.ceil(latest / self.log.period - 1e-9)) + self.log.smooth
 
     @cached_property
     def ok(self) -> Flags:
-        """Samples (N,) that count: neither the torque of a gap acts, nor begins a stretch."""
+        """Samples (N,) that are fitted.
+
+        The first sample of a stretch is excluded, and samples in which the unknown torque of a gap
+        acts.
+        """
         ok = self.log.ok.copy()
         for begin in self.begins[1:]:
             ok[begin - self._later : begin] = False
@@ -82,28 +88,28 @@ class Setup:
 
     @property
     def earliest(self) -> float:
-        """Least delay that is tried [s]."""
+        """Minimum delay that is tried [s]."""
         return (EARLIEST if self.log.smooth else 0.0 - self.early) * self.log.period
 
     @property
     def latest(self) -> float:
-        """Greatest delay that is tried [s]."""
+        """Maximum delay that is tried [s]."""
         return min(max(LATEST[0], LATEST[1] * self.log.period), 0.1 * len(self.log.u))
 
     @property
     def start(self) -> Array:
-        """The nominal values of what is identified."""
+        """The nominal values of the identified parameters."""
         return self.model.parametrize(self.names).theta
 
     def problem(self, without: Flags | None = None) -> Problem:
-        """Return it as a problem, without samples that are held out."""
+        """Return the least-squares problem of the setup, without the held-out samples."""
         log, begins = self.log, tuple(self.begins)
         model = SIGNALS[log.output].predicted(self.model, log.period).parametrize(self.names)
         beside = np.array([*self.beside.values()]).reshape(-1, len(log.u))
         along = Trajectory(model, log.u, log.period, log.smooth, begins, beside)
         held = np.zeros(along.q, bool)
         held[-1] = self.delay is not None
-        for state in along.states:  # bristles forget how they were bent, and nothing shows it
+        for state in along.states:  # initial states of laws cannot be determined and are forgotten
             held[state.start + len(self.model.states) : state.stop] = True
         if log.resting:
             held[along.states[0]] = True
@@ -111,7 +117,7 @@ class Setup:
         return Problem(along, log.y, ok, *self._bounds(along), held)
 
     def _bounds(self, along: Trajectory) -> tuple[Array, Array]:
-        """Return the box (q,)."""
+        """Return the lower and upper bounds (q,) of the unknowns."""
         far = FAR * float(abs(self.log.y[self.log.ok]).max())
         upper = np.full(along.q, np.inf)
         upper[along.first : -2] = far
@@ -121,13 +127,17 @@ class Setup:
             usual = (0.0, np.inf) if lawful else np.sort([start / REACH, start * REACH])
             lower[i], upper[i] = self.box.get(name, usual)
         lower[-1], upper[-1] = min(self.earliest, self.delay or 0.0), self.latest
-        # on the wrong side of the sign of dry friction a fit would stay there
+        # dry friction depends on the sign of the speed; a fit could not change a wrong sign
         states, first = slice(along.first, -2), self._first(along)
         lower[states][first > 0] = upper[states][first < 0] = 0.0
         return lower, upper
 
     def _first(self, along: Trajectory) -> Array:
-        """Return the states that stretches begin in: the measured speed; 0 where it is noise."""
+        """Return the guessed initial states of stretches.
+
+        The motor speed starts at the measured speed, or at 0 if the measured speed is only noise.
+        All other states, and all states of a log that begins at rest, start at 0.
+        """
         log, first = self.log, np.zeros((len(along.begins), len(along.free)))
         noise = noise_of(log.y[log.ok])
         for row, begin in zip(first, along.begins, strict=True):
@@ -140,9 +150,9 @@ class Setup:
         self, z: Array | None = None, lag: float = 0.0, *, without: Flags | None = None,
         **options: Any,
     ) -> Fitted:  # fmt: skip
-        """Fit it from parameters and a delay [s], or all unknowns; options as of `Problem.fit`.
+        """Fit the setup, starting at parameters `z` and a delay `lag` [s], or at all unknowns `z`.
 
-        By default it starts at the nominal values.
+        By default, the fit starts at the nominal values. `options` are those of `Problem.fit`.
         """
         problem, z = self.problem(without), self.start if z is None else z
         if len(z) != problem.trajectory.q:
@@ -150,13 +160,13 @@ class Setup:
         return problem.fit(z, **options)
 
     def begun(self, offset: float, delay: float) -> Fitted:
-        """Return the fit of the states that stretches begin in, where all else is known."""
+        """Fit only the initial states of stretches; all other unknowns keep their given values."""
         problem = self.problem()
         problem.held[-2] = True
         return self._begun(problem, self.start, offset, delay)
 
     def _begun(self, problem: Problem, theta: Array, offset: float, delay: float) -> Fitted:
-        """Return a few steps to all but parameters and delay, in white noise."""
+        """Fit all unknowns except parameters and delay with a few steps, assuming white noise."""
         along, held = problem.trajectory, problem.held.copy()
         held[: len(theta)] = held[-1] = True
         rest, gains = replace(problem, held=held), np.zeros(along.first - len(theta))
@@ -164,12 +174,12 @@ class Setup:
         return rest.descend(rest.at(z, np.ones(1)), SETTLING)[0]
 
     def having(self, values: Mapping[str, float]) -> Setup:
-        """Return it from other nominal values."""
+        """Return a copy of the setup with some nominal values replaced."""
         nominal = dict(self.model.nominal) | dict(values)
         return replace(self, model=replace(self.model, nominal=nominal))
 
     def part(self, most: int) -> Setup:
-        """Return it for the stretch of that many samples with the greatest torque, or all."""
+        """Return the setup for the stretch of at most `most` samples with the greatest torque."""
         piece = self.log.part(most)
         beside = {name: values[piece] for name, values in self.beside.items()}
         return replace(self, log=self.log.cut(piece), beside=beside)

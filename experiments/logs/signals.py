@@ -1,4 +1,4 @@
-"""Gaps, resolution, update rate and wraps of signals; the signals that identification reads."""
+"""Gaps, resolution, update rate and wrapping of signals; the signals for an identification."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-RESTING = 0.05  # of the standard deviation of the speed: below that, an axis rests
-FIRST, CLEAR = 5, 3.0  # samples that give the first speed; factor on their noise
-UNKNOWN, ROOM = 30, 2e7  # largest numbers of unknown states after gaps, and of their derivatives
-LONGEST = 200_000  # samples of a signal that are examined
-STRAIGHT, LINED = 1e-3, 0.45  # of the usual second difference; share of the samples on lines
-MOST_KNOTS, BENDS = 21, 0.95  # samples between updates; share of changes at the updates
-MOVING = 3.0  # steps of its resolution: least move of a signal between updates
-ROUNDING = 1e-3  # of a turn
-SMALL = 0.1  # of the range of a counter: largest move per sample, and largest gap at the ends
+RESTING = 0.05  # maximum speed of an axis at rest, relative to the standard deviation of the speed
+FIRST, CLEAR = 5, 3.0  # number of samples that determine the first speed; factor on their noise
+UNKNOWN, ROOM = 30, 2e7  # maximum number of unknown states after gaps, and of their derivatives
+LONGEST = 200_000  # maximum number of samples of a signal that are examined
+STRAIGHT, LINED = 1e-3, 0.45  # relative second difference on a line; fraction of samples on lines
+MOST_KNOTS, BENDS = 21, 0.95  # samples between updates are fewer; fraction of changes at updates
+MOVING = 3.0  # minimum move of a signal between updates, in steps of its resolution
+ROUNDING = 1e-3  # rounding error of the range of an angle, in turns
+SMALL = 0.1  # relative to the range of a counter: maximum move per sample, and unused range
 
 
 def gaps_of(ok: Flags) -> NDArray[np.int64]:
-    """Return begin and end (m, 2) of each run of False in flags (N,), as in a slice.
+    """Return start and stop indices (m, 2) of each run of False in flags (N,).
 
     Examples
     --------
@@ -37,7 +37,7 @@ def gaps_of(ok: Flags) -> NDArray[np.int64]:
 
 
 def liveliest(x: Array, length: int) -> slice:
-    """Return the stretch of that many samples in which a signal (N,) has most power, or all."""
+    """Return the stretch of at most `length` samples in which a signal (N,) has the most power."""
     power, length = np.cumsum(np.r_[0.0, x**2]), min(length, len(x))
     begin = int(np.argmax(power[length:] - power[:-length]))
     return slice(begin, begin + length)
@@ -64,10 +64,10 @@ def resolution(values: Array) -> float:
 
 
 def rhythm(values: Array) -> tuple[int, int, bool]:
-    """Return the samples between updates, the first update, and whether lines connect them.
+    """Return the number of samples between updates, the first update, and whether lines join them.
 
-    Between updates, a signal is held or interpolated linearly. The result is 1, 0, False if it is
-    updated at every sample, or if the steps of its resolution hide the updates.
+    Between updates, a signal is held or interpolated linearly. The result is 1, 0, False if the
+    signal is updated at every sample, or if its resolution is too coarse to detect the updates.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def rhythm(values: Array) -> tuple[int, int, bool]:
     jumps, digit = moves[moves > 0], resolution(x)
     for lines in (True, False):
         change = np.abs(np.diff(x, 2)) if lines else moves
-        straight, most = np.percentile(change, [40, 99])  # along lines, at least half is rounding
+        straight, most = np.percentile(change, [40, 99])  # along lines, half or more is rounding
         bent = change > max(STRAIGHT * most, 4 * straight)
         seen = (~bent & (moves[1:] > 0)).mean() > LINED if lines else len(jumps) > 20
         if not seen or np.median(jumps) < MOVING * digit:
@@ -95,11 +95,12 @@ def rhythm(values: Array) -> tuple[int, int, bool]:
 
 
 def unwrapped(angle: Array) -> tuple[Array, float]:
-    """Return an angle without the jumps of wrapping, and the turn that it wraps at [rad] or 0.
+    """Return an unwrapped angle, and the range [rad] after which it wrapped, or 0.
 
-    An angle wraps if its values stay within one turn, or within a whole number of turns as those
-    of a counter, and jump by nearly all of that. Any other angle is left alone, however fast: an
-    encoder that moves by more than half a turn in a sample would be folded into nonsense.
+    An angle wraps if its range is one turn and it jumps by more than half of this range, or if its
+    range is a larger whole number of turns (a counter) and it jumps by nearly the whole range. Any
+    other angle is not changed, because unwrapping would corrupt an angle that moves by more than
+    half a turn per sample.
 
     Examples
     --------
@@ -125,18 +126,19 @@ class Log:
     Attributes
     ----------
     u, y : ndarray (N,)
-        Torque as logged, and the output.
+        Torque in the logged unit, and output [rad/s].
     ok : ndarray (N,) of bool
         Usable samples.
     period : float
-        [s].
+        Sampling period [s].
     output : {"speed", "increment"}
+        Kind of output.
     smooth : bool
-        Whether the torque goes on changing between samples.
+        Whether the torque also changes between samples.
     resting : bool
-        Whether it begins at rest.
+        Whether the log begins at rest.
     angle : ndarray (N,)
-        Motor angle times the gear ratio; the integral of the speed if no angle was measured.
+        Motor angle times the gear ratio [rad]; if no angle was measured, the speed is integrated.
     """
 
     u: Array
@@ -150,25 +152,26 @@ class Log:
 
     @property
     def rounding(self) -> float:
-        """Standard deviation of the noise by the steps of a coarse sensor [rad/s]."""
+        """Standard deviation of the noise due to the resolution of the sensor [rad/s]."""
         if self.output == "speed":
             return resolution(self.y[self.ok]) / np.sqrt(12)
         return resolution(self.angle[self.ok]) / np.sqrt(6) / self.period
 
     def begins(self, states: int, later: int) -> list[int]:
-        """Return where stretches with an initial state of their own begin.
+        """Return the indices at which stretches with an unknown initial state begin.
 
-        These are the start of the log and the ends of its longest gaps. The torque in a gap is
-        unknown, and so is the state after it. In all other gaps the torque is a straight line.
+        Stretches begin at the start of the log and after its longest gaps, because the torque in a
+        gap is unknown, and so is the state after the gap. In all other gaps, the torque is
+        interpolated linearly.
 
         Parameters
         ----------
         states : int
-            Number of states of the model.
+            Number of unknown states after a gap; with 0, no stretch begins after a gap.
         later : int
-            Samples after a gap in which its torque still acts.
+            Number of samples after a gap in which the unknown torque of the gap still acts.
         """
-        # before the first usable sample, any initial state is forgotten
+        # if the log does not begin at rest, the first stretch begins at the first usable sample
         first = 0 if self.resting else int(np.argmax(self.ok))
         missing = gaps_of(self.ok).tolist()
         gaps = [(begin, end) for begin, end in missing if begin and end < len(self.ok)]
@@ -177,24 +180,24 @@ class Log:
         return [first, *sorted({end + later for _, end in longest if end + later < len(self.ok)})]
 
     def part(self, most: int) -> slice:
-        """Return the stretch of that many samples with the greatest torque, or all."""
+        """Return the stretch of at most `most` samples with the greatest torque."""
         return liveliest(np.where(self.ok, self.u, 0.0), most)
 
     def cut(self, piece: slice) -> Log:
-        """Return a piece of it."""
+        """Return a piece of the log."""
         sides = {name: getattr(self, name)[piece] for name in ("u", "y", "ok", "angle")}
         return replace(self, **sides, resting=self.resting and piece.start == 0)
 
 
 def log_of(record: Record, axis: Axis) -> Log:
-    """Return the signals of a record; the torque includes the known gains of the axis."""
+    """Return the signals of a record; the torque includes known additional torques of the axis."""
     output = output_of(record)
     y = np.asarray(getattr(record, output))
     angle = np.cumsum(y) * record.period if record.angle is None else record.angle
     angle = axis.model.nominal.get("r", 1.0) * angle
     beside = columns_beside(angle) if axis.beside else {}
     ok = usable(record)
-    # apart from the noise
+    # noise may increase the speed of an axis at rest
     still = abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
     return Log(
         u=record.torque + sum(gain * beside[name] for name, gain in axis.beside.items()),
@@ -209,14 +212,14 @@ def log_of(record: Record, axis: Axis) -> Log:
 
 
 def columns_beside(angle: Array) -> dict[str, Array]:
-    """Return regressors (N,) of gravity, by the name of their gain.
+    """Return a dict of the regressors (N,) of gravity; the keys are the names of their gains.
 
-    These are −sin φ and −cos φ, with φ half a sample later.
+    The regressors are −sin φ and −cos φ, where φ is the angle half a sample later.
     """
     half = (angle + np.append(angle[1:], angle[-1])) / 2
     return {"g_sin": -np.sin(half), "g_cos": -np.cos(half)}
 
 
 def noise_of(y: Array) -> float:
-    """Return the standard deviation of white noise on a motion, from differences over a sample."""
+    """Return the standard deviation of white noise in a signal, from differences y[k+2] − y[k]."""
     return float(median_abs_deviation(y[2:] - y[:-2], scale="normal")) / np.sqrt(2)

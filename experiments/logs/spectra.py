@@ -1,4 +1,4 @@
-"""Averaged spectra of torque and motion, and a fit to the frequency response that they show."""
+"""Averaged spectra of torque and motion, and a fit to the measured frequency response."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from flexaxis.experiments.logs.findings import LogError
 
 Array = NDArray[np.float64]
 
-SEGMENT = 4.0  # s, length of a piece; spectra are averaged over pieces
-EDGE = 0.01  # share of the power of the torque below its band, and above it
-PIECES = 6  # least number of pieces of a short log
-COHERENT = 0.8  # least coherence of a frequency that is used
-SUREST = 0.95  # above this coherence, model errors exceed the noise
-LATEST = 4.0  # samples, largest delay of the search
-STRONG = 0.01  # of the power of the torque: least power in the band of the excitation
-SPREAD = (0.0, *[0.6] * 3)  # standard deviation of the logarithms of the starts
+SEGMENT = 4.0  # s, length of the pieces over which spectra are averaged
+EDGE = 0.01  # fraction of the torque's power below its band, and above its band
+PIECES = 6  # minimum number of pieces of a short log
+COHERENT = 0.8  # minimum coherence of a frequency that is used
+SUREST = 0.95  # coherence above which model errors exceed the noise
+LATEST = 4.0  # samples, maximum delay of the search
+STRONG = 0.01  # minimum power in the excited band, relative to the median power of the torque
+SPREAD = (0.0, *[0.6] * 3)  # standard deviations of the logarithms of the initial values
 
 
 @dataclass(frozen=True)
 class Spectra:
-    """Averaged spectra of torque u and motion y.
+    """The averaged spectra of torque u and motion y.
 
     Attributes
     ----------
     frequency : ndarray (M,)
-        [Hz].
+        Frequency [Hz].
     torque, motion : ndarray (M,)
-        Power densities.
+        Power spectral densities of torque and motion.
     cross : ndarray (M,) of complex
-        From torque to motion.
+        Cross spectral density from torque to motion.
     """
 
     frequency: Array
@@ -59,7 +59,7 @@ class Spectra:
 
     @property
     def coherence(self) -> Array:
-        """Share of the motion that the torque explains (M,)."""
+        """Fraction of the power of the motion that the torque explains (M,)."""
         return np.abs(self.cross) ** 2 / np.maximum(self.torque * self.motion, 1e-300)
 
     @property
@@ -71,15 +71,16 @@ class Spectra:
 
 
 def spectra(u: Array, y: Array, period: float, *, pieces: int = 2) -> Spectra:
-    """Return averaged spectra of two signals (N,), with linear trends removed from each piece.
+    """Compute averaged spectra of two signals; a linear trend is removed from each piece.
 
     Parameters
     ----------
     u, y : ndarray (N,)
+        Torque and motion.
     period : float
-        [s].
+        Sampling period [s].
     pieces : int
-        Least number of pieces. Those of a long record have a length of `SEGMENT`.
+        Minimum number of pieces. The pieces of a long record have the length `SEGMENT`.
     """
     length = min(len(u) // pieces, round(SEGMENT / period))
     first, second = np.stack([u, y, u]), np.stack([u, y, y])
@@ -88,17 +89,18 @@ def spectra(u: Array, y: Array, period: float, *, pieces: int = 2) -> Spectra:
 
 
 def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) -> Spectra:
-    """Return averaged spectra (Welch) where the excitation shows the response: coherence > 0.8.
+    """Compute averaged spectra (Welch) at those frequencies at which the coherence exceeds 0.8.
 
     Parameters
     ----------
     u, y : ndarray (N,)
         Torque and output.
     period : float
-        [s].
+        Sampling period [s].
     floor : float
-        Least power of the torque, relative to its median weighted by power. At frequencies with
-        less, drift and disturbances may be coherent with the torque.
+        Minimum power of the torque at a frequency, relative to the median that is weighted by
+        power. At frequencies with less power, drift and disturbances may be coherent with the
+        torque.
 
     Raises
     ------
@@ -130,39 +132,43 @@ def fit_response(
 ) -> tuple[Array, float]:
     """Fit parameters and the delay of the torque to a measured frequency response.
 
-    The error is that of the logarithm, so that resonances and antiresonances have equal weight.
-    Several starts around the nominal values avoid local minima.
+    The fit minimises the error of the logarithm, so that resonances and antiresonances have equal
+    weight. Several initial values near the nominal values avoid local minima.
 
     Parameters
     ----------
     model : Model
+        Linear model with nominal values.
     response : Spectra
+        Measured frequency response.
     identify : sequence of str
-        Parameters to fit; they keep the sign of their nominal values.
+        Parameters to fit; the estimates keep the signs of the nominal values.
     period : float
-        [s].
+        Sampling period [s].
     output : {"speed", "increment"}
+        Kind of output.
     earliest : float
-        Least delay to look for [s].
+        Minimum delay [s].
 
     Returns
     -------
     theta : ndarray (p,)
+        Estimates of the parameters.
     delay : float
-        [s].
+        Estimate of the delay [s].
     """
     chosen = SIGNALS[output].predicted(model, period).parametrize(identify)
     # a hundred frequencies, logarithmically spaced, are enough
     grid = np.geomspace(response.omega[0], response.omega[-1], 100)
     lines = np.unique(np.searchsorted(response.omega, grid * 0.9999))
     omega, gain = response.omega[lines], response.gain[lines]
-    # inverse standard deviation of the logarithm, 1 at the least coherence that is used
+    # inverse standard deviation of the logarithm, scaled to 1 at the minimum coherence
     share = np.minimum(response.coherence[lines], SUREST)
     weight = np.sqrt(share / (1 - share) * (1 - COHERENT) / COHERENT)
     p, turn = len(chosen.names), -1j * omega * period
 
     def compared(x: Array) -> tuple[Array, Array]:
-        """Return the misfit (2M,) at logarithms of θ and a delay in samples, and its gradient."""
+        """Return the misfit (2M,) and its gradient, given log θ/θ(0) and a delay in samples."""
         theta = chosen.theta * np.exp(x[:p])
         fitted, slopes = frequency_response(chosen, theta, omega, period=period)
         error = weight * np.log(fitted / gain * np.exp(turn * x[p]) + 1e-300)
@@ -194,8 +200,8 @@ def rough_guess(
 ) -> dict[str, float]:
     """Return a rough guess of the parameters of a shipped model; empty for other models.
 
-    It uses the total inertia, |G| ≈ 1/(ω J) at low frequencies, and the resonance [rad/s], by
-    default the highest peak of ω |G|.
+    The guess is computed from the total inertia, because |G| ≈ 1/(ω J) at low frequencies, and from
+    the resonance [rad/s]. The default resonance is the highest peak of ω |G|.
     """
     guess = MODELS[model.name].guess if model.name in MODELS else None
     if guess is None:

@@ -34,34 +34,38 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-WHITE = 0.1  # correlation of a residual with its past: below that, it is called white
-OFF = 0.1  # relative difference from the identified value that is reported
-WINDOW = 1.0  # s, over which the motion is compared with that of the model
-STOPPED = 0.2  # of the motion of the model: below that, the axis is stopped from outside
+WHITE = 0.1  # correlation of a residual with its past below which the residual is called white
+OFF = 0.1  # minimum relative difference from the identified value that is reported
+WINDOW = 1.0  # s, window in which the motion is compared with that of the model
+STOPPED = 0.2  # ratio of the motion to that of the model below which the axis is blocked
 
 
 @dataclass(frozen=True)
 class Tracked:
-    """An estimator on a record.
+    """The result of an estimator on a record.
 
     Attributes
     ----------
     names : tuple of str
+        Names of the estimated parameters.
     time : ndarray (N,)
-        [s].
+        Time [s].
     theta : ndarray (N, p)
+        Estimates at each sample.
     deviations : ndarray (N, p) or None
-        Claimed by the estimator.
+        Standard deviations that the estimator reports, if any.
     last, nominal : ndarray (p,)
-        Median of the last fifth of the estimates, and nominal values, for comparison.
+        Median of the last fifth of the estimates, and nominal values.
     usable : ndarray (N,) of bool
+        Samples in which changes are looked for.
     fit : float
         Fit [%] of a simulation with the last estimates.
     alarms : ndarray (M,)
         Times [s] of the alarms of the estimator.
     changes : list of Change
+        Detected changes.
     findings : list of Finding
-        The most important first.
+        Findings, the most important first.
     """
 
     names: tuple[str, ...]
@@ -78,16 +82,16 @@ class Tracked:
 
     @property
     def status(self) -> int:
-        """1 if a parameter changed, or the log does not match the axis."""
+        """Exit status: 1 if a parameter changed or the log does not match the axis, else 0."""
         return int(bool(self.changes) or any(one.kind == "problem" for one in self.findings))
 
     def save(self, path: Path, *, estimator: str) -> None:
-        """Write the estimates as NetCDF-4, with their standard deviations if the estimator has any.
+        """Write a NetCDF-4 file of the estimates, with standard deviations if they are reported.
 
         Raises
         ------
         OutputError
-            If it cannot be written.
+            If the file cannot be written.
         """
         about = {"estimator": estimator}
         write_estimates(path, self.time, self.theta, self.names, about, deviation=self.deviations)
@@ -96,29 +100,30 @@ class Tracked:
 def track(
     record: Record, axis: Axis, spec: Spec, *, identify: Sequence[str], start: float = 1.0
 ) -> Tracked:
-    """Run an estimator over a record, and find changes of parameters.
+    """Run an estimator on a record, and find changes of parameters.
 
-    The estimator reads the delayed torque and the output, both through the whitening filter of the
-    axis. The filter is linear, so the model holds for the filtered signals, and their residuals are
-    as white as the estimator assumes. For an axis with laws the signals are not filtered, because a
-    law does not hold for filtered signals.
+    The estimator reads the delayed torque and the output after both have passed the whitening
+    filter of the axis. The filter is linear, so the model is valid for the filtered signals, and
+    their residuals are white, as the estimator assumes. For an axis with nonlinear laws the signals
+    are not filtered, because a nonlinear law is not valid for filtered signals.
 
     Parameters
     ----------
     record : Record
+        Record of the axis.
     axis : Axis
-        As identified.
+        Identified axis.
     spec : Spec
-        From `flexaxis.experiments.running.estimators.parse`.
+        Estimator, as returned by `flexaxis.experiments.running.estimators.parse`.
     identify : sequence of str
-        What to estimate.
+        Names of the parameters to estimate.
     start : float
-        Initial estimate as a multiple of the nominal value.
+        Initial estimate of each parameter as a multiple of its nominal value.
 
     Raises
     ------
     LogError, EstimatorError
-        If a name is unknown, or the estimator cannot be built or run.
+        If a name is unknown, or if the estimator cannot be built or run.
     """
     axis.check_known()
     axis.check_rate(record.period)
@@ -154,7 +159,7 @@ def track(
     powers = zip(map(physical, names), last, strict=True)
     valued = axis.having({name: float(value**power) for (name, power), value in powers})
     checked, past = validate(replace(record, valid=valid), valued), correlation(residual)
-    # after a change, one value does not fit the whole log
+    # after a change, no single value of the parameter fits the whole log
     fits = not checked.unlike or changes or (abs(past) < WHITE and axis.usual is None)
     off = dict(zip(names, last / model.theta - 1, strict=True))
     findings = _findings("" if fits else checked.unlike, changes, unseen, off)
@@ -182,7 +187,10 @@ def track(
 def _findings(
     problem: str, changes: Sequence[Change], unseen: Sequence[str], off: Mapping[str, float]
 ) -> list[Finding]:
-    """Return a problem, the changes, or that there are none; `off` are relative differences."""
+    """Return findings on a problem and on changes, or a finding that nothing changed.
+
+    `off` contains the relative difference of each estimate from the identified value.
+    """
     texts = [change.text for change in changes]
     texts += [f"this log does not show whether {', '.join(unseen)} changed"] * bool(unseen)
     findings = [Finding("problem", problem)] * bool(problem)
@@ -199,9 +207,10 @@ def _findings(
 
 
 def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Flags, Flags]:
-    """Return where (N,) the axis stands still although the model moves, and where torque is small.
+    """Return samples (N,) in which the axis is blocked, and samples with a small torque.
 
-    With a small torque, a change of a parameter looks like a brake.
+    The axis is blocked if it stands still although the model moves. Samples with a small torque are
+    excluded from the search for changes, because a brake would look like a change of a parameter.
     """
     length = max(round(WINDOW / period), 1)
     moved, model, acted = (uniform_filter1d(x**2, length) for x in (y, simulated, torque))
@@ -211,7 +220,7 @@ def _idle(y: Array, simulated: Array, torque: Array, period: float) -> tuple[Fla
 
 
 def default_estimator(axis: Axis) -> str:
-    """Return the estimator that is recommended for an axis, by whether it has laws."""
+    """Return the recommended estimator for an axis, which depends on whether the axis has laws."""
     return RECOMMENDED if axis.model.laws else "ekf"
 
 
@@ -225,7 +234,7 @@ def _build(
     output: str,
     torque: Array,
 ) -> Estimator:
-    """Build an estimator for this axis; a registered one takes the model, a user's the values."""
+    """Build an estimator for the axis from its model, or from its values for user code."""
     model = axis.model
     model.parametrize(identify)  # refuses unknown names
     values = dict(model.nominal)
@@ -244,7 +253,7 @@ def _build(
     first = values if spec.is_users else replace(model, nominal=values)
     estimator = make_estimator(spec, first, period, **known)
     own = tuple(estimator.names)
-    # an estimator that knows laws may also track their parameters
+    # an estimator for models with laws may also track parameters of the laws
     if estimator.output != output or own[: len(identify)] != tuple(identify):
         raise EstimatorError(
             f"{spec.text} estimates {', '.join(own)} from {estimator.output!r}; asked were "

@@ -1,4 +1,4 @@
-"""Names and units of the signals of a log in English, German or French; a record as such a log."""
+"""Names (English, German, French) and units of the signals of a log; a writer of such logs."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ UNITS: dict[str, dict[str, float]] = {
     | _OTHER[kind]
     for kind, units in _PREFIXED.items()
 }
-"""Units of each kind of signal, with their factor to SI. A torque may be a force, a current or a
-command: k_T is then the torque of one such unit."""
+"""Units of each kind of signal, with factors that convert them to SI. If the torque is logged as a
+force, a current or a command, k_T is the torque per unit of this signal."""
 COUNTS = "counts"
 SI = {"time": "s", "torque": "Nm", "angle": "rad", "speed": "rad/s"}
 
@@ -60,7 +60,7 @@ ENDINGS = {
     "angle": {"rad", "mrad", "deg", "rev", "mm", "um"},
     "speed": {"rpm", "radps", "degps", "mmps", "rad_s", "deg_s", "mm_s", "m_s"},
 }
-"""What the name of a column may end in after an underscore to be taken for its unit."""
+"""Endings of column names, after an underscore, that are recognised as units."""
 
 WORDS = {
     "time": ("time", "zeit", "temps"),
@@ -68,11 +68,11 @@ WORDS = {
     "angle": ("angle", "position", "motorwinkel", "winkel"),
     "speed": ("speed", "velocity", "drehzahl", "geschwindigkeit", "vitesse"),
 }
-"""Names of columns of each signal, the best first; capitals do not matter."""
+"""Recognised column names of each signal, the preferred name first; case is ignored."""
 
 
 def spelt(text: str, kind: str = "") -> str:
-    """Return a unit as `UNITS` has it; ``nm`` is a length of an angle, and a torque else."""
+    """Return a unit in the spelling of `UNITS`; ``nm`` is a length for an angle, else a torque."""
     plain = re.sub(r"[\s·*.^-]", "", text).replace("µ", "u").replace("μ", "u")
     if any(plain in table for table in UNITS.values()) and (plain != "nm" or kind == "angle"):
         return plain
@@ -85,24 +85,24 @@ def spelt(text: str, kind: str = "") -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text in brackets is a unit, and no index."""
+    """Return whether a text in brackets is a unit and not an index."""
     return text != "1" and any(spelt(text) in t for t in (*UNITS.values(), (COUNTS,)))
 
 
 @dataclass(frozen=True)
 class LogStyle:
-    """How a robot writes its log.
+    """The format in which a simulated robot writes its log.
 
     Attributes
     ----------
     units : tuple of str
-        Such as ``("deg", "A")``; SI for a signal without one.
+        Units of signals, such as ``("deg", "A")``; all other signals are in SI units.
     jitter : float
-        Standard deviation of the time stamps [s]; the sampling itself is even.
+        Standard deviation of the error of the time stamps [s]; the sampling itself is even.
     gaps : int
         Number of gaps, each of up to `LONGEST_GAP` samples.
     counts : int
-        Counts of the encoder per turn of the motor; 0 for the angle as it was measured.
+        Encoder counts per turn of the motor, to which the angle is rounded; 0 for no rounding.
 
     Raises
     ------
@@ -125,17 +125,20 @@ class LogStyle:
 
 
 def write_log(path: Path, record: Record, style: LogStyle, rng: np.random.Generator) -> None:
-    """Write a record as the CSV of a robot: columns such as ``angle [deg]``, time first.
+    """Write a record as the CSV file of a robot, with columns such as ``angle [deg]``, time first.
 
-    Rows in gaps are left out, and signals that the record does not have.
+    Rows in gaps are omitted.
 
     Parameters
     ----------
     path : Path
+        Path of the CSV file.
     record : Record
+        Record to write.
     style : LogStyle
+        Format of the file.
     rng : Generator
-        For jitter and gaps.
+        Random numbers for jitter and gaps.
     """
     time, angle = record.time, record.angle
     if style.counts and angle is not None:
@@ -144,7 +147,7 @@ def write_log(path: Path, record: Record, style: LogStyle, rng: np.random.Genera
     time = time + style.jitter * rng.standard_normal(len(time))
     kept = np.ones(len(time), bool) if record.valid is None else record.valid.copy()
     for begin in rng.integers(1, max(len(time) - LONGEST_GAP - 1, 2), style.gaps):
-        # the first and the last sample stay
+        # the first and the last sample are kept
         kept[begin : min(begin + rng.integers(1, LONGEST_GAP + 1), len(time) - 1)] = False
     columns, signals = {}, (time, record.torque, angle, record.speed)
     for name, values in zip(SI, signals, strict=True):

@@ -1,4 +1,4 @@
-"""Whether the estimates can be used, for their log and another one, and what to do if not."""
+"""Decide whether estimates can be used, given their log or another one, and suggest remedies."""
 
 from __future__ import annotations
 
@@ -21,36 +21,37 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-POOR = 10.0  # points of fit below the expected one, from which on it is another axis
-MATCHED = 50.0  # least fit of a right model [%]
-LAGS = 20
-BLIND = 0.5  # relative standard deviation from which on a log does not determine a parameter
-APART = 0.99  # negative correlation from which on a log shows only the sum of two parameters
-EARLY = 3.0  # standard deviations beyond the least possible delay
-HALF = 0.5  # samples: least delay of a measured torque, the mean over the sample before
-FILTERED = 0.5  # samples of delay, from which on a speed may be filtered
-NOISY = 1.2  # error of a simulation over the noise of the motion, up to which noise explains it
-HIDDEN = 30.0  # fit below which sensor steps or noise hide the motion [%]
-MISSING = 0.07  # share of the samples that may be missing in many gaps
+POOR = 10.0  # maximum difference between the expected and the actual fit of the same axis [%]
+MATCHED = 50.0  # minimum fit of a correct model [%]
+LAGS = 20  # number of samples of the past with which a residual is correlated
+BLIND = 0.5  # relative standard deviation above which a log does not determine a parameter
+APART = 0.99  # negative correlation above which a log determines only the sum of two parameters
+EARLY = 3.0  # significant difference of a delay from its bound, in standard deviations
+HALF = 0.5  # samples by which a measured torque, a mean over the sample before it, may act early
+FILTERED = 0.5  # samples of delay above which a speed may be filtered
+NOISY = 1.2  # maximum ratio of simulation error to noise that noise explains
+HIDDEN = 30.0  # fit [%] below which sensor steps or noise hide the motion
+MISSING = 0.07  # maximum fraction of the samples that may be missing in many gaps
 SMOOTHER = {"two_mass": "one_mass", "three_mass": "two_mass"}
 
 
 def judged(
     search: Search, best: Candidate, chosen: Answer, fit: float, changes: Sequence[Change]
 ) -> list[Finding]:
-    """Return the findings on an identification, one sentence each.
+    """Return the findings on an identification, one sentence per finding.
 
     Parameters
     ----------
     search : Search
+        Search that found the model.
     best : Candidate
-        The best model of the search.
+        Best candidate of the search.
     chosen : Answer
-        Its fit to the whole log.
+        Fit of the same model to the whole log.
     fit : float
-        Of a simulation of the held-out pieces [%].
+        Fit of a simulation of the held-out pieces [%].
     changes : sequence of Change
-        Of parameters within the log.
+        Changes of parameters within the log.
     """
     setup, fitted, log = chosen.setup, chosen.fitted, chosen.setup.log
     noise = max(noise_of(fitted.residual[log.ok]), log.rounding)
@@ -60,7 +61,7 @@ def judged(
     }
     missing, gaps = float(1 - np.mean(log.ok)), int(np.sum(np.diff(log.ok.astype(int)) < 0))
     counted = float(np.mean(fitted.good)) / max(1 - missing, 1e-9)
-    # after the longest gaps the state is estimated; in all others the torque is interpolated
+    # after the longest gaps the state is estimated; in all other gaps the torque is interpolated
     lost = (missing > MISSING and gaps > len(setup.begins)) or counted < 0.5
     lag, sd, period = float(fitted.z[-1]), float(chosen.deviations[-1]), log.period
     free, least = setup.delay is None, HALF * log.smooth
@@ -108,7 +109,7 @@ def judged(
 
 
 def _change(one: Change, period: float) -> str:
-    """Return what to do about a change within the log."""
+    """Return a sentence on a change within the log, with a remedy."""
     k = round(one.time / period)
     part = f"one part, with --rows 0:{k} or --rows {k}:"
     if one.kind == "drift":
@@ -117,7 +118,7 @@ def _change(one: Change, period: float) -> str:
 
 
 def _unseen(search: Search, chosen: Answer) -> Iterator[tuple[Kind, bool, str]]:
-    """Yield what the log does not determine, and what to do about it."""
+    """Yield a finding on each parameter that the log does not determine, with a remedy."""
     setup, names = chosen.setup, chosen.setup.names
     shapes = setup.model.law_parameters - {"f_c"}
     ends = set(chosen.stuck) - shapes
@@ -149,9 +150,10 @@ def _unseen(search: Search, chosen: Answer) -> Iterator[tuple[Kind, bool, str]]:
 
 
 def _summed(chosen: Answer, name: str) -> str:
-    """Return the parameter of which the log shows only the sum with another one; empty if none.
+    """Return a parameter if the log determines only its sum with the named one, else an empty text.
 
-    One rises by as much as the other falls. A mass or a spring cannot be 0.
+    Such estimates have a correlation near −1 and equal standard deviations. Masses and springs are
+    excluded, because they cannot be 0.
     """
     names, covariance = chosen.setup.names, chosen.fitted.covariance
     i = names.index(name)
@@ -165,12 +167,12 @@ def _summed(chosen: Answer, name: str) -> str:
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a simulation from the torque alone does.
+    """The accuracy of a simulation from the torque alone.
 
     Attributes
     ----------
     percent : float
-        100 (1 − |y − ŷ|/|y − mean y|).
+        Fit 100 (1 − |y − ŷ|/|y − mean y|) [%].
     error, size : float
         Standard deviations of y − ŷ and of y [rad/s].
     """
@@ -180,9 +182,10 @@ class Fit:
     size: float
 
     def unlike(self, usual: float | None) -> str:
-        """Return that this is another axis than the one with that error, in words; empty if not.
+        """Return a sentence that this is another axis, or an empty text if it is the same axis.
 
-        For the same error, the fit is poorer if a log has less motion.
+        It is the same axis if its simulation error, or its fit, is near the usual one. With the
+        same error, the fit of a log with less motion is worse.
         """
         expected = MATCHED + POOR if usual is None else 100 * (1 - usual / self.size)
         if self.percent > 0 and (self.percent >= expected - POOR or self.error <= (usual or 0.0)):
@@ -196,21 +199,21 @@ class Fit:
 
 
 def fit_of(y: Array, residual: Array, ok: Flags) -> Fit:
-    """Return how well a simulation does.
+    """Compute the accuracy of a simulation.
 
     Parameters
     ----------
     y, residual : ndarray (N,)
         Measured output, and its difference from the simulation.
     ok : ndarray (N,) of bool
-        Samples that count.
+        Samples that are compared.
     """
     size, error = float(np.std(y[ok])), float(np.std(residual[ok]))
     return Fit(100 * (1 - error / max(size, 1e-300)), error, size)
 
 
 def correlation(white: Array) -> float:
-    """Return the largest correlation of a residual (N,) with its past, 1 to `LAGS` samples back."""
+    """Return the largest correlation of a residual (N,) with its `LAGS` previous values."""
     e = white - white.mean()
     past = correlate(e, e, method="fft")[len(e) - 1 :][: LAGS + 1]
     past = past[1:] / past[0]
@@ -219,15 +222,16 @@ def correlation(white: Array) -> float:
 
 @dataclass(frozen=True)
 class Validation:
-    """The simulation of another log by an axis.
+    """The simulation of another log with an identified axis.
 
     Attributes
     ----------
     time, measured, simulated : ndarray (N,)
-        [s], and the output [rad/s]: as logged, and simulated from the torque alone.
+        Time [s], measured output, and output simulated from the torque alone [rad/s].
     fit : Fit
+        Accuracy of the simulation.
     unlike : str
-        Why it is another axis, in words; empty if it is not.
+        Sentence that the log belongs to another axis; empty if it is the same axis.
     """
 
     time: Array
@@ -238,17 +242,19 @@ class Validation:
 
 
 def validate(record: Record, axis: Axis) -> Validation:
-    """Simulate a record; only the state in which it begins is fitted to it.
+    """Simulate a record with an identified axis; only initial states are fitted to the record.
 
     Parameters
     ----------
     record : Record
+        Record that was not used to identify the axis.
     axis : Axis
+        Identified axis.
 
     Raises
     ------
     LogError
-        If the log has another rate than that of the identification.
+        If the sampling rate differs from that of the identification, or if the simulation fails.
     """
     axis.check_rate(record.period)
     log, names = log_of(record, axis), tuple(axis.model.parameters[:1])
